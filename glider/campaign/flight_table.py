@@ -30,10 +30,10 @@ _MAX_ELEVATOR_RATE = 100.0  # Rate where the limit is unknown [rad/s].
 class Table:
     """Columns of equal length."""
 
-    path: Path  # The file that they come from.
-    name: str = ""  # Of the flight; "": that of the file.
-    columns: Mapping[str, Any]  # Cells as text, or numbers (n,).
-    lines: Sequence[int] | None = None  # Of rows in the file; None: from line 2 on.
+    path: Path  #: The file that they come from.
+    name: str = ""  #: Of the flight; "": that of the file.
+    columns: Mapping[str, Any]  #: Cells as text, or numbers (n,).
+    lines: Sequence[int] | None = None  #: Of rows in the file; None: from line 2 on.
 
     def texts(self, name: str) -> Sequence[str]:
         """Cells of a column; InputError where it is missing."""

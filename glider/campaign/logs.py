@@ -28,12 +28,12 @@ MAX_ANGLE = 2 * math.pi  # Largest angle in a log [rad]; more are degrees.
 class Flight:
     """One flight as it was logged, n rows."""
 
-    name: str  # Name of the file, e.g. "flight_003.csv".
-    time: np.ndarray  # (n,) as logged, strictly increasing [s].
-    pose: np.ndarray  # (n, 3) x [m], z [m], pitch [rad].
-    elevator: np.ndarray | None  # (n,) [rad]; None without a servo.
-    command: np.ndarray | None  # (n,) elevator_rate_command, held [rad/s].
-    attitude: np.ndarray | None = None  # (n, 3) y [m], roll, yaw [rad] if logged.
+    name: str  #: Name of the file, e.g. "flight_003.csv".
+    time: np.ndarray  #: (n,) as logged, strictly increasing [s].
+    pose: np.ndarray  #: (n, 3) x [m], z [m], pitch [rad].
+    elevator: np.ndarray | None  #: (n,) [rad]; None without a servo.
+    command: np.ndarray | None  #: (n,) elevator_rate_command, held [rad/s].
+    attitude: np.ndarray | None = None  #: (n, 3) y [m], roll, yaw [rad] if logged.
 
     def __post_init__(self):
         """Raises InputError for a name that a page or a terminal could interpret."""
@@ -72,15 +72,15 @@ class ServoLog:
 class Campaign:
     """The flights of one glider and what is known of it."""
 
-    name: str  # Name of the folder.
+    name: str  #: Name of the folder.
     path: Path
-    vehicle: dict[str, float]  # Those of PARAMETER_NAMES that are known.
-    elevator: str  # "servo", "fixed" (one unknown angle) or "fixed_per_flight".
-    elevator_limits: tuple[float, float] | None  # Trailing edge down, up [rad].
-    elevator_rate_limit: float | None  # [rad/s]
-    pose_rate: float  # [Hz]; 1 / the median step of all flights if not given.
-    command_rate: float | None  # [Hz]; None: commands change at rows.
-    flights: tuple[Flight, ...]  # Sorted by name.
+    vehicle: dict[str, float]  #: Those of PARAMETER_NAMES that are known.
+    elevator: str  #: "servo", "fixed" (one unknown angle) or "fixed_per_flight".
+    elevator_limits: tuple[float, float] | None  #: Trailing edge down, up [rad].
+    elevator_rate_limit: float | None  #: [rad/s]
+    pose_rate: float  #: [Hz]; 1 / the median step of all flights if not given.
+    command_rate: float | None  #: [Hz]; None: commands change at rows.
+    flights: tuple[Flight, ...]  #: Sorted by name.
     servo: ServoLog = ServoLog()
 
     @classmethod

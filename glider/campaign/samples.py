@@ -28,9 +28,9 @@ _SMALL = 1_000_000  # Size below which any ratio passes [bytes].
 class Sample(NamedTuple):
     """A campaign that ships with the package."""
 
-    name: str  # That `load_campaign` and the command line take.
-    holds: str  # What its logs hold that a flat plate in still air lacks.
-    flights: int  # Number of them.
+    name: str  #: That `load_campaign` and the command line take.
+    holds: str  #: What its logs hold that a flat plate in still air lacks.
+    flights: int  #: Number of them.
 
 
 def sample_names() -> tuple[str, ...]:

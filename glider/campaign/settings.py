@@ -182,12 +182,12 @@ class Frame:
 class Mapping:
     """How a log becomes flights."""
 
-    source: str  # The file that says so.
-    columns: dict[str, Names | Markers]  # By quantity.
-    units: dict[str, Unit]  # By quantity or kind.
+    source: str  #: The file that says so.
+    columns: dict[str, Names | Markers]  #: By quantity.
+    units: dict[str, Unit]  #: By quantity or kind.
     frame: Frame
-    clock: str | float | None  # "same", "find", an offset [s]; None: by the files.
-    join: tuple[str, ...]  # Patterns of files that make one recording.
+    clock: str | float | None  #: "same", "find", an offset [s]; None: by the files.
+    join: tuple[str, ...]  #: Patterns of files that make one recording.
 
 
 def _without_effect(

@@ -63,12 +63,12 @@ class Analysis:
     """The stages in order, timed."""
 
     progress: Progress
-    seconds: dict[str, float]  # Stage to wall-clock time; each stage adds its own.
-    inspection: Inspection  # The campaign as it was read and checked.
-    vehicle: Vehicle  # Of the campaign.
-    fitted: tuple[str, ...]  # Names of the flights to fit.
-    held_out: tuple[str, ...]  # Names of those that errors are measured on.
-    rng: np.random.Generator  # Of all that is drawn at random.
+    seconds: dict[str, float]  #: Stage to wall-clock time; each stage adds its own.
+    inspection: Inspection  #: The campaign as it was read and checked.
+    vehicle: Vehicle  #: Of the campaign.
+    fitted: tuple[str, ...]  #: Names of the flights to fit.
+    held_out: tuple[str, ...]  #: Names of those that errors are measured on.
+    rng: np.random.Generator  #: Of all that is drawn at random.
 
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:

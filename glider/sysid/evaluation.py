@@ -38,11 +38,11 @@ class SmoothedFlights:
     They differ where angles were logged with the other sign.
     """
 
-    campaign: Campaign  # With wrong signs turned.
-    signs: Signs  # Of the logged angles.
-    noise: Noise  # Of the sensors.
-    corrected: Sequence[Record]  # With the signs turned.
-    logged: Sequence[Record]  # As they were logged, in the same order.
+    campaign: Campaign  #: With wrong signs turned.
+    signs: Signs  #: Of the logged angles.
+    noise: Noise  #: Of the sensors.
+    corrected: Sequence[Record]  #: With the signs turned.
+    logged: Sequence[Record]  #: As they were logged, in the same order.
 
     def of(self, model: str) -> Sequence[Record]:
         """Returns the flights for a model, by its name."""
@@ -66,12 +66,12 @@ class SmoothedFlights:
 class Evaluation:
     """Errors of models, by name; None of a model that there is not."""
 
-    errors: AllErrors  # On held-out flights.
-    held_out: tuple[result.HeldOutFlight, ...]  # Those flights, measured and flown.
-    unpredicted: tuple[str, ...]  # Names of those on which every model diverges.
-    outlying: result.OutlyingFlights | None  # Errors on those that stand out, if any.
-    folds: HeldOut | None  # Each flight held out once; None where signs are wrong.
-    innovations: result.Innovations  # Of the held-out flights.
+    errors: AllErrors  #: On held-out flights.
+    held_out: tuple[result.HeldOutFlight, ...]  #: Those flights, measured and flown.
+    unpredicted: tuple[str, ...]  #: Names of those on which every model diverges.
+    outlying: result.OutlyingFlights | None  #: Errors on those that stand out, if any.
+    folds: HeldOut | None  #: Each flight held out once; None where signs are wrong.
+    innovations: result.Innovations  #: Of the held-out flights.
     tables: Tables
 
 

@@ -53,8 +53,8 @@ of the flown angles: at its ten independent places none does so by chance."""
 class ResidualCurves:
     """Curves that a model carries beside its formulas."""
 
-    terms: tuple[str, ...]  # That are not zero.
-    data: FieldData | None  # Of all of them.
+    terms: tuple[str, ...]  #: That are not zero.
+    data: FieldData | None  #: Of all of them.
 
 
 def carried_of(task: Task, model: FitResult, known: Uncertainty) -> ResidualCurves:

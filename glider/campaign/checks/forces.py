@@ -33,11 +33,11 @@ _HUBER = 2.0  # Residual, in standard deviations, above which a weight decreases
 class ForceFit(NamedTuple):
     """Accelerations explained by a constant and forces of the air."""
 
-    sign: int  # Of the pitch, +1 as logged.
-    constant: np.ndarray  # (2,) in x and z of the log [m/s²].
-    forces: np.ndarray  # (4,) A: normal, along by normal flow; then by axial [1/m].
-    wind: np.ndarray  # (2,) [m/s]
-    misfit: float  # Robust RMS of what is left [m/s²].
+    sign: int  #: Of the pitch, +1 as logged.
+    constant: np.ndarray  #: (2,) in x and z of the log [m/s²].
+    forces: np.ndarray  #: (4,) A: normal, along by normal flow; then by axial [1/m].
+    wind: np.ndarray  #: (2,) [m/s]
+    misfit: float  #: Robust RMS of what is left [m/s²].
 
 
 def usable_motion(flight: Flight, masks: Mapping[str, Masks]) -> Motion:

@@ -35,10 +35,10 @@ _UNRELATED = "its elevator does not follow its commands, unlike in most flights"
 class Inspection:
     """A campaign after all checks: flights that fly, and rows that count."""
 
-    campaign: Campaign  # Without the excluded flights; axes turned where necessary.
-    masks: dict[str, Masks]  # Of the flights that are kept, by name.
-    excluded: tuple[ExcludedRows, ...]  # Rows and whole flights, by file.
-    warnings: tuple[str, ...]  # Axes that were turned, rates that are off, gaps.
+    campaign: Campaign  #: Without the excluded flights; axes turned where necessary.
+    masks: dict[str, Masks]  #: Of the flights that are kept, by name.
+    excluded: tuple[ExcludedRows, ...]  #: Rows and whole flights, by file.
+    warnings: tuple[str, ...]  #: Axes that were turned, rates that are off, gaps.
 
 
 def inspect(campaign: Campaign) -> Inspection:

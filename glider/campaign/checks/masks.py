@@ -13,8 +13,8 @@ ALL = "all"  # `ExcludedRows.rows` of a whole flight.
 class ExcludedRows:
     """Rows of a file that are not used, and why."""
 
-    file: str  # E.g. "flight_003.csv".
-    rows: str  # Lines of the file (the header is line 1), e.g. "41-80", or ALL.
+    file: str  #: E.g. "flight_003.csv".
+    rows: str  #: Lines of the file (the header is line 1), e.g. "41-80", or ALL.
     why: str
 
 
@@ -22,8 +22,8 @@ class ExcludedRows:
 class Masks:
     """Rows of one flight that are excluded: True where so."""
 
-    pose: np.ndarray  # (n,) of x, z and pitch.
-    elevator: np.ndarray  # (n,)
+    pose: np.ndarray  #: (n,) of x, z and pitch.
+    elevator: np.ndarray  #: (n,)
 
     @property
     def usable(self) -> np.ndarray:

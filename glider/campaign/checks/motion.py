@@ -19,10 +19,10 @@ def robust_std(values: np.ndarray) -> np.ndarray:
 class Motion(NamedTuple):
     """Motion at k rows of a log; x, z, pitch in the columns."""
 
-    time: np.ndarray  # (k,) [s]
-    pose: np.ndarray  # (k, 3) [m, m, rad]
-    velocity: np.ndarray  # (k, 3)
-    acceleration: np.ndarray  # (k, 3)
+    time: np.ndarray  #: (k,) [s]
+    pose: np.ndarray  #: (k, 3) [m, m, rad]
+    velocity: np.ndarray  #: (k, 3)
+    acceleration: np.ndarray  #: (k, 3)
 
     @property
     def speed(self) -> np.ndarray:

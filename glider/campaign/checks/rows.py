@@ -53,7 +53,7 @@ _LATER = 0.5  # From this share of the log on the force is "usual".
 class Faults:
     """What is wrong with rows of a campaign."""
 
-    masks: dict[str, Masks]  # By the name of the flight.
+    masks: dict[str, Masks]  #: By the name of the flight.
     excluded: tuple[ExcludedRows, ...]
     warnings: tuple[str, ...]
 

@@ -37,9 +37,9 @@ _MAX_EVENTS = 60  # Faults in one flight that are examined one by one.
 class Track(NamedTuple):
     """Rows of a track, and how noisy they are."""
 
-    time: np.ndarray  # (n,) [s]
-    pose: np.ndarray  # (n, 3)
-    noise: np.ndarray  # (3,) standard deviations of x, z, pitch.
+    time: np.ndarray  #: (n,) [s]
+    pose: np.ndarray  #: (n, 3)
+    noise: np.ndarray  #: (3,) standard deviations of x, z, pitch.
 
 
 def fourth_differences(

@@ -33,10 +33,10 @@ Check = Callable[[Sequence[Recording], Mapping], Any]
 class _Trial(NamedTuple):
     """What a change makes of recordings."""
 
-    undecided: int  # Warnings.
-    misfit: float  # Of forces and moments.
-    rows: int  # Of the flights.
-    words: str  # The change as in a MAP file.
+    undecided: int  #: Warnings.
+    misfit: float  #: Of forces and moments.
+    rows: int  #: Of the flights.
+    words: str  #: The change as in a MAP file.
 
 
 def advise(

@@ -38,9 +38,9 @@ _OFF = 3.0  # Standard errors above which a clock that is specified is in doubt.
 class CutFlight(NamedTuple):
     """A flight of a recording, in SI and the axes of this project."""
 
-    table: Table  # Its times are on the clock of the recording.
-    why: str  # It begins and ends there.
-    readings: dict[str, np.ndarray]  # Of `read_sensors`.
+    table: Table  #: Its times are on the clock of the recording.
+    why: str  #: It begins and ends there.
+    readings: dict[str, np.ndarray]  #: Of `read_sensors`.
 
     @property
     def span(self) -> tuple[float, float]:
@@ -64,7 +64,7 @@ class ImportResult:
 
     campaign: Campaign
     recordings: tuple[CutRecording, ...]
-    undecided: tuple[str, ...]  # What the flights do not show of the mapping.
+    undecided: tuple[str, ...]  #: What the flights do not show of the mapping.
 
     @property
     def empty(self) -> str:

@@ -51,7 +51,7 @@ class Offset(NamedTuple):
 
     seconds: float
     correlation: float
-    std: float = _COARSE  # Standard error [s].
+    std: float = _COARSE  #: Standard error [s].
 
 
 class _Turning(NamedTuple):
@@ -59,11 +59,11 @@ class _Turning(NamedTuple):
 
     track: Track
     elevator: Stream
-    time: np.ndarray  # (k,) [s]
-    square: np.ndarray  # (k,) speed² [m²/s²]
-    alpha: np.ndarray  # (k,) angle of attack [rad]
-    base: np.ndarray  # (k, 4) columns without the elevator.
-    target: np.ndarray  # (k,) [rad/s²]
+    time: np.ndarray  #: (k,) [s]
+    square: np.ndarray  #: (k,) speed² [m²/s²]
+    alpha: np.ndarray  #: (k,) angle of attack [rad]
+    base: np.ndarray  #: (k, 4) columns without the elevator.
+    target: np.ndarray  #: (k,) [rad/s²]
 
     @property
     def offsets(self) -> np.ndarray:

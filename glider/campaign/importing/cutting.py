@@ -48,7 +48,7 @@ class Cut(NamedTuple):
     """One flight of a recording."""
 
     track: Track
-    why: str  # It begins and ends where it does.
+    why: str  #: It begins and ends where it does.
 
 
 def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:

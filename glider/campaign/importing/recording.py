@@ -53,21 +53,21 @@ _UNITS |= {unit: unit for units in UNITS.values() for unit in units}
 class Column:
     """One column of a log."""
 
-    values: np.ndarray  # (n,) as logged; nan where there is nothing.
-    unit: str | None = None  # As the file reports it, e.g. "mm"; None: it does not.
-    fault: str | None = None  # What is wrong with a cell; raised when it is used.
-    epoch: float | None = None  # Of 0 in times of a calendar, since 1970 [s].
-    labels: list[str] | None = None  # The cells, where they are text.
+    values: np.ndarray  #: (n,) as logged; nan where there is nothing.
+    unit: str | None = None  #: As the file reports it, e.g. "mm"; None: it does not.
+    fault: str | None = None  #: What is wrong with a cell; raised when it is used.
+    epoch: float | None = None  #: Of 0 in times of a calendar, since 1970 [s].
+    labels: list[str] | None = None  #: The cells, where they are text.
 
 
 @dataclasses.dataclass(frozen=True)
 class Group:
     """Columns that share their rows: a table, a topic, a struct."""
 
-    name: str  # "" where a file has one.
+    name: str  #: "" where a file has one.
     columns: dict[str, Column]
-    time: str | None = None  # Name of the column of times, where the format has one.
-    clock: str = ""  # Groups of one clock have the same name here.
+    time: str | None = None  #: Name of the column of times, where the format has one.
+    clock: str = ""  #: Groups of one clock have the same name here.
 
 
 Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
@@ -77,12 +77,12 @@ Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
 class Recording:
     """One recording as it was logged, in its own names, units and axes."""
 
-    path: Path  # Of the file; of a sheet in a workbook: file/sheet.
+    path: Path  #: Of the file; of a sheet in a workbook: file/sheet.
     groups: tuple[Group, ...]
-    rotation: str | None = None  # As in `frame: rotation:`; None: the format is open.
+    rotation: str | None = None  #: As in `frame: rotation:`; None: the format is open.
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Addresses of the quantities whose columns the format itself fixes."""
-    up: str = ""  # Axis that points up in most files of the format; "": none does.
+    up: str = ""  #: Axis that points up in most files of the format; "": none does.
 
     def names(self) -> list[str]:
         """Addresses of all columns: the group's name, a dot, the column's."""

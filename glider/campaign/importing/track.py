@@ -25,14 +25,14 @@ class Track:
     """One recording in x forward, y left, z up; n rows in which the body was seen."""
 
     path: Path
-    time: np.ndarray  # (n,) [s]
-    position: np.ndarray  # (n, 3) [m]; y is zero where it is not logged.
-    rotation: np.ndarray | None  # (n, 3, 3) from nose, left, top to the axes.
-    pitch: np.ndarray | None  # (n,) positive nose down [rad], where no rotation is.
-    along_throw: bool  # Whether x has yet to be turned along each flight.
+    time: np.ndarray  #: (n,) [s]
+    position: np.ndarray  #: (n, 3) [m]; y is zero where it is not logged.
+    rotation: np.ndarray | None  #: (n, 3, 3) from nose, left, top to the axes.
+    pitch: np.ndarray | None  #: (n,) positive nose down [rad], where no rotation is.
+    along_throw: bool  #: Whether x has yet to be turned along each flight.
     clock: str
-    servo: ServoLogs  # Positive trailing edge up.
-    onboard: Onboard = Onboard()  # Vectors along nose, left and top.
+    servo: ServoLogs  #: Positive trailing edge up.
+    onboard: Onboard = Onboard()  #: Vectors along nose, left and top.
 
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:

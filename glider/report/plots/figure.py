@@ -18,12 +18,12 @@ from glider.report.plots.style import DASHES, WIDTHS
 class Axis:
     """An axis of a panel."""
 
-    label: str = ""  # With its unit.
-    range: tuple[float, float] | None = None  # What it shows at first; all if None.
+    label: str = ""  #: With its unit.
+    range: tuple[float, float] | None = None  #: What it shows at first; all if None.
     _: dataclasses.KW_ONLY
     is_log: bool = False
-    ticks: Mapping[float, str] | None = None  # Place to label; None for numbers.
-    link: str = ""  # Axes of a figure with the same link are zoomed together.
+    ticks: Mapping[float, str] | None = None  #: Place to label; None for numbers.
+    link: str = ""  #: Axes of a figure with the same link are zoomed together.
 
     @property
     def has_grid(self) -> bool:
@@ -38,16 +38,16 @@ class Line:
     """A line; NaN breaks it."""
 
     key: str
-    x: np.ndarray  # (n,)
-    y: np.ndarray  # (n,)
+    x: np.ndarray  #: (n,)
+    y: np.ndarray  #: (n,)
     _: dataclasses.KW_ONLY
     hover: str = "%{x:.3r}: %{y:.3r}"
-    extra: np.ndarray | None = None  # (n,) a further number for `hover`.
-    width: float | None = None  # By default that of the key.
+    extra: np.ndarray | None = None  #: (n,) a further number for `hover`.
+    width: float | None = None  #: By default that of the key.
     opacity: float = 1.0
-    has_dots: bool = False  # At its points.
-    is_solid: bool = False  # Without the dashes of its key.
-    flight: np.ndarray | None = None  # (n,) index into the flights to pick from.
+    has_dots: bool = False  #: At its points.
+    is_solid: bool = False  #: Without the dashes of its key.
+    flight: np.ndarray | None = None  #: (n,) index into the flights to pick from.
 
     @property
     def line_width(self) -> float:
@@ -75,16 +75,16 @@ class Points:
     """Single points."""
 
     key: str
-    x: np.ndarray  # (n,)
-    y: np.ndarray  # (n,)
+    x: np.ndarray  #: (n,)
+    y: np.ndarray  #: (n,)
     _: dataclasses.KW_ONLY
-    hover: str = "%{x:.3r}: %{y:.3r}"  # Empty for nothing.
-    size: float = 7.0  # In pixels.
+    hover: str = "%{x:.3r}: %{y:.3r}"  #: Empty for nothing.
+    size: float = 7.0  #: In pixels.
     opacity: float = 1.0
-    names: Sequence[str] = ()  # For `hover`.
-    labels: Sequence[str] = ()  # Beside the points.
-    flight: np.ndarray | None = None  # (n,) index into the flights to pick from.
-    time: np.ndarray | None = None  # (n,) of each point [s], for the same.
+    names: Sequence[str] = ()  #: For `hover`.
+    labels: Sequence[str] = ()  #: Beside the points.
+    flight: np.ndarray | None = None  #: (n,) index into the flights to pick from.
+    time: np.ndarray | None = None  #: (n,) of each point [s], for the same.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -92,13 +92,13 @@ class Bars:
     """Bars from zero."""
 
     key: str
-    places: np.ndarray  # (n,) on the axis that they stand on.
-    values: np.ndarray  # (n,)
-    texts: Sequence[str]  # At their ends.
+    places: np.ndarray  #: (n,) on the axis that they stand on.
+    values: np.ndarray  #: (n,)
+    texts: Sequence[str]  #: At their ends.
     hover: str
-    names: Sequence[str] = ()  # For `hover`.
-    width: float = 0.8  # In units of the axis.
-    is_across: bool = False  # Horizontal.
+    names: Sequence[str] = ()  #: For `hover`.
+    width: float = 0.8  #: In units of the axis.
+    is_across: bool = False  #: Horizontal.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,8 +131,8 @@ class Panel:
     x: Axis = Axis()
     y: Axis = Axis()
     _: dataclasses.KW_ONLY
-    height: int = 270  # In pixels of the page.
-    share: float = 1.0  # Of the width of its row in a file, relative to the others.
+    height: int = 270  #: In pixels of the page.
+    share: float = 1.0  #: Of the width of its row in a file, relative to the others.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -149,12 +149,12 @@ class Choice:
 class Figure:
     """Panels with one legend."""
 
-    keys: Mapping[str, str] = dataclasses.field(default_factory=dict)  # To labels.
-    panels: Sequence[Panel] = ()  # That are always shown.
-    choices: Sequence[Choice] = ()  # Of which the reader of a page shows some.
-    columns: int = 3  # In a file; a page has as many as it has space for.
-    flights: Sequence[str] = ()  # Of which the reader of a page may pick one.
-    least_width: float = 18.5  # Of a panel of a page, in its letters [rem].
+    keys: Mapping[str, str] = dataclasses.field(default_factory=dict)  #: To labels.
+    panels: Sequence[Panel] = ()  #: That are always shown.
+    choices: Sequence[Choice] = ()  #: Of which the reader of a page shows some.
+    columns: int = 3  #: In a file; a page has as many as it has space for.
+    flights: Sequence[str] = ()  #: Of which the reader of a page may pick one.
+    least_width: float = 18.5  #: Of a panel of a page, in its letters [rem].
 
     @property
     def every(self) -> list[Panel]:

@@ -27,8 +27,8 @@ WORSE = 1.001, 1.02
 class Gains:
     """Log-likelihood that a correction gains on flights that it was not fitted to."""
 
-    values: np.ndarray  # (flights,) of each [nats].
-    unseen: np.ndarray  # (flights,) which of them the search has not seen either.
+    values: np.ndarray  #: (flights,) of each [nats].
+    unseen: np.ndarray  #: (flights,) which of them the search has not seen either.
 
     @property
     def t(self) -> float:
@@ -56,12 +56,12 @@ class Gains:
 class HeldOut:
     """Two models on flights that they were fitted without."""
 
-    folds: tuple[Fold, ...]  # Their errors.
-    gain: Gains  # Of the corrected model over the baseline.
-    # (flights, 2, 2) position RMS of baseline and corrected model, of free rollouts
-    # and along the measured pitch [m].
+    folds: tuple[Fold, ...]  #: Their errors.
+    gain: Gains  #: Of the corrected model over the baseline.
+    #: (flights, 2, 2) position RMS of baseline and corrected model, of free rollouts
+    #: and along the measured pitch [m].
     paths: np.ndarray
-    over_nominal: Gains | None = None  # Over the nominal model, where computed.
+    over_nominal: Gains | None = None  #: Over the nominal model, where computed.
 
     @property
     def ratios(self) -> tuple[float, float]:

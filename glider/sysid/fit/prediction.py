@@ -38,19 +38,19 @@ _OF_ROLLOUTS = ("position", "pitch")  # Scales that rollouts have errors in.
 class RolloutModel:
     """A model that flies logs again."""
 
-    theta: np.ndarray  # Its parameters and coefficients.
-    field: Field  # Its residual field.
-    scales: Scales  # Of errors along rollouts and over flights, see `rollout_scales`.
-    per_flight_trims: bool  # Whether the elevator's angle is another in each flight.
+    theta: np.ndarray  #: Its parameters and coefficients.
+    field: Field  #: Its residual field.
+    scales: Scales  #: Of errors along rollouts and over flights, see `rollout_scales`.
+    per_flight_trims: bool  #: Whether the elevator's angle is another in each flight.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prediction:
     """Flight of a model, predicted from the beginning of a logged one."""
 
-    pose: np.ndarray  # (n, 3) of the free rollout, as the sensors would show it.
-    translated: np.ndarray  # (n, 2) x and z by forces along the measured pitch.
-    trim: float  # Elevator trim of the flight, found on the beginning [rad].
+    pose: np.ndarray  #: (n, 3) of the free rollout, as the sensors would show it.
+    translated: np.ndarray  #: (n, 2) x and z by forces along the measured pitch.
+    trim: float  #: Elevator trim of the flight, found on the beginning [rad].
 
     @property
     def is_finite(self) -> bool:

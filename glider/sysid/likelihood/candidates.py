@@ -27,11 +27,11 @@ _LARGEST_PUSH = 1e3
 class Candidates:
     """Columns of the flights about a model, and the effects they belong to."""
 
-    task: Task  # Of the flights.
-    model: model_fit.FitResult  # About which the flights are linear.
-    directions: tuple[Direction, ...]  # Of the columns; the curves' columns follow.
-    variants: dict[str, tuple[Variant, ...]]  # By kind; one of a kind that acts.
-    flights: Sequence[LinearFlight]  # Linear in all columns.
+    task: Task  #: Of the flights.
+    model: model_fit.FitResult  #: About which the flights are linear.
+    directions: tuple[Direction, ...]  #: Of the columns; the curves' columns follow.
+    variants: dict[str, tuple[Variant, ...]]  #: By kind; one of a kind that acts.
+    flights: Sequence[LinearFlight]  #: Linear in all columns.
 
     @property
     def slots(self) -> list[int]:

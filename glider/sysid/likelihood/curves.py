@@ -30,9 +30,9 @@ class Gaussians:
     Weights (M T,) go by functions first and then by terms.
     """
 
-    variable: str  # Of FIELD_VARIABLES.
-    terms: tuple[str, ...]  # T of FIELD_TERMS.
-    centers: np.ndarray  # (M,)
+    variable: str  #: Of FIELD_VARIABLES.
+    terms: tuple[str, ...]  #: T of FIELD_TERMS.
+    centers: np.ndarray  #: (M,)
 
     @property
     def width(self) -> float:
@@ -75,8 +75,8 @@ def flown_values(
 class Curves(Gaussians):
     """A basis of curves over alpha."""
 
-    mix: np.ndarray  # (M T, q) weights of coordinates of a prior spread of one.
-    angles: np.ndarray  # (n,) a sample of the flown angles of attack [rad].
+    mix: np.ndarray  #: (M T, q) weights of coordinates of a prior spread of one.
+    angles: np.ndarray  #: (n,) a sample of the flown angles of attack [rad].
 
     @property
     def count(self) -> int:

@@ -82,10 +82,10 @@ def covariance(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.n
 class Evidence:
     """Squares of columns summed over flights, those that always act eliminated."""
 
-    gram: np.ndarray  # (m + 1, m + 1) of the candidates' columns and, last, the error.
-    precision: np.ndarray  # (m,) of the prior of the candidates' coefficients.
-    lower: np.ndarray  # (m,) least changes that are physical.
-    upper: np.ndarray  # (m,) largest.
+    gram: np.ndarray  #: (m + 1, m + 1) of the candidates' columns and, last, the error.
+    precision: np.ndarray  #: (m,) of the prior of the candidates' coefficients.
+    lower: np.ndarray  #: (m,) least changes that are physical.
+    upper: np.ndarray  #: (m,) largest.
 
     def log_marginal(self, columns: Sequence[int]) -> float:
         """Returns the log marginal likelihood that columns gain over none [nats].

@@ -41,12 +41,12 @@ Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and value
 class Direction:
     """One coefficient moved, the shapes of its effect set to some start."""
 
-    kind: str  # Of the effect, or "parameters".
-    slot: int  # Of the coefficient in theta.
-    base: np.ndarray  # Theta with the effect's shapes set.
-    moved: np.ndarray  # Base with the coefficient moved.
-    size: float  # By how much.
-    shapes: Shapes = ()  # Starting ones; empty where the effect acts already.
+    kind: str  #: Of the effect, or "parameters".
+    slot: int  #: Of the coefficient in theta.
+    base: np.ndarray  #: Theta with the effect's shapes set.
+    moved: np.ndarray  #: Base with the coefficient moved.
+    size: float  #: By how much.
+    shapes: Shapes = ()  #: Starting ones; empty where the effect acts already.
 
 
 def slopes(

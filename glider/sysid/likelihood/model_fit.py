@@ -43,20 +43,20 @@ _TOLERANCE = 0.3  # Gain of an iteration below which a fit stops [nats].
 class FitResult:
     """A model with everything about it fitted."""
 
-    kinds: tuple[str, ...]  # That act.
-    theta: np.ndarray  # Its parameters and coefficients.
-    free: tuple[int, ...]  # Slots of theta that are fitted.
-    coordinates: np.ndarray  # Of the curves; empty where there are none.
-    strength: float = 1.0  # Prior strength of the curves.
-    scales: Scales  # Of all noise.
-    # Name of each flight to its constants, about which it is linear.
+    kinds: tuple[str, ...]  #: That act.
+    theta: np.ndarray  #: Its parameters and coefficients.
+    free: tuple[int, ...]  #: Slots of theta that are fitted.
+    coordinates: np.ndarray  #: Of the curves; empty where there are none.
+    strength: float = 1.0  #: Prior strength of the curves.
+    scales: Scales  #: Of all noise.
+    #: Name of each flight to its constants, about which it is linear.
     constants: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
-    extra: FieldData | None = None  # An unmodelled field that acts too, or None.
-    # Whether errors of the forces stand in for moving air, see
-    # `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
+    extra: FieldData | None = None  #: An unmodelled field that acts too, or None.
+    #: Whether errors of the forces stand in for moving air, see
+    #: `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
     has_force_errors: bool = False
-    cost: float = np.inf  # Negative log posterior [nats].
-    freedom: float = 0.0  # Penalty for prior volume that curves do not fill [nats].
+    cost: float = np.inf  #: Negative log posterior [nats].
+    freedom: float = 0.0  #: Penalty for prior volume that curves do not fill [nats].
 
     @property
     def has_curves(self) -> bool:
@@ -118,10 +118,10 @@ def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
 class Prior:
     """Prior of changes of a model: along slots of theta, then of the curves."""
 
-    mean: np.ndarray  # (m,) expected changes.
-    precision: np.ndarray  # (m,)
-    lower: np.ndarray  # (m,) least changes that are physical.
-    upper: np.ndarray  # (m,) largest.
+    mean: np.ndarray  #: (m,) expected changes.
+    precision: np.ndarray  #: (m,)
+    lower: np.ndarray  #: (m,) least changes that are physical.
+    upper: np.ndarray  #: (m,) largest.
 
     def added_to(self, gram: np.ndarray) -> np.ndarray:
         """Returns a Gram matrix with the prior added as one more flight."""

@@ -36,16 +36,16 @@ def _scale(usual: float, least: float, most: float) -> Any:
 class Scales:
     """Standard deviations of all noise."""
 
-    position: float = _scale(1e-3, 1e-6, 0.2)  # Of measured x and z [m].
-    pitch: float = _scale(5e-3, 1e-5, 0.3)  # Of measured pitch [rad].
-    elevator: float = _scale(1e-2, 1e-5, 0.3)  # Of the measured elevator [rad].
-    air: float = _scale(0.05, 1e-3, 0.6)  # Of the moving air, in x and in z [m/s].
-    air_time: float = _scale(0.25, 0.04, 1.0)  # Its correlation time [s].
-    moment: float = _scale(1.0, 1e-2, 200.0)  # Of unmodelled accelerations [rad/s²].
-    servo: float = _scale(5e-3, 1e-4, 0.3)  # Of the elevator off its path [rad].
-    wind: float = _scale(0.05, 1e-3, 0.5)  # Of flights' steady winds, x and z [m/s].
-    trim: float = _scale(5e-3, 1e-4, 0.1)  # Of their elevator trims [rad].
-    pitch_zero: float = _scale(5e-3, 1e-4, 0.03)  # Of their pitch readings [rad].
+    position: float = _scale(1e-3, 1e-6, 0.2)  #: Of measured x and z [m].
+    pitch: float = _scale(5e-3, 1e-5, 0.3)  #: Of measured pitch [rad].
+    elevator: float = _scale(1e-2, 1e-5, 0.3)  #: Of the measured elevator [rad].
+    air: float = _scale(0.05, 1e-3, 0.6)  #: Of the moving air, in x and in z [m/s].
+    air_time: float = _scale(0.25, 0.04, 1.0)  #: Its correlation time [s].
+    moment: float = _scale(1.0, 1e-2, 200.0)  #: Of unmodelled accelerations [rad/s²].
+    servo: float = _scale(5e-3, 1e-4, 0.3)  #: Of the elevator off its path [rad].
+    wind: float = _scale(0.05, 1e-3, 0.5)  #: Of flights' steady winds, x and z [m/s].
+    trim: float = _scale(5e-3, 1e-4, 0.1)  #: Of their elevator trims [rad].
+    pitch_zero: float = _scale(5e-3, 1e-4, 0.03)  #: Of their pitch readings [rad].
 
     @property
     def logs(self) -> np.ndarray:
@@ -78,8 +78,8 @@ def start_scales(noise: Noise) -> Scales:
 class WhitenedFlight:
     """A flight whitened."""
 
-    innovations: np.ndarray  # (K + 1, 4, m) over their standard deviations.
-    log_variances: np.ndarray  # (K + 1, 4) of them; 0 where nothing was seen.
+    innovations: np.ndarray  #: (K + 1, 4, m) over their standard deviations.
+    log_variances: np.ndarray  #: (K + 1, 4) of them; 0 where nothing was seen.
 
     @property
     def cost(self) -> float:

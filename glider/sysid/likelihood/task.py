@@ -18,10 +18,10 @@ PRIOR_SCALES = 3.0  # Prior spread of an effect's coefficients, in their scales.
 class Task:
     """Flights and a model to fit to them."""
 
-    records: Sequence[Record]  # The flights.
-    vehicle: Vehicle  # What is known of the glider.
-    kinds: tuple[str, ...]  # Effects to try.
-    curves: Curves  # Errors of their formulas.
+    records: Sequence[Record]  #: The flights.
+    vehicle: Vehicle  #: What is known of the glider.
+    kinds: tuple[str, ...]  #: Effects to try.
+    curves: Curves  #: Errors of their formulas.
 
     @property
     def layout(self) -> Layout:

@@ -18,8 +18,8 @@ STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)  # None t
 class Uncertainty:
     """Covariance of a model's free parameters and curves over flights."""
 
-    free: tuple[int, ...]  # Slots of theta, then the curves' coordinates follow.
-    covariance: np.ndarray  # (m + q, m + q).
+    free: tuple[int, ...]  #: Slots of theta, then the curves' coordinates follow.
+    covariance: np.ndarray  #: (m + q, m + q).
 
     def std(self, slot: int) -> float:
         """Returns the standard error of a slot of theta; NaN where it is not free."""

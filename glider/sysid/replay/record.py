@@ -30,25 +30,25 @@ _GAP = 1.6  # Time between two rows, over the usual one, above which nodes are i
 class Record:
     """A flight, cleaned and smoothed, at nodes: its rows, and more in its gaps."""
 
-    name: str  # Of the flight's file.
-    has_servo: bool  # Whether the elevator was commanded and measured.
-    time: np.ndarray  # (n,) of the nodes, from the first row that counts [s].
-    layout: Layout  # Of the models that fly it.
-    pose: np.ndarray  # (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
-    elevator: np.ndarray  # (n,) measured [rad]; zero where not seen.
-    seen: np.ndarray  # (n, 4) which of x, z, pitch and elevator count as measured.
-    nodes: np.ndarray  # (n, num_states) smoothed states, those of effects at zero.
-    pitch: np.ndarray  # (n - 1, 3, 2) smoothed, and its rate: start, middle, end.
-    acceleration: np.ndarray  # (n, 3) smoothed ẍ, z̈, θ̈.
-    acceleration_std: np.ndarray  # (n, 3) of them, from the measurement noise alone.
-    switch_times: np.ndarray  # (k,) of the commands, on the same clock [s].
-    commands: np.ndarray  # (k,) [rad/s].
-    limits: tuple[float, float] | None  # Where the elevator stops [rad], or None.
-    rest: float  # Where the elevator stood before the first command [rad].
-    trim_is_moment: bool  # Whether a trim makes no force, see `replayed.trimmed`.
-    bank: np.ndarray  # (n - 1,) factor of the wing's force where it is rolled, or one.
-    side_wind: np.ndarray  # (n - 1, 2) air that a sideways motion is like [m/s].
-    # Caches of `replayed`: by replay settings, by parameters of vehicle and sensors.
+    name: str  #: Of the flight's file.
+    has_servo: bool  #: Whether the elevator was commanded and measured.
+    time: np.ndarray  #: (n,) of the nodes, from the first row that counts [s].
+    layout: Layout  #: Of the models that fly it.
+    pose: np.ndarray  #: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
+    elevator: np.ndarray  #: (n,) measured [rad]; zero where not seen.
+    seen: np.ndarray  #: (n, 4) which of x, z, pitch and elevator count as measured.
+    nodes: np.ndarray  #: (n, num_states) smoothed states, those of effects at zero.
+    pitch: np.ndarray  #: (n - 1, 3, 2) smoothed, and its rate: start, middle, end.
+    acceleration: np.ndarray  #: (n, 3) smoothed ẍ, z̈, θ̈.
+    acceleration_std: np.ndarray  #: (n, 3) of them, from the measurement noise alone.
+    switch_times: np.ndarray  #: (k,) of the commands, on the same clock [s].
+    commands: np.ndarray  #: (k,) [rad/s].
+    limits: tuple[float, float] | None  #: Where the elevator stops [rad], or None.
+    rest: float  #: Where the elevator stood before the first command [rad].
+    trim_is_moment: bool  #: Whether a trim makes no force, see `replayed.trimmed`.
+    bank: np.ndarray  #: (n - 1,) factor of the wing's force where it is rolled, or one.
+    side_wind: np.ndarray  #: (n - 1, 2) air that a sideways motion is like [m/s].
+    #: Caches of `replayed`: by replay settings, by parameters of vehicle and sensors.
     replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
@@ -202,11 +202,11 @@ def in_plane(
 class Signs:
     """The signs of the logged pitch, elevator and command, and their evidence."""
 
-    pitch: int = 1  # +1, or -1 where the log has the other sign.
-    elevator: int = 1  # Likewise.
-    command: int = 1  # Likewise.
-    evidence: float = 0.0  # Log-likelihood gained by them [nats].
-    share: float = 0.0  # Of the error that they remove.
+    pitch: int = 1  #: +1, or -1 where the log has the other sign.
+    elevator: int = 1  #: Likewise.
+    command: int = 1  #: Likewise.
+    evidence: float = 0.0  #: Log-likelihood gained by them [nats].
+    share: float = 0.0  #: Of the error that they remove.
 
     @property
     def are_right(self) -> bool:

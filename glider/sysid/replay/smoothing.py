@@ -24,8 +24,8 @@ _NUM_POLYNOMIAL = 3
 class Smoothing:
     """Noise found in one channel of a campaign."""
 
-    noise: float  # Standard deviation of the measurement [unit of the channel].
-    ratio: float  # Power of the third derivative over noise² [1/s⁵].
+    noise: float  #: Standard deviation of the measurement [unit of the channel].
+    ratio: float  #: Power of the third derivative over noise² [1/s⁵].
 
 
 def _covariance(s: np.ndarray, t: np.ndarray, derivative: int = 0) -> np.ndarray:
@@ -125,10 +125,10 @@ def smoothing_maps(time: np.ndarray, query: np.ndarray, ratio: float) -> np.ndar
 class Noise:
     """Standard deviation of the measurements, and what smooths them."""
 
-    position: float  # Of x and z [m].
-    pitch: float  # [rad].
-    elevator: float  # [rad]; 0 without a servo.
-    smoothing: tuple[Smoothing, ...]  # Of the channels x, z, pitch.
+    position: float  #: Of x and z [m].
+    pitch: float  #: [rad].
+    elevator: float  #: [rad]; 0 without a servo.
+    smoothing: tuple[Smoothing, ...]  #: Of the channels x, z, pitch.
 
 
 def measure_noise(

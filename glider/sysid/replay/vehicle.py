@@ -48,17 +48,17 @@ model to compare them with."""
 class Vehicle:
     """A campaign's vehicle as the fits see it."""
 
-    layout: Layout  # Of theta.
-    theta: np.ndarray  # The nominal model, unknown entries at a start value.
-    nuisance: tuple[int, ...]  # Slots of theta that are unknown: fitted with all else.
-    baseline_slots: tuple[int, ...]  # Those that the flat-plate baseline refits.
-    kinds: tuple[str, ...]  # Effects that these logs could show.
-    trim_is_known: bool  # Whether the elevator's angle is the same in each flight.
-    is_known: bool  # Whether the nominal model is complete, with the elevator's angle.
-    knows_forces: bool  # Whether mass and areas are known: forces can be compared.
-    prior_spread: np.ndarray | None  # Of theta about the start, if any is unknown.
-    notes: tuple[str, ...]  # What was assumed, for the report.
-    is_per_mass: bool  # Whether areas and inertia are per kilogram.
+    layout: Layout  #: Of theta.
+    theta: np.ndarray  #: The nominal model, unknown entries at a start value.
+    nuisance: tuple[int, ...]  #: Slots of theta that are unknown: fitted with all else.
+    baseline_slots: tuple[int, ...]  #: Those that the flat-plate baseline refits.
+    kinds: tuple[str, ...]  #: Effects that these logs could show.
+    trim_is_known: bool  #: Whether the elevator's angle is the same in each flight.
+    is_known: bool  #: Whether the nominal model is complete, with the elevator's angle.
+    knows_forces: bool  #: Whether mass and areas are known: forces can be compared.
+    prior_spread: np.ndarray | None  #: Of theta about the start, if any is unknown.
+    notes: tuple[str, ...]  #: What was assumed, for the report.
+    is_per_mass: bool  #: Whether areas and inertia are per kilogram.
 
     @property
     def unknown(self) -> list[int]:

@@ -43,7 +43,7 @@ _FIELD_ROUNDS = 4  # Of fitting a field and the rest of the model in turn.
 class Basis(Gaussians):
     """Gaussians over one variable, for terms of one form."""
 
-    form: str  # Of FORMS.
+    form: str  #: Of FORMS.
 
     @property
     def spreads(self) -> np.ndarray:
@@ -142,11 +142,11 @@ def survey(task: Task, model: FitResult) -> Survey:
 class FoundField:
     """A field in a model."""
 
-    model: FitResult  # With the field.
-    basis: Basis  # Of it.
-    covariance: np.ndarray  # Of its weights, functions first, then terms.
-    depends_on: tuple[str, ...]  # Its variable, then those that do nearly as well.
-    evidence: float = np.nan  # Gained over a model without it [nats].
+    model: FitResult  #: With the field.
+    basis: Basis  #: Of it.
+    covariance: np.ndarray  #: Of its weights, functions first, then terms.
+    depends_on: tuple[str, ...]  #: Its variable, then those that do nearly as well.
+    evidence: float = np.nan  #: Gained over a model without it [nats].
 
 
 def fit_fields(task: Task, model: FitResult, found: Survey) -> list[FoundField]:

@@ -43,9 +43,9 @@ def bare_of(task: Task, model: FitResult) -> FitResult:
 class FirstOrder:
     """Sets of effects compared to first order about a model."""
 
-    candidates: Candidates  # About the model.
-    scales: Scales  # Of noise.
-    score: Scorer  # Of sets.
+    candidates: Candidates  #: About the model.
+    scales: Scales  #: Of noise.
+    score: Scorer  #: Of sets.
 
     def begin(self, members: Members) -> FitResult:
         """Returns the model with the coefficients of a set, not fitted yet."""
@@ -73,7 +73,7 @@ class Search:
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
-    _near: tuple[Any, ...] = (None, None, 0, None)  # What was compared last, and how.
+    _near: tuple[Any, ...] = (None, None, 0, None)  #: What was compared last, and how.
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""

@@ -31,10 +31,10 @@ _NEAR = 25.0  # Loss up to which an effect is offered to resampled searches [nat
 class EffectSupport:
     """Support of an effect of the chosen set."""
 
-    rivals: tuple[str, ...]  # Kinds that would do as well, here or on drawn flights.
-    inclusion: float  # Share of the resampled flights that choose it.
-    support: float  # Share that choose it or one of its rivals.
-    enough: float  # Least support of an effect that is claimed.
+    rivals: tuple[str, ...]  #: Kinds that would do as well, here or on drawn flights.
+    inclusion: float  #: Share of the resampled flights that choose it.
+    support: float  #: Share that choose it or one of its rivals.
+    enough: float  #: Least support of an effect that is claimed.
 
     def is_settled(self, draws: int) -> bool:
         """Whether the support is two standard errors of so many draws off its limit."""
@@ -134,16 +134,16 @@ def weakest(
 class SearchResult:
     """Outcome of a search."""
 
-    model: FitResult  # With the effects that were found.
-    bare: FitResult  # The model without any, fitted.
-    evidence: dict[str, float]  # Kind to the evidence lost without it [nats].
-    weighed: dict[str, EffectSupport]  # Kind to its support.
-    alone: dict[str, float]  # Evidence as the only effect, to first order [nats].
-    # Kinds of each set that was fitted, and its penalized gain [nats].
+    model: FitResult  #: With the effects that were found.
+    bare: FitResult  #: The model without any, fitted.
+    evidence: dict[str, float]  #: Kind to the evidence lost without it [nats].
+    weighed: dict[str, EffectSupport]  #: Kind to its support.
+    alone: dict[str, float]  #: Evidence as the only effect, to first order [nats].
+    #: Kinds of each set that was fitted, and its penalized gain [nats].
     combinations: tuple[tuple[tuple[str, ...], float], ...]
-    threshold: EvidenceThreshold  # Of evidence, below which an effect is not taken.
-    field: FoundField | None = None  # Residual field that no effect explains.
-    # The model as it was judged, along the measured attitude, if not as it is.
+    threshold: EvidenceThreshold  #: Of evidence, below which an effect is not taken.
+    field: FoundField | None = None  #: Residual field that no effect explains.
+    #: The model as it was judged, along the measured attitude, if not as it is.
     forces: FitResult | None = None
 
     @property
