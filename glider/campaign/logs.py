@@ -46,19 +46,16 @@ class Flight:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ServoLog:
-    """Where the columns of a servo come from, and how well their times are known.
+    """Where the columns of a servo come from, and how well their times are known."""
 
-    Attributes:
-        angle: "measured", or "reconstructed": that of an ideal servo.
-        command: "logged" as rates; "converted": rates of an ideal servo that follows
-            commanded angles; "reconstructed": the rates of the measured angle.
-        clock_std: standard error of their times against those of the poses [s].
-        command_std: of the commands' times against those of the measured angle [s].
-    """
-
+    #: "measured", or "reconstructed": that of an ideal servo.
     angle: Literal["measured", "reconstructed"] = "measured"
+    #: "logged" as rates; "converted": rates of an ideal servo that follows commanded
+    #: angles; "reconstructed": the rates of the measured angle.
     command: Literal["logged", "converted", "reconstructed"] = "logged"
+    #: Standard error of their times against those of the poses [s].
     clock_std: float = 0.0
+    #: Of the commands' times against those of the measured angle [s].
     command_std: float = 0.0
 
     def __post_init__(self):

@@ -86,9 +86,9 @@ Columns = dict[str, Any]  # By quantity: names, of times a list.
 class Guess(NamedTuple):
     """A proposed mapping."""
 
-    text: str  # Of the MAP file, with reasons.
-    campaign: Campaign  # What it makes of the logs.
-    probability: float  # Of its frame.
+    text: str  #: Of the MAP file, with reasons.
+    campaign: Campaign  #: What it makes of the logs.
+    probability: float  #: Of its frame.
 
 
 def guess_mapping(files: Sequence[Path]) -> Guess:

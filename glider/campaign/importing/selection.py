@@ -27,9 +27,9 @@ _EULER = ("roll", "pitch", "yaw")  # About x, y and z.
 class Stream(NamedTuple):
     """Numbers with their times."""
 
-    time: np.ndarray  # (n,) increasing [s].
-    values: np.ndarray  # (n, k)
-    clock: str  # Whose it is.
+    time: np.ndarray  #: (n,) increasing [s].
+    values: np.ndarray  #: (n, k)
+    clock: str  #: Whose it is.
 
     def known(self) -> "Stream":
         """The rows in which all numbers are finite."""
@@ -40,9 +40,9 @@ class Stream(NamedTuple):
 class ServoLogs(NamedTuple):
     """What was logged of the elevator's servo."""
 
-    elevator: Stream | None = None  # (n, 1) as measured [rad].
-    rate_command: Stream | None = None  # (n, 1) [rad/s]
-    angle_command: Stream | None = None  # (n, 1) [rad]
+    elevator: Stream | None = None  #: (n, 1) as measured [rad].
+    rate_command: Stream | None = None  #: (n, 1) [rad/s]
+    angle_command: Stream | None = None  #: (n, 1) [rad]
 
     @property
     def given(self) -> list[Stream]:
@@ -53,10 +53,10 @@ class ServoLogs(NamedTuple):
 class Onboard(NamedTuple):
     """What the sensors on board logged beside the poses."""
 
-    throttle: Stream | None = None  # (n, 1) 0 with the motor off.
-    airspeed: Stream | None = None  # (n, 1) true airspeed [m/s].
-    angular_velocity: Stream | None = None  # (n, 3) along the body's axes [rad/s].
-    acceleration: Stream | None = None  # (n, 3) gravity not taken out [m/s²].
+    throttle: Stream | None = None  #: (n, 1) 0 with the motor off.
+    airspeed: Stream | None = None  #: (n, 1) true airspeed [m/s].
+    angular_velocity: Stream | None = None  #: (n, 3) along the body's axes [rad/s].
+    acceleration: Stream | None = None  #: (n, 3) gravity not taken out [m/s²].
 
 
 class Picker:

@@ -26,10 +26,10 @@ _HIDDEN = "so a lag or a delay of the servo cannot be found"
 class Servo(NamedTuple):
     """Elevator and command at the rows of a flight."""
 
-    elevator: np.ndarray  # (n,) [rad]
-    command: np.ndarray  # (n,) [rad/s], held until the next row.
-    note: str  # How they were made, where they were not logged so.
-    log: ServoLog = ServoLog()  # The same for the tracer.
+    elevator: np.ndarray  #: (n,) [rad]
+    command: np.ndarray  #: (n,) [rad/s], held until the next row.
+    note: str  #: How they were made, where they were not logged so.
+    log: ServoLog = ServoLog()  #: The same for the tracer.
 
 
 def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
