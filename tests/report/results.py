@@ -119,6 +119,7 @@ def make_table(slope, rng):
             "V": speed,
             "x": rng.uniform(-3.5, 1.0, 300),
             "t": np.tile(np.linspace(0.0, 0.8, 50), 6),
+            **dict.fromkeys(("z", "pitch", "elevator"), np.zeros(300)),
         },
         residual=slope * trend + rng.normal(size=(300, 3)),
         coefficients={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
