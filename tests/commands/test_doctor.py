@@ -89,7 +89,12 @@ def test_what_fails_is_the_exit_code_and_advice_stands_under_it(monkeypatch, cap
         raise ImportError("no such\nsymbol")
         yield
 
+    def no_terminal(_):
+        raise OSError
+
     monkeypatch.setattr(doctor, "CHECKS", {"abc": check, "lib": broken})
+    monkeypatch.setattr("os.get_terminal_size", no_terminal)
+    monkeypatch.delenv("COLUMNS", raising=False)
     assert main(["doctor"]) == 1
     out = capsys.readouterr().out
     assert "fails lib              no such symbol" in out
