@@ -371,7 +371,9 @@ class BrokenOff:
         return offset, gain
 
 
-@pytest.mark.parametrize("kind", ["servo_lag", "command_delay"])
+@pytest.mark.parametrize(
+    "kind", ["servo_lag", pytest.param("command_delay", marks=pytest.mark.nightly)]
+)
 def test_the_feedback_takes_over_wherever_a_tape_is_broken_off(proposal, kind):
     """From missed launches, by the late gliders: inside to the end, and a perch."""
     [name] = (c.name for c in KINDS[kind].coefficients)

@@ -229,6 +229,7 @@ def test_throws_tell_little_and_show_what_was_planted():
     assert np.std(truth.per_flight["elevator_trim"]) > 0.02
 
 
+@pytest.mark.nightly
 def test_who_knows_the_glider_foretells_its_flights():
     campaign, truth = draw_campaign(
         1, 6, [("wing_incidence", "library")], moving_air=False, broken=True

@@ -36,7 +36,9 @@ def test_the_search_finds_planted_effects(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", WHOLE)
+@pytest.mark.parametrize(
+    "kind", [WHOLE[0], pytest.param(WHOLE[1], marks=pytest.mark.nightly)]
+)
 def test_the_whole_pipeline_names_planted_effects(kind):
     effect = typical(kind)
     result = close_the_loop(fly(effect, flights=8))

@@ -143,6 +143,7 @@ def test_an_offset_that_was_found_has_a_standard_error(tmp_path, campaign):
     assert abs(found - AHEAD) < 3.0 * log.clock_std
 
 
+@pytest.mark.nightly
 def test_a_clock_that_turns_the_elevator_round_is_refused(tmp_path, campaign):
     files, path = write(tmp_path, campaign, "two clocks", 0.25)
     with pytest.raises(InputError, match="'clock: find'"):
@@ -164,7 +165,7 @@ def test_a_clock_that_is_right_is_known_to_half_its_last_digit(tmp_path, campaig
     assert imported.campaign.servo.clock_std == pytest.approx(0.01 / np.sqrt(12.0))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("logs", "clock"), [*((logs, None) for logs in MAPS), ("two clocks", 0.33)]
 )
@@ -176,7 +177,7 @@ def test_no_delay_is_named_that_the_import_made(tmp_path, campaign, logs, clock)
     assert "clock_offset" not in {e.kind.kind for e in result.model.effects}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_poses_logged_before_they_happen_are_a_clock_not_an_effect(campaign):
     def late(flight, seconds):
         return dataclasses.replace(

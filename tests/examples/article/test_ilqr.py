@@ -99,7 +99,7 @@ def test_a_plan_is_a_flight_and_its_cost_is_that_of_the_flight(order):
     assert goal_cost(REGULAR, planned.states[-1]) < cost
 
 
-@pytest.mark.parametrize("order", [1, 4])
+@pytest.mark.parametrize("order", [pytest.param(1, marks=pytest.mark.nightly), 4])
 def test_a_quick_servo_costs_what_none_costs(order):
     settings = IlqrSettings(order=order)
     plans = [ilqr(model, REGULAR, settings) for model in (NOMINAL, QUICK)]

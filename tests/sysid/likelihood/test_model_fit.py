@@ -160,7 +160,7 @@ def test_rows_that_nobody_saw_may_hold_anything():
     np.testing.assert_array_equal(results[0].theta, results[1].theta)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_standard_errors_cover_over_campaigns():
     """Over campaigns the error in standard errors has a spread near one."""
     scores = []

@@ -83,7 +83,7 @@ def test_where_formulas_are_exact_errors_grow_little(exact):
     assert model.theta[slot] == pytest.approx(CD0, abs=2.0 * told)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_standard_errors_hold_what_a_form_hides():
     """Gliders whose coefficients differ from the formulas by smooth curves."""
     rng = np.random.default_rng(3)

@@ -16,6 +16,9 @@ from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 DRAG = GliderModel(effects=(KINDS["profile_drag"](cd0=0.06),))
 
 
+NIGHTLY = pytest.mark.nightly  # The other case of each pair runs with make test.
+
+
 @pytest.fixture(scope="module")
 def campaign():
     plan = CampaignPlan(flights=8)
@@ -58,7 +61,11 @@ def test_no_servo_no_servo_effects(campaign):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("missing", [("mass", "pitch_inertia"), UNKNOWN], ids=str)
+@pytest.mark.parametrize(
+    "missing",
+    [pytest.param(("mass", "pitch_inertia"), marks=NIGHTLY), UNKNOWN],
+    ids=str,
+)
 def test_drag_is_found_whatever_is_known(campaign, missing):
     result = close_the_loop(without(campaign, *missing))
     assert [e.kind for e in result.effects] == ["profile_drag"]
@@ -72,7 +79,7 @@ def test_drag_is_found_whatever_is_known(campaign, missing):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("elevator", "missing"),
-    [("fixed", ()), ("fixed_per_flight", UNKNOWN)],
+    [pytest.param("fixed", (), marks=NIGHTLY), ("fixed_per_flight", UNKNOWN)],
     ids=["known", "unknown"],
 )
 def test_drag_is_found_without_a_servo(monkeypatch, elevator, missing):
@@ -136,7 +143,9 @@ def test_a_log_may_begin_with_the_elevator_anywhere():
     assert result.air.std_m_s < 0.02
 
 
-@pytest.mark.parametrize("elevator", ["fixed", "fixed_per_flight"])
+@pytest.mark.parametrize(
+    "elevator", [pytest.param("fixed", marks=NIGHTLY), "fixed_per_flight"]
+)
 def test_an_elevator_that_stands_off_zero_is_no_effect(monkeypatch, elevator):
     monkeypatch.setattr(
         "glider.simulation.campaigns.random_commands", lambda count, *_: np.zeros(count)

@@ -89,7 +89,7 @@ def test_the_field_is_the_vent(vent):
     assert set(peaks) == {"wind_z_peak", "wind_z_peak_at_x"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_standard_errors_of_a_peak_cover_over_campaigns():
     """Over campaigns height and place, in standard errors, have a spread near one."""
     scores = []
