@@ -18,7 +18,7 @@ from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import map_flights
 from glider.campaign.settings import Settings
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.files import schema
 
 
@@ -87,6 +87,10 @@ def _recording(name: str, table: Any) -> Recording:
     dtype = getattr(table, "dtype", None)
     names = getattr(dtype, "names", None) or getattr(table, "column_names", None)
     if names is None:
+        expected = "a table with named columns, as a dict or a data frame"
+        expect(
+            hasattr(table, "keys") or hasattr(table, "columns"), name, table, expected
+        )
         names = table.columns if hasattr(table, "columns") else table.keys()
     columns: dict[str, Column] = {}
     for own in names:

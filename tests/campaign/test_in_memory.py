@@ -201,3 +201,9 @@ def test_unknown_fields_are_refused(campaign):
             Campaign.from_arrays(arrays, vehicle, **fields)
     with pytest.raises(InputError, match="holds no flight"):
         Campaign.from_arrays([])
+
+
+@pytest.mark.parametrize("table", [1, None, "time", [[0.0, 1.0]], np.zeros((3, 4))])
+def test_what_has_no_named_columns_is_refused(table):
+    with pytest.raises(InputError, match=r"flight_000\.csv.*named columns"):
+        Campaign.from_arrays([table], {}, name="lab")
