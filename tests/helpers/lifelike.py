@@ -134,8 +134,8 @@ def draw_campaign(
     if effects is None:
         effects = int(streams.effects.choice(COUNTS))
     planted = _plant(streams.effects, glider, effects)
-    drawn = _draw_spreads(streams.spreads, flights) if spreads else {}
-    air = _draw_air(streams.air)
+    drawn = draw_spreads(streams.spreads, flights) if spreads else {}
+    air = draw_air(streams.air)
     moves, breaks = streams.air.random() < 2 / 3, streams.sensors.random() < 1 / 3
     if not (moves if moving_air is None else moving_air):
         air = (0.0, 0.0)
@@ -164,7 +164,7 @@ def turbulence_campaign(seed: int, flights: int = 25) -> tuple[Campaign, Truth]:
         flights,
         (),
         drawn,
-        _draw_air(streams.air),
+        draw_air(streams.air),
         False,
     )
 
@@ -294,7 +294,8 @@ Spreads = dict[str, tuple[float, np.ndarray]]
 """Kind to a standard deviation and the departures in the flights."""
 
 
-def _draw_spreads(rng: np.random.Generator, flights: int) -> Spreads:
+def draw_spreads(rng: np.random.Generator, flights: int) -> Spreads:
+    """Returns what differs from flight to flight, drawn by chance."""
     drawn: Spreads = {}
     for kind, chance, low, high in (
         ("elevator_trim", 0.6, 0.01, 0.03),
@@ -310,7 +311,7 @@ def _draw_spreads(rng: np.random.Generator, flights: int) -> Spreads:
     return drawn
 
 
-def _draw_air(rng: np.random.Generator) -> tuple[float, float]:
+def draw_air(rng: np.random.Generator) -> tuple[float, float]:
     """Returns the standard deviation [m/s] and correlation time [s] of gusts."""
     return rng.uniform(0.05, 0.25), rng.uniform(0.1, 0.5)
 
@@ -418,13 +419,23 @@ def log_flights(
     """Returns the flights as measured; without commands, without a servo."""
     every = round(1.0 / (capture.rate * STEP))
     pose = shown_pose(glider, motion)[::every]
+    return log_poses(rng, pose, motion.elevator[::every], capture, commands)
+
+
+def log_poses(
+    rng: np.random.Generator,
+    pose: np.ndarray,
+    angle: np.ndarray,
+    capture: Capture,
+    commands: np.ndarray | None,
+) -> tuple[Flight, ...]:
+    """Returns flights as measured of poses (n, F, 3) and elevator angles (n, F)."""
     pose = pose + rng.normal(size=pose.shape) * (
         capture.position,
         capture.position,
         capture.pitch,
     )
     time = np.arange(len(pose)) / capture.rate
-    angle = motion.elevator[::every]
     angle = angle + capture.elevator * rng.normal(size=angle.shape)
     held = np.floor(time * COMMAND_RATE + 1e-6).astype(int)
     return tuple(
