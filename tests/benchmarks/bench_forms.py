@@ -101,7 +101,7 @@ class Truth:
     planted: tuple[Planted, ...]
     glider: HookedGlider
     start: np.ndarray  #: (6, F) launches.
-    air_std: float  #: Of the gusts [m/s].
+    air: tuple[float, float]  #: Standard deviation [m/s] and correlation time [s].
     spreads: dict[str, float]  #: Kind to its standard deviation over flights.
 
 
@@ -167,7 +167,7 @@ def draw(
         planted=tuple(planted),
         glider=glider,
         start=start,
-        air_std=std,
+        air=(std, correlation),
         spreads={kind: spread for kind, (spread, _) in drawn.items()},
     )
     return campaign, truth
@@ -190,7 +190,7 @@ def floor_of(campaign: Campaign, truth: Truth, held_out: Sequence[str]) -> float
             *(spread("elevator_trim", 0.0), spread("pitch_offset", 0.0)),
         ]
     )
-    predicted = predict(truth.glider, campaign.flights, truth.start, spreads)
+    predicted = predict(truth.glider, campaign.flights, truth.start, spreads, truth.air)
     squares = [
         np.sum((predicted[:, i] - flight.pose)[:, :2] ** 2, axis=1)
         for i, flight in enumerate(campaign.flights)
@@ -274,7 +274,7 @@ def run(seed: int, family: str | None, count: int | None, null: bool) -> Line:
         "seed": seed,
         "null": null,
         "flights": len(campaign.flights),
-        "air": truth.air_std,
+        "air": truth.air[0],
         "spreads": truth.spreads,
         "families": [p.family for p in truth.planted],
         "forms": [f"{p.form}: {p.words}" for p in truth.planted],

@@ -69,7 +69,7 @@ def test_hooked_flights_are_the_librarys(kind, values):
 
 def test_a_perfect_model_leaves_little_more_than_noise_in_still_air():
     campaign, truth = draw(4, count=1)
-    assert not truth.air_std
+    assert not truth.air[0]
     names = [f.name for f in campaign.flights]
     assert Capture().position < floor_of(campaign, truth, names) < 0.01
 

@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from glider.campaign.logs import Flight
 from glider.physics.compose import compose, initial_extra
@@ -89,7 +90,7 @@ class HookedGlider:
         Args:
             start: (6, ..., F) x, z, pitch and their rates.
             constants: (4, ..., F) CONSTANTS; None for zero.
-            air: (2 K + 1, F) moving air, x + i z [m/s]; None for still.
+            air: (2 K + 1, ..., F) moving air, x + i z [m/s]; None for still.
             steps: how many; None for all.
 
         Returns:
@@ -146,45 +147,77 @@ def predict(
     flights: Sequence[Flight],
     start: np.ndarray,
     spreads: np.ndarray,
+    air: tuple[float, float] = (0.0, 0.0),
     share: float = 0.2,
 ) -> np.ndarray:
     """Predicts flights by the true glider, as the product predicts held-out ones.
 
-    Launch and per-flight constants are the likeliest by the first share of the rows;
-    the constants have their true spreads as priors. As in
-    `glider.sysid.fit.prediction`, moving air widens the errors that a rollout has.
+    Launch, per-flight constants and gusts are the likeliest by the first share of the
+    rows. Constants and gusts have their true strength as priors, so that gusts fade
+    beyond those rows: no model can predict better.
 
     Args:
         glider: the true one.
         flights: F as logged.
         start: (6, F) the true launches, where the search begins.
         spreads: (4,) standard deviations of CONSTANTS over flights.
+        air: standard deviation [m/s] and correlation time [s] of gusts.
         share: of the rows.
 
     Returns:
         The poses (rows, F, 3) from there to the end.
     """
-    capture = Capture()
-    noise = np.array([capture.position, capture.position, capture.pitch])
+    capture, count = Capture(), len(flights)
+    sizes = np.array([capture.position, capture.position, capture.pitch])
     logged = np.stack([f.pose for f in flights], axis=1)
     rows = int(np.searchsorted(flights[0].time, share * flights[0].time[-1]))
-    free = [*range(6), *(6 + np.flatnonzero(spreads))]
-    prior = np.diag([0.0] * 6 + [1.0 / s for s in spreads if s])
-    own = np.concatenate([start, np.zeros((4, len(flights)))])
-    sizes = noise
+    steps = EVERY * (rows - 1)
+    nodes = int(np.ceil(steps * STEP / _BETWEEN)) + 1 if air[0] else 0
+    free = np.array([*range(6), *(6 + np.flatnonzero(spreads))])
+    free = np.append(free, 10 + np.arange(2 * nodes))
+    known = [np.zeros((6, 6)), np.diag(1.0 / spreads[spreads > 0.0])]
+    known += 2 * [_gust_prior(nodes, *air)] if nodes else []
+    prior = block_diag(*known)
+    moves = np.append(_SIZES, np.full(2 * nodes, 2e-2))[free]
+
+    def fly(own: np.ndarray, steps: int) -> np.ndarray:
+        if not nodes:
+            return glider.fly(own[:6], own[6:10], steps=steps)
+        gusts = own[10 : 10 + nodes] + 1j * own[10 + nodes :]
+        moving = np.tensordot(_gust_weights(steps, nodes, air[1]), gusts, 1)
+        return glider.fly(own[:6], own[6:10], moving, steps)
+
+    own = np.concatenate([start, np.zeros((4 + 2 * nodes, count))])
     for _ in range(4):
         moved = np.repeat(own[:, None], len(free) + 1, axis=1)
-        for column, k in enumerate(free):
-            moved[k, column + 1] += _SIZES[k]
-        flown = glider.fly(moved[:6], moved[6:], steps=EVERY * (rows - 1))
+        moved[free, 1 + np.arange(len(free))] += moves[:, None]
+        flown = fly(moved, steps)
         error = (logged[:rows] - flown[:, 0]) / sizes
-        slopes = (flown[:, 1:] - flown[:, :1]) / _SIZES[free][:, None, None]
-        for i in range(len(flights)):
-            by_free = np.moveaxis(slopes[:, :, i] / sizes, 1, -1).reshape(-1, len(free))
-            matrix = np.vstack([by_free, prior])
+        slopes = (flown[:, 1:] - flown[:, :1]) / moves[:, None, None] / sizes
+        for i in range(count):
+            by_free = np.moveaxis(slopes[:, :, i], 1, -1).reshape(-1, len(free))
             wanted = np.append(error[:, i].ravel(), -prior @ own[free, i])
-            own[free, i] += np.linalg.lstsq(matrix, wanted, rcond=None)[0]
-        rms = np.sqrt(np.mean((error * sizes) ** 2, axis=(0, 1)))
-        rms[:2] = np.sqrt(np.mean(rms[:2] ** 2))
-        sizes = np.maximum(noise, rms)
-    return glider.fly(own[:6], own[6:])
+            step = np.linalg.lstsq(np.vstack([by_free, prior]), wanted, rcond=None)[0]
+            own[free, i] += step
+    return fly(own, len(glider.elevator) // 2)
+
+
+_BETWEEN = 0.03
+"""Time between two nodes of the gusts that are fitted [s]."""
+
+
+def _gust_prior(nodes: int, std: float, correlation: float) -> np.ndarray:
+    """Whitens the nodes (nodes,) of first-order gusts."""
+    keep = np.exp(-_BETWEEN / correlation)
+    whiten = (np.eye(nodes) - keep * np.eye(nodes, k=-1)) / np.sqrt(1.0 - keep**2)
+    whiten[0, 0] = 1.0
+    return whiten / std
+
+
+def _gust_weights(steps: int, nodes: int, correlation: float) -> np.ndarray:
+    """Weights (2 steps + 1, nodes) of gusts: linear, and fading after the last node."""
+    time = 0.5 * STEP * np.arange(2 * steps + 1)
+    at = _BETWEEN * np.arange(nodes)
+    weights = np.stack([np.interp(time, at, row) for row in np.eye(nodes)], axis=1)
+    fading = np.exp(-np.maximum(time - at[-1], 0.0) / correlation)
+    return weights * fading[:, None]
