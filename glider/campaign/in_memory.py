@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.flight_table import Table, to_float, with_flights
+from glider.campaign.flight_table import Table, with_flights
+from glider.campaign.importing.readers.delimited import text_column
 from glider.campaign.importing.readers.tables import vectors
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.splitting import split_flights
@@ -113,13 +114,7 @@ def _columns(name: str, values: Any) -> dict[str, Column]:
         return {name: Column((array - array[:1]) / np.timedelta64(1, "s"), "s")}
     if array.dtype.kind in "fiub":
         return {own: Column(part) for own, part in vectors(name, array)}
-    cells = array.ravel().tolist()
-    numbers = np.array([to_float(cell) for cell in cells])
-    if not any(isinstance(cell, str) for cell in cells):
-        return {name: Column(numbers)}
-    labels = [str(cell) if isinstance(cell, (str, int)) else "" for cell in cells]
-    fault = f"column '{name}' is text; expected numbers."
-    return {name: Column(numbers, fault=fault, labels=labels)}
+    return {name: text_column(name, array.ravel().tolist())}
 
 
 def _table(recording: Recording) -> Table:

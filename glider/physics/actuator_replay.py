@@ -10,6 +10,7 @@ servo rests before the first command, and the elevator stops at its travel.
 import numpy as np
 
 _SIMILAR = 0.05  # Share of changes by which two phases of a clock fit similarly.
+_SAME = 1e-6  # Resolution of a log's times [s].
 
 
 def latest_command(begins: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -96,7 +97,7 @@ def command_steps(
         slack = 1e-3 * period
         phases = np.concatenate([[time[0]], np.sort(after % period)[::-1]])[:, None]
         ticks = phases + period * np.floor((after - phases + slack) / period)
-        fits = ticks > before - slack
+        fits = ticks > before + _SAME  # A tick at a row shows there.
         shares = fits.mean(axis=1)
         best = int(np.argmax(shares))
         spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(rows))

@@ -1,6 +1,8 @@
 """Campaigns of arrays and data frames are those of the same files."""
 
 import dataclasses
+import datetime
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -54,6 +56,22 @@ def test_arrays_give_what_files_give(tmp_path, campaign):
     assert made.vehicle == {"mass": 0.08} and made.elevator_limits == (-0.4463, 0.9473)
     save_campaign(tmp_path / "c", made)
     assert_same(load_campaign(tmp_path / "c"), made, rtol=1e-8, atol=1e-9)
+
+
+def test_times_in_a_zone_and_numbers_of_any_kind(campaign):
+    """As of a frame of pandas: arrays of objects."""
+    begin = datetime.datetime(2026, 5, 1, tzinfo=datetime.UTC)
+    table = table_of(campaign, ["a", "b", "a", "c"])  # The label comes again.
+    step = datetime.timedelta(seconds=1.0)
+    table["time"] = np.array([begin + float(t) * step for t in table["time"]])
+    table["x"] = np.array([Decimal(repr(float(x))) for x in table["x"]])
+    made = Campaign.from_frame(table, VEHICLE)
+    by_name = [campaign.flights[k] for k in (2, 0, 1, 3)]  # "a (2)" comes before "a".
+    assert_same(made, dataclasses.replace(campaign, flights=by_name), atol=1e-6)
+    assert len({flight.name for flight in made.flights}) == len(campaign.flights)
+    table["z"] = np.array([None if k == 7 else z for k, z in enumerate(table["z"])])
+    with pytest.raises(InputError, match="column 'z', row 7: found nan"):
+        Campaign.from_frame(table, VEHICLE)
 
 
 def test_flights_by_name_in_any_order(campaign):

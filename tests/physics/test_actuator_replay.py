@@ -125,6 +125,18 @@ def test_the_clock_of_the_commands_is_found(phase, start, rate, regular):
     np.testing.assert_allclose(switches[1:], start + clock[shown], atol=tolerance)
 
 
+@pytest.mark.parametrize("rate", [100.0, 120.0, 200.0, 250.0])
+def test_a_log_that_begins_at_any_row_has_the_same_commands(rate):
+    """A tick at a row is not that of the row after it, where the log begins there."""
+    time, begins = np.arange(0.0, 0.9, 1.0 / rate), np.arange(0.0, 0.9, 0.02)
+    commands = np.random.default_rng(0).normal(size=len(begins))
+    column = logged(time, begins, commands)
+    for first in range(25):
+        switches, _ = command_steps(time[first:] - time[first], column[first:], 50.0)
+        true = begins[begins > time[first] + 1e-9]
+        np.testing.assert_allclose(switches[1:] + time[first], true, atol=1e-9)
+
+
 def test_without_a_clock_a_command_begins_half_a_row_before_it_shows():
     time = np.array([0.0, 0.1, 0.2, 0.3])
     switches, commands = command_steps(time, np.array([1.0, 1.0, 2.0, 3.0]), None)

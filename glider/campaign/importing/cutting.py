@@ -83,6 +83,8 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     elif not parts and not notes:
         reach = np.max(np.ptp(track.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
+    if track.late:
+        notes.append(f"{track.late} rows whose time falls back: they are dropped")
     if lost := int(np.sum(~seen)):
         notes.append(f"{lost} rows that repeat the one before: the body was lost")
     return flights, notes

@@ -16,11 +16,12 @@ from glider.campaign.importing.recording import (
     scale_of,
     spell,
 )
-from glider.campaign.importing.splitting import find_restarts
+from glider.campaign.importing.splitting import FEWEST_ROWS, find_restarts
 from glider.campaign.settings import QUANTITIES, Mapping, Markers, Names, unit_vector
 from glider.errors import InputError
 
 _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
+_ROUNDED = (0.01, 1e-3, 1e-4)  # Last digits of times that are rounded [s].
 _EULER = ("roll", "pitch", "yaw")  # About x, y and z.
 
 
@@ -30,11 +31,12 @@ class Stream(NamedTuple):
     time: np.ndarray  #: (n,) increasing [s].
     values: np.ndarray  #: (n, k)
     clock: str  #: Whose it is.
+    late: int = 0  #: Rows that were dropped, as their time fell back.
 
     def known(self) -> "Stream":
         """The rows in which all numbers are finite."""
         rows = np.isfinite(self.values).all(axis=1)
-        return Stream(self.time[rows], self.values[rows], self.clock)
+        return self._replace(time=self.time[rows], values=self.values[rows])
 
 
 class ServoLogs(NamedTuple):
@@ -262,7 +264,8 @@ class Picker:
                 "in each table",
             )
         ahead = time > np.maximum.accumulate(np.r_[-np.inf, time[:-1]])[: len(time)]
-        return Stream(time[ahead], values[ahead], group.clock)
+        late = int(np.sum(~ahead))
+        return Stream(_without_rounding(time[ahead]), values[ahead], group.clock, late)
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
         """A column in SI; refuses a unit that the file contradicts."""
@@ -297,6 +300,23 @@ class Picker:
 
     def _error(self, quantity: str, reason: str) -> InputError:
         return InputError(f"{self._recording.path}: {self._field(quantity)}: {reason}.")
+
+
+def _without_rounding(time: np.ndarray) -> np.ndarray:
+    """Times (n,) with even steps, where they are rounded and all that is not is that.
+
+    Rows between gaps are on their own. At 7 m/s a millisecond is 7 mm.
+    """
+    clean = time.copy()
+    left = (np.ptp(time / r - np.round(time / r)) for r in _ROUNDED if len(time))
+    digit = next((r for r, n in zip(_ROUNDED, left, strict=False) if n < 1e-2), 0.0)
+    gaps = np.diff(time) > 1.5 * np.median(np.diff(time)) + digit
+    for rows in np.split(np.arange(len(time)), np.flatnonzero(gaps) + 1):
+        if digit and len(rows) >= FEWEST_ROWS:
+            even = np.polynomial.Polynomial.fit(rows, time[rows], 1)(rows)
+            if 1e-3 * digit < np.ptp(even - time[rows]) < 1.1 * digit:
+                clean[rows] = even
+    return clean
 
 
 def _turned(stream: Stream, read: Callable[[np.ndarray], Rotation]) -> Stream:

@@ -78,19 +78,27 @@ def _spans(
         cells = column.labels or list(numbers)
     changes = [i for i in range(1, rows) if cells[i] != cells[i - 1]]
     labels = [cells[i] for i in (0, *changes) if cells and cells[i]]
-    if len(set(labels)) < len(labels) or rows < FEWEST_ROWS * len(labels):
-        if FLIGHT in columns:
-            raise InputError(
-                f"{recording.path}: columns: flight: '{name}' has {len(set(labels))} "
-                f"values but changes {len(changes)} times in {rows} rows; expected the "
-                f"rows of a flight together, {FEWEST_ROWS} or more of each."
-            )
-        changes, labels = [], []  # It says something else, such as whether it flies.
+    is_short = rows < FEWEST_ROWS * len(labels)
+    if is_short and FLIGHT in columns:
+        raise InputError(
+            f"{recording.path}: columns: flight: '{name}' has {len(set(labels))} "
+            f"values but changes {len(changes)} times in {rows} rows; expected the "
+            f"rows of a flight together, {FEWEST_ROWS} or more of each."
+        )
+    is_flag = len(set(labels)) < min(len(labels), 3) and FLIGHT not in columns
+    if is_short or is_flag:  # It says something else, such as whether it flies.
+        changes, labels = [], []
     time = recording.find_times(group, columns.get("time", "time"), rows)
     starts = sorted({0, *changes, *(find_restarts(time.values) if time else [])})
     pairs = list(itertools.pairwise((*starts, rows)))
     if labels:
-        return [(f"{FLIGHT} {cells[a]}", slice(a, b)) for a, b in pairs if cells[a]]
+        spans = [slice(a, b) for a, b in pairs if cells[a]]
+        names = [f"{FLIGHT} {cells[span.start]}" for span in spans]
+        earlier = [names[:k].count(name) for k, name in enumerate(names)]
+        names = [
+            f"{n} ({k + 1})" if k else n for n, k in zip(names, earlier, strict=True)
+        ]
+        return list(zip(names, spans, strict=True))
     if len(pairs) < 2:
         return [("", slice(0, rows))]
     return [(f"part {k}", slice(a, b)) for k, (a, b) in enumerate(pairs, 1)]

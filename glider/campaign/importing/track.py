@@ -33,6 +33,7 @@ class Track:
     clock: str
     servo: ServoLogs  #: Positive trailing edge up.
     onboard: Onboard = Onboard()  #: Vectors along nose, left and top.
+    late: int = 0  #: Rows that were dropped, as their time fell back.
 
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:
@@ -79,6 +80,7 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         pitch=None if pitch is None else np.unwrap(pitch[seen]),
         along_throw=along_throw,
         clock=logged.clock,
+        late=logged.late,
         servo=servo,
         onboard=onboard,
     )

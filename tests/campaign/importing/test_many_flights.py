@@ -197,6 +197,39 @@ def test_a_column_that_only_says_whether_it_flies_is_not_one_of_flights(
         imported(path, ", flight: run")
 
 
+def test_an_index_that_starts_again_on_the_next_day(tmp_path, campaign):
+    rows, labels = table_of(campaign, step=0.01)
+    path = tmp_path / "throws.csv"
+    write_text(path, rows, [label if label < 6 else 3 for label in labels])
+    result = imported(path)
+    assert_same(result.campaign, campaign, "csv")
+    assert result.recordings[-1].path.name == "flight 3 (2)"
+
+
+def test_rows_whose_time_falls_back_are_counted(tmp_path, campaign):
+    """A part of few rows is no flight, but it is reported."""
+    rows = rows_of(campaign.flights[0])
+    path = tmp_path / "throws.csv"
+    write_text(path, np.concatenate([rows, rows[:9]]))
+    result = imported(path)
+    assert len(result.campaign.flights[0].time) == len(rows)
+    assert "9 rows whose time falls back: they are dropped" in result.describe()
+
+
+@pytest.mark.parametrize("read", [np.floor, np.round])
+def test_times_in_whole_milliseconds_are_those_of_even_rows(tmp_path, campaign, read):
+    tables = list(map(rows_of, campaign.flights))
+    for begin, table in enumerate(tables):  # With pauses between the flights.
+        table[:, 0] = read(1e3 * (table[:, 0] + 2.0 * begin)) / 1e3
+    path = tmp_path / "throws.csv"
+    write_text(path, np.concatenate(tables))
+    for flight, true in zip(
+        imported(path).campaign.flights, campaign.flights, strict=True
+    ):
+        rows = slice(0, len(flight.time))  # The pause ends all but the last sooner.
+        assert np.allclose(flight.time, true.time[rows] - true.time[0], atol=5e-5)
+
+
 def test_late_rows_are_no_restart():
     time = np.arange(200) / 100.0
     time[90] = time[80]

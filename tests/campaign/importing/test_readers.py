@@ -1,9 +1,11 @@
 """Each reader on files of its format, and one sentence where a file is none."""
 
 import builtins
+import gzip
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from glider.campaign.importing.readers import read_recording
 from glider.errors import InputError
@@ -23,13 +25,62 @@ def values(table, name):
         ("log of today\n\nt x\n s mm\n0 1.5\n1 2\n2 3\n", "x", "mm", 1.5),
         ('"t","x (m)"\n0,1.5\n1,NaN\n2,3\n', "x", "m", 1.5),
         ("t;x;\n0;1.5;\n1;2;\n2;3;\n", "x", None, 1.5),
+        ('t,x\n"0,0","1,5"\n"0,1","2,5"\n"0,2","3,5"\n', "x", None, 1.5),
+        ("t,x\n0,1.5\n1,2\n2,3\n" + 60 * ",\n" + "END\n", "x", None, 1.5),
+        ("t,x\n0,1.5\n1,2\n2,3\n\nt,x\n3,3\n", "x", None, 1.5),
+        ("t,x,U\ns,mm,V\n0,1.5,1\n1,2,1\n2,3,1\n", "x", "mm", 1.5),
+        ("t,x,U,U\n0,1.5,1,1\n1,2,1,1\n2,3,1,1\n", "x", None, 1.5),
+        ("t,x\n0,1.5\n1,#N/A\n2,3\n", "x", None, 1.5),
+        (
+            ",Position,,Speed,\nt,x,z,x,z\ns,m,m,m/s,m/s\n0,1,1,1.5,2\n"
+            + 2 * "0,1,1,1,2\n",
+            "Speed.x",
+            "m/s",
+            1.5,
+        ),
     ],
 )
 def test_dialects(tmp_path, text, name, unit, first):
     path = tmp_path / "log.csv"
     path.write_text(text)
     column = values(read_recording(path), name)
-    assert column.values[0] == first and column.unit == unit and len(column.values) == 3
+    assert (
+        column.values[0] == first
+        and column.unit == unit
+        and len(column.values) in (3, 4)
+    )
+    path.with_suffix(".csv.gz").write_bytes(gzip.compress(text.encode()))
+    packed = values(read_recording(path.with_suffix(".csv.gz")), name)
+    np.testing.assert_array_equal(packed.values, column.values)
+
+
+def test_a_name_of_two_columns_cannot_be_mapped(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,x,x\n0,1,1\n1,2,1\n2,3,1\n")
+    with pytest.raises(InputError, match="two columns are named 'x'"):
+        values(read_recording(path), "x")
+
+
+def test_a_damaged_gzip_is_refused(tmp_path):
+    packed = gzip.compress(b"t,x\n0,1.5\n1,2\n2,3\n")
+    for content in (b"t,x\n0,1\n", packed[:-9], packed[:12] + b"???" + packed[15:]):
+        (tmp_path / "log.csv.gz").write_bytes(content)
+        with pytest.raises(InputError, match=r"log\.csv\.gz: cannot be read: ."):
+            read_recording(tmp_path / "log.csv.gz")
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        ({"x": np.zeros((100, 20))}, "no matrix of up to 16 columns .'x' has more."),
+        ({"T": np.uint32([[3707764736, 2, 1, 1, 1, 1]])}, "no vector or matrix"),
+    ],
+)
+def test_a_mat_file_without_vectors_says_how_to_save_them(tmp_path, content, found):
+    """As of a matrix with a column a flight, or what a table is in version 7.3."""
+    savemat(tmp_path / "a.mat", content)
+    with pytest.raises(InputError, match=rf"holds {found}.*array of structs.*table2s"):
+        read_recording(tmp_path / "a.mat")
 
 
 def test_utf16_and_bad_cells(tmp_path):

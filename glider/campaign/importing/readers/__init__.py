@@ -24,6 +24,7 @@ _READERS: dict[str, tuple[str, Reader]] = {
     ".parquet": ("Parquet", tables.read_parquet),
     ".c3d": ("C3D", c3d.read),
     ".xlsx": ("a workbook", tables.read_workbook),
+    ".xlsm": ("a workbook", tables.read_workbook),
 }
 """What a file is, and its reader, by the suffix of its name."""
 

@@ -6,17 +6,22 @@ which are found here, and do not give the line of a bad cell.
 
 import csv
 import datetime
+import gzip
+import itertools
 import re
-from collections.abc import Sequence
+import zlib
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from glider.campaign.importing.recording import Column, Group, Recording, spell
 from glider.errors import InputError, show
 
-_BLANK = frozenset({"", "-", "--", "na", "n/a", "nan", "null", "none", "inf", "-inf"})
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?$")
+_BLANK = re.compile(
+    r"-*|<?na>?|n/a|na[nt]|null|none|-?inf|#(n/a|num!|value!|div/0!)", re.IGNORECASE
+)
 _UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]+?)\s*[\])]$")
 _UNIT_SUFFIXES = (
     "mm",
@@ -39,11 +44,13 @@ NumberedRows = Sequence[tuple[int, Sequence[str]]]
 
 
 def decode(path: Path, formats: Sequence[str]) -> str:
-    """Text of a file in UTF-8, UTF-16 or Windows' Western code page."""
+    """Text of a file in UTF-8, UTF-16 or Windows' Western code page, or in gzip."""
     try:
         data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
+        data = gzip.decompress(data) if path.suffix == ".gz" else data
+    except (OSError, EOFError, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{path}: cannot be read: {reason}.") from None
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace")
     if b"\0" in data[:4096]:
@@ -60,24 +67,23 @@ def decode(path: Path, formats: Sequence[str]) -> str:
 def parse(path: Path, text: str) -> Recording:
     """Parses the one table of a text; see `parse_rows`."""
     lines = text.splitlines()
-    delimiter = _find_delimiter(lines)
-    rows = split_rows(lines, delimiter)
+    while lines and not re.search(r"\d", lines[-1]):  # Empty cells, or a last word.
+        lines.pop()
+    rows = split_rows(lines, _find_delimiter(lines))
     if all(not row or row[-1] == "" for row in rows):  # A separator ends each line.
         rows = [row[:-1] for row in rows]
-    comma = delimiter != "," and any(
-        _DECIMAL_COMMA.match(cell) for row in rows[-50:] for cell in row
-    )
-    return parse_rows(path, rows, comma=comma)
+    return parse_rows(path, rows)
 
 
-def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
+def parse_rows(path: Path, rows: Rows) -> Recording:
     """Parses rows of cells, their header included; decimals may have a comma.
 
     The header is what stands before the first of the rows of numbers: its last row
     has the names, unless that is a row of units. A unit may also stand in a name:
-    "pitch [deg]", "x (mm)", "pitch_deg".
+    "pitch [deg]", "x (mm)", "pitch_deg". Names that repeat get that of their group, in
+    the row above, before them: "Position.x". A header may stand again between rows.
     """
-    first = _first_data_row(rows, comma)
+    first = _first_data_row(rows)
     if first is None:
         raise InputError(
             f"{path}: no rows of numbers were found; "
@@ -85,16 +91,17 @@ def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
         )
     width = len(rows[first])
     header = [list(row) for row in rows[:first] if len(row) == width and any(row)]
+    repeated = list(header)
     header = [[row[0].lstrip("#% "), *row[1:]] for row in header]
     of_row: list[str | None] = [None] * width
-    if len(header) > 1 and _are_units(header[-1]):
+    if len(header) > 1 and _are_units(header[-1], header[-2]):
         of_row = [spell(cell) for cell in header.pop()]
     if not header:
         raise InputError(
             f"{path}: row {first + 1} is {show(', '.join(rows[first]))}, the first of "
             "numbers; expected a row with the names of the columns above it."
         )
-    data = number_rows(rows, first)
+    data = [(i, row) for i, row in number_rows(rows, first) if row not in repeated]
     for i, row in data:
         if len(row) != width:
             raise InputError(
@@ -102,14 +109,17 @@ def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
                 "as in the rows before."
             )
     columns: dict[str, Column] = {}
-    for j, name in enumerate(header[-1]):
+    above = header[-2] if len(header) > 1 else [""] * width
+    owners = itertools.accumulate(above, lambda before, cell: cell or before)
+    for j, (name, owner) in enumerate(zip(header[-1], owners, strict=True)):
         bare, unit = split_unit(name)
+        if owner and header[-1].count(name) > 1:
+            bare = f"{owner}.{bare}"
         if name and bare in columns:
-            raise InputError(
-                f"{path}: two columns are named '{bare}'; expected different names."
-            )
-        if name:
-            columns[bare] = make_column(bare, data, j, of_row[j] or unit, comma)
+            fault = f"two columns are named '{bare}'; expected different names."
+            columns[bare] = Column(columns[bare].values, fault=fault)
+        elif name:
+            columns[bare] = make_column(bare, data, j, of_row[j] or unit)
     return Recording(path, (Group("", columns),))
 
 
@@ -118,13 +128,12 @@ def number_rows(rows: Rows, first: int, last: int | None = None) -> NumberedRows
     return [(i, row) for i, row in enumerate(rows[first:last], first + 1) if any(row)]
 
 
-def make_column(
-    name: str, rows: NumberedRows, j: int, unit: str | None, comma: bool = False
-) -> Column:
+def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Column:
     """The j-th cells of rows; times in ISO 8601 become seconds from the first row."""
     cells = [row[j] if j < len(row) else "" for _, row in rows]
-    values = np.array([_number(cell, comma) for cell in cells])
-    filled = np.array([cell.lower() not in _BLANK for cell in cells], dtype=bool)
+    cells = ["" if _BLANK.fullmatch(cell) else cell for cell in cells]
+    values = np.array([_number(cell) for cell in cells])
+    filled = np.array(cells, dtype=bool)
     bad = np.flatnonzero(np.isnan(values) & filled)
     if not len(bad):
         return Column(values, unit)
@@ -134,8 +143,15 @@ def make_column(
             epoch = float(instants[filled][0])
             return Column(instants - epoch, "s", epoch=epoch)
     line, cell = rows[bad[0]][0], cells[bad[0]]
-    fault = f"column '{name}', row {line}: found {show(cell)}; expected a number."
+    expected = "a time in ISO 8601, or a number" if ":" in cell else "a number"
+    fault = f"column '{name}', row {line}: found {show(cell)}; expected {expected}."
     return Column(values, unit, fault, labels=cells)
+
+
+def text_column(name: str, cells: Iterable[Any]) -> Column:
+    """A column of texts, dates or numbers of any kind; rows are counted from 0."""
+    texts = [c.isoformat() if hasattr(c, "isoformat") else str(c) for c in cells]
+    return make_column(name, [(i, [text]) for i, text in enumerate(texts)], 0, None)
 
 
 def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
@@ -167,19 +183,19 @@ def _find_delimiter(lines: Sequence[str]) -> str:
 
     def count(delimiter: str) -> float:
         rows = split_rows(tail, delimiter)
-        numeric = [sum(_is_number(c, delimiter != ",") for c in row) for row in rows]
+        numeric = [sum(map(_is_number, row)) for row in rows]
         same = len(set(map(len, rows))) == 1
         return (float(np.median(numeric)) if numeric else 0.0) + 0.5 * same
 
     return max(";\t,| ", key=count)
 
 
-def _first_data_row(rows: Rows, comma: bool) -> int | None:
+def _first_data_row(rows: Rows) -> int | None:
     """The first row of numbers that is followed by some more like it."""
 
     def has_numbers(row: Sequence[str]) -> bool:
         filled = [cell for cell in row if cell]
-        numbers = sum(_is_number(cell, comma) for cell in filled)
+        numbers = sum(map(_is_number, filled))
         return numbers > 0 and 2 * numbers >= len(filled)
 
     for i in range(len(rows) - _MIN_ROWS + 1):
@@ -189,19 +205,20 @@ def _first_data_row(rows: Rows, comma: bool) -> int | None:
     return None
 
 
-def _are_units(row: Sequence[str]) -> bool:
-    known = [spell(cell) is not None or cell.strip(" []()") in "-1" for cell in row]
-    return all(known) and any(spell(cell) for cell in row)
+def _are_units(row: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether a row under names has their units; some may be unknown, such as V."""
+    cells = [cell for cell in row if cell.strip(" []()") not in ("", "-", "1")]
+    known = sum(spell(cell) is not None for cell in cells)
+    return 2 * known > len(cells) and sum(map(bool, names)) >= len(cells)
 
 
-def _is_number(cell: str, comma: bool) -> bool:
-    return not (np.isnan(_number(cell, comma)) and np.isnan(_instant(cell)))
+def _is_number(cell: str) -> bool:
+    return not (np.isnan(_number(cell)) and np.isnan(_instant(cell)))
 
 
-def _number(cell: str, comma: bool) -> float:
-    text = cell.replace(",", ".") if comma else cell
+def _number(cell: str) -> float:
     try:
-        value = float(text) if "_" not in text else np.nan
+        value = float(cell.replace(",", ".")) if "_" not in cell else np.nan
     except ValueError:
         return np.nan
     return value if np.isfinite(value) else np.nan
@@ -210,8 +227,9 @@ def _number(cell: str, comma: bool) -> float:
 def _instant(cell: str) -> float:
     """Seconds since 1970 of a date and time in ISO 8601, or since midnight of a time.
 
-    Without a zone it is taken for UTC; only differences matter.
+    Without a zone it is taken for UTC; only differences matter. 31.12.2026 is read too.
     """
+    cell = re.sub(r"^(\d\d)\.(\d\d)\.(\d{4})\b", r"\3-\2-\1", cell)
     for text in (cell, f"1970-01-01T{cell.removeprefix('T')}") if ":" in cell else ():
         try:
             time = datetime.datetime.fromisoformat(text)

@@ -3,6 +3,7 @@
 import contextlib
 import datetime
 import itertools
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,11 +35,8 @@ def read_parquet(path: Path) -> Recording:
             columns[name] = Column(numbers, kind.unit)
         elif types.is_integer(kind) or types.is_floating(kind):
             columns[bare] = Column(values.to_numpy().astype(float), unit)
-        elif types.is_string(kind) or types.is_dictionary(kind):
-            labels = ["" if cell is None else str(cell) for cell in values.to_pylist()]
-            fault = f"column '{name}' is text; expected numbers."
-            nothing = np.full(len(labels), np.nan)
-            columns[name] = Column(nothing, fault=fault, labels=labels)
+        elif not types.is_nested(kind):
+            columns[bare] = delimited.text_column(name, values.to_pylist())
         elif types.is_list(kind) or types.is_fixed_size_list(kind):
             rows = values.to_pylist()
             if len({len(row) for row in rows if row is not None}) == 1:
@@ -56,7 +54,8 @@ def read_mat(path: Path) -> list[Recording]:
     try:
         content = scipy.io.loadmat(path, simplify_cells=True)
     except NotImplementedError:  # Of version 7.3, says SciPy.
-        content = need("pymatreader", path).read_mat(path)
+        with warnings.catch_warnings(action="ignore"):
+            content = need("pymatreader", path).read_mat(path)
     arrays = list(_arrays("", (), content))
     places = sorted({place for place, _, _ in arrays})
     recordings = []
@@ -73,9 +72,14 @@ def read_mat(path: Path) -> list[Recording]:
         named = tuple(Group(n, c) for (n, _), c in groups.items())
         recordings += [Recording(here, named)] if named else []
     if not recordings:
+        wide = [name for _, name, array in arrays if array.ndim > 1]
+        found = "no vector or matrix of numbers"
+        if wide:
+            found = f"no matrix of up to {_WIDEST} columns ('{wide[0]}' has more)"
         raise InputError(
-            f"{path}: holds no vector or matrix of numbers; expected one at least, in "
-            "a variable or a struct."
+            f"{path}: holds {found}; expected vectors in variables or structs, several "
+            "flights as an array of structs, and of a table or timetable "
+            "table2struct(T, 'ToScalar', true)."
         )
     return recordings
 
@@ -90,7 +94,8 @@ def _arrays(
             if not field.startswith(("__", "#")):
                 yield from _arrays(f"{name}.{field}" if name else field, place, value)
     elif isinstance(content, np.ndarray) and content.dtype.kind in "fiub":
-        yield place, name, content
+        if place or max(content.shape, default=0) >= FEWEST_ROWS:
+            yield place, name, content
     elif isinstance(content, (list, np.ndarray)):
         cells = content if isinstance(content, list) else np.ravel(content).tolist()
         parts = (_arrays(name, (*place, i), cell) for i, cell in enumerate(cells))
