@@ -64,13 +64,7 @@ class Table:
 def read_table(file: Path) -> Table:
     """Reads a CSV file with a header; blank lines are skipped."""
     lines = schema.read_text(file, "a CSV file").split("\n")
-    cells: list[list[str]] = []
-    for line in lines:  # One by one, so that a lone quote does not swallow the rest.
-        try:
-            row = next(csv.reader([line], strict=True, skipinitialspace=True), [])
-        except csv.Error as error:
-            raise InputError(f"{file}: row {len(cells) + 1}: {error}.") from None
-        cells.append([cell.strip() for cell in row])
+    cells = split_rows(lines, ",")
     names = cells[0]
     if all(math.isfinite(to_float(name)) for name in names):
         raise InputError(
@@ -92,6 +86,20 @@ def read_table(file: Path) -> Table:
             )
     columns = {name: [cells[i][j] for i in rows] for j, name in enumerate(names)}
     return Table(path=file, columns=columns, lines=[i + 1 for i in rows])
+
+
+def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
+    """Cells of lines, each by itself: a lone quote must not swallow the rest."""
+    if delimiter == " ":
+        return [line.split() for line in lines]
+    rows, how = [], {"delimiter": delimiter, "strict": True, "skipinitialspace": True}
+    for line in lines:
+        try:
+            row = next(csv.reader([line], **how), [])
+        except csv.Error:
+            row = line.split(delimiter)
+        rows.append([cell.strip() for cell in row])
+    return rows
 
 
 def to_float(cell: Any) -> float:

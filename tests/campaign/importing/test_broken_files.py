@@ -42,16 +42,22 @@ def test_a_motive_export_whose_trailing_commas_were_trimmed(tmp_path):
         ",Name,Glider,Glider\n,ID,1,1\n,,Position,Position,Position\n"
         "Frame,Time (Seconds),X,Y,Z\n0,0.0,1,2,3\n"
     )
-    message = refusal(tmp_path / "a.csv", text)
-    assert "row 4 ('Name') has 4 cells" in message and "5" in message
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(InputError, match=r"no column 'Glider.Position.Z'.*found Time"):
+        read_recording(tmp_path / "a.csv").find("Glider.Position.Z", "columns")
 
 
 def test_a_motive_marker_that_lacks_an_axis(tmp_path):
+    """It is of no use, but the other bodies are."""
     text = MOTIVE_HEAD + (
-        ",Name,G,G,H\n,ID,1,1,1\n,,Position,Position,Position\n"
-        "Frame,Time (Seconds),X,Y,Z\n0,0.0,1,2,3\n"
+        ",Name,H,H,G,G,G\n,ID,1,1,1,1,1\n,," + 5 * "Position," + "\n"
+        "Frame,Time (Seconds),X,Y,X,Y,Z\n0,0.0,1,2,3,4,5\n"
     )
-    assert "'G.Position.Z'" in refusal(tmp_path / "a.csv", text)
+    (tmp_path / "a.csv").write_text(text)
+    recording = read_recording(tmp_path / "a.csv")
+    assert recording.find("G.Position.Z", "columns")[1].values == [5.0]
+    with pytest.raises(InputError, match=r"no column 'H.Position.Z'"):
+        recording.find("H.Position.Z", "columns")
 
 
 def test_a_lone_quote_in_a_large_file(tmp_path):

@@ -10,11 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.importing.readers.delimited import (
-    make_column,
-    number_rows,
-    split_rows,
-)
+from glider.campaign.flight_table import split_rows
+from glider.campaign.importing.readers.delimited import make_column, number_rows
 from glider.campaign.importing.recording import Column, Group, Recording, spell
 from glider.errors import InputError
 
@@ -45,13 +42,8 @@ def _parse_motive(path: Path, text: str) -> Recording:
             f"{path}: starts as an export of Motive does, but its rows 'Name' and "
             "'Frame' are missing; expected an export with its header."
         )
-    names, parts, axes = rows[heads["Name"]], rows[last - 1], rows[last]
-    for i, label in ((heads["Name"], "Name"), (last - 1, "Rotation, Position")):
-        if len(rows[i]) < len(axes):
-            raise InputError(
-                f"{path}: row {i + 1} ('{label}') has {len(rows[i])} cells; expected "
-                f"{len(axes)}, as in row {last + 1}."
-            )
+    axes, trimmed = rows[last], [""] * len(rows[last])
+    names, parts = rows[heads["Name"]] + trimmed, rows[last - 1] + trimmed
     length = spell(facts.get("Length Units", ""))
     euler = facts.get("Rotation Type", "")
     data = number_rows(rows, last + 1)
@@ -64,7 +56,7 @@ def _parse_motive(path: Path, text: str) -> Recording:
             angle = None if euler == "Quaternion" else "deg"
             unit = length if parts[j] == "Position" else angle
             columns.setdefault(name, make_column(name, data, j, unit))
-    _forget_unseen(path, columns)
+    _forget_unseen(columns)
     order = euler.upper() if sorted(euler.upper()) == ["X", "Y", "Z"] else None
     return Recording(path, (Group("", columns, _TIME),), order, up="y")
 
@@ -107,21 +99,16 @@ def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:
         name = f"{owner}.{what}.{part[-1]}"
         unit = spell(spelled[j]) if j < len(spelled) else None
         columns[name] = make_column(name, data, j, unit)
-    _forget_unseen(path, columns)
+    _forget_unseen(columns)
     return Group("" if start == 0 else kind, columns, _TIME)
 
 
-def _forget_unseen(path: Path, columns: dict[str, Column]) -> None:
+def _forget_unseen(columns: dict[str, Column]) -> None:
     """Writes nan where a position is zero in all three axes: nothing was seen."""
     bodies = [n.rpartition(".Position.")[0] for n in columns if ".Position." in n]
     for body in dict.fromkeys(bodies):
         names = [f"{body}.Position.{axis}" for axis in "XYZ"]
-        if missing := [name for name in names if name not in columns]:
-            raise InputError(
-                f"{path}: column '{missing[0]}' is missing; expected X, Y and Z of "
-                "every body and marker."
-            )
-        places = [columns[name].values for name in names]
+        places = [columns[name].values for name in names if name in columns]
         unseen = np.all(np.stack(places) == 0.0, axis=0)
         for name, column in columns.items():
             if name.startswith(f"{body}."):

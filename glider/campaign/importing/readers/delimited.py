@@ -4,10 +4,8 @@ Python's csv splits the rows: pandas and pyarrow need the dialect and the header
 which are found here, and do not give the line of a bad cell.
 """
 
-import csv
 import datetime
 import gzip
-import itertools
 import re
 import zlib
 from collections.abc import Iterable, Sequence
@@ -16,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from glider.campaign.flight_table import split_rows, to_float
 from glider.campaign.importing.recording import Column, Group, Recording, spell
 from glider.errors import InputError, show
 
@@ -37,6 +36,7 @@ _UNIT_SUFFIXES = (
     "radps",
 )
 _MIN_ROWS = 3
+_DAY_ZERO = datetime.datetime(1970, 1, 1)
 
 Rows = Sequence[Sequence[str]]
 NumberedRows = Sequence[tuple[int, Sequence[str]]]
@@ -109,10 +109,10 @@ def parse_rows(path: Path, rows: Rows) -> Recording:
                 "as in the rows before."
             )
     columns: dict[str, Column] = {}
-    above = header[-2] if len(header) > 1 else [""] * width
-    owners = itertools.accumulate(above, lambda before, cell: cell or before)
-    for j, (name, owner) in enumerate(zip(header[-1], owners, strict=True)):
+    owner, above = "", header[-2] if len(header) > 1 else [""] * width
+    for j, name in enumerate(header[-1]):
         bare, unit = split_unit(name)
+        owner = above[j] or owner
         if owner and header[-1].count(name) > 1:
             bare = f"{owner}.{bare}"
         if name and bare in columns:
@@ -150,22 +150,14 @@ def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Colu
 
 def text_column(name: str, cells: Iterable[Any]) -> Column:
     """A column of texts, dates or numbers of any kind; rows are counted from 0."""
-    texts = [c.isoformat() if hasattr(c, "isoformat") else str(c) for c in cells]
-    return make_column(name, [(i, [text]) for i, text in enumerate(texts)], 0, None)
+    return make_column(name, [(i, [as_text(c)]) for i, c in enumerate(cells)], 0, None)
 
 
-def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
-    """Cells of lines, each by itself: a lone quote must not swallow the rest."""
-    if delimiter == " ":
-        return [line.split() for line in lines]
-    rows = []
-    for line in lines:
-        try:
-            row = next(csv.reader([line], delimiter=delimiter, strict=True), [])
-        except csv.Error:
-            row = line.split(delimiter)
-        rows.append([cell.strip() for cell in row])
-    return rows
+def as_text(value: Any) -> str:
+    """Text of a cell; a date, or a time of a day, in ISO 8601."""
+    if isinstance(value, datetime.timedelta):  # A time beyond 24 h.
+        value = _DAY_ZERO + value
+    return value.isoformat() if hasattr(value, "isoformat") else str(value).strip()
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
@@ -217,10 +209,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _number(cell: str) -> float:
-    try:
-        value = float(cell.replace(",", ".")) if "_" not in cell else np.nan
-    except ValueError:
-        return np.nan
+    value = to_float(cell.replace(",", "."))
     return value if np.isfinite(value) else np.nan
 
 

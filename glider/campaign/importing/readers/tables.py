@@ -1,7 +1,6 @@
 """Tables that a library reads: Parquet, MATLAB's .mat, sheets of .xlsx workbooks."""
 
 import contextlib
-import datetime
 import itertools
 import warnings
 from collections.abc import Iterator
@@ -16,7 +15,6 @@ from glider.campaign.importing.splitting import FEWEST_ROWS
 from glider.errors import InputError
 
 _WIDEST = 16  # Columns of a matrix that is looked into.
-_DAY_ZERO = datetime.datetime(1970, 1, 1)
 
 
 def read_parquet(path: Path) -> Recording:
@@ -126,8 +124,9 @@ def read_workbook(path: Path) -> list[Recording]:
         sheets = [sheet for sheet in book.worksheets if sheet.max_row != 0]
         for sheet in sheets:
             place = path / sheet.title if len(sheets) > 1 else path
+            cells = sheet.iter_rows(values_only=True)
             rows = [
-                [_text(v) for v in row] for row in sheet.iter_rows(values_only=True)
+                ["" if v is None else delimited.as_text(v) for v in r] for r in cells
             ]
             try:
                 recordings.append(delimited.parse_rows(place, rows))
@@ -136,12 +135,3 @@ def read_workbook(path: Path) -> list[Recording]:
     if not recordings:
         raise reason
     return recordings
-
-
-def _text(value: object) -> str:
-    """Text of a cell; a date, or a time of a day, in ISO 8601."""
-    if isinstance(value, datetime.timedelta):  # A time beyond 24 h.
-        value = _DAY_ZERO + value
-    if isinstance(value, (datetime.datetime, datetime.time)):
-        return value.isoformat()
-    return "" if value is None else str(value).strip()

@@ -38,6 +38,7 @@ _PX4 = {
     "acceleration": "vehicle_acceleration.xyz",
 }
 """Topics by quantity, the first that a log has."""
+_ULOG_UNITS = {"timestamp": "us"}
 _ELEVATOR = 3  # Type of a control surface, in PX4's parameters CA_SV_CS0_TYPE, ...
 
 Decoder = Callable[[bytes], object]
@@ -50,11 +51,8 @@ def read_ulog(path: Path) -> Recording:
         log = pyulog.ULog(stream)
     groups = []
     for topic in log.data_list:
-        units = {"timestamp": "us"}
-        columns = {
-            name: Column(np.asarray(values, dtype=float), units.get(name))
-            for name, values in topic.data.items()
-        }
+        data = {n: np.asarray(v, dtype=float) for n, v in topic.data.items()}
+        columns = {n: Column(v, _ULOG_UNITS.get(n)) for n, v in data.items()}
         name = f"{topic.name}_{topic.multi_id}" if topic.multi_id else topic.name
         groups.append(Group(name, columns, "timestamp"))
     if not groups:
