@@ -92,10 +92,13 @@ def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
     """Cells of lines, each by itself: a lone quote must not swallow the rest."""
     if delimiter == " ":
         return [line.split() for line in lines]
-    rows, how = [], {"delimiter": delimiter, "strict": True, "skipinitialspace": True}
+    rows = []
     for line in lines:
+        cells = csv.reader(
+            [line], delimiter=delimiter, strict=True, skipinitialspace=True
+        )
         try:
-            row = next(csv.reader([line], **how), [])
+            row = next(cells, [])
         except csv.Error:
             row = line.split(delimiter)
         rows.append([cell.strip() for cell in row])

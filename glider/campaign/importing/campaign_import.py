@@ -242,8 +242,16 @@ def campaign_of_cuts(
 ) -> Campaign:
     """A campaign of the flights of recordings, numbered in their order."""
     tables: list[Table] = []
+    sources: dict[bytes, Path] = {}  # By content.
     for flight in (f for recording in recordings for f in recording.flights):
         columns = dict(flight.table.columns)
+        content = np.concatenate([columns["z"], columns["pitch"]]).tobytes()
+        if content in sources:
+            raise InputError(
+                f"{flight.table.path}: holds the flight that is in {sources[content]} "
+                "too; expected each once."
+            )
+        sources[content] = flight.table.path
         columns["time"] = columns["time"] - flight.span[0]
         name = f"flight_{len(tables):03d}.csv"
         tables.append(Table(path=flight.table.path, name=name, columns=columns))
@@ -408,8 +416,8 @@ def read_logs(
     its groups are named by the patterns, and each file has a clock of its own.
     """
     if not mapping.join:
-        in_turn = announced(sorted(files), "reading", progress)
-        return [r for file in in_turn for r in read_recordings(file)]
+        in_turn = announced(sorted(set(files)), "reading", progress)
+        return [r for f in in_turn for r in _mapped(read_recordings(f), mapping)]
     parts: dict[str, dict[str, Path]] = {}
     for file in sorted(files):
         pattern = next((p for p in mapping.join if fnmatch.fnmatch(file.name, p)), None)
@@ -430,6 +438,14 @@ def read_logs(
             )
     joined = [parts[key] for key in announced(sorted(parts), "reading", progress)]
     return [_join(found, mapping.join) for found in joined]
+
+
+def _mapped(recordings: list[Recording], mapping: Mapping) -> list[Recording]:
+    """Those with the first column of a position; all if none has: no summary sheet."""
+    place = mapping.columns.get("position", mapping.columns.get("x", ""))
+    stem = place[0] if isinstance(place, list) else str(place)
+    found = [r for r in recordings if any(n.startswith(stem) for n in r.names())]
+    return found or recordings
 
 
 def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:

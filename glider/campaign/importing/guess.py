@@ -168,7 +168,7 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
                 assert joined is not None
                 return read_logs(list(logs), joined, silent), join
     found = [r for read in logs.values() for r in read]
-    filled = [log for log in found if any(group.columns for group in log.groups)]
+    filled = [log for log in found if _has_pose(_find(log))]
     return (filled or found)[:_MAX_FILES], []
 
 
@@ -263,7 +263,8 @@ def _guess_columns(log: Recording) -> Columns:
         listed = ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
         raise InputError(
             f"{log.path}: no columns of a position and an attitude were recognized by "
-            f"their names in {listed}; write the mapping by hand."
+            f"their names in {listed}; write the mapping by hand (markers give an "
+            "attitude as {nose: ..., tail: ...})."
         )
     return {q: columns[q] for q in QUANTITIES if q in columns}
 

@@ -85,6 +85,20 @@ def test_a_time_that_starts_again(tmp_path, campaign):
     assert str(result.recordings[-1].path) == f"{path}/part {len(campaign.flights)}"
 
 
+def test_a_copy_of_a_flight_is_refused(tmp_path, campaign):
+    """It would count twice; the same file, named twice, is read once."""
+    files = [tmp_path / f"{k}.csv" for k in range(3)]
+    for file, k in zip(files, (0, 1, 0), strict=True):
+        write_text(file, rows_of(campaign.flights[k]))
+    mapping = tmp_path / "MAP.yaml"
+    mapping.write_text(MAP % "" + foreign.VEHICLE)
+    assert len(read_flights([*files[:2], files[0]], mapping).campaign.flights) == 2
+    with pytest.raises(
+        InputError, match=r"2\.csv: holds the flight that is in .*0\.csv"
+    ):
+        read_flights(files, mapping)
+
+
 def test_parquet(tmp_path, campaign):
     arrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")

@@ -171,6 +171,21 @@ def test_the_sheets_of_a_workbook_give_back_the_flights(tmp_path, campaign):
     assert f"flight_002.csv: {files[0]}/Throw 2, " in imported.describe()
 
 
+def test_a_summary_beside_the_sheets_of_flights_is_none(tmp_path, campaign):
+    openpyxl = pytest.importorskip("openpyxl")
+    files = write_workbook(tmp_path / "throws.xlsx", campaign)
+    book = openpyxl.load_workbook(files[0])
+    summary = book.create_sheet("Summary", 0)
+    for row in (["throw", "distance"], *([k, 3.5] for k in range(6))):
+        summary.append(row)
+    book.save(files[0])
+    path = tmp_path / "MAP.yaml"
+    path.write_text(MAP_WORKBOOK + foreign.VEHICLE)
+    imported = read_flights(files, path)
+    assert_same(imported.campaign, campaign, "xlsx")
+    assert len(imported.recordings) == len(campaign.flights)
+
+
 def test_a_workbook_with_dates(tmp_path, campaign):
     write_workbook(tmp_path / "throws.xlsx", campaign, stamped=True)
     first, *others = read_recordings(tmp_path / "throws.xlsx")

@@ -70,16 +70,13 @@ def test_a_damaged_gzip_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "found"),
-    [
-        ({"x": np.zeros((100, 20))}, "no matrix of up to 16 columns .'x' has more."),
-        ({"T": np.uint32([[3707764736, 2, 1, 1, 1, 1]])}, "no vector or matrix"),
-    ],
+    "content",
+    [{"x": np.zeros((100, 20))}, {"T": np.uint32([[3707764736, 2, 1, 1, 1, 1]])}],
 )
-def test_a_mat_file_without_vectors_says_how_to_save_them(tmp_path, content, found):
+def test_a_mat_file_without_vectors_says_how_to_save_them(tmp_path, content):
     """As of a matrix with a column a flight, or what a table is in version 7.3."""
     savemat(tmp_path / "a.mat", content)
-    with pytest.raises(InputError, match=rf"holds {found}.*array of structs.*table2s"):
+    with pytest.raises(InputError, match=r"of up to 16 .*array of structs.*table2s"):
         read_recording(tmp_path / "a.mat")
 
 

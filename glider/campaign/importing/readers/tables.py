@@ -70,14 +70,10 @@ def read_mat(path: Path) -> list[Recording]:
         named = tuple(Group(n, c) for (n, _), c in groups.items())
         recordings += [Recording(here, named)] if named else []
     if not recordings:
-        wide = [name for _, name, array in arrays if array.ndim > 1]
-        found = "no vector or matrix of numbers"
-        if wide:
-            found = f"no matrix of up to {_WIDEST} columns ('{wide[0]}' has more)"
         raise InputError(
-            f"{path}: holds {found}; expected vectors in variables or structs, several "
-            "flights as an array of structs, and of a table or timetable "
-            "table2struct(T, 'ToScalar', true)."
+            f"{path}: holds no vector of numbers, or matrix of up to {_WIDEST} columns;"
+            " expected these in variables or structs, several flights as an array of "
+            "structs, and of a table or timetable table2struct(T, 'ToScalar', true)."
         )
     return recordings
 
