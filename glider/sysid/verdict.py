@@ -14,9 +14,11 @@ from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.record import Record, Signs
 from glider.sysid.replay.replayed import logged_elevator
+from glider.sysid.replay.theta import SERVO_LOG
 from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
@@ -40,6 +42,13 @@ GAIN_ERROR = 0.03
 with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than the
 library's among them; 0.04 and 0.05 where one clock is 5 % slow."""
 
+TRAVEL_ERROR, TRAVEL_Z = 0.1, 3.0
+"""The same where the elevator was not measured, and its travel is fitted."""
+
+SHIFTED = 0.01
+"""Shift of a servo's log above which the verdict has it [s]: a clock that is found is
+known to 5 ms."""
+
 GAIN_Z = 4.0  # ... and standard errors over flights above which that is significant.
 WINDOW = 0.1  # Time over which an elevator's travel is measured [s].
 
@@ -55,6 +64,15 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
+    travel = float(model.theta[slot := task.layout.index[SERVO_LOG.kind, "travel"]])
+    if slot in model.free:
+        std = uncertainty_of(task, model).std(slot)
+        if abs(travel) > max(TRAVEL_ERROR, TRAVEL_Z * std):
+            return (
+                f"the elevator turns {1.0 + travel:.2f} (± {std:.1g}) times as far as "
+                "its commanded angles, and was not measured (that may be the 'gain' of "
+                "'elevator_angle_command' that is missing in the 'units' of a MAP)"
+            )
     if not task.vehicle.knows_forces:
         return None
     found = [
@@ -78,6 +96,18 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "as with a wrong clock or unit"
         )
     return None
+
+
+def find_shift(task: Task, model: FitResult) -> str:
+    """A sentence about a servo's log that fits at other times than logged, or ""."""
+    shift = float(model.theta[task.layout.index[SERVO_LOG.kind, "poses"]])
+    if abs(shift) < SHIFTED:
+        return ""
+    words = "earlier" if shift < 0.0 else "later"
+    return (
+        f" The servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than its "
+        "times say: check 'clock' in the MAP of the import."
+    )
 
 
 def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:

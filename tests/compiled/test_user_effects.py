@@ -20,7 +20,7 @@ from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.replayed import pose_signals, replayed_path, true_nodes
-from glider.sysid.replay.theta import CLOCK_OFFSET, LIBRARY_LAYOUT, layout_of, theta_of
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, SERVO_LOG, layout_of, theta_of
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error
 from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, STICKY, TWIST
@@ -244,8 +244,8 @@ def test_an_own_actuator_that_makes_no_rate_of_its_own_is_refused():
 def test_the_library_keeps_its_layout():
     assert layout_of(()) is LIBRARY_LAYOUT
     assert LIBRARY_LAYOUT.user_kinds == ()
-    clocks = {CLOCK_OFFSET.kind: CLOCK_OFFSET}  # Fitted, never an effect.
-    assert LIBRARY_LAYOUT.kinds == KINDS | clocks
+    of_logs = {SERVO_LOG.kind: SERVO_LOG}  # Fitted, never an effect.
+    assert LIBRARY_LAYOUT.kinds == KINDS | of_logs
     shared = LIBRARY_LAYOUT.slots[: LIBRARY_LAYOUT.num_compiled]
     assert LAYOUT.slots[: len(shared)] == shared
 

@@ -14,6 +14,8 @@ standard deviation is 0.05 to 0.08 of a campaign, 0.11 of three throws.
 """
 
 import itertools
+import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -23,7 +25,8 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion, robust_std
 from glider.campaign.logs import Campaign
 
-_MIN_FLIGHTS = 3  # One throw alone may be off by far more than it shows.
+_MIN_FLIGHTS = 3  # One throw alone may be off by far more than it shows: a warning.
+_PIECES = 4  # That fewer flights are cut into, for their scatter.
 _OFF = 0.05, 0.15  # Part by which gravity may be off: warned of, refused.
 _SURELY = 1.7  # Standard deviations that must be in it.
 UNKNOWN = 0.2
@@ -45,11 +48,15 @@ def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
     """Warns of lengths or times in a wrong scale; refuses those certainly so."""
     motions = [forces.usable_motion(f, masks) for f in campaign.flights]
     motions = [motion for motion in motions if len(motion.time)]
+    refused = _OFF[1] if len(motions) >= _MIN_FLIGHTS else math.inf
     if len(motions) < _MIN_FLIGHTS:
+        motions = [part for motion in motions for part in _pieces(motion)]
+    if not motions:
         return ()
     fall, error = measure_fall(motions)
     if error > UNKNOWN:
-        return ()
+        words = "check the units of lengths and times"
+        return (f"the flights show gravity to ± {100 * error:.0f} % only: {words}",)
     ratio = fall / max(campaign.gravity, 1e-3)
     found = (
         f"the flights fall at {fall:.3g} ± {error * fall:.1g} m/s² and "
@@ -57,7 +64,12 @@ def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
         f"times as large ('units: length'), times {np.sqrt(ratio):.3g} times as "
         "large ('units: time', the frame rate), or the right gravity"
     )
-    return claim_scale(campaign, ratio, _SURELY * error, _OFF, found)
+    return claim_scale(campaign, ratio, _SURELY * error, (_OFF[0], refused), found)
+
+
+def _pieces(motion: Motion) -> Iterator[Motion]:
+    for rows in np.array_split(np.arange(len(motion.time)), _PIECES):
+        yield Motion(*(values[rows] for values in motion))
 
 
 def measure_fall(motions: list[Motion]) -> tuple[float, float]:

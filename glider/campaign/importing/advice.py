@@ -24,7 +24,7 @@ _MOST_RECORDINGS = 6  # That changes are tried on.
 _MOST_ROWS = 20_000  # Of these: a hundred trials of them take 20 s.
 _MOST_COLUMNS = 12  # That are tried as y.
 ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
-_SCALARS = ("x", "y", "z", "pitch", "elevator", "elevator_rate_command")
+_SCALARS = ("x", "y", "z", "roll", "pitch", "yaw", "elevator", "elevator_rate_command")
 
 Check = Callable[[Sequence[Recording], Mapping], Any]
 """Makes an `ImportResult` of recordings; InputError if they are refused."""
@@ -33,10 +33,12 @@ Check = Callable[[Sequence[Recording], Mapping], Any]
 class _Trial(NamedTuple):
     """What a change makes of recordings."""
 
+    odd: bool  #: Whether quantities of different kinds are exchanged.
     undecided: int  #: Warnings.
     misfit: float  #: Of forces and moments.
     rows: int  #: Of the flights.
     words: str  #: The change as in a MAP file.
+    mapping: Mapping
 
 
 def advise(
@@ -46,27 +48,38 @@ def advise(
     some = _some(recordings)
     if not some or _try("", claim, some, check):
         return error  # It is about other recordings.
-    trials: list[_Trial | None] = []
+    trials = []
     for part, value in _changes(claim, some[0]):
         with contextlib.suppress(InputError):
             if (changed := _changed(claim, part, value)) != claim:
                 text = yaml.safe_dump({part: value}, default_flow_style=True, width=999)
-                trials.append(_try(text.strip()[1:-1], changed, some, check))
+                exchanged = value if part == "columns" else ()
+                odd = len({QUANTITIES[name] for name in exchanged}) > 1
+                trials.append(_try(text.strip()[1:-1], changed, some, check, odd=odd))
     passed = sorted(filter(None, trials))
     most = max((trial.rows for trial in passed), default=0)
-    likely = [trial for trial in passed if 2 * trial.rows > most]
-    if not likely:
-        return error
-    best, *others = likely
     # `up` and `top` may have the same result: only another one is a rival.
-    rivals = (t for t in others if best.misfit < t.misfit < CLEARLY * best.misfit)
-    near = [trial.words for trial in rivals][:1]
-    words = " or ".join(f"'{choice}'" for choice in (best.words, *near))
+    likely = {t[:3]: t for t in reversed(passed) if 2 * t.rows > most}.values()
+    sure: Iterator[_Trial] = reversed(likely)
+    if len(some) < len(recordings):  # Few flights may not show what is wrong.
+        sure = (t for t in sure if _try(t.words, t.mapping, recordings, check))
+    advised = list(itertools.islice(sure, 2))
+    if not advised:
+        return error
+    best = advised[0]
+    rivals = (t for t in advised if t.odd == best.odd)
+    near = [t.words for t in rivals if t.misfit < CLEARLY * best.misfit]
+    words = " or ".join(f"'{choice}'" for choice in near)
     return InputError(f"{str(error).rstrip('.')}; with {words} it passes all checks.")
 
 
 def _try(
-    words: str, mapping: Mapping, recordings: Sequence[Recording], check: Check
+    words: str,
+    mapping: Mapping,
+    recordings: Sequence[Recording],
+    check: Check,
+    *,
+    odd: bool = False,
 ) -> _Trial | None:
     """What a mapping makes of recordings; None where a check refuses it."""
     try:
@@ -76,9 +89,9 @@ def _try(
     flights = imported.campaign.flights
     if len(flights) < MIN_FLIGHTS:
         return None
-    misfit = misfit_of(imported.campaign)
+    misfit = round(misfit_of(imported.campaign), 6)
     rows = sum(len(flight.time) for flight in flights)
-    return _Trial(len(imported.undecided), round(misfit, 6), rows, words)
+    return _Trial(odd, len(imported.undecided), misfit, rows, words, mapping)
 
 
 def _some(recordings: Sequence[Recording]) -> list[Recording]:
@@ -98,6 +111,10 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
     for name in ("length", "time", "angle", "rate", *angles):
         for unit in UNITS[QUANTITIES.get(name, name)]:
             yield "units", {name: unit}
+    if "elevator" in angles and "elevator_rate_command" in columns:
+        for unit in UNITS["angle"]:
+            servo = {"elevator": unit, "elevator_rate_command": f"{unit}/s"}
+            yield "units", servo
     frames: list[dict[str, str]] = [{"up": up} for up in AXES]
     if any(name.startswith("elevator") for name in columns):
         frames += [{"elevator": e, "command": c} for e in signs for c in signs]
@@ -105,7 +122,7 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
         pairs = itertools.permutations(AXES, 2)
         frames += [{"nose": nose, "top": top} for nose, top in pairs]
         frames += [{"rotation": order} for order in (*ORDERS, "wxyz", "xyzw")]
-    else:
+    if "pitch" in columns or "attitude" in columns:
         frames += [{"pitch": pitch} for pitch in FRAME_CHOICES["pitch"][0]]
     if "x" in columns:
         frames += [{"forward": forward} for forward in FRAME_CHOICES["forward"][0]]

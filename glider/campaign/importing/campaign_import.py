@@ -30,7 +30,6 @@ from glider.progress import Progress, announced, silent
 
 _CLEARLY = 14.0  # Log odds above which an order is refused: a million to one.
 _REASONS = 3  # Why recordings have no flight: as many are listed.
-_WARNING = "warning: "  # Beginning of a note that is one.
 _ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
 _OFF = 3.0  # Standard errors above which a clock that is specified is in doubt.
 
@@ -55,6 +54,7 @@ class CutRecording(NamedTuple):
     path: Path
     flights: tuple[CutFlight, ...]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
     servo: ServoLog = ServoLog()
 
 
@@ -204,8 +204,7 @@ def _checked(
         )
     readings = [flight.readings for cut in cuts for flight in cut.flights]
     campaign = campaign_of_cuts(settings, cuts)
-    notes = dict.fromkeys(note for c in cuts for note in c.notes)
-    warnings = [n.removeprefix(_WARNING) for n in notes if n.startswith(_WARNING)]
+    warnings = dict.fromkeys(words for c in cuts for words in c.warnings)
     sensors = check_sensors(readings, str(settings.path))
     undecided = *warnings, *sensors, *check_signs(campaign)
     _check_rotation(recordings, claim, campaign)
@@ -267,7 +266,7 @@ def _extract(
     settings: Campaign,
 ) -> tuple[CutRecording, ...]:
     """Makes tables of the flights that were cut out of recordings."""
-    clocked = _on_one_clock(tracks, [cuts for cuts, _ in found], mapping)
+    clocked, warnings = _on_one_clock(tracks, [cuts for cuts, _ in found], mapping)
     recordings = []
     for (track, of_clock, std), (cuts, of_cuts) in zip(clocked, found, strict=True):
         flights, notes, log = [], of_cuts + of_clock, settings.servo
@@ -282,7 +281,8 @@ def _extract(
             table = Table(path=track.path, columns=columns)
             readings = read_sensors(flight, settings.gravity)
             flights.append(CutFlight(table, piece.why, readings))
-        recordings.append(CutRecording(track.path, tuple(flights), tuple(notes), log))
+        made = track.path, tuple(flights), tuple(notes), warnings, log
+        recordings.append(CutRecording(*made))
     return tuple(recordings)
 
 
@@ -295,20 +295,23 @@ def _with_clock(log: ServoLog, track: Track, std: float) -> ServoLog:
 
 def _on_one_clock(
     tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
-) -> list[tuple[Track, list[str], float]]:
-    """Recordings with all logs on their poses' clocks, notes, and standard errors."""
+) -> tuple[list[tuple[Track, list[str], float]], tuple[str, ...]]:
+    """Recordings with all logs on their poses' clocks, notes, and standard errors.
+
+    And warnings.
+    """
     clock = mapping.clock or ("find" if any(map(_has_two_clocks, tracks)) else "same")
     result: list[tuple[Track, list[str], float]] = [(t, [], 0.0) for t in tracks]
     if clock == "same":
-        return result
+        return result, ()
     flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
     pairs = [(tracks[i], [c.track for c in flights[i]]) for i in flying]
     if clock != "find":
-        std, more = _check_clock(pairs, float(clock))
-        notes = [f"clock: shifted by {clock:g} s, as specified", *more]
-        return [(shift(track, float(clock)), notes, std) for track in tracks]
+        std, warnings = _check_clock(pairs, float(clock))
+        notes = [f"clock: shifted by {clock:g} s, as specified"]
+        return [(shift(track, float(clock)), notes, std) for track in tracks], warnings
     if not flying:
-        return result
+        return result, ()
     offsets = find_offsets(pairs)
     for i, offset in zip(flying, offsets, strict=True):
         std = offset.std
@@ -321,13 +324,13 @@ def _on_one_clock(
             note += ", and a delay of the servo, if any, with it"
             std = _ABSORBED
         result[i] = (shift(tracks[i], offset.seconds), [note], std)
-    return result
+    return result, ()
 
 
 def _check_clock(
     flying: Sequence[tuple[Track, Sequence[Track]]], clock: float
-) -> tuple[float, list[str]]:
-    """Standard error [s] of a clock that a mapping specifies, and a note if it is off.
+) -> tuple[float, tuple[str, ...]]:
+    """Standard error [s] of a clock that a mapping specifies, and a warning if off.
 
     It is known to half its last digit, or as well as it agrees with what is found.
     """
@@ -338,16 +341,16 @@ def _check_clock(
     except InputError:
         offsets = []
     if not offsets:
-        return rounded, []
+        return rounded, ()
     found, std = np.median([(o.seconds, o.std) for o in offsets], axis=0)
     off = abs(clock - found)
     if off <= _OFF * math.hypot(std, rounded):
-        return rounded, []
-    return off, [
-        f"{_WARNING}'clock' is {clock:g}, and the elevator turns the glider as if its "
-        f"clock were {found:.3f} ± {std:.3f} s ahead of the poses': it is wrong, or "
-        "servo or poses are late"
-    ]
+        return rounded, ()
+    return off, (
+        f"'clock' is {clock:g}, and the elevator turns the glider as if its clock were "
+        f"{found:.3f} ± {std:.3f} s ahead of the poses': it is wrong, or servo or "
+        "poses are late",
+    )
 
 
 def _has_two_clocks(track: Track) -> bool:

@@ -28,25 +28,27 @@ OFFSET = 3
 from its replayed path [rad]."""
 
 
-def _replay_clocks(replay: Replay, poses: float, commands: float) -> Replay:
+def _replay_log(replay: Replay, poses: float, commands: float, travel: float) -> Replay:
     latency, delay = replay.latency + poses, replay.delay + commands
-    return replay._replace(latency=latency, delay=delay)
+    return replay._replace(latency=latency, delay=delay, travel=1.0 + travel)
 
 
-CLOCK_OFFSET = EffectKind(
-    kind="clock_offset",
+SERVO_LOG = EffectKind(
+    kind="servo_log",
     stage="sensor",
     adds_to=("pose_x", "pose_z", "pose_pitch"),
-    coefficients=tuple(
-        Coefficient(name, "s", scale=0.02, lower=-0.3, upper=0.3)
-        for name in ("poses", "commands")
+    coefficients=(
+        Coefficient("poses", "s", scale=0.02, lower=-0.3, upper=0.3),
+        Coefficient("commands", "s", scale=0.02, lower=-0.3, upper=0.3),
+        Coefficient("travel", "", scale=0.1, lower=-0.8, upper=4.0),
     ),
     formula=constant,  # Logs are replayed through it; no model has it.
-    words="clocks of a log that differ",
-    replay=_replay_clocks,
+    words="a servo's log with other clocks and another scale",
+    replay=_replay_log,
 )
-"""Times of poses against those of the servo's log, and of commands against those of the
-elevator: no effect of the glider, but unknowns of logs with such clocks."""
+"""Times of poses against those of the servo's log, of commands against those of the
+elevator, and by which part the elevator turns farther than its commands say: no effect
+of the glider, but unknowns of logs that do not show them."""
 
 
 class Layout:
@@ -71,7 +73,7 @@ class Layout:
 
     def __init__(self, user_kinds: tuple[EffectKind, ...]) -> None:
         check_user_effects(user_kinds)
-        kinds = (*LIBRARY, *user_kinds, CLOCK_OFFSET)
+        kinds = (*LIBRARY, *user_kinds, SERVO_LOG)
         flown = [e for e in kinds if e.stage != "log"]
         self.user_kinds = user_kinds
         self.kinds = {e.kind: e for e in kinds}

@@ -14,7 +14,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
-from glider.sysid.replay.theta import CLOCK_OFFSET, LIBRARY_LAYOUT, Layout
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, SERVO_LOG, Layout
 
 _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 """Parameters that forces and moments show only per mass."""
@@ -35,6 +35,7 @@ _RELATIVE_SPREAD = {"elevator_area": 0.1}
 """Spread of unknown areas and inertia over the default glider's, if not a half. A
 tail's area shows in the moment only over the inertia."""
 
+_TRAVEL_SPREAD = 0.2  # Of an elevator's travel over the commanded one.
 _TRIM_SPREAD = 0.05  # Angle at which an elevator without a servo may stand [rad].
 _MOMENT_SPREAD = 0.02
 """Moment that an unknown tail may make, as a coefficient of the wing's area [m]."""
@@ -62,8 +63,8 @@ class Vehicle:
 
     @property
     def unknown(self) -> list[int]:
-        """Slots of the glider's unknown parameters: nuisances but clocks."""
-        return [i for i in self.nuisance if i not in clock_slots(self.layout)]
+        """Slots of the glider's unknown parameters: nuisances but those of logs."""
+        return [i for i in self.nuisance if i not in log_slots(self.layout)]
 
 
 def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle:
@@ -79,11 +80,12 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         unknown.append("mass")
     nuisance = [index["parameters", name] for name in unknown]
     dropped = {name for name, kind in layout.kinds.items() if kind.stage == "log"}
-    dropped.add(CLOCK_OFFSET.kind)
+    dropped.add(SERVO_LOG.kind)
     servo = campaign.servo
-    errors = servo.clock_std, servo.command_std
-    clocks = dict(zip(clock_slots(layout), errors, strict=True))
-    clocks = {slot: std for slot, std in clocks.items() if std}
+    clocks = servo.clock_std, servo.command_std
+    travel = _TRAVEL_SPREAD if servo.angle == "reconstructed" else 0.0
+    of_log = dict(zip(log_slots(layout), (*clocks, travel), strict=True))
+    of_log = {slot: std for slot, std in of_log.items() if std}
     if campaign.elevator != "servo":
         dropped |= {kind.kind for kind in layout.replayed_kinds}
         dropped |= {"elevator_trim", "elevator_blowback"}
@@ -96,10 +98,10 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
             f"{', '.join(hidden)} were not tried: the commands were reconstructed from "
             "the measured elevator."
         )
-    if clocks:
-        nuisance += clocks
+    nuisance += of_log
+    if any(clocks):
         notes.append(
-            f"The servo's times are known to ± {1e3 * math.hypot(*errors):.2g} ms "
+            f"The servo's times are known to ± {1e3 * math.hypot(*clocks):.2g} ms "
             "only: a delay that this explains cannot be found."
         )
     if campaign.elevator == "fixed" or (
@@ -133,7 +135,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         layout=layout,
         theta=theta,
         knows_forces={"mass", "wing_area", "elevator_area"} <= set(known),
-        prior_spread=_prior_spread(layout, theta, unknown, clocks),
+        prior_spread=_prior_spread(layout, theta, unknown, of_log),
         nuisance=tuple(sorted(nuisance)),
         baseline_slots=tuple(sorted({*nuisance, *of_plate})),
         kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
@@ -166,22 +168,22 @@ def _assumptions(
     return assumed, notes
 
 
-def clock_slots(layout: Layout) -> tuple[int, ...]:
-    """Slots of theta of clocks that differ: no parameters of the glider."""
-    return layout.slots_of(CLOCK_OFFSET.kind)
+def log_slots(layout: Layout) -> tuple[int, ...]:
+    """Slots of theta of a servo's log: no parameters of the glider."""
+    return layout.slots_of(SERVO_LOG.kind)
 
 
 def _prior_spread(
     layout: Layout,
     theta: np.ndarray,
     unknown: Sequence[str],
-    clocks: Mapping[int, float],
+    of_log: Mapping[int, float],
 ) -> np.ndarray | None:
     """Prior spread of theta; None where nothing is unknown."""
-    if not unknown and not clocks:
+    if not unknown and not of_log:
         return None
     spread = PRIOR_SCALES * layout.scale
-    spread[list(clocks)] = list(clocks.values())
+    spread[list(of_log)] = list(of_log.values())
     for name in unknown:
         i = layout.index["parameters", name]
         relative = _RELATIVE_SPREAD.get(name, 0.5)

@@ -51,8 +51,9 @@ _OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces
     ("elevator_trim", "angle"),
     ("pitch_moment", "coefficient"),
     ("pitch_damping", "coefficient"),
-    ("clock_offset", "poses"),
-    ("clock_offset", "commands"),
+    ("servo_log", "poses"),
+    ("servo_log", "commands"),
+    ("servo_log", "travel"),
 )
 # Scales that are estimated from the forces: errors of the moment, whose formula is
 # rougher, must not turn the flights' axes or their winds.

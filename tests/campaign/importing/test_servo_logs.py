@@ -174,7 +174,7 @@ def test_no_delay_is_named_that_the_import_made(tmp_path, campaign, logs, clock)
     result = close_the_loop(read_flights(files, path).campaign, effects=TIMING)
     assert [e.kind for e in result.effects] == ["attached_lift"]
     assert result.effects[0].coefficients["slope"].value == pytest.approx(3.0, rel=0.03)
-    assert "clock_offset" not in {e.kind.kind for e in result.model.effects}
+    assert "servo_log" not in {e.kind.kind for e in result.model.effects}
 
 
 @pytest.mark.nightly
