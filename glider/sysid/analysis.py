@@ -37,7 +37,7 @@ from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.support import SearchResult
 from glider.sysid.search.tracing import FIELD_THRESHOLD, trace
-from glider.sysid.verdict import find_doubt, find_shift, judge
+from glider.sysid.verdict import find_doubt, judge
 
 STILL = 2.0
 """Strength of the air over the least that is looked for, below which it is none."""
@@ -219,7 +219,6 @@ class Analysis:
         verdict, reason = judge(
             traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )
-        reason += find_shift(task, model)
         is_still = model.scales.air < STILL * FLOOR.air
         found = result.Result(
             campaign=logged.name,

@@ -14,9 +14,8 @@ from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
-from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.outcome import ResidualCurves
-from glider.sysid.replay.record import Record, Signs
+from glider.sysid.replay.record import Signs
 from glider.sysid.replay.replayed import logged_elevator
 from glider.sysid.replay.theta import SERVO_LOG
 from glider.sysid.replay.vehicle import BASELINE_KINDS
@@ -42,13 +41,11 @@ GAIN_ERROR = 0.03
 with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than the
 library's among them; 0.04 and 0.05 where one clock is 5 % slow."""
 
-TRAVEL_ERROR, TRAVEL_Z = 0.1, 3.0
-"""The same where the elevator was not measured, and its travel is fitted."""
+SHIFTED = 0.015
+"""Shift of a servo's log above which its clock is in doubt [s]: three standard errors
+of a clock that an import finds."""
 
-SHIFTED = 0.01
-"""Shift of a servo's log above which the verdict has it [s]: a clock that is found is
-known to 5 ms."""
-
+TRAVEL_ERROR = 0.1  # The same of the travel of an elevator that was not measured.
 GAIN_Z = 4.0  # ... and standard errors over flights above which that is significant.
 WINDOW = 0.1  # Time over which an elevator's travel is measured [s].
 
@@ -64,15 +61,19 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
-    travel = float(model.theta[slot := task.layout.index[SERVO_LOG.kind, "travel"]])
-    if slot in model.free:
-        std = uncertainty_of(task, model).std(slot)
-        if abs(travel) > max(TRAVEL_ERROR, TRAVEL_Z * std):
-            return (
-                f"the elevator turns {1.0 + travel:.2f} (± {std:.1g}) times as far as "
-                "its commanded angles, and was not measured (that may be the 'gain' of "
-                "'elevator_angle_command' that is missing in the 'units' of a MAP)"
-            )
+    slots = task.layout.slots_of(SERVO_LOG.kind)
+    shift, _, travel = model.theta[list(slots)].tolist()
+    if abs(shift) > SHIFTED:
+        words = "earlier" if shift < 0.0 else "later"
+        return (
+            f"the servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than "
+            "its times say (is 'clock' right in the MAP of its import?)"
+        )
+    if abs(travel) > TRAVEL_ERROR:
+        return (
+            f"the elevator turns {1.0 + travel:.2f} times as far as its commanded "
+            "angles, and was not measured (they may lack a 'gain' in the MAP's 'units')"
+        )
     if not task.vehicle.knows_forces:
         return None
     found = [
@@ -98,43 +99,27 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
     return None
 
 
-def find_shift(task: Task, model: FitResult) -> str:
-    """A sentence about a servo's log that fits at other times than logged, or ""."""
-    shift = float(model.theta[task.layout.index[SERVO_LOG.kind, "poses"]])
-    if abs(shift) < SHIFTED:
-        return ""
-    words = "earlier" if shift < 0.0 else "later"
-    return (
-        f" The servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than its "
-        "times say: check 'clock' in the MAP of the import."
-    )
-
-
 def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     """Ratio of measured to modelled elevator travel, and its standard error.
 
     The median over flights of regressions of travel on travel; 1 and infinity where
     there is no servo.
     """
-    found = [_gain_of(record, model) for record in task.records if record.has_servo]
-    gains = np.array([gain for gain in found if gain is not None])
-    if len(gains) < 3:
+    found = []
+    for record in (record for record in task.records if record.has_servo):
+        rows = np.flatnonzero(record.seen[:, 3])
+        time, measured = record.time[rows], record.elevator[rows]
+        modelled = logged_elevator(record, model.theta)[rows]
+        ends = np.searchsorted(time, time + WINDOW)
+        first = np.flatnonzero(ends < len(time))
+        travel, ordered = (v[ends[first]] - v[first] for v in (measured, modelled))
+        if (known := float(ordered @ ordered)) > LEAST_TRAVEL:
+            found.append(float(ordered @ travel) / known)
+    if len(found) < 3:
         return 1.0, np.inf
-    median = float(np.median(gains))
-    return median, 1.2533 * float(robust_std(gains - median)) / np.sqrt(len(gains))
-
-
-def _gain_of(record: Record, model: FitResult) -> float | None:
-    """A flight's gain; None where its elevator barely moves."""
-    rows = np.flatnonzero(record.seen[:, 3])
-    time, measured = record.time[rows], record.elevator[rows]
-    modelled = logged_elevator(record, model.theta)[rows]
-    ends = np.searchsorted(time, time + WINDOW)
-    first = np.flatnonzero(ends < len(time))
-    travel = measured[ends[first]] - measured[first]
-    ordered = modelled[ends[first]] - modelled[first]
-    known = float(ordered @ ordered)
-    return float(ordered @ travel) / known if known > LEAST_TRAVEL else None
+    median = float(np.median(found))
+    error = 1.2533 * float(robust_std(np.array(found) - median))
+    return median, error / np.sqrt(len(found))
 
 
 LEAST_TRAVEL = 0.1

@@ -15,7 +15,6 @@ standard deviation is 0.05 to 0.08 of a campaign, 0.11 of three throws.
 
 import itertools
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -50,7 +49,8 @@ def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
     motions = [motion for motion in motions if len(motion.time)]
     refused = _OFF[1] if len(motions) >= _MIN_FLIGHTS else math.inf
     if len(motions) < _MIN_FLIGHTS:
-        motions = [part for motion in motions for part in _pieces(motion)]
+        parts = [[np.array_split(v, _PIECES) for v in m] for m in motions]
+        motions = [Motion(*p) for each in parts for p in zip(*each, strict=True)]
     if not motions:
         return ()
     fall, error = measure_fall(motions)
@@ -65,11 +65,6 @@ def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
         "large ('units: time', the frame rate), or the right gravity"
     )
     return claim_scale(campaign, ratio, _SURELY * error, (_OFF[0], refused), found)
-
-
-def _pieces(motion: Motion) -> Iterator[Motion]:
-    for rows in np.array_split(np.arange(len(motion.time)), _PIECES):
-        yield Motion(*(values[rows] for values in motion))
 
 
 def measure_fall(motions: list[Motion]) -> tuple[float, float]:

@@ -33,8 +33,8 @@ Check = Callable[[Sequence[Recording], Mapping], Any]
 class _Trial(NamedTuple):
     """What a change makes of recordings."""
 
-    odd: bool  #: Whether quantities of different kinds are exchanged.
     undecided: int  #: Warnings.
+    exchanges: bool  #: Whether columns are exchanged: other changes are likelier.
     misfit: float  #: Of forces and moments.
     rows: int  #: Of the flights.
     words: str  #: The change as in a MAP file.
@@ -53,9 +53,7 @@ def advise(
         with contextlib.suppress(InputError):
             if (changed := _changed(claim, part, value)) != claim:
                 text = yaml.safe_dump({part: value}, default_flow_style=True, width=999)
-                exchanged = value if part == "columns" else ()
-                odd = len({QUANTITIES[name] for name in exchanged}) > 1
-                trials.append(_try(text.strip()[1:-1], changed, some, check, odd=odd))
+                trials.append(_try(text.strip()[1:-1], changed, some, check))
     passed = sorted(filter(None, trials))
     most = max((trial.rows for trial in passed), default=0)
     # `up` and `top` may have the same result: only another one is a rival.
@@ -66,20 +64,13 @@ def advise(
     advised = list(itertools.islice(sure, 2))
     if not advised:
         return error
-    best = advised[0]
-    rivals = (t for t in advised if t.odd == best.odd)
-    near = [t.words for t in rivals if t.misfit < CLEARLY * best.misfit]
+    near = [t.words for t in advised if t.misfit < CLEARLY * advised[0].misfit]
     words = " or ".join(f"'{choice}'" for choice in near)
     return InputError(f"{str(error).rstrip('.')}; with {words} it passes all checks.")
 
 
 def _try(
-    words: str,
-    mapping: Mapping,
-    recordings: Sequence[Recording],
-    check: Check,
-    *,
-    odd: bool = False,
+    words: str, mapping: Mapping, recordings: Sequence[Recording], check: Check
 ) -> _Trial | None:
     """What a mapping makes of recordings; None where a check refuses it."""
     try:
@@ -91,7 +82,8 @@ def _try(
         return None
     misfit = round(misfit_of(imported.campaign), 6)
     rows = sum(len(flight.time) for flight in flights)
-    return _Trial(odd, len(imported.undecided), misfit, rows, words, mapping)
+    doubts, exchanges = len(imported.undecided), words.startswith("columns")
+    return _Trial(doubts, exchanges, misfit, rows, words, mapping)
 
 
 def _some(recordings: Sequence[Recording]) -> list[Recording]:

@@ -307,7 +307,7 @@ def _on_one_clock(
     flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
     pairs = [(tracks[i], [c.track for c in flights[i]]) for i in flying]
     if clock != "find":
-        std, warnings = _check_clock(pairs, float(clock))
+        std, warnings = _check_clock(pairs, float(clock), mapping.source)
         notes = [f"clock: shifted by {clock:g} s, as specified"]
         return [(shift(track, float(clock)), notes, std) for track in tracks], warnings
     if not flying:
@@ -328,7 +328,7 @@ def _on_one_clock(
 
 
 def _check_clock(
-    flying: Sequence[tuple[Track, Sequence[Track]]], clock: float
+    flying: Sequence[tuple[Track, Sequence[Track]]], clock: float, source: str
 ) -> tuple[float, tuple[str, ...]]:
     """Standard error [s] of a clock that a mapping specifies, and a warning if off.
 
@@ -346,11 +346,13 @@ def _check_clock(
     off = abs(clock - found)
     if off <= _OFF * math.hypot(std, rounded):
         return rounded, ()
-    return off, (
+    words = (
         f"'clock' is {clock:g}, and the elevator turns the glider as if its clock were "
-        f"{found:.3f} ± {std:.3f} s ahead of the poses': it is wrong, or servo or "
-        "poses are late",
+        f"{found:.3f} ± {std:.3f} s ahead of the poses'"
     )
+    if off > _ABSORBED + _OFF * std:
+        raise InputError(f"{source}: {words}; expected that, or 'find'.")
+    return off, (f"{words}: it is wrong, or servo or poses are late",)
 
 
 def _has_two_clocks(track: Track) -> bool:

@@ -91,14 +91,10 @@ def rank_rotations(
 ) -> dict[str, float]:
     """Log likelihoods of mappings that differ in how rotations are read."""
     scores: dict[str, float] = {}
-    flying: list[tuple[Recording, list[slice]]] = []
-    for log in logs:  # A flight begins and ends by its positions.
-        if sum(len(spans) for _, spans in flying) < _MOST:
-            track = make_track(log, next(iter(claims.values())))
-            flying.append((log, _find_spans(track, np.eye(3))))
     for order, claim in claims.items():
-        tracks = [(make_track(log, claim), spans) for log, spans in flying if spans]
-        flights = [_turn(t, np.eye(3), span) for t, spans in tracks for span in spans]
+        tracks = [make_track(log, claim) for log in logs[:_MOST]]
+        cuts = [(t, s) for t in tracks for s in _find_spans(t, np.eye(3))]
+        flights = [_turn(track, np.eye(3), span) for track, span in cuts]
         scores[order] = sum(score for _, score in _judge(flights, "z", None))
     return scores
 

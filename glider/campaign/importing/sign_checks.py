@@ -10,8 +10,6 @@ raises the misfit by 1.57 to 12 from three flights on, the elevator's effect has
 sign by 16 standard errors or more, and its rate correlates with the commands by 0.94.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from glider.campaign.checks import forces
@@ -69,19 +67,11 @@ def misfit_of(campaign: Campaign) -> float:
     motion, down = forces.join(list(motions.values())), [0.0, -campaign.gravity]
     misfit = forces.fit_forces(motion, np.array(down), signs=(1,)).misfit
     servo = campaign.elevator == "servo"
-    return misfit * fit_elevator(campaign, motions).misfit if servo else misfit
+    return misfit * fit_elevator(campaign, motions)[1] if servo else misfit
 
 
-class ElevatorFit(NamedTuple):
-    """What an elevator does to the pitch."""
-
-    effect: float  #: In standard errors.
-    strength: float  #: Over what a tail of this effect does with alpha and by turning.
-    misfit: float  #: [rad/s²]
-
-
-def fit_elevator(campaign: Campaign, motions: Motions) -> ElevatorFit:
-    """Finds the elevator's effect on the pitch.
+def fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float, float]:
+    """The elevator's effect in standard errors, misfit [rad/s²], and strength.
 
     pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q
     and V times the elevator's rate with Huber's weights; trailing edge up turns the
@@ -110,7 +100,7 @@ def fit_elevator(campaign: Campaign, motions: Motions) -> ElevatorFit:
     std = misfit * np.sqrt(np.linalg.pinv(weighted.T @ weighted)[0, 0])
     tail = max(abs(solution[1]), abs(solution[4]) / _ARM, 1e-12)
     effect, strength = solution[0] / max(std, 1e-12), abs(solution[0]) / tail
-    return ElevatorFit(float(effect), float(strength), misfit)
+    return float(effect), misfit, float(strength)
 
 
 def _check_attitude(campaign: Campaign) -> None:
@@ -194,7 +184,7 @@ def _check_elevator(
     campaign: Campaign, motions: Motions, masks: dict[str, Masks]
 ) -> tuple[str, ...]:
     """Refuses an elevator or commands of the wrong sign."""
-    effect, strength, _ = fit_elevator(campaign, motions)
+    effect, _, strength = fit_elevator(campaign, motions)
     if strength > _STRONGEST and abs(effect) > SIGNIFICANT:
         raise InputError(
             f"{campaign.path}: columns: the elevator turns the glider {strength:.0f} "
