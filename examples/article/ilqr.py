@@ -16,9 +16,10 @@ from glider.errors import InputError, show
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS
 from glider.physics.state import NUM_STATES
-from glider.planning.plan import Plan, held_plan
+from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from ilqr_kernels import GoalCosts, improve_policy, linearize_steps, roll
+from tapes import held_plan
 
 ITERATIONS = 500
 """Number of iterations after which a plan that still improves has not converged."""

@@ -14,8 +14,9 @@ import numpy as np
 from glider.errors import expect
 from glider.physics.servo import rate_bounds
 from glider.physics.state import ELEVATOR
-from glider.planning.plan import Plan, held_plan
+from glider.planning.plan import Plan
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
+from tapes import held_plan
 
 Watch = Callable[[int, np.ndarray], None]
 """Callback of the number of an iteration, from 1, and the sequences (B, N) drawn in it

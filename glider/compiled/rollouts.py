@@ -5,7 +5,6 @@ import numpy as np
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import BLOCK, advance_block, put
 from glider.physics.chain import derivatives
-from glider.physics.model import GliderModel
 
 
 def slopes(t, node, work, theta):
@@ -61,34 +60,3 @@ def rollouts(start, command, step, order, laps, theta, states):
 
 
 LOOPS = Family((slopes, rollouts), (rollouts,))
-
-
-def fly_tapes(
-    model: GliderModel,
-    starts: np.ndarray,
-    commands: np.ndarray,
-    step: float,
-    *,
-    order: int = 4,
-) -> np.ndarray:
-    """Computes states (B, N + 1, n) of a glider under command tapes in still air.
-
-    Args:
-        model: the glider.
-        starts: (B, n) states at launch.
-        commands: (B, N) elevator-rate commands, each held for a step [rad/s].
-        step: [s].
-        order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
-            where the effects' own states ask for it.
-    """
-    states = np.empty((len(commands), commands.shape[1] + 1, starts.shape[1]))
-    LOOPS.over(model.kinds, model.has_field).rollouts(
-        np.ascontiguousarray(starts, dtype=float),
-        np.ascontiguousarray(commands, dtype=float),
-        step,
-        order,
-        model.count_laps(step, order),
-        model.numbers,
-        states,
-    )
-    return states

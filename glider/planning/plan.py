@@ -11,7 +11,6 @@ from pydrake.trajectories import PiecewisePolynomial
 from glider.errors import expect, show
 from glider.files import schema
 from glider.files.writing import write_text
-from glider.physics.model import GliderModel
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -90,26 +89,6 @@ class Plan:
             held = np.append(self.inputs, self.inputs[-1:])
             return PiecewisePolynomial.ZeroOrderHold(self.times, held[None, :])
         return PiecewisePolynomial.FirstOrderHold(self.times, self.inputs[None, :])
-
-
-def held_plan(
-    model: GliderModel, step: float, states: np.ndarray, inputs: np.ndarray, **more: Any
-) -> Plan:
-    """The plan of a flight, states (N, n), under commands (N - 1,) [rad/s].
-
-    Each is held for a step [s]; `more` are further fields of the plan.
-    """
-    times, applied = step * np.arange(len(states)), np.append(inputs, 0.0)
-    rates = model.chain.derivatives(times, states.T, applied, 0.0, 0.0, model.numbers)
-    slopes = np.stack([np.broadcast_to(r, len(states)) for r in rates], axis=1)
-    return Plan(
-        times=times,
-        states=states,
-        slopes=slopes,
-        inputs=inputs,
-        state_names=model.state_names,
-        **more,
-    )
 
 
 def save_plan(path: Path | str, plan: Plan) -> None:

@@ -178,7 +178,7 @@ def differs(one: Campaign, other: Campaign) -> str:
 
 def advised(message: str, wrong: Map) -> Map | None:
     """The map that a refusal's (first) advice makes; None where there is none."""
-    found = re.search("with '(.*?)'.* passes all checks", message)
+    found = re.search("; with '(.*?)'.* passes all checks", message)
     if not found:
         return None
     better = copy.deepcopy(wrong)

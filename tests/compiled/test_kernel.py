@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
+from examples.article.tapes import fly_tapes
 from glider.compiled import (
     barrier,
     collocation,
@@ -25,7 +26,6 @@ from glider.compiled import (
 )
 from glider.compiled.kernel import Family, reached
 from glider.compiled.replay import flow_at
-from glider.compiled.rollouts import fly_tapes
 from glider.compiled.runge_kutta import BLOCK
 from glider.estimation.perching import perching_filter
 from glider.estimation.running import run_ekf
@@ -51,7 +51,7 @@ def pull(flow, force):
 SCALAR = "from glider.physics.formulas import scalar\n"
 SESSION = """
 import numpy as np
-from glider.compiled.rollouts import fly_tapes
+from examples.article.tapes import fly_tapes
 from glider.physics.effects import Coefficient, EffectKind
 from glider.physics.model import GliderModel
 from users_helper import gain

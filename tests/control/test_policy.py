@@ -6,12 +6,11 @@ import pickle
 import numpy as np
 import pytest
 
-from glider.compiled.rollouts import fly_tapes
+from examples.article.tapes import fly_tapes, held_plan
 from glider.control.mppi import sequence_of
 from glider.control.tvlqr import sample_plan
 from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES
-from glider.planning.plan import held_plan
 from glider.simulation.fly import fly
 from held_policy import HeldPolicy
 from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glider.compiled.rollouts import fly_tapes
+from examples.article.tapes import fly_tapes
 from glider.errors import InputError
 from glider.experiments.funnel_throws import (
     FUNNEL_GENES,

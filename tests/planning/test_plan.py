@@ -7,10 +7,10 @@ import pickle
 import numpy as np
 import pytest
 
-from glider.compiled.rollouts import fly_tapes
+from examples.article.tapes import fly_tapes, held_plan
 from glider.errors import InputError
 from glider.physics.model import GliderModel
-from glider.planning.plan import held_plan, load_plan, save_plan
+from glider.planning.plan import load_plan, save_plan
 from ilqr import IlqrSettings, goal_problem, ilqr
 from tests.helpers.flights import LAGGING
 

@@ -147,3 +147,10 @@ def test_any_wrong_map_is_refused_with_the_right_advice(name, tmp_path):
         except InputError as error:
             if "passes all checks" in str(error):
                 assert_advice_is_right(files, path, wrong, right)
+
+
+def test_angles_of_elevator_and_command_in_a_wrong_unit(tmp_path, campaign):
+    """Both 57 times too small: they agree, but no tail is so strong."""
+    files = write_tables(tmp_path, campaign)
+    units = {"units": {"elevator": "deg", "elevator_rate_command": "deg/s"}}
+    assert_advice_is_right(files, tmp_path / "MAP.yaml", RIGHT | units, campaign)

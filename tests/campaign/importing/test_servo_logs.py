@@ -1,6 +1,7 @@
 """A campaign keeps where its servo columns come from, and how well they are timed."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -220,3 +221,27 @@ def test_small_steps_of_commanded_angles_keep_their_size(campaign, measured):
     path = elevator_path(*tape, time)
     assert path[time > 2.5] == pytest.approx(0.0, abs=1e-9)
     assert path[(time > 1.2) & (time < 1.8)] == pytest.approx(0.05, abs=1e-9)
+
+
+@pytest.mark.parametrize("logs", ["commanded", "two clocks"])
+def test_a_wrong_servo_log_is_no_effect(tmp_path, campaign, logs):
+    """Half the travel of an elevator nobody measured, and a clock 20 ms off."""
+    off = AHEAD - 0.02 if logs == "two clocks" else None
+    files, path = write(tmp_path, campaign, logs, off)
+    if logs == "commanded":
+        path.write_text(
+            path.read_text() + "units: {elevator_angle_command: {gain: 0.5}}\n"
+        )
+    result = close_the_loop(read_flights(files, path).campaign)
+    assert result.verdict == "not_trusted"
+    assert {e.kind for e in result.effects} == {"attached_lift"}
+    words = (
+        "turns 2.0. times as far" if logs == "commanded" else "check|is 'clock' right"
+    )
+    assert re.search(words, result.reason)
+
+
+def test_a_clock_that_is_far_off_is_refused(tmp_path, campaign):
+    files, path = write(tmp_path, campaign, "two clocks", AHEAD - 0.3)
+    with pytest.raises(InputError, match="expected that, or 'find'"):
+        read_flights(files, path)

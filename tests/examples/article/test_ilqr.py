@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import GliderModel
@@ -13,6 +12,7 @@ from glider.physics.parameters import load_parameters
 from glider.physics.servo import Servo, rate_bounds
 from ilqr import ARTICLE, DivergedError, IlqrSettings, goal_cost, goal_problem, ilqr
 from ilqr_kernels import linearize_steps
+from tapes import fly_tapes
 from tests.helpers.flights import LAGGING, NOMINAL, QUICK
 from tests.helpers.physics import random_states
 
