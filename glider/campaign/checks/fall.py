@@ -47,8 +47,9 @@ def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
     """Warns of lengths or times in a wrong scale; refuses those certainly so."""
     motions = [forces.usable_motion(f, masks) for f in campaign.flights]
     motions = [motion for motion in motions if len(motion.time)]
-    refused = _OFF[1] if len(motions) >= _MIN_FLIGHTS else math.inf
+    refused, surely = _OFF[1], _SURELY
     if len(motions) < _MIN_FLIGHTS:
+        refused, surely = math.inf, 2.0 * _SURELY
         parts = [[np.array_split(v, _PIECES) for v in m] for m in motions]
         motions = [Motion(*p) for each in parts for p in zip(*each, strict=True)]
     if not motions:
@@ -64,7 +65,7 @@ def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
         f"times as large ('units: length'), times {np.sqrt(ratio):.3g} times as "
         "large ('units: time', the frame rate), or the right gravity"
     )
-    return claim_scale(campaign, ratio, _SURELY * error, (_OFF[0], refused), found)
+    return claim_scale(campaign, ratio, surely * error, (_OFF[0], refused), found)
 
 
 def measure_fall(motions: list[Motion]) -> tuple[float, float]:
