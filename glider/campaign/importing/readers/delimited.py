@@ -22,19 +22,7 @@ _BLANK = re.compile(
     r"-*|<?na>?|n/a|na[nt]|null|none|-?inf|#(n/a|num!|value!|div/0!)", re.IGNORECASE
 )
 _UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]+?)\s*[\])]$")
-_UNIT_SUFFIXES = (
-    "mm",
-    "cm",
-    "m",
-    "deg",
-    "rad",
-    "ms",
-    "us",
-    "ns",
-    "s",
-    "degps",
-    "radps",
-)
+_UNIT_SUFFIX = re.compile(r"_(?<=._)([mc]?m|[mun]?s|(deg|rad)(ps)?)$")
 _MIN_ROWS = 3
 _DAY_ZERO = datetime.datetime(1970, 1, 1)
 
@@ -165,8 +153,8 @@ def split_unit(name: str) -> tuple[str, str | None]:
     match = _UNIT_IN_NAME.match(name)
     if match and spell(match[2]):
         return match[1], spell(match[2])
-    stem, _, suffix = name.rpartition("_")
-    return name, suffix if stem and suffix in _UNIT_SUFFIXES else None
+    suffix = _UNIT_SUFFIX.search(name)
+    return name, suffix[1] if suffix else None
 
 
 def _find_delimiter(lines: Sequence[str]) -> str:
