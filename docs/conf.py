@@ -4,8 +4,8 @@ import importlib.metadata
 import sys
 from pathlib import Path
 
-from glider.sysid import verdict
-from glider.sysid.fit import folds
+from glider.sysid import result, verdict
+from glider.sysid.fit import floor, folds
 from glider.sysid.likelihood import curves, outliers, task, uncertainty
 from glider.sysid.search import fits, moves, signs, subsets, support, tracing
 
@@ -53,6 +53,8 @@ myst_substitutions = {
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
     "allowed": f"{uncertainty.ALLOWED:g}",
     "least_support": f"{support.LEAST_SUPPORT:.0%}",
+    "floor_accuracy": f"{100 * floor.ACCURACY:g} %",
+    "unlikely": f"{100 * result.UNLIKELY:g} %",
     "least_unseen_gain": f"{folds.LEAST_UNSEEN_GAIN:.1f}",
     "moment_share": f"{verdict.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",

@@ -8,7 +8,7 @@ import numpy as np
 
 from glider.report import numbers
 from glider.report.numbers import DEGREE, DIVERGED, Unit
-from glider.sysid.result import CALIBRATED, HeldOutFlight, Report, Result
+from glider.sysid.result import CALIBRATED, PERFECT, HeldOutFlight, Report, Result
 
 COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
 """Models in the order in which they are shown; not every result has all."""
@@ -20,21 +20,21 @@ PITCH, ALONG = "rollout.pitch_rms_rad", "rollout_measured_pitch.position_rms_m"
 
 
 FIT, CHANNELS = "Fit of free rollouts", ("x", "z", "pitch")
-"""Group of rows where more is better, without noise and gain; and the rows."""
+"""Group of rows where more is better, without floor and gain; and the rows."""
 
 
 class ErrorRow(NamedTuple):
     """A row of the table of errors, all of it text in one unit.
 
-    `cells` has the error of each model, `noise` what noise of the measurement alone
-    would give, `gain` the factor by which the correction made it smaller.
+    `cells` has the error of each model, `floor` what a perfect model would leave,
+    `gain` the factor by which the correction made it smaller.
     """
 
     group: str
     name: str
     unit: str
     cells: dict[str, str]
-    noise: str
+    floor: str
     gain: str
 
 
@@ -56,8 +56,8 @@ def error_rows(result: Result) -> list[ErrorRow]:
     rows = []
     for group, name, field, unit in _ROWS:
         values = {m: error_of(result, m, field) for m in columns_of(result)}
-        noise = noise_floor(result, field)
-        of_row = unit or unit_beside_noise(result, *values.values())
+        floor = error_of(result, PERFECT, field)
+        of_row = unit or unit_beside_floor(result, *values.values())
         before = values.get(baseline(result), math.nan) if group != FIT else math.nan
         rows.append(
             ErrorRow(
@@ -65,7 +65,7 @@ def error_rows(result: Result) -> list[ErrorRow]:
                 name=name,
                 unit=of_row.name,
                 cells={m: of_row.digits(v) for m, v in values.items()},
-                noise=of_row.digits(noise),
+                floor=of_row.digits(floor),
                 gain=numbers.format_gain(before, values.get("corrected", math.nan)),
             )
         )
@@ -78,9 +78,9 @@ def error_of(report: Report, model: str, field: str) -> float:
     return math.nan if errors is None else float(attrgetter(field)(errors))
 
 
-def unit_beside_noise(result: Result, *lengths: float) -> Unit:
-    """The one unit in which lengths [m] and the noise beside them read best."""
-    return numbers.length_unit(*lengths, noise_floor(result, FREE))
+def unit_beside_floor(result: Result, *lengths: float) -> Unit:
+    """The one unit in which lengths [m] and the floor beside them read best."""
+    return numbers.length_unit(*lengths, error_of(result, PERFECT, FREE))
 
 
 def columns_of(*reports: Report) -> list[str]:
@@ -92,31 +92,6 @@ def baseline(result: Result) -> str:
     """Model that the correction is compared with."""
     return "nominal" if result.errors.get("nominal") is not None else "refitted"
 
-
-def noise_floor(result: Result, field: str) -> float:
-    """Error that a perfect model would show, by noise of the poses alone.
-
-    A distance has two noisy coordinates: its RMS is √2 of the noise, its mean (at the
-    end of a flight) √(π/2). That of an acceleration is what the smoothing lets
-    through, on the held-out flights.
-    """
-    if field in _ACCELERATIONS:
-        table = result.residual_after
-        unseen = [n in result.flights.held_out for n in table.names]
-        std = table.noise[np.array(unseen, dtype=bool)[table.flight]]
-        column = std[:, _ACCELERATIONS.index(field)]
-        return float(np.sqrt(np.mean(column**2))) if column.size else math.nan
-    position, pitch = result.noise.position_m, result.noise.pitch_rad
-    return {
-        FREE: math.sqrt(2.0) * position,
-        ALONG: math.sqrt(2.0) * position,
-        END: math.sqrt(math.pi / 2.0) * position,
-        PITCH: pitch,
-    }.get(field, math.nan)
-
-
-_ACCELERATIONS = tuple(field for _, _, field, _ in _ROWS[:3])
-"""Fields that are RMS of the columns of a residual."""
 
 STANDS_OUT = 2.5
 """A flight stands out where its error is so many times the median. Of errors like a
@@ -151,7 +126,7 @@ def worst_flights(result: Result) -> list[FlightRow]:
         (position_rms(f, baseline(result)), e)
         for f, e in zip(ranked, after, strict=True)
     ][:MOST]
-    unit = unit_beside_noise(result, *(e for pair in pairs for e in pair))
+    unit = unit_beside_floor(result, *(e for pair in pairs for e in pair))
     return [
         FlightRow(
             name=flight.name,

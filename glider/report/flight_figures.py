@@ -45,7 +45,7 @@ def held_out_figure(result: Result) -> spec.Figure | None:
         return None
     shown = {flight.name for flight in shown_flights(result)}
     errors = [position_rms(flight, "corrected") for flight in flights]
-    unit = error_table.unit_beside_noise(result, *errors)
+    unit = error_table.unit_beside_floor(result, *errors)
     flown = [m for m in error_table.COLUMNS if any(m in f.flown for f in flights)]
     return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *flown)}
@@ -172,7 +172,7 @@ def _fold_panel(result: Result, title: str, field: str) -> spec.Panel:
     errors = [(get(fold.refitted), get(fold.corrected)) for fold in result.folds]
     pairs, unit = bounded(np.array(errors, dtype=float)), DEGREE
     if field != error_table.PITCH:
-        unit = error_table.unit_beside_noise(result, *pairs.flat)
+        unit = error_table.unit_beside_floor(result, *pairs.flat)
     pairs, marks = pairs / unit.size, []
     for fold, pair in zip(result.folds, pairs, strict=True):
         names = ", ".join(map(_stem, fold.held_out[:6]))

@@ -14,7 +14,7 @@ from glider.report.numbers import DEGREE, MILLIMETRE, Unit
 from glider.report.plots import binning
 from glider.report.plots import figure as spec
 from glider.report.plots.style import LABELS, TERMS, VARIABLES
-from glider.sysid.result import Curve, ResidualTable, Result
+from glider.sysid.result import PERFECT, Curve, ResidualTable, Result
 
 WIDE = 60.0  # Width of a panel that stands alone in its row [rem].
 _LEAST_PERCENT = 1e-3  # Evidence that is drawn as none.
@@ -59,7 +59,7 @@ def errors_figure(result: Result) -> spec.Figure | None:
     if not models:
         return None
     return spec.Figure(
-        keys={m: LABELS[m] for m in models} | {"noise": "noise of the measurement"},
+        keys={m: LABELS[m] for m in models} | {"floor": "a perfect model"},
         panels=[_error_panel(result, models, *panel) for panel in _ERROR_PANELS],
         columns=2,
         least_width=24.0,
@@ -70,22 +70,22 @@ def _error_panel(
     result: Result, models: list[str], title: str, unit: Unit, fields: dict[str, str]
 ) -> spec.Panel:
     places = np.arange(len(fields), dtype=float)
-    floor = np.array([error_table.noise_floor(result, f) for f in fields]) / unit.size
     values = {
         m: bounded(np.array([error_table.error_of(result, m, f) for f in fields]))
         / unit.size
-        for m in models
+        for m in (*models, PERFECT)
     }
+    floor = values.pop(PERFECT)
     every = np.concatenate([floor, *values.values()])
     every = every[np.isfinite(every) & (every > 0.0)]
     low, high = (every.min(), every.max()) if every.size else (1.0, 10.0)
     dashes = np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan])
-    hover = f"noise: %{{y:.3r}} {unit.name}"
-    noise = spec.Line("noise", dashes, np.repeat(floor, 4), hover=hover)
+    hover = f"a perfect model: %{{y:.3r}} {unit.name}"
+    dashed = spec.Line("floor", dashes, np.repeat(floor, 4), hover=hover)
     names = {float(i): name for i, name in enumerate(fields.values())}
     return spec.Panel(
         f"{title} [{unit.name}]",
-        [*grouped_bars(values, LABELS, unit), noise],
+        [*grouped_bars(values, LABELS, unit), dashed],
         x=spec.Axis(range=(-0.6, len(fields) - 0.4), ticks=names),
         y=spec.Axis(is_log=True, range=(0.4 * low, 4.0 * high)),
         share=len(fields) + 0.6,

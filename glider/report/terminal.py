@@ -72,7 +72,7 @@ def _errors_table(result: Result, console: Console) -> Table:
     flights = wording.counted(result.flights.held_out, "held-out flight")
     table = make_table(
         console,
-        *("", *(LABELS[m] for m in models), "noise", "gain"),
+        *("", *(LABELS[m] for m in models), "floor", "gain"),
         title=f"Errors on {flights}",
         title_justify="left",
         title_style="bold",
@@ -84,7 +84,7 @@ def _errors_table(result: Result, console: Console) -> Table:
         if row.group != group:
             group = row.group
             table.add_row(Text(group, "bold"))
-        cells = [*(row.cells[m] for m in models), row.noise, row.gain]
+        cells = [*(row.cells[m] for m in models), row.floor, row.gain]
         table.add_row(
             Text(for_console(f"  {row.name} [{row.unit}]", console)),
             *(Text(for_console(cell, console)) for cell in cells),

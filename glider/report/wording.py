@@ -12,8 +12,8 @@ import numpy as np
 
 from glider.physics.effects import KINDS
 from glider.report import numbers
-from glider.report.error_table import FREE, baseline, error_of, unit_beside_noise
-from glider.sysid.result import LIBRARY_SHAPE, Estimate, FoundEffect, Result
+from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
+from glider.sysid.result import LIBRARY_SHAPE, UNLIKELY, Estimate, FoundEffect, Result
 
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
@@ -175,7 +175,7 @@ def spread_values(result: Result) -> list[tuple[str, list[str]]]:
 
 
 def _from_to(result: Result, old: float, new: float) -> str:
-    unit = unit_beside_noise(result, old, new)
+    unit = unit_beside_floor(result, old, new)
     return f"from {unit.text(old)} to {unit.text(new)}"
 
 
@@ -209,7 +209,10 @@ TEMPLATES.globals |= {
     "join": join,
     "notes_of": notes_of,
     "vehicle_rows": vehicle_rows,
-    "length": lambda r, value: unit_beside_noise(r, value).text(value),
+    "length": lambda r, value: unit_beside_floor(r, value).text(value),
+    "may_be_chance": lambda r: (
+        r.left.ratio_to_floor > 1.0 and not (r.left.chance < UNLIKELY)
+    ),
     "metres": numbers.format_length,
     "model_of": _model_of,
     "name_of": name_of,

@@ -5,7 +5,6 @@ log -> inspect -> smooth -> signs -> search -> errors before and after -> verdic
 
 import dataclasses
 import importlib.metadata
-import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -26,7 +25,6 @@ from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
-from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import uncertainty_of, with_allowed_curves
 from glider.sysid.replay.record import Record, Signs, prepare, turn_campaign
@@ -38,9 +36,6 @@ from glider.sysid.search.signs import find_signs
 from glider.sysid.search.support import SearchResult
 from glider.sysid.search.tracing import FIELD_THRESHOLD, trace
 from glider.sysid.verdict import find_doubt, judge
-
-STILL = 2.0
-"""Strength of the air over the least that is looked for, below which it is none."""
 
 SHARES = {
     **{"compile": 0.06, "signs": 0.08, "smooth": 0.12, "compare": 0.14, "trace": 0.15},
@@ -95,6 +90,7 @@ class Analysis:
         with self.stage("refit", "refitting the flat plate alone"):
             baseline = self._baseline(flights, task, traced)
         with self.stage("predict", "predicting held-out flights"):
+            spreads = outcome.spreads_of(task, traced.model)
             evaluation = evaluate(
                 flights,
                 [name for name in self.held_out if name not in outlying],
@@ -103,9 +99,12 @@ class Analysis:
                 task,
                 traced,
                 baseline,
+                spreads,
                 self.rng,
             )
-        return self._result(flights, outlying, task, traced, evaluation, settings)
+        return self._result(
+            flights, outlying, task, traced, spreads, evaluation, settings
+        )
 
     def _smooth(self, with_signs: bool) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""
@@ -195,6 +194,7 @@ class Analysis:
         outlying: Mapping[str, str],
         task: Task,
         traced: SearchResult,
+        spreads: dict[str, result.Spread],
         evaluation: Evaluation,
         settings: dict[str, Any],
     ) -> result.Result:
@@ -207,11 +207,8 @@ class Analysis:
         with self.stage("weigh", "standard errors"):
             carried = outcome.carried_of(task, model, uncertainty_of(task, judged))
             known = uncertainty_of(task, with_allowed_curves(task, judged))
-            spreads = outcome.spreads_of(task, model)
         effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
-        corrected = evaluation.errors["corrected"]
-        assert corrected is not None
-        left = _left(task, judged, corrected, noise)
+        left = _left(task, judged, evaluation)
         doubt = find_doubt(task, model)
         scales = [w for w in self.inspection.warnings if w.startswith(SCALE)]
         if doubt is None and scales and "position_scale" not in traced.model.kinds:
@@ -219,7 +216,6 @@ class Analysis:
         verdict, reason = judge(
             traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )
-        is_still = model.scales.air < STILL * FLOOR.air
         found = result.Result(
             campaign=logged.name,
             path=logged.path,
@@ -244,7 +240,7 @@ class Analysis:
             correlations=outcome.correlations_of(task, model, known),
             spreads=spreads,
             air=result.Air(
-                std_m_s=0.0 if is_still else model.scales.air,
+                std_m_s=0.0 if model.scales.is_still else model.scales.air,
                 correlation_s=model.scales.air_time,
             ),
             curves=outcome.curves_of(before, named),
@@ -309,15 +305,17 @@ class Analysis:
                 yield f"The correction does not improve {lost} of {len(gains)} flights."
 
 
-def _left(
-    task: Task, model: FitResult, corrected: result.Errors, noise: Noise
-) -> result.Residual:
+def _left(task: Task, model: FitResult, evaluation: Evaluation) -> result.Residual:
     """Finds the residual of the corrected model, and over what it varies."""
+    corrected, floor = (evaluation.errors[m] for m in ("corrected", result.PERFECT))
+    assert corrected is not None and floor is not None
     found = survey(task, model).gains
     real = [key for key, gain in found.items() if gain > FIELD_THRESHOLD]
     real.sort(key=lambda key: -found[key])
     return result.Residual(
-        ratio_to_noise=corrected.position_rms_m / (math.sqrt(2.0) * noise.position),
         position_m=corrected.position_rms_m,
+        ratio_to_floor=corrected.position_rms_m / floor.position_rms_m,
+        chance=evaluation.chance,
         depends_on=tuple(dict.fromkeys(variable for _, variable in real[:3])),
+        air_depends_on=evaluation.air_depends_on,
     )

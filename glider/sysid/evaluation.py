@@ -8,14 +8,16 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.sysid import result
 from glider.sysid.fit import prediction
+from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out, predictable
 from glider.sysid.likelihood.model_fit import FitResult, error_flights, fit_model
-from glider.sysid.likelihood.scales import NAMES, whiten
+from glider.sysid.likelihood.scales import FLOOR, NAMES, Scales, whiten
 from glider.sysid.likelihood.task import Task
+from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Record, Signs
 from glider.sysid.replay.replayed import logged_elevator, make_table
 from glider.sysid.replay.smoothing import Noise
-from glider.sysid.result import CALIBRATED, MODELS, ResidualTable
+from glider.sysid.result import CALIBRATED, MODELS, PERFECT, ResidualTable
 from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
 from glider.sysid.verdict import AllErrors, changes_baseline_alone
@@ -23,6 +25,7 @@ from glider.sysid.verdict import AllErrors, changes_baseline_alone
 Models = Mapping[str, prediction.RolloutModel]
 """Models by name; the nominal one only where it is known."""
 
+FLOOR_FLIGHTS = 40  # Flights that the floor is compared on, held-out ones first.
 CHANNELS = ("x", "z", "pitch")
 _LAGS = 25  # Largest lag of innovations [rows], in flights of three times as many.
 _Z95 = 1.96  # Standard deviations that 95 % of normal errors are within.
@@ -73,6 +76,8 @@ class Evaluation:
     folds: HeldOut | None  #: Each flight held out once; None where signs are wrong.
     innovations: result.Innovations  #: Of the held-out flights.
     tables: Tables
+    chance: float  #: Probability that a perfect model leaves as much.
+    air_depends_on: tuple[str, ...]  #: States that the gusts of the model depend on.
 
 
 def evaluate(
@@ -83,6 +88,7 @@ def evaluate(
     task: Task,
     traced: SearchResult,
     baseline: FitResult,
+    spreads: Mapping[str, result.Spread],
     rng: np.random.Generator,
 ) -> Evaluation:
     """Predicts held-out flights by all models.
@@ -95,7 +101,8 @@ def evaluate(
         task: on the flights that were fitted.
         traced: the corrected model.
         baseline: refitted to those flights.
-        rng: of the folds.
+        spreads: flight-to-flight variation that is reported.
+        rng: of the folds and of the floor.
     """
     fitted = _fitted_models(task, traced, baseline)
     scales = traced.model.scales
@@ -118,6 +125,16 @@ def evaluate(
     if flights.signs.are_right:
         folds = _hold_out(everything, task, traced, baseline, rng)
     explained = flights.among([record.name for record in everything.records])
+    tables = _residual_tables(task, traced.model, models, explained)
+    gusts = air_depends_on(task, traced.model)
+    truth = without_model_errors(traced.model, gusts, spreads)
+    smoothing = flights.noise.smoothing[2].ratio
+    is_other = [record.name not in kept.names for record in everything.records]
+    order = np.argsort(is_other, kind="stable")[:FLOOR_FLIGHTS]
+    records = [everything.records[i] for i in order]
+    floor = find_floor(models["corrected"], records, truth, smoothing, rng)
+    noise = _noise_of(tables[-1], kept.names)
+    errors[PERFECT] = floor.errors(noise, len(kept.names))
     return Evaluation(
         errors=errors,
         held_out=_flights(kept, predictions, models["corrected"].per_flight_trims),
@@ -127,8 +144,30 @@ def evaluate(
         else None,
         folds=folds,
         innovations=_innovations(task, fitted, kept),
-        tables=_residual_tables(task, traced.model, models, explained),
+        tables=tables,
+        chance=np.nan if folds is None else floor.chance(folds.paths[order, 1]),
+        air_depends_on=gusts,
     )
+
+
+def without_model_errors(
+    model: FitResult, gusts: Collection[str], spreads: Mapping[str, result.Spread]
+) -> Scales:
+    """Scales without errors of the model: sensors, turbulence, reported spreads."""
+    stds = {
+        scale: spreads[kind].std if kind in spreads else getattr(FLOOR, scale)
+        for kind, (scale, *_) in SPREAD_KINDS.items()
+    }
+    if gusts:
+        stds["air"] = FLOOR.air
+    return dataclasses.replace(model.scales, **stds)
+
+
+def _noise_of(table: ResidualTable, names: Collection[str]) -> result.EquationErrors:
+    """What the smoothing lets through of the noise, on some flights."""
+    rows = np.isin(np.array(table.names)[table.flight], list(names))
+    noise = np.sqrt(np.mean(table.noise[rows] ** 2, axis=0)).tolist()
+    return result.EquationErrors(tangential=noise[0], normal=noise[1], pitch=noise[2])
 
 
 def _fitted_models(

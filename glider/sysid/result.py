@@ -36,6 +36,13 @@ CALIBRATED = "calibrated"
 """The refitted baseline without a constant error of the pitch reading: calibration is
 not physics, so it has its own line."""
 
+PERFECT = "floor"
+"""Errors that a perfect model would leave on the same flights, predicted likewise."""
+
+UNLIKELY = 0.005
+"""Probability, by chance, below which errors are not those of a perfect model, or gusts
+not turbulence."""
+
 LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
 """Whether an effect's formula has the shape that the flights show."""
 
@@ -129,10 +136,14 @@ class Air:
 class Residual:
     """Error of the corrected model on held-out flights."""
 
-    ratio_to_noise: Number  #: RMS of the position's error over the measurement's noise.
-    position_m: Number  #: That RMS [m].
+    position_m: Number  #: RMS of the position [m].
+    ratio_to_floor: Number  #: That over the RMS which a perfect model would leave.
+    #: Probability that a perfect model leaves as much on as many flights.
+    chance: Number = math.nan
     #: Variables that the remaining error varies with, most first.
     depends_on: tuple[str, ...]
+    #: States of the glider that the modelled gusts depend on: they are not turbulence.
+    air_depends_on: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -324,8 +335,8 @@ class Report:
     verdict: str
     reason: str
     effects: Sequence[ReportedEffect]
-    #: Model name (of MODELS, and CALIBRATED) to its errors; nominal is None where the
-    #: vehicle is not known.
+    #: Model name (of MODELS, CALIBRATED, PERFECT) to its errors; nominal is None where
+    #: the vehicle is not known.
     errors: dict[str, Errors | None]
     #: Held-out flights that are not in `errors`; None without any.
     outlying: OutlyingFlights | None = None
@@ -358,7 +369,7 @@ class Report:
     version: str
 
     def __post_init__(self) -> None:
-        known = (*MODELS, CALIBRATED)
+        known = (*MODELS, CALIBRATED, PERFECT)
         if unknown := self.errors.keys() - set(known):
             raise InputError(
                 f"field 'errors' has a model {show(min(unknown))}; expected "

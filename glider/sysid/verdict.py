@@ -19,7 +19,7 @@ from glider.sysid.replay.record import Signs
 from glider.sysid.replay.replayed import logged_elevator
 from glider.sysid.replay.theta import SERVO_LOG
 from glider.sysid.replay.vehicle import BASELINE_KINDS
-from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
+from glider.sysid.result import LIBRARY_SHAPE, UNLIKELY, Errors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
 
 BOUNDED = {
@@ -155,14 +155,15 @@ def judge(
         doubt, as_plate = _over_nominal(held_out, held_out.over_nominal, errors), True
     if doubt is not None:
         return "not_trusted", doubt
-    if any(e.kind == "unexplained" for e in effects):
+    rest = _beyond_floor(left)
+    if rest or any(e.kind == "unexplained" for e in effects):
         if right and not kinds:
             return (
                 "unexplained",
-                "No effect of the library explains what the flat plate lacks.",
+                f"No effect of the library explains what the flat plate lacks{rest}.",
             )
         return "partly_explained", (
-            "Effects of the library explain part of what the flat plate lacks."
+            f"Effects of the library explain part of what the flat plate lacks{rest}."
         )
     reason = "The effects are identified and hold on held-out flights"
     if any(e.shape != LIBRARY_SHAPE for e in effects):
@@ -176,6 +177,18 @@ def judge(
             "refitted parameters predicts about as well"
         )
     return "effect_found", f"{reason}."
+
+
+def _beyond_floor(left: Residual) -> str:
+    """Clause about what a perfect model would not leave, empty if it may be chance."""
+    if not left.chance < UNLIKELY:
+        return ""
+    varies = dict.fromkeys((*left.depends_on, *left.air_depends_on))
+    return (
+        f": held-out flights are off by {1e3 * left.position_m:.3g} mm (RMS), "
+        f"{left.ratio_to_floor:.3g} times as much as a perfect model would leave"
+        + (f", depending on {', '.join(varies)}" if varies else "")
+    )
 
 
 def changes_baseline_alone(model: FitResult) -> bool:

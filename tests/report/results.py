@@ -14,6 +14,7 @@ from glider.physics.model import GliderModel
 from glider.sysid.result import (
     CALIBRATED,
     OTHER_SHAPE,
+    PERFECT,
     Air,
     Combination,
     Curve,
@@ -90,6 +91,11 @@ def make_errors(scale):
 
 def all_errors(value):
     return errors_of(*[value] * 7)
+
+
+PERFECT_ERRORS = dataclasses.replace(
+    errors_of(0.001, 0.002, 0.03, 5.66e-4, 5.01e-4, 2.5e-3, 5.66e-4), fit_percent=Fit()
+)
 
 
 def make_flight(name, miss):
@@ -191,13 +197,16 @@ def make_result(**changes):
             "nominal": make_errors(1.0),
             "refitted": make_errors(0.5),
             "corrected": make_errors(0.001),
+            PERFECT: PERFECT_ERRORS,
         },
         folds=(
             make_fold(("flight_001.csv", "flight_100.csv")),
             make_fold(("flight_002.csv",)),
             make_fold(("flight_101.csv",), better=False),
         ),
-        left=Residual(ratio_to_noise=13.25, position_m=5.3e-3, depends_on=("alpha",)),
+        left=Residual(
+            position_m=5.3e-3, ratio_to_floor=13.25, chance=1e-4, depends_on=("alpha",)
+        ),
         candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
         combinations=(
             Combination(kinds=("wind",), evidence=21345.6),
@@ -270,7 +279,7 @@ def diverged():
             ),
         ),
         candidates={"wind": math.inf, "mass": math.nan},
-        left=Residual(ratio_to_noise=math.inf, position_m=math.nan, depends_on=()),
+        left=Residual(position_m=math.nan, ratio_to_floor=math.inf, depends_on=()),
         folds=(
             Fold(
                 held_out=("flight_100.csv",),
@@ -329,6 +338,7 @@ VARIANTS = {
             "refitted": make_errors(0.5),
             CALIBRATED: make_errors(0.4),
             "corrected": make_errors(0.6),
+            PERFECT: PERFECT_ERRORS,
         },
     ),
     "no effect": make_result(

@@ -9,7 +9,7 @@ import pytest
 
 from glider.files.schema import json_text
 from glider.report.as_page import page_data, rounded
-from glider.report.error_table import END, FREE, distance, noise_floor
+from glider.report.error_table import distance
 from glider.report.flight_figures import MOST_FLIGHTS, flights_in_page
 from glider.report.folder import FIGURES, make_figures, to_html
 from glider.report.model_figures import BAND
@@ -59,37 +59,17 @@ def test_a_page_holds_the_numbers_of_the_figures(variant):
     assert len({json.dumps(c) for c in data["columns"]}) == len(data["columns"])
 
 
-def test_bars_are_the_errors_and_their_noise():
+def test_bars_are_the_errors_and_those_of_a_perfect_model():
     result = make_result()
     place = FIGURES["errors"](result).panels[2]
     (bars,) = of_kind(place, Bars, "nominal")
     np.testing.assert_allclose(bars.values, [413.0, 900.0, 220.0])
     assert bars.texts == ["413", "900", "220"]
-    (noise,) = of_kind(place, Line, "noise")
-    floor = [noise_floor(result, f) for f in (FREE, END)]
-    np.testing.assert_allclose(noise.y[[0, 4]], np.array(floor) * 1e3)
+    (floor,) = of_kind(place, Line, "floor")
+    np.testing.assert_allclose(floor.y[[0, 4]], [0.566, 0.501])
     assert [p.title for p in FIGURES["errors"](result).panels][2:] == [
         *("position [mm]", "pitch [°]")
     ]
-
-
-def test_noise_of_accelerations_is_that_of_held_out_flights():
-    result = make_result()
-    table = result.residual_after
-    assert noise_floor(result, NORMAL) == pytest.approx(0.002)
-    noise = table.noise.copy()
-    noise[table.flight == 0] = 5.0
-    louder = dataclasses.replace(table, noise=noise)
-    unseen = make_result(
-        residual_after=louder,
-        flights=dataclasses.replace(
-            result.flights, held_out=result.flights.held_out[1:]
-        ),
-    )
-    assert noise_floor(unseen, NORMAL) == pytest.approx(0.002)
-    assert noise_floor(make_result(residual_after=louder), NORMAL) > 1.0
-    nothing = dataclasses.replace(result.flights, held_out=())
-    assert math.isnan(noise_floor(make_result(flights=nothing), NORMAL))
 
 
 def test_held_out_flights_are_drawn_as_they_are():

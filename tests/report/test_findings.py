@@ -10,14 +10,9 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.report.error_table import (
-    ALONG,
     COLUMNS,
-    END,
-    FREE,
-    PITCH,
     STANDS_OUT,
     error_rows,
-    noise_floor,
     position_rms,
     worst_flights,
 )
@@ -39,18 +34,19 @@ from glider.report.wording import (
 from glider.sysid.result import (
     CALIBRATED,
     MODELS,
+    PERFECT,
     VERDICTS,
     Air,
     Combination,
     Estimate,
     EvidenceThreshold,
     FlightNames,
-    MeasurementNoise,
     OutlyingFlights,
     Residual,
     Spread,
 )
 from tests.report.results import (
+    PERFECT_ERRORS,
     UNEXPLAINED,
     VARIANTS,
     WIND,
@@ -71,11 +67,12 @@ ALL_MODELS = make_result(
         "refitted": make_errors(0.5),
         CALIBRATED: make_errors(0.41),
         "corrected": make_errors(0.001),
+        PERFECT: PERFECT_ERRORS,
     }
 )
 
 
-# Errors: one unit a row, the noise beside them.
+# Errors: one unit a row, those of a perfect model beside them.
 
 
 @pytest.mark.parametrize(
@@ -104,22 +101,9 @@ def test_every_cell_of_a_row_is_in_its_unit():
     }
 
 
-def test_noise_floor_is_that_of_noisy_poses():
-    """A perfect model's errors are noise: seen in what such noise does."""
-    rng = np.random.default_rng(3)
-    result = make_result(noise=MeasurementNoise(position_m=0.02, pitch_rad=0.03))
-    distance = np.hypot(*rng.normal(scale=0.02, size=(2, 100_000)))
-    rms = math.sqrt(np.mean(distance**2))
-    for name in (FREE, ALONG):
-        assert noise_floor(result, name) == pytest.approx(rms, rel=0.01)
-    end = noise_floor(result, END)
-    assert end == pytest.approx(np.mean(distance), rel=0.01)
-    assert noise_floor(result, PITCH) == 0.03
-
-
-def test_every_error_of_a_pose_has_its_noise_beside_it():
+def test_every_error_has_that_of_a_perfect_model_beside_it():
     rows = error_rows(make_result())
-    assert [r.noise for r in rows] == [
+    assert [r.floor for r in rows] == [
         "0.00100",
         "0.00200",
         "0.0300",
@@ -193,7 +177,7 @@ def test_a_finding_that_does_not_hold_is_not_claimed():
 
 
 def test_what_has_no_name_is_told_with_what_it_varies_with():
-    left = Residual(ratio_to_noise=9.0, position_m=0.01, depends_on=("elevator",))
+    left = Residual(ratio_to_floor=9.0, position_m=0.01, depends_on=("elevator",))
     result = make_result(verdict="partly_explained", left=left)
     assert "; and an error that varies with elevator and" in headline(result)
     result = make_result(
@@ -220,20 +204,27 @@ def test_the_reason_follows_the_verdict():
 @pytest.mark.parametrize(
     "ratio, position, text",
     [
-        (13.25, 5.3e-3, "error of 5.30 mm (RMS) on held-out flights, 13.2 times the"),
+        (13.25, 5.3e-3, "error of 5.30 mm (RMS) on held-out flights, 13.2 times that"),
         (12_499_590.0, 2.0, "2,000 mm (RMS) on held-out flights, 12,499,590 times"),
         (math.inf, 0.02, "20.0 mm (RMS) on held-out flights; it varies with V."),
     ],
 )
 def test_what_is_left_is_a_length_and_a_ratio(ratio, position, text):
-    left = Residual(ratio_to_noise=ratio, position_m=position, depends_on=("V",))
+    left = Residual(ratio_to_floor=ratio, position_m=position, depends_on=("V",))
     assert text in " ".join(say("left", make_result(left=left)))
     assert "σ" not in " ".join(say("left", make_result(left=left)))
 
 
 def test_what_is_left_is_not_told_where_it_is_not_known():
-    left = Residual(ratio_to_noise=1.0, position_m=math.nan, depends_on=())
+    left = Residual(ratio_to_floor=1.0, position_m=math.nan, depends_on=())
     assert " ".join(say("left", make_result(left=left))) == ""
+
+
+def test_gusts_that_know_the_state_are_said_to_be_no_turbulence():
+    left = dataclasses.replace(make_result().left, air_depends_on=("alpha", "V"))
+    (said,) = [s for s in say("left", make_result(left=left)) if "gusts" in s]
+    assert "depend on alpha and V: turbulence does not" in said
+    assert "gusts" not in " ".join(say("left", make_result()))
 
 
 @pytest.mark.parametrize(

@@ -190,7 +190,7 @@ def test_a_phone_shows_every_column_of_a_table(browser, report):
         )
         assert max(wide) <= 1
         table = page.locator(".errors")
-        for heading in ("nominal", "refitted", "corrected", "noise", "gain"):
+        for heading in ("nominal", "refitted", "corrected", "floor", "gain"):
             head = table.locator("th", has_text=heading).bounding_box()
             assert 0.0 <= head["x"] < head["x"] + head["width"] <= 390.0
         row = table.locator("tr", has_text="position, end").locator("td.number").all()

@@ -27,9 +27,10 @@ from glider.report.folder import make_figures, to_html, write_report
 from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks
-from glider.sysid.result import CALIBRATED, Estimate, OutlyingFlights
+from glider.sysid.result import CALIBRATED, PERFECT, Estimate, OutlyingFlights
 from tests.helpers.own_kinds import FLAP
 from tests.report.results import (
+    PERFECT_ERRORS,
     VARIANTS,
     WIND,
     all_errors,
@@ -168,7 +169,8 @@ def test_json_has_the_schema_and_si_numbers():
         "errors": {
             name: errors_json(scale)
             for name, scale in (("nominal", 1), ("refitted", 0.5), ("corrected", 1e-3))
-        },
+        }
+        | {PERFECT: to_builtins(PERFECT_ERRORS)},
         "outlying": None,
         "evidence_threshold": {"effect": 6.6, "coefficient": 1.6, "uncommon": 0.0},
         "folds": [
@@ -184,9 +186,11 @@ def test_json_has_the_schema_and_si_numbers():
             )
         ],
         "left": {
-            "ratio_to_noise": 13.25,
             "position_m": 5.3e-3,
+            "ratio_to_floor": 13.25,
+            "chance": 1e-4,
             "depends_on": ["alpha"],
+            "air_depends_on": [],
         },
         "derivatives": to_builtins(make_result().derivatives),
         "innovations": to_builtins(make_result().innovations),
@@ -249,7 +253,7 @@ def test_json_file_is_strict_whatever_the_numbers(written):
     text = (folder / "report.json").read_text(encoding="utf-8")
     data = json.loads(text, parse_constant=refuse)
     assert data == to_json(variant)
-    assert data["errors"].keys() == {"nominal", "refitted", "corrected"}
+    assert data["errors"].keys() - {PERFECT} == {"nominal", "refitted", "corrected"}
     for leaf in leaves(to_json(variant)):
         assert leaf is None or type(leaf) in (str, float, int)
 
@@ -262,9 +266,11 @@ def test_numbers_that_are_none_become_null():
     assert data["effects"][0]["coefficients"]["x"]["std"] is None
     assert data["noise"]["pitch_rad"] is None
     assert data["left"] == {
-        "ratio_to_noise": None,
         "position_m": None,
+        "ratio_to_floor": None,
+        "chance": None,
         "depends_on": [],
+        "air_depends_on": [],
     }
     assert data["folds"][0]["refitted"]["rollout"]["position_rms_m"] is None
     assert data["curves"][0]["std"] == [None] * 40

@@ -10,6 +10,7 @@ from glider.sysid.replay.record import Signs
 from glider.sysid.result import (
     LIBRARY_SHAPE,
     OTHER_SHAPE,
+    UNLIKELY,
     VERDICTS,
     EquationErrors,
     Errors,
@@ -75,6 +76,7 @@ def verdict(
     doubt=None,
     t_over_nominal=None,
     drawn=(1.0, 1.0),
+    chance=0.5,
 ):
     """Judges a trace that found kinds, and a field or curves without a name."""
     if unnamed is None:
@@ -89,7 +91,9 @@ def verdict(
         field=object() if field else None,
         forces=None if left_over is None else object(),
     )
-    left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=left_over or ())
+    left = Residual(
+        position_m=0.05, ratio_to_floor=3.0, chance=chance, depends_on=left_over or ()
+    )
     held_out = None
     if signs.are_right:
         held_out = types.SimpleNamespace(
@@ -125,6 +129,16 @@ def test_effects_that_hold_are_found():
     assert "curve" not in reason
 
 
+def test_what_a_perfect_model_would_not_leave_is_not_all_explained():
+    assert verdict(("wind",), chance=1.01 * UNLIKELY)[0] == "effect_found"
+    word, reason = verdict(("wind",), chance=0.99 * UNLIKELY)
+    assert word == "partly_explained"
+    assert "50 mm (RMS), 3 times as much as a perfect model" in reason
+    _, reason = verdict(("wind",), chance=0.0, left_over=("alpha", "V"))
+    assert reason.endswith("depending on alpha, V.")
+    assert verdict(chance=0.0)[0] == "no_effect"
+
+
 def test_a_shape_that_is_not_the_librarys_is_told():
     word, reason = verdict(
         ("wind",), terms=("c_drag",), shape_fits=False, unnamed=False
@@ -145,7 +159,7 @@ def test_a_gain_on_the_flights_of_the_search_alone_is_not_trusted():
     traced = types.SimpleNamespace(
         model=types.SimpleNamespace(kinds=("wind",)), field=None, forces=None
     )
-    left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=())
+    left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
     for gained, expected in ((LEAST_UNSEEN_GAIN - 0.1, "not_trusted"), (9.0, None)):
         held_out = types.SimpleNamespace(
@@ -205,7 +219,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     traced = types.SimpleNamespace(
         model=types.SimpleNamespace(kinds=()), field=object(), forces=None
     )
-    left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=())
+    left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = (entry("unexplained"), entry("elevator_trim"))
     held_out = types.SimpleNamespace(
         gain=gain_of(9.0), ratios=(0.9, 0.9), over_nominal=None

@@ -20,6 +20,7 @@ _LAUNCH = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
 _EXTRA = 0.05  # Spread of effects' states about rest, in their scales.
 # Mean and spread of log(air_time), which flights in nearly still air do not determine.
 _TIME_PRIOR = (np.log(0.25), 0.7)
+STILL = 2.0  # Strength of the air over its least, below which there is none.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
@@ -51,6 +52,21 @@ class Scales:
     def logs(self) -> np.ndarray:
         """Natural logarithms, in the order of the fields."""
         return np.log(np.array(dataclasses.astuple(self)))
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the air is."""
+        return self.air < STILL * FLOOR.air
+
+    @property
+    def sensors(self) -> tuple[float, float, float, float]:
+        """Of measured x, z, pitch and elevator."""
+        return self.position, self.position, self.pitch, self.elevator
+
+    @property
+    def times(self) -> tuple[float, float, float, float]:
+        """Correlation times of the processes [s], in the filter's order."""
+        return self.air_time, self.air_time, MOMENT_TIME, SERVO_TIME
 
     @classmethod
     def from_logs(cls, logs: np.ndarray) -> "Scales":
@@ -113,9 +129,7 @@ def whiten(
     """Filters a flight."""
     record = flight.record
     n, rows = flight.by_x.shape[1], len(record.time)
-    sensors = (scales.position, scales.position, scales.pitch, scales.elevator)
     usual = start_variances(flight, scales)
-    times = (scales.air_time, scales.air_time, MOMENT_TIME, SERVO_TIME)
     innovations = np.empty((rows, 4, flight.inputs.shape[2]))
     variances = np.empty((rows, 4))
     filter_flight(
@@ -127,10 +141,10 @@ def whiten(
         flight.pose_by_x,
         flight.outputs,
         record.seen,
-        np.square(sensors),
+        np.square(scales.sensors),
         usual if start is None else start,
         flight.start.copy(),
-        1.0 / np.array(times),
+        1.0 / np.array(scales.times),
         usual[n : n + PROCESSES],
         innovations,
         variances,

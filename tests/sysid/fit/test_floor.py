@@ -1,0 +1,121 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.sysid.fit.floor import air_depends_on, find_floor
+from glider.sysid.fit.folds import flown_by
+from glider.sysid.fit.prediction import flight_errors, predict_all
+from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.scales import FLOOR
+from glider.sysid.result import UNLIKELY, EquationErrors
+from tests.helpers.known_truth import begin, task_of
+from tests.helpers.lifelike import draw_campaign, turbulence_campaign
+
+
+def scales_of(truth):
+    """Standard deviations with which a campaign was drawn."""
+    capture = truth.capture
+    return dataclasses.replace(
+        FLOOR,
+        position=capture.position,
+        pitch=capture.pitch,
+        elevator=capture.elevator,
+        air=max(truth.air_std, FLOOR.air),
+        air_time=truth.air_correlation or 0.25,
+        trim=max(truth.spreads.get("elevator_trim", 0.0), FLOOR.trim),
+    )
+
+
+def floor_and_errors(campaign, truth, effect=None):
+    """Predicts flights of the nominal glider by a model, perfect without an effect."""
+    task, noise = task_of(campaign)
+    scales = scales_of(truth)
+    model = dataclasses.replace(begin(task, noise), scales=scales)
+    if effect is not None:
+        model.theta[task.layout.index[effect[:2]]] = effect[2]
+    flown = flown_by(task, model, scales)
+    ratio = noise.smoothing[2].ratio
+    floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))
+    pairs = zip(task.records, predict_all(flown, task.records), strict=True)
+    return floor, np.array([flight_errors(*pair) for pair in pairs])
+
+
+NO_NOISE = EquationErrors(tangential=0.0, normal=0.0, pitch=0.0)
+
+
+def along(floor):
+    return floor.errors(NO_NOISE, 16).rollout_measured_pitch.position_rms_m
+
+
+@pytest.fixture(scope="module")
+def still():
+    return draw_campaign(1, 16, (), moving_air=False, spreads=False, broken=False)
+
+
+@pytest.fixture(scope="module")
+def turbulent():
+    return turbulence_campaign(2, 16)
+
+
+@pytest.mark.parametrize("name", ["still", "turbulent"])
+def test_a_perfect_model_leaves_its_floor(name, request):
+    """Seen on flights of another simulator, predicted without linearization."""
+    floor, errors = floor_and_errors(*request.getfixturevalue(name))
+    typical = 0.5 * np.log(floor.squares[:, :2]).mean(axis=2)
+    ratios = np.exp(np.mean(np.log(errors) - typical, axis=0))
+    np.testing.assert_allclose(ratios, 1.0, atol=0.25)
+    assert floor.chance(errors) > 0.05
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        ("profile_drag", "cd0", 0.05),
+        ("pitch_damping", "coefficient", 0.03),
+        ("center_of_pressure", "shift", 0.003),
+    ],
+)
+def test_a_model_that_lacks_an_effect_leaves_more(still, effect):
+    floor, errors = floor_and_errors(*still, effect)
+    assert floor.chance(errors) < UNLIKELY
+
+
+def test_turbulence_raises_the_floor_and_one_flight_does_not_decide(turbulent):
+    floor, errors = floor_and_errors(*turbulent)
+    calm, _ = floor_and_errors(
+        turbulent[0], dataclasses.replace(turbulent[1], air_std=0)
+    )
+    assert along(floor) > 3.0 * along(calm)
+    assert calm.chance(errors) < UNLIKELY
+    errors[0] *= 20.0
+    assert floor.chance(errors) > UNLIKELY
+
+
+def test_errors_of_the_first_flights_count_each_row_once(still):
+    floor, _ = floor_and_errors(*still)
+    squares = floor.squares[:2, 0].mean(axis=1) * floor.rows[:2]
+    rms = np.sqrt(squares.sum() / floor.rows[:2].sum())
+    assert floor.errors(NO_NOISE, 2).position_rms_m == pytest.approx(rms)
+
+
+def test_turbulence_does_not_know_the_state_of_the_glider(turbulent):
+    task, noise = task_of(turbulent[0])
+    model = fit_model(task, begin(task, noise, ("elevator_trim",)))
+    assert model.scales.air == pytest.approx(turbulent[1].air_std, rel=0.2)
+    assert air_depends_on(task, model) == ()
+
+
+def test_gusts_that_stand_for_a_stall_do():
+    campaign, _ = draw_campaign(
+        4,
+        16,
+        [("attached_lift", "soft")],
+        moving_air=False,
+        spreads=False,
+        broken=False,
+    )
+    task, noise = task_of(campaign)
+    model = fit_model(task, begin(task, noise), iterations=1)
+    assert model.scales.air > 0.05
+    assert {"alpha", "V"} & set(air_depends_on(task, model))
