@@ -75,7 +75,8 @@ def _check_formulas(effect: EffectKind) -> None:
     if effect.steady_state is not None and effect.state_rate is not None:
         count, steady = len(effect.states), effect.steady_state
         states = _tried(effect, "steady_state", steady, count, along, values)
-        rate_at = (*states, *values)
+        alphadot = (_TRIAL_RATE,) if effect.rate_by_alphadot else ()
+        rate_at = (*alphadot, *states, *values)
         _tried(effect, "state_rate", effect.state_rate, count, along, rate_at)
     if not is_actuator:
         # Off rest, for at rest an effect with a state may do nothing at any size.

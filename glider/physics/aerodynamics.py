@@ -53,12 +53,11 @@ def angle_of_attack(sin_alpha, cos_alpha):
 
 
 @scalar
-def attached_share(sin_alpha, cos_alpha, stall_angle, fade):
+def attached_share(alpha, stall_angle, fade):
     """Share of the flow that is attached: 1 / (1 + exp((|α| - stall_angle) / fade)).
 
     Written with tanh, which cannot overflow; |α| is rounded at zero.
     """
-    alpha = angle_of_attack(sin_alpha, cos_alpha)
     beyond = np.sqrt(alpha * alpha + _ROUNDING) - stall_angle
     return 0.5 - 0.5 * np.tanh(0.5 * beyond / fade)
 

@@ -49,8 +49,8 @@ def wrench_terms(flow, x, c):
 
 
 def inertia_terms(flow, x, c):
-    """Relative change of mass and inertia, added mass [kg] and inertia [kg m²]."""
-    return 0.0, 0.0, 0.0, 0.0
+    """Relative change of mass and inertia, added mass, inertia and their coupling."""
+    return 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 def sensor_terms(flow, x, c):
@@ -63,7 +63,7 @@ def residual_terms(flow, field):
     return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-def effect_rates(flow, x, c):
+def effect_rates(flow, xdd, zdd, x, c):
     """Rates of the states of effects that are not actuators."""
     return ()
 
@@ -194,27 +194,37 @@ def wrench(flow, terms, x, c):
 def accelerations(flow, terms, x, c):
     """Returns (ẍ, z̈, θ̈) [m/s², rad/s²].
 
-    ((1 + μ) m I + m_a n nᵀ) a = F - (1 + μ) m g e_z - m_a θ̇ ((v·t) n + (v·n) t) with
-    the added mass m_a along the body's normal n, whose rate is ṅ = θ̇ t, and
-    ((1 + ι) I + I_a) θ̈ = M with the added inertia I_a.
+    (1 + μ) m (a + g e_z) + (m_a n·a - s θ̈) n =
+        F - θ̇ (m_a (v·t) n + (m_a (v·n) - s θ̇) t),  ((1 + ι) I + I_a) θ̈ - s n·a = M
+    with the added mass m_a along the body's normal n, whose rate is ṅ = θ̇ t, the added
+    inertia I_a and their coupling s.
     """
     _, _, force_x, force_z, moment, _, _ = wrench(flow, terms, x, c)
-    mass_change, inertia_change, added_mass, added_inertia = inertia_terms(flow, x, c)
-    mass = flow.mass * (1.0 + mass_change)
-    inertia = flow.pitch_inertia * (1.0 + inertia_change) + added_inertia
-    turning = added_mass * flow.pitchdot
+    change, turn_change, added_mass, added_inertia, coupling = inertia_terms(flow, x, c)
+    mass = flow.mass * (1.0 + change)
+    inertia = flow.pitch_inertia * (1.0 + turn_change) + added_inertia
     # Not by the angle of attack, whose sine is a quotient by an airspeed.
-    along = -turning * (flow.air_x * flow.sin_pitch + flow.air_z * flow.cos_pitch)
-    across = -turning * (flow.air_x * flow.cos_pitch - flow.air_z * flow.sin_pitch)
-    force_x = force_x + along * flow.cos_pitch + across * flow.sin_pitch
-    force_z = force_z - along * flow.sin_pitch + across * flow.cos_pitch
+    along = flow.air_x * flow.cos_pitch - flow.air_z * flow.sin_pitch
+    across = flow.air_x * flow.sin_pitch + flow.air_z * flow.cos_pitch
+    back = flow.pitchdot * (added_mass * across - coupling * flow.pitchdot)
+    down = flow.pitchdot * added_mass * along
+    force_x = force_x - back * flow.cos_pitch - down * flow.sin_pitch
+    force_z = force_z + back * flow.sin_pitch - down * flow.cos_pitch
     x = force_x / mass
     z = force_z / mass - flow.gravity
     normal = x * flow.sin_pitch + z * flow.cos_pitch
-    carried = added_mass / (mass + added_mass) * normal
+    lever = coupling / inertia
+    heavier = added_mass - lever * coupling
+    carried = (heavier * normal - lever * moment) / (mass + heavier)
     x = x - carried * flow.sin_pitch
     z = z - carried * flow.cos_pitch
-    return x, z, moment / inertia
+    return x, z, moment / inertia + lever * (normal - carried)
+
+
+def alpha_rate(flow, xdd, zdd):
+    """Rate of the angle of attack in steady air [rad/s], for state rates."""
+    turn = flow.air_x * zdd - flow.air_z * xdd
+    return -flow.pitchdot - turn / (flow.speed * flow.speed)
 
 
 def derivatives(t, x, u, wind_x, wind_z, theta):
@@ -244,7 +254,7 @@ def derivatives(t, x, u, wind_x, wind_z, theta):
         zdd,
         pitchdd,
         *actuator_rates(u, x, c),
-        *effect_rates(flow, x, c),
+        *effect_rates(flow, xdd, zdd, x, c),
     )
 
 

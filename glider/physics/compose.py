@@ -61,6 +61,8 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
 
     def add_rate(i: int, first: str) -> list[str]:
         """Adds the call of a state rate; returns the names of its results."""
+        if effects[i].rate_by_alphadot:
+            first += ", alpha_rate(flow, xdd, zdd)"
         lines.append(f"    d{i} = {call('rate', i, first)}")
         count = len(effects[i].states)
         return [f"d{i}"] if count == 1 else [f"d{i}[{k}]" for k in range(count)]
@@ -95,11 +97,13 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
     actuators = [i for i, effect in enumerate(effects) if effect.stage == "actuator"]
     steps = {i: f"    rate = {call('formula', i, 'rate')}" for i in actuators}
     lines += ["def actuator_terms(rate, x, c):", *steps.values(), "    return rate\n"]
-    for hook, first, members in (
+    others = [i for i in range(len(effects)) if i not in steps]
+    for hook, given, members in (
         ("actuator_rates", "rate", actuators),
-        ("effect_rates", "flow", [i for i in range(len(effects)) if i not in steps]),
+        ("effect_rates", "flow, xdd, zdd", others),
     ):
-        lines.append(f"def {hook}({first}, x, c):")
+        first, *_ = given.split(",")
+        lines.append(f"def {hook}({given}, x, c):")
         rates = []
         for i in members:
             if effects[i].states:

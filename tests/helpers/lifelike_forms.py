@@ -147,9 +147,10 @@ def _stall_separation(rng, g):
     g.lags.append(Lag(rate=rate, rest=lambda f: steady(f.alpha)))
     g.normal.append(normal)
     words = f"slope {slope:.2f}, stall {stall:.2f}, lag {late:.3f} s, lead {lead:.3f} s"
+    whole = frozenset({"lagged_separation"})
     return (
-        Planted(name="attached_lift", form="separation", words=words),
-        Planted(name="dynamic_stall", form="separation", words=words),
+        Planted(name="attached_lift", form="separation", words=words, also=whole),
+        Planted(name="dynamic_stall", form="separation", words=words, also=whole),
     )
 
 

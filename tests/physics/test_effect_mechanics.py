@@ -11,13 +11,16 @@ from glider.physics.effects import (
     CAMBER,
     DOWNWASH,
     ELEVATOR_BLOWBACK,
+    GROUND_EFFECT,
     INDUCED_DRAG,
+    LAGGED_SEPARATION,
     LIBRARY,
     NO_FIELD,
     PITCH_RATE_LIFT,
     STALLED_DOWNWASH,
     WIND_SHEAR,
 )
+from glider.physics.model import GliderModel
 from glider.physics.parameters import Theta
 from tests.helpers.physics import (
     PARAMETERS,
@@ -167,6 +170,84 @@ def test_an_elevator_that_gives_way_pitches_less(elevator):
     assert 0.5 < soft / stiff < 0.98
 
 
+@pytest.mark.parametrize("elevator", [-0.1, 0.0, 0.1])
+def test_a_spring_linkage_is_in_equilibrium_with_its_load(elevator):
+    """The loads of plate and flap are those where the spring has turned to."""
+    alpha, compliance, own = 0.08, 0.001, 0.0015
+    x = flying_at(alpha, elevator=elevator)
+    doubled = PARAMETERS.air_density * (x[4] ** 2 + x[5] ** 2)
+    turn = 0.0
+    for _ in range(100):
+        flap = elevator + turn
+        load = compliance * np.sin(alpha - flap) - own * np.sin(flap)
+        turn = 0.5 * (turn + doubled * load)
+    effect = ELEVATOR_BLOWBACK(compliance=compliance, deflection=own, relief=1.0)
+    expected = nominal_derivatives(x + np.eye(7)[3] * turn)
+    stiff = nominal_derivatives(x)
+    error = np.abs(flown(effect, x) - expected)[6] / np.abs(stiff - expected)[6]
+    assert error < 0.01
+
+
+def separated(x, point, **values):
+    """Returns the derivatives (8,) of a glider whose flow has separated at a point."""
+    effect = LAGGED_SEPARATION(**values)
+    theta = Theta(PARAMETERS, np.array(effect.values), NO_FIELD)
+    full = np.append(x, point)
+    chain = compose((LAGGED_SEPARATION,))
+    return np.array(chain.derivatives(0.0, full, 0.0, 0.0, 0.0, theta))
+
+
+@pytest.mark.parametrize(("point", "share"), [(1.0, 1.0), (0.25, 5 / 12), (0.0, 0.0)])
+def test_separated_flow_has_kirchhoffs_force_between_plate_and_attached_wing(
+    point, share
+):
+    x = flying_at(0.3)
+    added = separated(x, point, slope=3.0) - np.append(nominal_derivatives(x), 0.0)
+    size = PARAMETERS.mass * np.dot(added[4:6], normal_of(x[2]))
+    size /= pressure_area(x, PARAMETERS) * np.sin(0.3)
+    assert size == pytest.approx(3.0 * share, abs=0.02)
+
+
+def test_the_separation_point_follows_an_angle_of_attack_that_comes_late():
+    """Against α̇ from a step of the flight itself; at rest it is the steady one."""
+    values = {"stall_angle": 0.3, "fade": 0.1, "relaxation": 0.06, "delay": 0.05}
+
+    def alpha_of(x):
+        return -x[2] - np.arctan2(x[5], x[4])
+
+    for x in random_states(20):
+        rates = separated(x, 0.4, slope=2.0, **values)
+        step = 1e-6 * rates[:7]
+        alphadot = (alpha_of(x + step) - alpha_of(x - step)) / 2e-6
+        late = abs(alpha_of(x) - 0.05 * alphadot)
+        steady = 1.0 / (1.0 + np.exp((late - 0.3) / 0.1))
+        assert rates[7] == pytest.approx((steady - 0.4) / 0.06, abs=2e-4)
+    kind, flow = LAGGED_SEPARATION, GliderModel(effects=(LAGGED_SEPARATION(slope=1.0),))
+    rest = flow.initial_state(flying_at(0.26))
+    assert flow.state_names[7:] == (f"{kind.kind}.separation_point",)
+    assert rest[7] == pytest.approx(0.5, abs=1e-4)
+
+
+def test_a_ground_effect_decays_as_wieselsbergers_above_its_floor():
+    depth, length, strength = 0.8, 0.35, 0.1
+    height = 4.0 / 3.0 * length**0.75 * depth**0.25
+    effect = GROUND_EFFECT(strength=strength, height=height, inverse_depth=1 / depth)
+
+    def sigma(above):
+        return np.exp(-((above / length) ** 0.75))
+
+    for z in (-0.6, -0.2, 0.0, 0.4, 1.5):
+        x = flying_at(0.2)
+        x[1] = z
+        plain = force_of(nominal_derivatives(x, p=WING_ALONE), WING_ALONE)
+        more = force_of(flown(effect, x, p=WING_ALONE), WING_ALONE) / plain - 1.0
+        share = strength * sigma(z + depth) / sigma(depth)
+        np.testing.assert_allclose(more, share, rtol=1e-6)
+        old = GROUND_EFFECT(strength=strength, height=0.4)
+        more = force_of(flown(old, x, p=WING_ALONE), WING_ALONE) / plain - 1.0
+        np.testing.assert_allclose(more, strength * np.exp(-z / 0.4), rtol=1e-6)
+
+
 def test_stalled_downwash_is_downwash_until_it_stalls():
     effect = STALLED_DOWNWASH(gradient=0.6, stall_angle=0.3, fade=0.04)
     for alpha in (-0.6, -0.3, -0.1, 0.05, 0.2, 0.3, 0.37, 0.8, 1.5):
@@ -187,44 +268,77 @@ def test_wind_shear_is_the_wind_of_that_height():
         np.testing.assert_allclose(actual, expected, rtol=1e-12, atol=1e-12)
 
 
-def kirchhoff(x, u, p, added_mass, added_inertia):
+def kirchhoff(x, u, p, mass, inertia, ahead):
     """Kirchhoff's equations of a plate in the body axes of aircraft.
 
     Forward and down, pitch rate q positive nose up (Lamb, Hydrodynamics, chapter VI;
-    Etkin and Reid): the momentum (m u, (m + m_a) w) turns with the axes. Munk's moment
-    m_a u w is part of the plate's own.
+    Etkin and Reid): the momentum (m u, m w + m_a (w - e q)) turns with the axes; its
+    air is at e ahead of the center of mass. Munk's moment is part of the plate's own.
     """
     s = GliderState(x.copy())
     plain = nose_up_dynamics(x, u, p)
     forward, down, q = axis_of(s.pitch), -normal_of(s.pitch), -s.pitchdot
     force = p.mass * plain[4:6]  # Weight included.
+    moment = -p.pitch_inertia * plain[6]  # Nose up.
     along, across = np.dot(x[4:6], forward), np.dot(x[4:6], down)
-    carried = p.mass + added_mass
-    u_rate = (np.dot(force, forward) - q * carried * across) / p.mass
-    w_rate = (np.dot(force, down) + q * p.mass * along) / carried
+    carried = mass * (across - ahead * q)
+    u_rate = (np.dot(force, forward) - q * (p.mass * across + carried)) / p.mass
+    whole = [
+        [p.mass + mass, -mass * ahead],
+        [-mass * ahead, p.pitch_inertia + inertia + mass * ahead**2],
+    ]
+    # The moment of e q's own impulse, m_a e q u, is not Munk's.
+    given = [
+        np.dot(force, down) + q * p.mass * along,
+        moment - mass * ahead * q * along,
+    ]
+    w_rate, q_rate = np.linalg.solve(whole, given)
     # Back to the world, where the axes themselves turn with q.
     acceleration = (u_rate + q * across) * forward + (w_rate - q * along) * down
-    turn = plain[6] * p.pitch_inertia / (p.pitch_inertia + added_inertia)
-    return np.array([*plain[:4], *acceleration, turn])
+    return np.array([*plain[:4], *acceleration, -q_rate])
 
 
-def test_added_mass_obeys_kirchhoffs_equations():
-    effect = ADDED_MASS(mass=0.02, inertia=3e-4)
+@pytest.mark.parametrize("ahead", [0.0, -0.04, 0.03])
+def test_added_mass_obeys_kirchhoffs_equations(ahead):
+    mass, inertia = 0.02, 3e-4
+    whole = inertia + mass * ahead**2
+    effect = ADDED_MASS(mass=mass, inertia=whole, coupling=mass * ahead)
     for x in random_states(30):
-        expected = kirchhoff(x, 3.0, PARAMETERS, 0.02, 3e-4)
+        expected = kirchhoff(x, 3.0, PARAMETERS, mass, inertia, ahead)
         actual = flown(effect, x, 3.0)
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
         assert np.linalg.norm(actual - nominal_derivatives(x, 3.0)) > 0.1
 
 
-def test_the_momentum_of_glider_and_carried_air_changes_by_its_weight_alone():
-    """In a vacuum: m v + m_a (n·v) n falls as a stone does, however it turns."""
+def test_air_ahead_of_the_center_of_mass_has_the_energy_of_its_motion():
+    """In a vacuum without weight nothing changes the energy of glider and air."""
+    p = PARAMETERS._replace(air_density=0.0, gravity=0.0)
+    effect = ADDED_MASS(mass=0.03, inertia=4e-4, coupling=-6e-4)
+
+    def energy(x):
+        across = np.dot(normal_of(x[2]), x[4:6])
+        air = 0.03 * across**2 - 2 * -6e-4 * across * x[6] + 4e-4 * x[6] ** 2
+        own = p.mass * np.dot(x[4:6], x[4:6]) + p.pitch_inertia * x[6] ** 2
+        return 0.5 * (own + air)
+
+    for x in random_states(10):
+        rates = flown(effect, x, 0.0, p)
+        # But for the power of Munk's moment, which is in the plate's own.
+        munk = 0.03 * np.dot(axis_of(x[2]), x[4:6]) * np.dot(normal_of(x[2]), x[4:6])
+        change = (energy(x + 1e-5 * rates) - energy(x - 1e-5 * rates)) / 2e-5
+        assert change == pytest.approx(-munk * x[6], abs=1e-7)
+
+
+@pytest.mark.parametrize("coupling", [0.0, 5e-4])
+def test_the_momentum_of_glider_and_carried_air_changes_by_its_weight_alone(coupling):
+    """In a vacuum: m v + m_a w n falls as a stone does, however it turns."""
     p, carried = PARAMETERS._replace(air_density=0.0), 0.03
-    effect = ADDED_MASS(mass=carried)
+    effect = ADDED_MASS(mass=carried, coupling=coupling)
 
     def momentum(x):
         n = normal_of(x[2])
-        return p.mass * x[4:6] + carried * np.dot(n, x[4:6]) * n
+        impulse = carried * np.dot(n, x[4:6]) - coupling * x[6]
+        return p.mass * x[4:6] + impulse * n
 
     for x in random_states(10):
         step = 1e-5 * flown(effect, x, 2.0, p)

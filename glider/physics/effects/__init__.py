@@ -38,6 +38,7 @@ from glider.physics.effects.surface import (
     DYNAMIC_STALL,
     ELEVATOR_AREA,
     GROUND_EFFECT,
+    LAGGED_SEPARATION,
     PITCH_RATE_LIFT,
     TAIL_WAKE,
 )

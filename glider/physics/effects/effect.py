@@ -23,7 +23,7 @@ STAGES = {
     "geometry": ("wing_incidence", "wing_shift", "elevator_trim", "downwash"),
     "surface": ("wing_normal", "wing_factor", "elevator_factor"),
     "wrench": ("force_x", "force_z", "moment"),
-    "inertia": ("mass", "inertia", "added_mass", "added_inertia"),
+    "inertia": ("mass", "inertia", "added_mass", "added_inertia", "added_coupling"),
     "sensor": ("pose_x", "pose_z", "pose_pitch"),
     "log": ("pose_x", "pose_z", "pose_pitch"),
 }
@@ -35,8 +35,8 @@ downward flow at the tail along the body's normal [m/s]. surface: normal-force
 coefficient of the wing [-], relative change of the wing's and the elevator's
 force [-]. wrench: world force [N] and moment about +y [N m]. inertia: relative
 change of mass and pitch inertia [-], added mass along the body's normal [kg], added
-pitch inertia [kg m²]. sensor: measured minus true pose [m, m, rad]. log: the same, of a
-fault that is corrected in the log before it is used.
+pitch inertia [kg m²], coupling of both [kg m]. sensor: measured minus true pose [m, m,
+rad]. log: the same, of a fault that is corrected in the log before it is used.
 """
 
 
@@ -134,6 +134,18 @@ class Coefficient:
         return bool(self.grid)
 
 
+def stalling(fade: float, *angles: float) -> tuple[Coefficient, ...]:
+    """Returns the shapes of `attached_share`, with angles to start at [rad]."""
+    return (
+        Coefficient(
+            "stall_angle", "rad", 0.26, scale=0.03, lower=0.05, upper=0.8, grid=angles
+        ),
+        Coefficient(
+            "fade", "rad", fade, scale=0.01, lower=0.008, upper=0.3, grid=(fade,)
+        ),
+    )
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EffectKind:
     """A physical effect that a flat-plate glider may lack."""
@@ -153,7 +165,9 @@ class EffectKind:
     #: ``state_rate(flow, *states, *coefficients)``, their rates: a scalar for one
     #: state, else a tuple. Actuators get the incoming rate instead of a Flow.
     state_rate: Callable | None = None
-    #: The same arguments without states: their values at rest.
+    #: Whether `state_rate` gets α̇ [rad/s] after the Flow.
+    rate_by_alphadot: bool = False
+    #: The arguments of the formula without states: their values at rest.
     steady_state: Callable | None = None
     #: Typical sizes of the states; 1 where not given.
     state_scales: tuple[float, ...] = ()

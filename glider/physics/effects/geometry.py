@@ -1,13 +1,14 @@
 """Effects of air and geometry: how the air moves, and where the surfaces meet it."""
 
 from glider.physics.aerodynamics import (
+    angle_of_attack,
     attached_share,
     elevator_velocity,
     plate_force,
     turned,
 )
-from glider.physics.effects.effect import Coefficient, EffectKind, constant
-from glider.physics.formulas import scalar
+from glider.physics.effects.effect import Coefficient, EffectKind, constant, stalling
+from glider.physics.formulas import scalar, sin
 
 
 @scalar
@@ -32,15 +33,19 @@ def _downwash(flow, gradient):
 
 @scalar
 def _stalled_downwash(flow, gradient, stall_angle, fade):
-    attached = attached_share(flow.sin_alpha, flow.cos_alpha, stall_angle, fade)
-    return _downwash(flow, gradient) * attached
+    alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha)
+    return _downwash(flow, gradient) * attached_share(alpha, stall_angle, fade)
 
 
 @scalar
-def _elevator_blowback(flow, compliance):
+def _elevator_blowback(flow, compliance, deflection, relief):
     plate = turned(flow, flow.elevator)
     velocity = elevator_velocity(flow, plate, 0.0)
-    return compliance * plate_force(velocity, plate, 1.0, flow.air_density)
+    load = plate_force(velocity, plate, 1.0, flow.air_density)
+    square = velocity[0] * velocity[0] + velocity[1] * velocity[1]
+    pressure = flow.air_density * square  # Twice the dynamic pressure.
+    turn = compliance * load - deflection * pressure * sin(flow.elevator)
+    return turn / (1.0 + relief * (compliance + deflection) * pressure)
 
 
 WIND = EffectKind(
@@ -99,19 +104,24 @@ ELEVATOR_BLOWBACK = EffectKind(
     adds_to=("elevator_trim",),
     coefficients=(
         Coefficient("compliance", "rad/Pa", scale=0.002, lower=0.0, upper=0.02),
+        Coefficient("deflection", "rad/Pa", scale=0.002, lower=0.0, upper=0.02),
+        Coefficient("relief", "-", scale=0.5, lower=0.0, upper=1.0, grid=(0.0,)),
     ),
     formula=_elevator_blowback,
     words="an elevator that deflects under its load (blowback)",
     depends_on=("elevator", "V", "alpha"),
 )
-"""Elevator blowback: the elevator's plate turns by compliance · p toward the stream.
+"""Elevator blowback: the linkage is a spring that turns under the hinge moment.
 
-p = ½ ρ W² · 2 sin α_e is the plate's force per area along its normal [Pa] at the logged
-deflection, with W and α_e the airspeed and the angle of attack at the plate's center. A
-load from below pushes the trailing edge up. Since the load is taken at the logged
-deflection, there is no equation to solve; the load relieved by the deflection itself is
-of second order (compliance as of a spring at the hinge; Etkin and Reid, Dynamics of
-Flight).
+The elevator's plate turns by
+[compliance · ρ W² sin α_e - deflection · ρ W² sin φ] / (1 + relief · k ρ W²),
+k = compliance + deflection, with W and α_e the airspeed and the angle of attack at the
+plate's center at the logged deflection φ. The first load is the plate's force per area,
+½ ρ W² · 2 sin α_e: from below, it pushes the trailing edge up. A hinged flap's moment
+b₁ α + b₂ φ depends more on φ than on the stream (b₂ about twice b₁: Etkin and Reid,
+Dynamics of Flight, chapter 2), which `deflection` adds. The turn relieves its own load;
+a linear spring is in equilibrium at relief 1, at 0 the load is that of φ itself. Valid
+for small turns, within about 0.2 rad, and a linkage quicker than the glider.
 """
 
 CENTER_OF_PRESSURE = EffectKind(
@@ -153,18 +163,7 @@ STALLED_DOWNWASH = EffectKind(
     adds_to=("downwash",),
     coefficients=(
         Coefficient("gradient", "-", scale=0.3, lower=-3.0, upper=3.0),
-        Coefficient(
-            name="stall_angle",
-            unit="rad",
-            default=0.26,
-            scale=0.03,
-            lower=0.05,
-            upper=0.8,
-            grid=(0.2, 0.35),
-        ),
-        Coefficient(
-            "fade", "rad", 0.05, scale=0.01, lower=0.008, upper=0.3, grid=(0.05,)
-        ),
+        *stalling(0.05, 0.2, 0.35),
     ),
     formula=_stalled_downwash,
     words="the wing's downwash on the tail, up to stall",

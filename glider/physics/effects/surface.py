@@ -3,14 +3,18 @@
 import numpy as np
 
 from glider.physics.aerodynamics import angle_of_attack, attached_share, gaussian
-from glider.physics.effects.effect import Coefficient, EffectKind, constant
+from glider.physics.effects.effect import Coefficient, EffectKind, constant, stalling
 from glider.physics.formulas import scalar
+
+_ROUNDING = 1e-8
+"""Rounds roots at zero: of the separation point, and of the height above the floor over
+its depth."""
 
 
 @scalar
 def _attached_lift(flow, slope, stall_angle, fade):
-    attached = attached_share(flow.sin_alpha, flow.cos_alpha, stall_angle, fade)
-    return slope * flow.sin_alpha * attached
+    alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha)
+    return slope * flow.sin_alpha * attached_share(alpha, stall_angle, fade)
 
 
 @scalar
@@ -45,8 +49,31 @@ def _airspeed_dependence(flow, gradient, reference_speed):
 
 
 @scalar
-def _ground_effect(flow, strength, height):
-    return strength * np.exp(-flow.z / height)
+def _lagged_separation(flow, point, slope, stall_angle, fade, relaxation, delay):
+    attached = 0.5 * (point + np.sqrt(point * point + _ROUNDING))
+    return slope * flow.sin_alpha * (2.0 * np.sqrt(attached) + attached) / 3.0
+
+
+@scalar
+def _lagged_separation_rate(
+    flow, alphadot, point, slope, stall_angle, fade, relaxation, delay
+):
+    alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha) - delay * alphadot
+    return (attached_share(alpha, stall_angle, fade) - point) / relaxation
+
+
+@scalar
+def _lagged_separation_steady(flow, slope, stall_angle, fade, relaxation, delay):
+    alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha)
+    return attached_share(alpha, stall_angle, fade)
+
+
+@scalar
+def _ground_effect(flow, strength, height, inverse_depth):
+    above = 1.0 + inverse_depth * flow.z
+    root = np.sqrt(np.sqrt(0.5 * (above + np.sqrt(above * above + _ROUNDING))))
+    bend = (1.0 + root + root * root) / (1.0 + root) / (1.0 + root * root)
+    return strength * np.exp(-4.0 / 3.0 * bend * flow.z / height)
 
 
 @scalar
@@ -55,24 +82,18 @@ def _tail_wake(flow, loss, angle, width):
     return -loss * gaussian(alpha, angle, width)
 
 
+def _lag(name: str, *times: float) -> Coefficient:
+    """Returns a lag, with times to start at [s]."""
+    return Coefficient(name, "s", 0.08, scale=0.02, lower=0.012, upper=1.0, grid=times)
+
+
 ATTACHED_LIFT = EffectKind(
     kind="attached_lift",
     stage="surface",
     adds_to=("wing_normal",),
     coefficients=(
         Coefficient("slope", "1/rad", scale=2.0, lower=-6.0, upper=12.0),
-        Coefficient(
-            name="stall_angle",
-            unit="rad",
-            default=0.26,
-            scale=0.03,
-            lower=0.05,
-            upper=0.8,
-            grid=(0.15, 0.26, 0.4),
-        ),
-        Coefficient(
-            "fade", "rad", 0.04, scale=0.01, lower=0.008, upper=0.3, grid=(0.04,)
-        ),
+        *stalling(0.04, 0.15, 0.26, 0.4),
     ),
     formula=_attached_lift,
     words="attached flow: extra lift slope below stall",
@@ -126,15 +147,7 @@ DYNAMIC_STALL = EffectKind(
     adds_to=("wing_normal",),
     coefficients=(
         Coefficient("strength", "-", scale=1.0, lower=-5.0, upper=20.0),
-        Coefficient(
-            name="time_constant",
-            unit="s",
-            default=0.08,
-            scale=0.02,
-            lower=0.012,
-            upper=1.0,
-            grid=(0.03, 0.08, 0.2),
-        ),
+        _lag("time_constant", 0.03, 0.08, 0.2),
     ),
     formula=_dynamic_stall,
     words="dynamic stall: lift that lags a changing angle of attack",
@@ -148,6 +161,39 @@ DYNAMIC_STALL = EffectKind(
 While α changes, the normal force leads (strength > 0) or lags (strength < 0) its steady
 value: the first-order hysteresis of Goman and Khrabrov (J. Aircraft 31, 1994), linear
 in the lag.
+"""
+
+LAGGED_SEPARATION = EffectKind(
+    kind="lagged_separation",
+    stage="surface",
+    adds_to=("wing_normal",),
+    coefficients=(
+        Coefficient("slope", "1/rad", scale=2.0, lower=-6.0, upper=12.0),
+        *stalling(0.06, 0.2, 0.35),
+        _lag("relaxation", 0.08),
+        Coefficient("delay", "s", 0.03, scale=0.01, lower=0.0, upper=0.3, grid=(0.03,)),
+    ),
+    formula=_lagged_separation,
+    words="attached flow that separates and reattaches late",
+    depends_on=("alpha", "alphadot", "V"),
+    states=("separation_point",),
+    state_rate=_lagged_separation_rate,
+    steady_state=_lagged_separation_steady,
+    rate_by_alphadot=True,
+)
+"""Lagged separation: `attached_lift` whose point of separation x has a memory.
+
+ΔC_n = slope sin α (2 √x + x) / 3 with relaxation · ẋ = x₀(α - delay · α̇) - x and
+x₀(α) = 1 / (1 + exp((|α| - stall_angle) / fade)). The flow is attached over the share x
+of the chord: at x = 1 the slope of C_n is 2 + slope (2π for a thin airfoil), at x = 0
+there is the plate's 2 sin α; between, Kirchhoff's (1 + √x)² / 4, whose range from 1/4
+to 1 is scaled to that of 0 to slope. `relaxation` is the time in which the separation
+settles, `delay` that by which a changing α shifts it quasi-steadily (Goman and
+Khrabrov, J. Aircraft 31, 1994: about 0.5 and 4.5 chords over V for NACA 0015). α̇ is
+that of the model; the acceleration of the air itself is neglected. Valid for
+separation from the trailing edge while |α| < π/2; a vortex shed from the leading edge
+has no part in it. `dynamic_stall` is another effect: a lag of the whole force, the same
+below and above stall.
 """
 
 AIRSPEED_DEPENDENCE = EffectKind(
@@ -176,16 +222,23 @@ GROUND_EFFECT = EffectKind(
         Coefficient(
             "height", "m", 0.5, scale=0.1, lower=0.05, upper=10.0, grid=(0.2, 0.5, 1.2)
         ),
+        Coefficient(
+            "inverse_depth", "1/m", scale=0.3, lower=0.0, upper=20.0, grid=(0.0,)
+        ),
     ),
     formula=_ground_effect,
     words="ground effect: more wing force closer to the ground",
     depends_on=("z", "alpha"),
 )
-"""Ground effect: the wing's force increases by the share strength · exp(-z / height).
+"""Ground effect: the wing's force increases by strength · σ(h) / σ(d).
 
-`strength` is the increase at z = 0, the height of the perch; the height of the floor
-cannot be identified separately from it. Exponential in height after Staufenbiel and
-Schlichting (J. Aircraft 25, 1988).
+σ(h) is exp(-(h / λ)^¾) at the height h above a floor that lies d = 1 / inverse_depth
+below z = 0, the height of the perch. There the share is `strength` and falls by 1/e in
+`height` = 4/3 λ^¾ d^¼, if it falls as steeply on. For a wing of span b,
+σ = exp(-2.48 (2 h / b)^0.768) (Wieselsberger 1921, in the form of Torenbeek, Synthesis
+of Subsonic Airplane Design). A floor far below (inverse_depth 0) leaves
+strength · exp(-z / height) (Staufenbiel and Schlichting, J. Aircraft 25, 1988), whose
+floor cannot be identified. Valid above a tenth of the span.
 """
 
 TAIL_WAKE = EffectKind(

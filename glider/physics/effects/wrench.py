@@ -53,8 +53,8 @@ def _thrust(flow, force):
 
 
 @scalar
-def _added_mass(flow, mass, inertia):
-    return mass, inertia
+def _added_mass(flow, mass, inertia, coupling):
+    return mass, inertia, coupling
 
 
 PROFILE_DRAG = EffectKind(
@@ -166,10 +166,11 @@ INERTIA = EffectKind(
 ADDED_MASS = EffectKind(
     kind="added_mass",
     stage="inertia",
-    adds_to=("added_mass", "added_inertia"),
+    adds_to=("added_mass", "added_inertia", "added_coupling"),
     coefficients=(
         Coefficient("mass", "kg", scale=0.01, lower=-0.05, upper=1.0),
         Coefficient("inertia", "kg m²", scale=1e-4, lower=0.0, upper=0.1),
+        Coefficient("coupling", "kg m", scale=3e-4, lower=-0.005, upper=0.005),
     ),
     formula=_added_mass,
     words="added mass: air that moves with the wing along its normal",
@@ -177,12 +178,16 @@ ADDED_MASS = EffectKind(
 )
 """Added mass: air that moves and turns with a plate, along its normal n.
 
-The impulse of this air is mass (n·v) n. The normal turns (ṅ = θ̇ t), so it reacts with
-F = -d/dt [mass (n·v) n] = -mass [(n·a) n + θ̇ ((v·t) n + (v·n) t)], M = -inertia · θ̈.
+With w = n·v, the impulse of this air is (mass · w - coupling · θ̇) n, its angular
+impulse inertia · θ̇ - coupling · w. The normal turns (ṅ = θ̇ t), so the air reacts with
+F = -(mass · n·a - coupling · θ̈) n - θ̇ [mass (v·t) n + (mass · w - coupling · θ̇) t],
+M = coupling · n·a - inertia · θ̈.
 Here v is the velocity of the center of mass through the air; the acceleration of the
-air itself is neglected. For a thin plate mass is about ρ π c² b / 4 and inertia about
-ρ π c⁴ b / 128 (Lamb, Hydrodynamics, chapters IV and VI; Katz and Plotkin, Low-Speed
-Aerodynamics).
+air itself is neglected. For a thin plate mass is about m = ρ π c² b / 4. With its
+half chord e ahead of the center of mass, coupling is m e and inertia
+ρ π c⁴ b / 128 + m e² (Lamb, Hydrodynamics, chapters IV and VI; Katz and Plotkin,
+Low-Speed Aerodynamics). Valid for thin plates of high aspect ratio, attached or not,
+that are slower than their wake: a finite wing carries less.
 
 Kirchhoff's equations also contain a moment that depends on neither acceleration nor
 rate, the Munk moment mass (v·t)(v·n). It is omitted: it is part of the steady moment,
