@@ -47,8 +47,9 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
 
     The text calls formula `i` as `formula_i` and its state rate as `rate_i`. With
     `skip_absent` it omits at run time the formulas whose coefficients that are not mere
-    shapes are all zero. That saves a kernel with the whole library most of its work,
-    and is right for floats and complex steps, but not for AutoDiffXd coefficients.
+    shapes are all zero, and state rates at defaults that no search for the effect
+    starts from. That saves a kernel with the whole library most of its work, and is
+    right for floats and complex steps, but not for AutoDiffXd coefficients.
     """
     coefficients, states = coefficient_slices(effects), state_slices(effects)
 
@@ -63,8 +64,13 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
         """Adds the call of a state rate; returns the names of its results."""
         if effects[i].rate_by_alphadot:
             first += ", alpha_rate(flow, xdd, zdd)"
-        lines.append(f"    d{i} = {call('rate', i, first)}")
-        count = len(effects[i].states)
+        line, count = f"    d{i} = {call('rate', i, first)}", len(effects[i].states)
+        own = [*enumerate(effects[i].coefficients, coefficients[effects[i].kind].start)]
+        if skip_absent and any(c.grid and c.default not in c.grid for _, c in own):
+            moved = " or ".join(f"c[{j}] != {c.default}" for j, c in own)
+            zeros = ", ".join(["0.0 * x[0]"] * count)
+            line += f" if {moved} else ({zeros})"
+        lines.append(line)
         return [f"d{i}"] if count == 1 else [f"d{i}[{k}]" for k in range(count)]
 
     lines: list[str] = []

@@ -137,14 +137,14 @@ def test_flights_are_those_of_the_plant():
 
 
 def test_own_states_rest_where_the_plant_has_them_rest():
-    stall = KINDS["dynamic_stall"](strength=1.0)
-    plant = GliderPlant(model=GliderModel(effects=(stall, BOOM(), INFLOW(gain=0.1))))
+    own = KINDS["dynamic_stall"](strength=1.0), KINDS["lagged_separation"](slope=1.0)
+    plant = GliderPlant(model=GliderModel(effects=(*own, BOOM(), INFLOW(gain=0.1))))
     state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
     theta = LAYOUT.default_theta(plant.model.parameters)
     rest = LAYOUT.steady_states(0.0, state, 0.0, theta)
     np.testing.assert_allclose(rest, plant.model.initial_state(state)[7:])
-    assert rest[2] > 0.1  # It sinks.
-    assert LAYOUT.steady_states(0.0, state, 3.0, theta)[1] == 3.0
+    assert rest[3] > 0.1  # It sinks.
+    assert LAYOUT.steady_states(0.0, state, 3.0, theta)[2] == 3.0
 
 
 def test_a_flight_begins_near_rest():
@@ -162,7 +162,7 @@ def test_a_flight_begins_near_rest():
     own = slice(7, len(start))
     np.testing.assert_allclose(flight.start[own], 0.0, atol=1e-12)
     spread = np.sqrt(start_variances(flight, Scales())[own])
-    np.testing.assert_allclose(spread, 0.05 * np.array([1.0, 5.0, 2.0, 2.0]))
+    np.testing.assert_allclose(spread, 0.05 * np.array([1.0, 1.0, 5.0, 2.0, 2.0]))
 
 
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.kind)

@@ -171,7 +171,7 @@ LAGGED_SEPARATION = EffectKind(
         Coefficient("slope", "1/rad", scale=2.0, lower=-6.0, upper=12.0),
         *stalling(0.06, 0.2, 0.35),
         _lag("relaxation", 0.08),
-        Coefficient("delay", "s", 0.03, scale=0.01, lower=0.0, upper=0.3, grid=(0.03,)),
+        Coefficient("delay", "s", scale=0.01, lower=0.0, upper=0.3, grid=(0.03,)),
     ),
     formula=_lagged_separation,
     words="attached flow that separates and reattaches late",

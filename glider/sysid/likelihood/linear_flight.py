@@ -19,6 +19,7 @@ from glider.compiled.replay import (
     slopes_along,
 )
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, EffectKind, Field
+from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import (
     flow_variables,
@@ -240,6 +241,13 @@ def linearize(
     pose, pose_by_x = measure_nodes(kinds, nodes, dynamics)
     start = np.zeros((n + OWN_STATES, len(directions) + 1))
     start[n + PROCESSES :, -1] = -constants
+    for j in plain:
+        if (
+            directions[j].kind in layout.kinds
+            and layout.kinds[directions[j].kind].states
+        ):
+            rest = true_nodes(record, directions[j].moved, field)[0, NUM_STATES:]
+            start[NUM_STATES:n, j] = (nodes[0, NUM_STATES:] - rest) / directions[j].size
     return LinearFlight(
         record=record,
         nodes=nodes,
