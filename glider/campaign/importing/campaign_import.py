@@ -18,7 +18,7 @@ from glider.campaign.importing.frame_posterior import rank_rotations
 from glider.campaign.importing.onboard_checks import check_sensors, read_sensors
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
-from glider.campaign.importing.servo_logs import Servo, make_servo
+from glider.campaign.importing.servo_logs import Servo, align_commands, make_servo
 from glider.campaign.importing.sign_checks import MIN_FLIGHTS, check_signs
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
@@ -256,7 +256,8 @@ def campaign_of_cuts(
         tables.append(Table(path=flight.table.path, name=name, columns=columns))
     logs = (recording.servo for recording in recordings if recording.flights)
     servo = max(logs, key=lambda log: log.clock_std, default=settings.servo)
-    return with_flights(dataclasses.replace(settings, servo=servo), tables)
+    campaign = with_flights(dataclasses.replace(settings, servo=servo), tables)
+    return align_commands(campaign) if servo.command == "converted" else campaign
 
 
 def _extract(

@@ -8,10 +8,9 @@ and the offset is that of the best fit. Where the elevator was measured on the c
 the poses and the commands on another, the elevator's rate must follow theirs.
 """
 
-import contextlib
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +22,6 @@ from glider.campaign.importing.track import Track, planar_pose
 from glider.errors import InputError
 
 _STEP = 0.01  # Between the offsets that are tried [s].
-_COVERED = 0.95  # Share of the flights that the other log must cover.
 _FOLLOWS = 0.5
 """Correlation above which one signal follows the other. Measured: 0.62 to 0.97 for the
 practice campaigns' elevators at the right offset."""
@@ -43,7 +41,7 @@ _PEAKS = 3  # Offsets of each that are tried.
 _ROUNDS = 3  # Of pooling the effect of all recordings, and searching each again.
 
 Follow = Callable[[float], float]
-"""From an offset [s] to the correlation, 0 where too little is covered."""
+"""From an offset [s] to the correlation."""
 
 
 class Offset(NamedTuple):
@@ -70,11 +68,9 @@ class _Turning(NamedTuple):
         """All offsets (m,) at which poses and elevator overlap [s]."""
         return _overlaps(self.track.time, self.elevator.time)
 
-    def column(self, offset: float) -> np.ndarray | None:
-        """V² sin(elevator - alpha) (k,) at an offset; None if it is not logged."""
+    def column(self, offset: float) -> np.ndarray:
+        """V² sin(elevator - alpha) (k,) at an offset; beyond its log it rests."""
         log, at = self.elevator, self.time + offset
-        if np.mean((at >= log.time[0]) & (at <= log.time[-1])) < _COVERED:
-            return None
         # The cubics average the acceleration over a window; so is the elevator here.
         delays = (-0.25 * SPAN, 0.0, 0.25 * SPAN)
         angles = [np.interp(at + d, log.time, log.values[:, 0]) for d in delays]
@@ -93,16 +89,22 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
     if all(is_measured(track) for track, _ in recordings):
         return [_follow_commands(track) for track, _ in recordings]
     turnings = [_turning_of(track, flights) for track, flights in recordings]
-    if len(recordings) > 1:
-        with contextlib.suppress(InputError):
-            first = max(t.elevator.time[0] - t.track.time[-1] for t in turnings)
-            last = min(t.elevator.time[-1] - t.track.time[0] for t in turnings)
-            track, offsets = turnings[0].track, np.arange(first, last, _STEP)
-            common = _best(track, offsets, _follow_pitch(turnings), only=_ONLY_COMMON)
-            return _refine(turnings, [common] * len(recordings), common=True)
+    # What the elevator must explain is what the rest does not.
+    base, target = (np.concatenate([t[k] for t in turnings]) for k in (5, 6))
+    rest = np.linalg.lstsq(base, target, rcond=None)[0]
+    turnings = [t._replace(target=t.target - t.base @ rest) for t in turnings]
+    several = len(recordings) > 1
+    first = max(t.elevator.time[0] - t.track.time[-1] for t in turnings)
+    last = min(t.elevator.time[-1] - t.track.time[0] for t in turnings)
+    track, offsets = turnings[0].track, np.arange(first, last + _STEP, _STEP)
+    only = _ONLY_COMMON if several else _ONLY
+    try:
+        common = _best(track, offsets, _follow_pitch(turnings), only=only)
+    except InputError:
+        if not several:
+            raise
         return _find_separate(turnings)
-    best = _best(turnings[0].track, turnings[0].offsets, _follow_pitch(turnings))
-    return _refine(turnings, [best])
+    return _refine(turnings, [common] * len(recordings), common=True)
 
 
 def shift(track: Track, seconds: float) -> Track:
@@ -167,10 +169,8 @@ def _refine(
     for _ in range(_ITERATIONS):
         designs = []
         for turning, offset, k in zip(turnings, offsets, place, strict=True):
-            here = [turning.column(offset + d) for d in (-_STEP, 0.0, _STEP)]
-            if any(column is None for column in here):
-                return [f._replace(std=_COARSE) for f in found]
-            before, column, after = np.array(here)
+            around = offset + _STEP * np.array([-1.0, 0.0, 1.0])
+            before, column, after = map(turning.column, around)
             shifts = np.zeros((len(column), place[-1] + 1))
             shifts[:, k] = (after - before) / (2.0 * _STEP)
             designs.append(np.column_stack([turning.base, column, shifts]))
@@ -232,11 +232,8 @@ def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
 
 def _pool(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
     """Effects (5,) of base and elevator in all recordings together."""
-    designs = []
-    for turning, offset in zip(turnings, offsets, strict=True):
-        column = turning.column(offset)
-        assert column is not None
-        designs.append(np.column_stack([turning.base, column]))
+    pairs = zip(turnings, offsets, strict=True)
+    designs = [np.column_stack([t.base, t.column(offset)]) for t, offset in pairs]
     target = np.concatenate([turning.target for turning in turnings])
     return np.linalg.lstsq(np.concatenate(designs), target, rcond=None)[0]
 
@@ -244,13 +241,11 @@ def _pool(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
 def _follow_effect(turning: _Turning, effect: np.ndarray) -> Follow:
     """Compares the pitch's acceleration with a known effect (5,) of the elevator."""
     target = turning.target - turning.base @ effect[:-1]
+    unexplained = turning.target
 
     def follow(offset: float) -> float:
-        column = turning.column(offset)
-        if column is None:
-            return 0.0
-        rest = target - column * effect[-1]
-        return float(np.sqrt(max(0.0, 1.0 - rest @ rest / (target @ target))))
+        rest = target - turning.column(offset) * effect[-1]
+        return float(np.sqrt(max(0.0, 1.0 - rest @ rest / (unexplained @ unexplained))))
 
     return follow
 
@@ -261,9 +256,7 @@ def _follow_pitch(turnings: Sequence[_Turning]) -> Follow:
     target = _without(np.concatenate([turning.target for turning in turnings]), base)
 
     def follow(offset: float) -> float:
-        columns: list[Any] = [turning.column(offset) for turning in turnings]
-        if any(column is None for column in columns):
-            return 0.0
+        columns = [turning.column(offset) for turning in turnings]
         column = _without(np.concatenate(columns), base)
         size = (column @ column) * (target @ target)
         return float(abs(column @ target) / np.sqrt(max(size, 1e-12)))
@@ -287,12 +280,8 @@ def _follow_commands(track: Track) -> Offset:
     ends, rate = mean_rates(elevator.time, elevator.values[:, 0])
 
     def follow(offset: float) -> float:
-        first, last = ends + offset
-        inside = (first >= command.time[0]) & (last <= command.time[-1])
-        if np.mean(inside) < _COVERED:
-            return 0.0
         asked = np.diff(np.interp(ends + offset, command.time, path), axis=0)[0]
-        size = (rate[inside] @ rate[inside]) * (asked[inside] @ asked[inside])
-        return float(abs(rate[inside] @ asked[inside]) / max(np.sqrt(size), 1e-12))
+        size = (rate @ rate) * (asked @ asked)
+        return float(abs(rate @ asked) / max(np.sqrt(size), 1e-12))
 
     return _best(track, _overlaps(track.time, command.time), follow)

@@ -5,21 +5,29 @@ goes there as fast as its limit allows; an elevator without commands its own rat
 cannot be identified of the servo then is reported.
 """
 
+import dataclasses
+import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 from scipy.signal import savgol_filter
 
+from glider.campaign.checks.clocks import calc_correlation
 from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
 from glider.campaign.logs import MAX_ANGLE, Campaign, ServoLog
 from glider.errors import InputError
-from glider.physics.actuator_replay import latest_command
+from glider.physics.actuator_replay import command_steps, elevator_path, latest_command
 
-_JUMP = 2.0  # Share of its fastest rate above which a change of angle is a step.
 _LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
 _REACH = 1.5  # Ratio to the elevator's limits that commands reach at most.
 _SLACK = 0.1  # Time of a flight that the servo's log may miss at either end [s].
+_LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
+_BEFORE = 0.5  # Time of a log before and after a flight that is looked at [s].
+_DELAYS = np.arange(-0.05, 0.35, 0.001)  # Of elevators behind commands [s].
+_ALIGNED = 2.0  # Standard errors by which a flight's commands are shifted at most.
+_FEW = 0.05  # Share of commands whose logged times may be off.
 _HIDDEN = "so a lag or a delay of the servo cannot be found"
 
 
@@ -42,15 +50,12 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
             )
         return None
     elevator, rates, angles = flight.servo
-    if rates is not None and angles is not None:
-        raise InputError(
-            f"{source}: columns: elevator_rate_command and elevator_angle_command are "
-            "both mapped; expected the one that the servo was given."
-        )
     measured = None
     if elevator is not None:
         _check_covered(flight, elevator, source)
-        measured = np.interp(flight.time, elevator.time, elevator.values[:, 0])
+        path = Akima1DInterpolator(elevator.time, elevator.values[:, 0])
+        # Chords between rows of another log would cut what it travels short.
+        measured = path(np.clip(flight.time, *elevator.time[[0, -1]]))
     if angles is not None:
         _check_covered(flight, angles, source)
         _check_reach(flight, angles, settings, source)
@@ -63,23 +68,28 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
             "{elevator: fixed}' where the tail does not move."
         )
     if rates is not None:
-        return Servo(measured, _hold(flight, rates, source), "")
+        _check_covered(flight, rates, source)
+        rate, std = _from_rates(flight.time, rates, settings.command_rate, source)
+        if std == 0.0:
+            return Servo(measured, rate, "")
+        return Servo(measured, rate, "", ServoLog(command="converted", command_std=std))
     note = f"no command is mapped: the elevator's own rate is used for it, {_HIDDEN}"
-    rate = _rate_of(flight.time, measured)
+    rate = _row_rates(flight.time, savgol_filter(measured, 5, 2))
     return Servo(measured, rate, note, ServoLog(command="reconstructed"))
 
 
 def _from_angles(
     time: np.ndarray,
-    angles: Stream,
+    asked: Stream,
     measured: np.ndarray | None,
     limit: float | None,
     source: str,
 ) -> Servo:
-    """Servo that goes to commanded angles at its limit.
+    """Servo that goes to commanded angles, at its limit at most.
 
-    A command shows in the first sample after it was given: half a step before on the
-    average, and at any time of that step.
+    It passes them when they are logged, as samples of a path. Those that it cannot
+    reach so, and those of a log of changes, are steps: they were given at some time of
+    the log's step before, half a step on the average.
     """
     if limit is None:
         if measured is None:
@@ -87,10 +97,18 @@ def _from_angles(
                 f"{source}: vehicle: elevator_rate_limit is missing; expected it where "
                 "angles are commanded, to make rates of them."
             )
-        limit = max(float(np.max(np.abs(_rate_of(time, measured)))), _LEAST_LIMIT)
-    step = float(np.median(np.diff(angles.time)))
-    given, std = angles.time - 0.5 * step, step / np.sqrt(12.0)
-    angle, rate = _follow(time, given, angles.values[:, 0], limit)
+        rate = _row_rates(time, savgol_filter(measured, 5, 2))
+        limit = max(float(np.max(np.abs(rate))), _LEAST_LIMIT)
+    step, goals, gaps = _step(asked.time), asked.values[:, 0], np.diff(asked.time)
+    is_step = (gaps > 1.5 * step) | (np.abs(np.diff(goals)) > limit * gaps)
+    rows = np.flatnonzero(is_step)
+    given = asked.time[rows + 1] - 0.5 * np.minimum(step, gaps[rows])
+    begins = np.insert(asked.time, rows + 1, given)
+    path = PchipInterpolator(begins, np.insert(goals, rows + 1, goals[rows]))
+    angle = path(np.clip(time, begins[0], begins[-1]))
+    for k, reach in enumerate(limit * np.diff(time)):
+        angle[k + 1] = angle[k] + np.clip(angle[k + 1] - angle[k], -reach, reach)
+    rate, std = _row_rates(time, angle), step / math.sqrt(12.0)
     note = f"the commanded angle became rates of at most {limit:.3g} rad/s"
     if measured is not None:
         log = ServoLog(command="converted", command_std=std)
@@ -100,11 +118,60 @@ def _from_angles(
     return Servo(angle, rate, note, log)
 
 
-def _hold(flight: Track, stream: Stream, source: str) -> np.ndarray:
-    """The command that holds at each row (n,)."""
-    _check_covered(flight, stream, source)
-    index = np.maximum(latest_command(stream.time, flight.time), 0)
-    return stream.values[index, 0]
+def _from_rates(
+    time: np.ndarray, rates: Stream, command_rate: float | None, source: str
+) -> tuple[np.ndarray, float]:
+    """The commands (n,) at rows, and the standard error of their times [s].
+
+    Those of another log's rows become the mean rates that lead from row to row. Its
+    rows leave open when a command was given: the middle of that time is taken.
+    """
+    near = (rates.time > time[0] - _BEFORE) & (rates.time < time[-1] + _BEFORE)
+    logged, values = rates.time[near], rates.values[near, 0]
+    if np.isin(time, logged).all():
+        return values[np.maximum(latest_command(logged, time), 0)], 0.0
+    usual, long = np.quantile(np.diff(rates.time), [0.5, 0.9])
+    if command_rate and 0.8 * usual * command_rate > 1.0 and long < 1.5 * usual:
+        raise InputError(  # It is no log of changes.
+            f"{source}: elevator_rate_command is logged at {1 / usual:.3g} Hz, and "
+            f"field 'command_rate' is {command_rate:g}: commands are lost; expected a "
+            "log of all, or the measured 'elevator' without elevator_rate_command."
+        )
+    changes, step = np.flatnonzero(np.diff(values)) + 1, _step(rates.time)
+    begins, held = command_steps(logged, values, command_rate)
+    if len(changes):
+        later = np.quantile(logged[changes] - begins[1:], _FEW)
+        sooner = np.quantile(begins[1:] - logged[changes - 1], _FEW)
+        begins += np.clip(later - sooner, -step, step) / 2.0
+    return _row_rates(time, elevator_path(begins, held, time)), step / math.sqrt(12.0)
+
+
+def align_commands(campaign: Campaign) -> Campaign:
+    """Shifts converted commands so that elevators follow equally late in all flights.
+
+    Each file leaves open when a command was given, within the steps of its log; on the
+    average of the files that is the uncertainty of all of them.
+    """
+    delays = [calc_correlation([f], {}, _DELAYS)[1] for f in campaign.flights]
+    most, flights = _ALIGNED * campaign.servo.command_std, []
+    late = np.clip(delays - np.median(delays), -most, most)
+    for flight, seconds in zip(campaign.flights, late, strict=True):
+        assert flight.command is not None
+        path = elevator_path(flight.time, flight.command, flight.time - seconds)
+        rates = _row_rates(flight.time, path)
+        flights.append(dataclasses.replace(flight, command=rates))
+    return dataclasses.replace(campaign, flights=tuple(flights))
+
+
+def _row_rates(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """The rates (n,) that, each held for a row, lead from angle to angle."""
+    rate = np.diff(angle) / np.diff(time)
+    return np.append(rate, rate[-1])
+
+
+def _step(time: np.ndarray) -> float:
+    """Usual step of a log, whose rows may be those of changes only [s]."""
+    return min(float(np.quantile(np.diff(time), 0.25)), _LONGEST)
 
 
 def _check_reach(
@@ -126,38 +193,10 @@ def _check_reach(
 def _check_covered(flight: Track, stream: Stream, source: str) -> None:
     """Refuses a log that does not last over the flight."""
     begin, end = flight.time[0], flight.time[-1]
-    if stream.time[0] > begin + _SLACK or stream.time[-1] < end - _SLACK:
+    pause = np.max(np.diff(stream.time), initial=_SLACK)  # Of a log of changes.
+    if stream.time[0] > begin + _SLACK or stream.time[-1] < end - pause:
         raise InputError(
             f"{flight.path}: the elevator is logged from {stream.time[0]:.6g} to "
             f"{stream.time[-1]:.6g} s, and the flight is from {begin:.6g} to "
             f"{end:.6g} s; expected the same clock, or 'clock: find' in {source}."
         )
-
-
-def _rate_of(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """The rates (n,) that, each held for a row, make an elevator's path."""
-    rate = np.diff(savgol_filter(angle, 5, 2)) / np.diff(time)
-    return np.append(rate, rate[-1])
-
-
-def _follow(
-    time: np.ndarray, given: np.ndarray, asked: np.ndarray, limit: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Angle and rate (n,) at rows of a servo that goes to angles at its limit.
-
-    Each asked angle (m,) holds from the time (m,) when it was given to the next. Angles
-    that no servo could follow so are steps; others are samples of a path, which passes
-    them half a step later. The rates are the mean ones that lead from row to row.
-    """
-    steps = np.diff(given)
-    if np.any(np.abs(np.diff(asked)) > _JUMP * limit * steps):
-        grid = np.union1d(time, given[(given > time[0]) & (given < time[-1])])
-        goal = asked[np.maximum(latest_command(given, grid), 0)]
-        angle = np.full(len(grid), goal[0])
-        for k, reach in enumerate(limit * np.diff(grid)):
-            angle[k + 1] = angle[k] + np.clip(goal[k] - angle[k], -reach, reach)
-        angle = angle[np.searchsorted(grid, time)]
-    else:
-        angle = np.interp(time, given + 0.5 * np.median(steps), asked)
-    rate = np.diff(angle) / np.diff(time)
-    return angle, np.append(rate, rate[-1])

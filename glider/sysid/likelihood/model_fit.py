@@ -147,14 +147,15 @@ def prior_of(
 
     Shapes are expected where they are in `start`, by default the model's theta.
     """
-    slots, layout = list(model.free if slots is None else slots), task.layout
+    slots = list(model.free if slots is None else slots)
+    (lower, upper), value = task.bounds(slots), model.theta[slots]
     mean, precision = task.priors(slots, model.theta if start is None else start)
-    value, curves = model.theta[slots], model.coordinates
+    curves = model.coordinates
     return Prior(
         mean=np.append(mean - value, -curves),
         precision=np.append(precision, np.full(len(curves), model.strength**-2)),
-        lower=np.append(layout.lower[slots] - value, -LARGEST_COORDINATE - curves),
-        upper=np.append(layout.upper[slots] - value, LARGEST_COORDINATE - curves),
+        lower=np.append(lower - value, -LARGEST_COORDINATE - curves),
+        upper=np.append(upper - value, LARGEST_COORDINATE - curves),
     )
 
 
@@ -211,11 +212,7 @@ def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
 def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
     """Returns a model with its free parameters and its curves changed by a step."""
     index, theta = list(model.free), model.theta.copy()
-    theta[index] = np.clip(
-        theta[index] + step[: len(index)],
-        task.layout.lower[index],
-        task.layout.upper[index],
-    )
+    theta[index] = np.clip(theta[index] + step[: len(index)], *task.bounds(index))
     coordinates = model.coordinates + step[len(index) :]
     return dataclasses.replace(model, theta=theta, coordinates=coordinates)
 

@@ -9,9 +9,13 @@ from glider.physics.effects import Coefficient
 from glider.sysid.likelihood.curves import Curves, make_curves
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import Layout
-from glider.sysid.replay.vehicle import Vehicle
+from glider.sysid.replay.vehicle import Vehicle, clock_slots
 
 PRIOR_SCALES = 3.0  # Prior spread of an effect's coefficients, in their scales.
+
+CLOCK_REACH = 3.0
+"""Standard errors by which clocks may differ: more is an effect. Measured: 1.4 at most,
+see tests/benchmarks/bench_clock.py; half a step of a log is 1.7."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -68,6 +72,16 @@ class Task:
             is_nuisance = np.isin(slots, vehicle.nuisance)
             spread = np.where(is_nuisance, vehicle.prior_spread[slots], spread)
         return mean, 1.0 / spread**2
+
+    def bounds(self, slots: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the least and the largest values of slots that are possible."""
+        slots, spread = list(slots), self.vehicle.prior_spread
+        most = np.full(len(slots), np.inf)
+        if spread is not None:
+            is_clock = np.isin(slots, clock_slots(self.layout))
+            most = np.where(is_clock, CLOCK_REACH * spread[slots], np.inf)
+        lower, upper = self.layout.lower[slots], self.layout.upper[slots]
+        return np.maximum(lower, -most), np.minimum(upper, most)
 
     def on(self, records: Sequence[Record]) -> "Task":
         """Returns the same task on other flights."""

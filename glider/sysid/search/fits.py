@@ -56,9 +56,9 @@ class FirstOrder:
         directions = [self.candidates.directions[c] for c in columns]
         for slot, shape in (pair for d in directions for pair in d.shapes):
             theta[slot] = shape
-        slots, layout = [d.slot for d in directions], task.layout
+        slots = [d.slot for d in directions]
         values = task.priors(slots, theta)[0] + self.score.evidence.step(columns)
-        theta[slots] = np.clip(values, layout.lower[slots], layout.upper[slots])
+        theta[slots] = np.clip(values, *task.bounds(slots))
         free = task.free(kinds)
         return dataclasses.replace(
             model, kinds=kinds, theta=theta, free=free, scales=self.scales

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from glider.campaign.checks.clocks import calc_correlation
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.selection import ServoLogs, Stream
-from glider.campaign.importing.servo_logs import make_servo
+from glider.campaign.importing.servo_logs import align_commands, make_servo
 from glider.campaign.importing.track import Track
 from glider.campaign.logs import ServoLog
 from glider.campaign.reader import load_campaign
@@ -19,8 +20,9 @@ from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import measure_noise
-from glider.sysid.replay.vehicle import make_vehicle
+from glider.sysid.replay.vehicle import clock_slots, make_vehicle
 from tests.campaign.importing import foreign
+from tests.helpers.known_truth import task_of
 
 AHEAD = 0.35  # Of the servo's clock [s].
 VEHICLE = """\
@@ -197,30 +199,127 @@ def test_poses_logged_before_they_happen_are_a_clock_not_an_effect(campaign):
     assert ahead == pytest.approx(20.0, abs=2.0)  # [ms]; commands come at rows.
 
 
+TIME = np.arange(0.0, 1.0, 1.0 / 120.0)
+
+
+def logged(campaign, **servo):
+    """The servo's columns of a flight with logs on another clock; poses do not move."""
+    streams = {
+        name: None if log is None else Stream(log[0], np.array(log[1])[:, None], "s")
+        for name, log in servo.items()
+    }
+    track = Track(
+        path=Path("log.csv"),
+        time=TIME,
+        position=np.zeros((len(TIME), 3)),
+        rotation=None,
+        pitch=np.zeros(len(TIME)),
+        along_throw=False,
+        clock="poses",
+        servo=ServoLogs(**streams),
+    )
+    return make_servo(track, campaign, "MAP.yaml")
+
+
+def moved(servo):
+    """Path (n,) of an elevator that follows its commands [rad]."""
+    rate = campaign_rate(servo)
+    return elevator_path(*command_steps(TIME, servo.command, rate), TIME)
+
+
+def campaign_rate(servo):
+    return np.inf if servo.log.command == "converted" else 50.0
+
+
 @pytest.mark.parametrize("measured", [True, False])
 def test_small_steps_of_commanded_angles_keep_their_size(campaign, measured):
     """Not 0.83 of it, as where each rate begins half a row early or at a tick."""
-    time = np.arange(0.0, 4.0, 1.0 / 120.0)
-    given = np.arange(0.0, 4.0, 0.02)
-    asked = np.where((given > 1.0) & (given < 2.0), 0.05, 0.0)
-    angles = Stream(given, asked[:, None], "servo")
-    elevator = Stream(time, np.interp(time, given, asked)[:, None], "poses")
-    track = Track(
-        path=Path("log.csv"),
-        time=time,
-        position=np.zeros((len(time), 3)),
-        rotation=None,
-        pitch=np.zeros(len(time)),
-        along_throw=False,
-        clock="poses",
-        servo=ServoLogs(elevator if measured else None, angle_command=angles),
-    )
-    servo = make_servo(track, campaign, "MAP.yaml")
-    known = dataclasses.replace(campaign, command_rate=50.0, servo=servo.log)
-    tape = command_steps(time, servo.command, known.switch_rate)
-    path = elevator_path(*tape, time)
-    assert path[time > 2.5] == pytest.approx(0.0, abs=1e-9)
-    assert path[(time > 1.2) & (time < 1.8)] == pytest.approx(0.05, abs=1e-9)
+    given = np.arange(0.0, 1.01, 0.02)
+    asked = np.where((given > 0.25) & (given < 0.5), 0.05, 0.0)
+    angles, elevator = (given, asked), (given, asked) if measured else None
+    servo = logged(campaign, elevator=elevator, angle_command=angles)
+    path = moved(servo)
+    assert path[TIME > 0.6] == pytest.approx(0.0, abs=1e-9)
+    middle = (TIME > 0.3) & (TIME < 0.47)
+    assert path[middle] == pytest.approx(0.05, abs=1e-9)
+
+
+@pytest.mark.parametrize("rate", [50.0, 73.0, 100.0, 200.0])
+def test_commands_of_another_log_move_as_far(campaign, rate):
+    """Held from row to row, commands would add up to another angle, 40 mrad off."""
+    rng = np.random.default_rng(int(rate))
+    ticks = np.arange(-0.193, 1.0, 0.02)
+    rates = np.where(ticks < 0.0, 0.0, rng.normal(0.0, 4.0, len(ticks)))
+    rows = np.arange(-0.2 + rng.uniform(0.0, 1.0 / rate), 1.1, 1.0 / rate)
+    held = rates[np.maximum(np.searchsorted(ticks, rows, "right") - 1, 0)]
+    angle = elevator_path(ticks, rates, rows)
+    servo = logged(campaign, elevator=(rows, angle), rate_command=(rows, held))
+    assert servo.log.command_std == pytest.approx(1.0 / rate / np.sqrt(12.0), rel=0.01)
+    path = moved(servo)
+    late = np.arange(-0.5 / rate - 1e-3, 0.5 / rate + 2e-3, 1e-3)
+    off = [np.std(path - elevator_path(ticks, rates, TIME - d)) for d in late]
+    assert min(off) < 5e-3
+
+
+def test_a_measured_elevator_of_a_slower_log_keeps_its_travel(campaign):
+    """Chords between samples at 50 Hz would lose 3 % of it."""
+    rows = np.arange(-0.2, 1.2, 0.02)
+    angle = 0.3 * np.sin(2.0 * np.pi * 5.0 * rows)
+    servo = logged(campaign, elevator=(rows, angle))
+    expected = 0.3 * np.sin(2.0 * np.pi * 5.0 * TIME)
+    travel = servo.elevator @ expected / (expected @ expected)
+    assert travel == pytest.approx(1.0, abs=5e-3)
+
+
+def test_angles_that_are_logged_at_changes_only_are_held_between(campaign):
+    """Not approached slowly, and held after the last one."""
+    rows, asked = np.array([-0.3, 0.1, 0.3, 0.5, 0.7]), [0.0, 0.2, 0.0, 0.2, 0.1]
+    servo = logged(campaign, angle_command=(rows, asked))
+    angle = servo.elevator
+    assert angle[(TIME > 0.13) & (TIME < 0.24)] == pytest.approx(0.2, abs=1e-6)
+    assert angle[(TIME > 0.33) & (TIME < 0.44)] == pytest.approx(0.0, abs=1e-6)
+    assert angle[TIME > 0.75] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_commands_that_are_logged_too_seldom_are_refused(campaign):
+    rows = np.arange(-0.2, 1.2, 0.05)
+    rates, angle = np.sin(9.0 * rows), np.cos(9.0 * rows)
+    with pytest.raises(InputError, match="logged at 20 Hz, and field 'command_rate'"):
+        logged(campaign, elevator=(rows, angle), rate_command=(rows, rates))
+    assert logged(campaign, elevator=(rows, angle)).log.command == "reconstructed"
+
+
+def test_commands_are_aligned_in_all_flights(campaign):
+    """Each file is up to a step of its log off: not each its own delay."""
+    rng, flights = np.random.default_rng(0), []
+    late = rng.uniform(-0.005, 0.005, len(campaign.flights))
+    for flight, seconds in zip(campaign.flights, late, strict=True):
+        tape = command_steps(flight.time, flight.command, campaign.command_rate)
+        path = elevator_path(*tape, flight.time - seconds)
+        rate = np.append(np.diff(path) / np.diff(flight.time), 0.0)
+        flights.append(dataclasses.replace(flight, command=rate))
+    log = ServoLog(command="converted", command_std=0.003)
+    known = dataclasses.replace(campaign, flights=tuple(flights), servo=log)
+    assert scatter_of_delays(known) > 0.006
+    assert scatter_of_delays(align_commands(known)) < 0.003
+
+
+def scatter_of_delays(campaign):
+    tried = np.arange(-0.02, 0.03, 0.0005)
+    delays = [calc_correlation([f], {}, tried)[1] for f in campaign.flights]
+    return np.ptp(delays)
+
+
+def test_clocks_differ_as_far_as_they_are_uncertain(campaign):
+    """Beyond, a delay is an effect, which no clock may explain away."""
+    log = ServoLog(clock_std=0.002, command_std=0.003)
+    uncertain = dataclasses.replace(campaign, servo=log)
+    task, _ = task_of(uncertain)
+    poses, commands = clock_slots(task.layout)
+    lower, upper = task.bounds([poses, commands, 0])
+    assert upper[:2] == pytest.approx([0.006, 0.009])
+    assert lower[:2] == pytest.approx([-0.006, -0.009])
+    assert upper[2] == task.layout.upper[0]
 
 
 @pytest.mark.parametrize("logs", ["commanded", "two clocks"])
