@@ -79,10 +79,7 @@ def command_steps(
     between the ticks too. Where the clock's rate is unknown, the integer number of Hz
     next to the rate of changes is tried; it is infinite where the commands switched at
     the rows, made of the angles there.
-
-    Returns:
-        switch times (k,) [s] and commands (k,) [rad/s]; the first is the log's
-        start.
+    Returns switch times (k,) [s], the first at the log's start, and commands [rad/s].
     """
     rows = np.flatnonzero(np.diff(command)) + 1
     commands = np.concatenate([command[:1], command[rows]])

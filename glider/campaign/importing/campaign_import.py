@@ -276,7 +276,9 @@ def _extract(
             columns, servo = _columns(flight, settings, mapping.source)
             if servo is not None:
                 if settings.servo == ServoLog():  # Else it is specified.
-                    log = _with_clock(servo.log, track, std)
+                    of = "command_std" if is_measured(track) else "clock_std"
+                    both = math.hypot(std, getattr(servo.log, of))
+                    log = dataclasses.replace(servo.log, **{of: both})
                 note = f"servo: {servo.note}"
                 notes += [note] if servo.note and note not in notes else []
             table = Table(path=track.path, columns=columns)
@@ -287,13 +289,6 @@ def _extract(
     return tuple(recordings)
 
 
-def _with_clock(log: ServoLog, track: Track, std: float) -> ServoLog:
-    """Adds the standard error [s] of a clock that a servo's log was shifted by."""
-    if is_measured(track):
-        return dataclasses.replace(log, command_std=math.hypot(std, log.command_std))
-    return dataclasses.replace(log, clock_std=math.hypot(std, log.clock_std))
-
-
 def _on_one_clock(
     tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
 ) -> tuple[list[tuple[Track, list[str], float]], tuple[str, ...]]:
@@ -301,7 +296,8 @@ def _on_one_clock(
 
     And warnings.
     """
-    clock = mapping.clock or ("find" if any(map(_has_two_clocks, tracks)) else "same")
+    differ = any(log.clock != t.clock for t in tracks for log in t.servo.given)
+    clock = mapping.clock or ("find" if differ else "same")
     result: list[tuple[Track, list[str], float]] = [(t, [], 0.0) for t in tracks]
     if clock == "same":
         return result, ()
@@ -354,10 +350,6 @@ def _check_clock(
     if off > _ABSORBED + _OFF * std:
         raise InputError(f"{source}: {words}; expected that, or 'find'.")
     return off, (f"{words}: it is wrong, or servo or poses are late",)
-
-
-def _has_two_clocks(track: Track) -> bool:
-    return any(log.clock != track.clock for log in track.servo.given)
 
 
 def _has_servo(track: Track) -> bool:

@@ -25,23 +25,16 @@ _STEP = 0.01  # Between the offsets that are tried [s].
 _FOLLOWS = 0.5
 """Correlation above which one signal follows the other. Measured: 0.62 to 0.97 for the
 practice campaigns' elevators at the right offset."""
-_ONLY = 2.0
-"""Ratio of the unexplained variance at any offset more than `_NEAR` away to that at the
-best, at least: else either may be right. A common offset of all recordings needs less,
-`_ONLY_COMMON`: by chance it does not fit many."""
-_ONLY_COMMON = 1.5
+_ONLY, _ONLY_COMMON = 2.0, 1.5
+"""Ratio of the unexplained variance more than `_NEAR` away to that at the best, least.
+A common offset of all recordings needs less: by chance it does not fit many."""
 _NEAR = 0.25  # [s]
 _ITERATIONS = 10  # Of Gauss-Newton in all offsets.
 _COARSE = 0.015  # Standard error where none is known: of one flight alone [s].
-_FORM = 0.004
-"""Standard error beside that of the noise, as the elevator's effect has another form
-[s]: see tests/benchmarks/bench_clock.py."""
-_SEEDS = 4  # Recordings from which the elevator's effect is first estimated.
-_PEAKS = 3  # Offsets of each that are tried.
+_FORM = 0.004  # Beside that of noise: the effect has another form, see bench_clock [s].
 _ROUNDS = 3  # Of pooling the effect of all recordings, and searching each again.
 
-Follow = Callable[[float], float]
-"""From an offset [s] to the correlation."""
+Follow = Callable[[float], float]  # From an offset [s] to the correlation.
 
 
 class Offset(NamedTuple):
@@ -81,10 +74,7 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
     """Finds the offset of the elevator's clock in recordings, whole and cut to flights.
 
     If one offset fits all recordings it is taken: two clocks that ran on between them.
-    Otherwise the elevator's effect is still the same in all: estimated from one
-    recording it determines the offsets of the others, and all together refine it.
-    Measured on seven simulated campaigns of 4 and 10 flights of 0.85 s: one offset is
-    right to 15 ms. Refused where no offset fits, or several do.
+    Measured on seven campaigns of 4 and 10 flights of 0.85 s: it is right to 15 ms.
     """
     if all(is_measured(track) for track, _ in recordings):
         return [_follow_commands(track) for track, _ in recordings]
@@ -122,8 +112,15 @@ def is_measured(track: Track) -> bool:
 
 
 def _find_separate(turnings: Sequence[_Turning]) -> list[Offset]:
-    """Finds an offset for each recording, with the elevator's effect common to all."""
-    effect = _first_effect(turnings[:_SEEDS])
+    """Finds an offset for each recording, with the elevator's effect common to all.
+
+    A short flight alone is followed well at several offsets, by another effect each.
+    """
+    alone = [
+        _best(t.track, t.offsets, _follow_pitch([t]), sure=False) for t in turnings
+    ]
+    effects = [_pool([t], [o.seconds]) for t, o in zip(turnings, alone, strict=True)]
+    effect = np.median(effects, axis=0)
     for k in range(_ROUNDS):
         last = k == _ROUNDS - 1
         offsets = [
@@ -132,31 +129,6 @@ def _find_separate(turnings: Sequence[_Turning]) -> list[Offset]:
         ]
         effect = _pool(turnings, [offset.seconds for offset in offsets])
     return _refine(turnings, offsets)
-
-
-def _first_effect(turnings: Sequence[_Turning]) -> np.ndarray:
-    """First estimate of the effects (5,) of base and elevator.
-
-    A short flight alone is followed well at several offsets. Each implies an effect of
-    the elevator; that with which the other flights agree best is taken.
-    """
-    best, effect = -1.0, np.zeros(5)
-    for turning in turnings:
-        offsets = turning.offsets
-        values = np.array(list(map(_follow_pitch([turning]), offsets)))
-        for _ in range(_PEAKS):
-            peak = int(np.argmax(values))
-            if values[peak] <= 0.0:
-                break
-            here = _pool([turning], [float(offsets[peak])])
-            agreement = sum(
-                max(map(_follow_effect(other, here), other.offsets))
-                for other in turnings
-            )
-            if agreement > best:
-                best, effect = agreement, here
-            values[np.abs(offsets - offsets[peak]) < 0.5 * _NEAR] = 0.0
-    return effect
 
 
 def _refine(

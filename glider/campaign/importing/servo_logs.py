@@ -149,8 +149,7 @@ def _from_rates(
 def align_commands(campaign: Campaign) -> Campaign:
     """Shifts converted commands so that elevators follow equally late in all flights.
 
-    Each file leaves open when a command was given, within the steps of its log; on the
-    average of the files that is the uncertainty of all of them.
+    Each file leaves open when a command was given, within the steps of its log.
     """
     delays = [calc_correlation([f], {}, _DELAYS)[1] for f in campaign.flights]
     most, flights = _ALIGNED * campaign.servo.command_std, []

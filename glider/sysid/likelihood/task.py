@@ -5,17 +5,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.physics.effects import Coefficient
+from glider.physics.effects import SERVO_LAG, Coefficient
 from glider.sysid.likelihood.curves import Curves, make_curves
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import Layout
-from glider.sysid.replay.vehicle import Vehicle, clock_slots
+from glider.sysid.replay.vehicle import Vehicle, log_slots
 
 PRIOR_SCALES = 3.0  # Prior spread of an effect's coefficients, in their scales.
 
-CLOCK_REACH = 3.0
-"""Standard errors by which clocks may differ: more is an effect. Measured: 1.4 at most,
-see tests/benchmarks/bench_clock.py; half a step of a log is 1.7."""
+CLOCK_REACH = 2.0  # Standard errors by which clocks differ at most, see bench_clock.
+_HIDDEN_LAG = 0.015  # Lag above which samples of an elevator show one, at most [s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -75,13 +74,16 @@ class Task:
 
     def bounds(self, slots: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Returns the least and the largest values of slots that are possible."""
-        slots, spread = list(slots), self.vehicle.prior_spread
-        most = np.full(len(slots), np.inf)
-        if spread is not None:
-            is_clock = np.isin(slots, clock_slots(self.layout))
-            most = np.where(is_clock, CLOCK_REACH * spread[slots], np.inf)
-        lower, upper = self.layout.lower[slots], self.layout.upper[slots]
-        return np.maximum(lower, -most), np.minimum(upper, most)
+        slots, of_log = list(slots), self.vehicle.of_log
+        lower, upper = self.layout.lower.copy(), self.layout.upper.copy()
+        poses, commands, _ = log_slots(self.layout)
+        for slot in of_log.keys() & {poses, commands}:
+            upper[slot] = min(CLOCK_REACH * of_log[slot], upper[slot])
+            lower[slot] = -upper[slot]
+        if commands in of_log:  # Samples as far apart smooth an elevator like a lag.
+            [lag] = self.layout.slots_of(SERVO_LAG.kind)
+            lower[lag] = min(upper[commands], _HIDDEN_LAG)
+        return lower[slots], upper[slots]
 
     def on(self, records: Sequence[Record]) -> "Task":
         """Returns the same task on other flights."""

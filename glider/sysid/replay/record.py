@@ -182,15 +182,9 @@ def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
 def in_plane(
     pitch: np.ndarray, roll_and_yaw: np.ndarray, sideways: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Computes the planar equivalent of a rolled glider.
+    """Computes `Record.bank` and `Record.side_wind` of a rolled glider.
 
-    Args:
-        pitch: (n,) smoothed [rad].
-        roll_and_yaw: (n, 2) smoothed [rad].
-        sideways: (n,) smoothed velocity along y [m/s].
-
-    Returns:
-        `Record.bank` and `Record.side_wind`.
+    Of pitch (n,), roll and yaw (n, 2) [rad] and the velocity along y (n,) [m/s].
     """
     n = normal(pitch, *roll_and_yaw.T)
     square = n[:, 0] ** 2 + n[:, 2] ** 2

@@ -58,13 +58,14 @@ class Vehicle:
     is_known: bool  #: Whether the nominal model is complete, with the elevator's angle.
     knows_forces: bool  #: Whether mass and areas are known: forces can be compared.
     prior_spread: np.ndarray | None  #: Of theta about the start, if any is unknown.
+    of_log: Mapping[int, float]  #: Those of the servo's log, and standard errors.
     notes: tuple[str, ...]  #: What was assumed, for the report.
     is_per_mass: bool  #: Whether areas and inertia are per kilogram.
 
     @property
     def unknown(self) -> list[int]:
         """Slots of the glider's unknown parameters: nuisances but those of logs."""
-        return [i for i in self.nuisance if i not in log_slots(self.layout)]
+        return [i for i in self.nuisance if i not in self.of_log]
 
 
 def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle:
@@ -141,6 +142,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
         trim_is_known=campaign.elevator != "fixed_per_flight",
         is_known="mass" in known and not unknown and campaign.elevator != "fixed",
+        of_log=of_log,
         notes=tuple(notes),
         is_per_mass=is_per_mass,
     )

@@ -20,7 +20,7 @@ from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import measure_noise
-from glider.sysid.replay.vehicle import clock_slots, make_vehicle
+from glider.sysid.replay.vehicle import log_slots, make_vehicle
 from tests.campaign.importing import foreign
 from tests.helpers.known_truth import task_of
 
@@ -315,10 +315,10 @@ def test_clocks_differ_as_far_as_they_are_uncertain(campaign):
     log = ServoLog(clock_std=0.002, command_std=0.003)
     uncertain = dataclasses.replace(campaign, servo=log)
     task, _ = task_of(uncertain)
-    poses, commands = clock_slots(task.layout)
+    poses, commands, _ = log_slots(task.layout)
     lower, upper = task.bounds([poses, commands, 0])
-    assert upper[:2] == pytest.approx([0.006, 0.009])
-    assert lower[:2] == pytest.approx([-0.006, -0.009])
+    assert upper[:2] == pytest.approx([0.004, 0.006])
+    assert lower[:2] == pytest.approx([-0.004, -0.006])
     assert upper[2] == task.layout.upper[0]
 
 
