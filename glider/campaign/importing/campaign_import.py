@@ -277,8 +277,8 @@ def _extract(
             if servo is not None:
                 if settings.servo == ServoLog():  # Else it is specified.
                     of = "command_std" if is_measured(track) else "clock_std"
-                    both = math.hypot(std, getattr(servo.log, of))
-                    log = dataclasses.replace(servo.log, **{of: both})
+                    both: Any = {of: math.hypot(std, getattr(servo.log, of))}
+                    log = dataclasses.replace(servo.log, **both)
                 note = f"servo: {servo.note}"
                 notes += [note] if servo.note and note not in notes else []
             table = Table(path=track.path, columns=columns)

@@ -153,7 +153,7 @@ def align_commands(campaign: Campaign) -> Campaign:
     """
     delays = [calc_correlation([f], {}, _DELAYS)[1] for f in campaign.flights]
     most, flights = _ALIGNED * campaign.servo.command_std, []
-    late = np.clip(delays - np.median(delays), -most, most)
+    late = np.clip(np.array(delays) - np.median(delays), -most, most)
     for flight, seconds in zip(campaign.flights, late, strict=True):
         assert flight.command is not None
         path = elevator_path(flight.time, flight.command, flight.time - seconds)
