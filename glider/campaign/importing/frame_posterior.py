@@ -45,9 +45,11 @@ gliders have a normal force of 0.5 to 1.4, an axial one of 0.06, a camber of 0.1
 _OFFSET = 1.0  # Deviation of b [m/s²].
 _NOISES = np.geomspace(0.3, 8.0, 8)  # Of accelerations, equally likely [m/s²].
 _ANY = 10.0  # Deviation of accelerations in a hand or at a contact [m/s²].
+_ASTRAY = 0.1  # Prior of a row that it is one of these.
+_FAR = 4.0  # Median residuals from which it is; of Gaussian ones 1e-7 are.
 _TOWARD = 3.0
-"""Concentration (von Mises-Fisher) of a flight's mean path at the nose, and of the
-vertical at the top of the body: 40 degrees off are usual."""
+"""Concentration (von Mises-Fisher) of mean paths at the nose and of the vertical at
+the top of the body: 40 degrees off are usual."""
 _SIDEWAYS = 0.3  # Deviation of both toward the wing tips, where they are less off.
 _STEP = 0.5 * SPAN  # Time between rows [s].
 _MEMORY = 0.2  # Time over which errors of this model persist [s].
@@ -184,14 +186,23 @@ class _Forces:
         turn = np.concatenate([turn for _, turn in flights])
         speed = np.linalg.norm(velocity, axis=1)
         flow = np.einsum("n,nji,nj->ni", speed, turn, velocity)
-        forces = np.einsum("nci,nj->ncij", turn, flow)  # By entry i, j of M.
+        forces = np.einsum("nci,nj->ncij", turn, flow).reshape(-1, 3, 9)  # Of M.
         rows = np.repeat(np.eye(len(flights)), [len(turn) for _, turn in flights], 0)
-        offsets = np.einsum("nf,cd->ncfd", rows, np.eye(3))
-        size = velocity.size
-        self._design = np.hstack([forces.reshape(size, 9), offsets.reshape(size, -1)])
-        self._target = (acceleration - _DOWN).reshape(-1)
+        offsets = np.einsum("nf,cd->ncfd", rows, np.eye(3)).reshape(len(turn), 3, -1)
+        design = np.dstack([forces, offsets])
+        own, target = np.ones(len(turn), dtype=bool), acceleration - _DOWN
+        for _ in range(4):  # Rows that forces of any body explain.
+            part = design[own].reshape(-1, design.shape[2])
+            square = part.T @ part + np.eye(design.shape[2])
+            fitted = np.linalg.solve(square, part.T @ target[own].reshape(-1))
+            rest = np.linalg.norm(target - design @ fitted, axis=1)
+            own = rest < _FAR * max(float(np.median(rest[own])), _NOISES[0])
+        size, acceleration = 3 * int(np.sum(own)), acceleration[own]
+        self._design = design[own].reshape(size, -1)
+        self._target = target[own].reshape(-1)
         self._square = self._design.T @ self._design
         self._other = -size * np.log(_ANY) - 0.5 * np.sum((acceleration / _ANY) ** 2)
+        self._other -= np.sum(~own) * np.log(_ASTRAY)
 
     def evidence(self, axes: np.ndarray) -> float:
         """Log likelihood over that of any motion; rows of axes are nose, left, top."""

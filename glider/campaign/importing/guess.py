@@ -22,10 +22,10 @@ from glider.campaign.importing.campaign_import import (
     cut_recordings,
     read_logs,
 )
-from glider.campaign.importing.frame_posterior import rank_frames
+from glider.campaign.importing.frame_posterior import Fields, rank_frames
 from glider.campaign.importing.readers import read_recordings
-from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.sign_checks import SIGNIFICANT, fit_elevator
+from glider.campaign.importing.recording import UNITS, Recording
+from glider.campaign.importing.sign_checks import SIGNIFICANT, check_signs, fit_elevator
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
@@ -33,10 +33,10 @@ from glider.errors import InputError, printable
 from glider.files import schema
 from glider.progress import silent
 
-_ELEVATOR = r"elev|(^|_)de(_|$)|delta|servo|h(ö|oe|o)hen|ruder|profondeur|flap|joint"
+_ELEVATOR = r"elev|(^|_)de(_|$)|delta|servo|h(ö|oe|o)hen|ruder|prof[ou]nd|flap|joint"
 _COMMAND = r"cmd|command|soll|setp|(^|_)(set|sp|ref)(_|$)|consigne|kommando|comando"
 _IS_RATE = r"rate|dot|vel|d(e)?g?ps|geschw|vitesse"
-_NAMES = {
+_NAMES = {  # What names contain, in lower case, words parted by _, without units.
     "time": r"(^|_)(t|time|zeit|timestamp|secs?|seconds|clock|temps|tiempo|tempo)(_|$)",
     "position": r"pos|transl|point|location|(^|\W)p$",
     "attitude": r"quat|orient|rot|att|eul|lage$|(^|\W)q$",
@@ -49,7 +49,6 @@ _NAMES = {
     "elevator_angle_command": rf"({_ELEVATOR}).*({_COMMAND})",
     "elevator": rf"{_ELEVATOR}|angle",
 }
-"""What names contain, in lower case, words parted by _, without units."""
 _NOT_AN_ANGLE = rf"{_COMMAND}|{_IS_RATE}|effort"
 _UNIT = r"_(mm|cm|m|ms|us|ns|s|rad|deg|degrees|(deg|rad|d)_?p?_?s)$"
 _SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
@@ -59,18 +58,11 @@ _INSTEAD = {"x": "position", "y": "position", "z": "position", "pitch": "attitud
 _INSTEAD |= {_ANGLE: _RATE}  # Quantity that makes another needless.
 _IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
 _SAYS_NOTHING = re.compile(r"\.(position|data|value|angle|output)(\[0\])?$").search
-_STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of time: logs of poses step by 0.2 to 200 ms."""
-_RANGES = (
-    *(("position", "length", 100.0, "cm"), ("position", "length", 1000.0, "mm")),
-    *(("x", "length", 100.0, "cm"), ("x", "length", 1000.0, "mm")),
-    ("pitch", "angle", 2.0 * np.pi, "deg"),
-    ("attitude", "angle", 2.0 * np.pi, "deg"),
-    ("elevator", "angle", 2.0 * np.pi, "deg"),
-    (_ANGLE, "angle", 2.0 * np.pi, "deg"),
-    (_RATE, "rate", 50.0, "deg/s"),
-)
-"""Quantity, kind of unit, largest value in SI, and the unit of larger ones."""
+_RANGES: dict[str, tuple[tuple[float, str], ...]] = {  # Largest in SI, else the unit.
+    "length": ((1000.0, "mm"), (100.0, "cm")),
+    "angle": ((2.0 * np.pi, "deg"),),
+    "rate": ((50.0, "deg/s"),),
+}
 _FOUR = {"xyzw": 0.5, "wxyz": 0.5}
 _RARE = ("YXZ", "ZXY", "YZX", "XZY", "rotation_vector")
 _THREE = {"ZYX": 0.65, "XYZ": 0.3} | dict.fromkeys(_RARE, 0.01)
@@ -79,7 +71,6 @@ _CERTAIN = 0.99  # Probability above which nothing is asked: one wrong in a hund
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_FILES = 12  # Recordings that are read.
 
-Fields = dict[str, str]  # Fields of one part of a mapping: units or frame.
 Columns = dict[str, Any]  # By quantity: names, of times a list.
 
 
@@ -114,6 +105,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     campaign, frame = _make_campaign(recordings, claim(frame)), dict(frame)
     servo = campaign.elevator == "servo"
     servo_why = _guess_elevator(campaign, frame) if servo else ""
+    campaign = _make_campaign(recordings, claim(frame))  # Also with its signs.
     lines = ["# Proposed by --guess: check each line before you use it."]
     if join:
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
@@ -121,27 +113,27 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     how = "PX4's topic" if known else "by its name"
     lines += [f"  {k}: {_quoted(v)}  # {how}" for k, v in columns.items()]
     if _ANGLE in known:
-        lines.append("units:  # ? gain: the elevator's angle at a command of 1 in rad")
-        lines.append(f"  {_ANGLE}: {{gain: 1.0}}")
-    elif units:
+        reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
+    if reasons:
         lines.append("units:")
         lines += [f"  {k}: {v}  # {words}" for k, (v, words) in reasons.items()]
     why, *question = ["by the format"] if known else _explain(ranked)
+    try:
+        check_signs(campaign)
+    except InputError as error:
+        question.append(
+            f"  # ? an import refuses it: {str(error).removeprefix('guess: ')}"
+        )
     lines += [f"frame:  # {why}", *question]
     lines += [f"  {k}: {_quoted(v)}" for k, v in frame.items() if k != "elevator"]
     if servo:
         lines.append(f"  elevator: {frame['elevator']}  # {servo_why}")
-    # Commanded angles cannot be used without the limit.
-    limit = "if you know it:" if "elevator" in columns else "? missing:"
-    fixed = (
-        "no elevator was found; 'fixed' if all flights had the same trim and ballast"
-    )
-    lines += [
-        "vehicle:  # what you know: mass, wing_area, ... in kg, m, s",
-        f"  elevator: servo  # {limit} elevator_rate_limit in rad/s"
-        if servo
-        else f"  elevator: fixed_per_flight  # {fixed}",
-    ]
+    vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
+    if servo:  # Commanded angles cannot be used without the limit.
+        limit = "if you know it:" if "elevator" in columns else "? missing:"
+        vehicle = f"servo  # {limit} elevator_rate_limit in rad/s"
+    lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
+    lines.append(f"  elevator: {vehicle}")
     text = "".join(f"{printable(line)}\n" for line in lines)
     return Guess(text, campaign, probability)
 
@@ -179,9 +171,8 @@ def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
     settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
     cuts = cut_recordings(recordings, claim, settings)
     if not any(cut.flights for cut in cuts):
-        notes = "; ".join(note for cut in cuts for note in cut.notes)
-        path = recordings[0].path
-        raise InputError(f"{path}: no flight was found ({notes or 'nothing moves'}).")
+        notes = "; ".join(note for c in cuts for note in c.notes) or "nothing moves"
+        raise InputError(f"{recordings[0].path}: no flight was found ({notes}).")
     return campaign_of_cuts(settings, cuts)
 
 
@@ -204,15 +195,12 @@ def _explain(ranked: Sequence[tuple[Fields, float]]) -> list[str]:
     """How certain the best frame is; if it is not, the question to be answered."""
     (best, probability), (rival, other) = ranked[0], ranked[min(1, len(ranked) - 1)]
     if probability >= _CERTAIN:
-        share = min(probability, 0.9999)
-        return [f"by forces and habits of the format, probability {share:.4g}"]
+        return [f"by forces and habits, probability {min(probability, 0.9999):.4g}"]
     differs = [field for field, value in rival.items() if best[field] != value]
     words = ", ".join(f"{field}: {rival[field]}" for field in differs)
-    body = "where are the nose and the top of the glider in the body's axes?"
-    hint = "which axis of the log is the height?" if "up" in differs else body
-    odds = f"? probability {probability:.2g}, and {other:.2g}"
-    arrows = "In the picture, do the arrows point where the nose did?"
-    return [f"{odds} with {words}", f"  # {hint} {arrows}"]
+    hint = "which axis is the height?" if "up" in differs else "where are nose and top?"
+    odds = f"? probability {probability:.2g}, and {other:.2g} with {words}"
+    return [odds, f"  # {hint} Do the picture's arrows point where the nose did?"]
 
 
 def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
@@ -278,7 +266,7 @@ def _find(log: Recording) -> Columns:
     """Columns by quantity, those that are recognized."""
     if {"position", "attitude"} <= log.known.keys():
         return dict(log.known)
-    names = _addresses(log)
+    names = [name for name in _addresses(log) if not _IS_TIME(name)]
     columns: Columns = {}
     first = (re.fullmatch(r"(.+?)(\[0\]|[._ ]?[xX])", name) for name in names)
     stems = list(dict.fromkeys(match[1] for match in first if match))
@@ -295,12 +283,14 @@ def _find(log: Recording) -> Columns:
             columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
     for quantity in _SCALARS:
         if _INSTEAD.get(quantity) not in columns:
-            vectors = tuple(columns[q] for q in _SHAPES if q in columns)
+            stems = "|".join(re.escape(columns[q]) for q in _SHAPES if q in columns)
             free = [
                 name
                 for name in names
                 if name not in columns.values()
-                and not (name.startswith(vectors) or _IS_TIME(name))
+                and not re.fullmatch(
+                    rf"({stems or '$'})[._ \[]?[xyzw\d]\]?", name, re.I
+                )
             ]
             if quantity == "elevator":
                 free = [n for n in free if not re.search(_NOT_AN_ANGLE, _words(n))]
@@ -336,19 +326,18 @@ def _guess_units(
 ) -> dict[str, tuple[str, str]]:
     """Units that the files do not report, by the ranges of the columns, and why."""
     units: dict[str, tuple[str, str]] = {}
-    log = logs[0]
     if "time" in columns:
-        values, unit = _values(log, columns["time"][0])
+        values, unit = _values(logs[0], columns["time"][0])
         step = float(np.nanmedian(np.diff(values)))
-        fits = [u for u, size in _STEPS.items() if 2e-4 < step * size < 0.2]
+        fits = [u for u, size in UNITS["time"].items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
             units["time"] = fits[0], f"its median step is {step:.4g}"
-    for quantity, kind, most, other in _RANGES:
-        if quantity not in columns:
-            continue
-        found = [_values(log, columns[quantity]) for log in logs]
-        sizes = np.concatenate([np.abs(values).ravel() for values, _ in found])
-        reach = float(np.max(sizes, initial=0.0, where=np.isfinite(sizes)))
-        if found[0][1] is None and reach > most:
-            units[kind] = other, f"'{quantity}' reaches {reach:.4g}"
+    for quantity in (q for q in columns if q not in ("y", "z")):  # Of any origin.
+        kind = QUANTITIES[quantity]
+        for most, other in _RANGES.get(kind, ()):
+            found = [_values(log, columns[quantity]) for log in logs]
+            sizes = np.concatenate([np.abs(values).ravel() for values, _ in found])
+            reach = float(np.max(sizes, initial=0.0, where=np.isfinite(sizes)))
+            if found[0][1] is None and reach > most:
+                units.setdefault(kind, (other, f"'{quantity}' reaches {reach:.4g}"))
     return units

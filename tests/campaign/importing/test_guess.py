@@ -10,7 +10,7 @@ import yaml
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.guess import guess_mapping
 from glider.errors import InputError
-from tests.benchmarks import bench_guess
+from tests.benchmarks import bench_guess, bench_guess_foreign
 from tests.campaign.importing import foreign
 
 MOTIVE = Path(__file__).parents[4] / "shared" / "measured" / "raw_motive"
@@ -150,6 +150,35 @@ def test_throws_along_minus_y(tmp_path, campaign):
         ],
     )
     assert_guessed(files, campaign, tmp_path, y="y", elevator="de")
+
+
+def test_rates_by_their_suffix_and_an_elevator_that_begins_like_a_position(
+    tmp_path, campaign
+):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        "t_s,px,py,pz,pitch_rad,profundidad_deg,profundidad_cmd_deg_s",
+        lambda f: [
+            f.time,
+            *foreign.position(f).T,
+            f.pose[:, 2],
+            np.degrees(f.elevator),
+            np.degrees(f.command),
+        ],
+    )
+    rate = "profundidad_cmd_deg_s"
+    names = {"elevator": "profundidad_deg", "elevator_rate_command": rate}
+    assert_guessed(files, campaign, tmp_path, **names)
+
+
+def test_a_slide_on_the_floor_decides_nothing():
+    """Its rows fit no flight in the right frame; those of the flight itself do."""
+    flight = bench_guess_foreign.run_one(1, 9)
+    assert flight["end"] == "sure", flight["why"]
+    slide = bench_guess_foreign.run_one(1, 82)
+    assert 'up: "y"' in slide["text"]
+    assert slide["end"] == "sure" or "an import refuses it" in slide["text"]
 
 
 def test_a_wrong_beginning_of_names_lists_those_that_are_there(tmp_path, campaign):

@@ -22,7 +22,7 @@ _BLANK = re.compile(
     r"-*|<?na>?|n/a|na[nt]|null|none|-?inf|#(n/a|num!|value!|div/0!)", re.IGNORECASE
 )
 _UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]+?)\s*[\])]$")
-_UNIT_SUFFIX = re.compile(r"_(?<=._)([mc]?m|[mun]?s|(deg|rad)(ps)?)$")
+_UNIT_SUFFIX = re.compile(r"_(?<=._)([mc]?m|[mun]?s|(deg|rad)(ps|_s)?)$")
 _MIN_ROWS = 3
 _DAY_ZERO = datetime.datetime(1970, 1, 1)
 
@@ -154,7 +154,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
     if match and spell(match[2]):
         return match[1], spell(match[2])
     suffix = _UNIT_SUFFIX.search(name)
-    return name, suffix[1] if suffix else None
+    return name, spell(suffix[1]) if suffix else None
 
 
 def _find_delimiter(lines: Sequence[str]) -> str:
