@@ -283,14 +283,12 @@ def _find(log: Recording) -> Columns:
             columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
     for quantity in _SCALARS:
         if _INSTEAD.get(quantity) not in columns:
-            stems = "|".join(re.escape(columns[q]) for q in _SHAPES if q in columns)
+            used = "|".join(re.escape(columns[q]) for q in _SHAPES if q in columns)
             free = [
                 name
                 for name in names
                 if name not in columns.values()
-                and not re.fullmatch(
-                    rf"({stems or '$'})[._ \[]?[xyzw\d]\]?", name, re.I
-                )
+                and not re.fullmatch(rf"({used or '$'})[._ \[]?[xyzw\d]\]?", name, re.I)
             ]
             if quantity == "elevator":
                 free = [n for n in free if not re.search(_NOT_AN_ANGLE, _words(n))]
