@@ -71,9 +71,11 @@ def _lagged_separation_steady(flow, slope, stall_angle, fade, relaxation, delay)
 @scalar
 def _ground_effect(flow, strength, height, inverse_depth):
     above = 1.0 + inverse_depth * flow.z
-    root = np.sqrt(np.sqrt(0.5 * (above + np.sqrt(above * above + _ROUNDING))))
+    over = 0.5 * (above + np.sqrt(above * above + _ROUNDING))
+    z = flow.z / (1.0 + over - above)  # Of the floor, where it lies above.
+    root = np.sqrt(np.sqrt(over))
     bend = (1.0 + root + root * root) / (1.0 + root) / (1.0 + root * root)
-    return strength * np.exp(-4.0 / 3.0 * bend * flow.z / height)
+    return strength * np.exp(-4.0 / 3.0 * bend * z / height)
 
 
 @scalar
@@ -238,7 +240,7 @@ below z = 0, the height of the perch. There the share is `strength` and falls by
 σ = exp(-2.48 (2 h / b)^0.768) (Wieselsberger 1921, in the form of Torenbeek, Synthesis
 of Subsonic Airplane Design). A floor far below (inverse_depth 0) leaves
 strength · exp(-z / height) (Staufenbiel and Schlichting, J. Aircraft 25, 1988), whose
-floor cannot be identified. Valid above a tenth of the span.
+floor cannot be identified. Valid above a tenth of the span; constant below the floor.
 """
 
 TAIL_WAKE = EffectKind(
