@@ -18,7 +18,7 @@ from glider.sysid.replay.record import Record, Signs
 from glider.sysid.replay.replayed import logged_elevator, make_table
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.result import CALIBRATED, MODELS, PERFECT, ResidualTable
-from glider.sysid.search.force_search import forces_alone
+from glider.sysid.search.force_search import OF_FORCES, forces_alone
 from glider.sysid.search.support import SearchResult
 from glider.sysid.verdict import AllErrors, changes_baseline_alone
 
@@ -127,7 +127,7 @@ def evaluate(
     explained = flights.among([record.name for record in everything.records])
     tables = _residual_tables(task, traced.model, models, explained)
     gusts = air_depends_on(task, traced.model)
-    truth = without_model_errors(traced.model, gusts, spreads)
+    truth = without_model_errors(traced, gusts, spreads)
     smoothing = flights.noise.smoothing[2].ratio
     is_other = [record.name not in kept.names for record in everything.records]
     order = np.argsort(is_other, kind="stable")[:FLOOR_FLIGHTS]
@@ -151,16 +151,19 @@ def evaluate(
 
 
 def without_model_errors(
-    model: FitResult, gusts: Collection[str], spreads: Mapping[str, result.Spread]
+    traced: SearchResult, gusts: Collection[str], spreads: Mapping[str, result.Spread]
 ) -> Scales:
-    """Scales without errors of the model: sensors, turbulence, reported spreads."""
-    stds = {
-        scale: spreads[kind].std if kind in spreads else getattr(FLOOR, scale)
-        for kind, (scale, *_) in SPREAD_KINDS.items()
-    }
-    if gusts:
-        stds["air"] = FLOOR.air
-    return dataclasses.replace(model.scales, **stds)
+    """Scales without errors of the model: sensors, turbulence, per-flight constants.
+
+    Where a search of forces set the constants' scales, only reported spreads are known,
+    and gusts are not distinguished from errors of the forces: they count as these.
+    """
+    unknown = {"air"} if gusts else set()
+    if traced.forces is not None:
+        unknown = {"air", *OF_FORCES}
+    stds = {scale: getattr(FLOOR, scale) for scale in unknown}
+    stds |= {SPREAD_KINDS[kind][0]: spread.std for kind, spread in spreads.items()}
+    return dataclasses.replace(traced.model.scales, **stds)
 
 
 def _noise_of(table: ResidualTable, names: Collection[str]) -> result.EquationErrors:

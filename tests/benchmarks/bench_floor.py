@@ -10,6 +10,7 @@ states that the gusts seem to depend on. With --wrong, the forms are others.
 """
 
 import argparse
+import types
 from collections.abc import Sequence
 
 import numpy as np
@@ -69,14 +70,17 @@ def measure(
     model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)
     flown = flown_by(task, model, model.scales)
     gusts = air_depends_on(task, model)
-    truth = without_model_errors(model, gusts, spreads_of(task, model))
+    traced = types.SimpleNamespace(model=model, forces=None)
+    truth = without_model_errors(traced, gusts, spreads_of(task, model))
     ratio, rng = noise.smoothing[2].ratio, np.random.default_rng(seed)
     floor = find_floor(flown, unseen, truth, ratio, rng)
     pairs = zip(unseen, predict_all(flown, unseen), strict=True)
     errors = np.array([flight_errors(*pair) for pair in pairs])
-    rms = np.sqrt(np.average(errors**2, axis=0, weights=floor.rows))
-    squares = np.average(floor.squares.mean(axis=2), axis=0, weights=floor.rows)
-    return rms / np.sqrt(squares[:2]), floor.chance(errors), gusts
+    flown = np.isfinite(errors).all(axis=1)
+    rms = np.sqrt(np.average(errors[flown] ** 2, axis=0, weights=floor.rows[flown]))
+    squares = floor.squares[flown].mean(axis=2)[:, :2]
+    floors = np.sqrt(np.average(squares, axis=0, weights=floor.rows[flown]))
+    return rms / floors, floor.chance(errors), gusts
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -30,7 +30,9 @@ def throws(request):
 def test_camber_drag_and_lift_by_pitch_rate_are_found(throws):
     """Drag lies along the body: a pitch zero that is off is no name for it."""
     found = {e.kind: e for e in throws.effects}
-    assert throws.verdict in ("effect_found", "partly_explained")
+    # Formulas leave centimetres where a perfect model in still air leaves millimetres.
+    assert throws.verdict == "partly_explained"
+    assert throws.left.ratio_to_floor > 10.0
     assert {"camber", "pitch_rate_lift"} <= set(found)
     assert {"axial_drag", "profile_drag"} & set(found)
     zero_lift = found["camber"].coefficients["zero_lift_angle"]

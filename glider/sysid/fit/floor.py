@@ -35,6 +35,8 @@ from glider.sysid.result import (
 REPLICAS = 100  # Of each flight: its RMS is known to 5 %, less than flights differ.
 ACCURACY = 0.05  # Relative error of a floor, see tests/benchmarks/bench_floor.py.
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
+_DIVERGED = 10.0  # Error above which a replica says nothing [m].
+_MOST_APART = 3.0  # Logarithm of a flight's error over its floor that counts.
 _STEP = 0.1  # Of the logarithm of gusts, for slopes of the likelihood.
 _TRANSLATED = [0, 1, 4, 5]  # States that are fitted along the measured pitch.
 
@@ -48,9 +50,17 @@ class Floor:
     #: means over these rows; of the position at the end [m²].
     squares: np.ndarray
 
+    @property
+    def _is_known(self) -> np.ndarray:
+        """(F,) whether flights are linear enough; some pass a model's validity."""
+        return np.all(self.squares.mean(axis=2)[:, :2] < _DIVERGED**2, axis=1)
+
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
-        rows, squares = self.rows[:flights], self.squares[:flights]
+        known = np.flatnonzero(self._is_known[:flights])
+        if not len(known):
+            known = np.arange(flights)
+        rows, squares = self.rows[known], self.squares[known]
         means = np.average(squares.mean(axis=2), axis=0, weights=rows)
         free, along, pitch, _ = np.sqrt(means).tolist()
         end = float(np.mean(np.sqrt(squares[:, 3])))
@@ -70,10 +80,15 @@ class Floor:
         Args:
             paths: (F, 2) position RMS of the flights, free and along the pitch [m].
         """
-        drawn = 0.5 * np.log(self.squares[:, :2])
-        apart = np.mean(np.log(np.maximum(paths, 1e-9)) - drawn.mean(axis=2), axis=0)
-        error = np.hypot(np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(paths), ACCURACY)
-        return float(min(1.0, 2.0 * ndtr(-apart / error).min()))
+        known = self._is_known
+        if not known.any():
+            return np.nan
+        drawn = 0.5 * np.log(self.squares[known, :2])
+        errors = np.nan_to_num(np.log(np.maximum(paths[known], 1e-9)), nan=np.inf)
+        apart = np.clip(errors - drawn.mean(axis=2), -_MOST_APART, _MOST_APART)
+        error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
+        z = apart.mean(axis=0) / np.hypot(error, ACCURACY)
+        return min(1.0, 2.0 * float(ndtr(-z).min()))
 
 
 def find_floor(

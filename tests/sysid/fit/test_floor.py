@@ -88,8 +88,15 @@ def test_turbulence_raises_the_floor_and_one_flight_does_not_decide(turbulent):
     )
     assert along(floor) > 3.0 * along(calm)
     assert calm.chance(errors) < UNLIKELY
-    errors[0] *= 20.0
-    assert floor.chance(errors) > UNLIKELY
+    for lost in (20.0 * errors[0], np.nan):
+        errors[0] = lost
+        assert floor.chance(errors) > UNLIKELY
+    errors[:8] = np.nan
+    assert floor.chance(errors) < UNLIKELY
+    floor.squares[0] = np.nan
+    assert floor.chance(errors) < UNLIKELY
+    floor.squares[:] = np.nan
+    assert np.isnan(floor.chance(errors))
 
 
 def test_errors_of_the_first_flights_count_each_row_once(still):
