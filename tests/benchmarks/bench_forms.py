@@ -55,7 +55,7 @@ COUNTS = (1, 1, 2, 2, 3, 4)
 HELD_BACK = 100_000
 """First seed of final runs."""
 
-NO_CLAIM = ("no_effect", "not_trusted", "refused")
+NO_CLAIM = ("no_effect", "not_trusted", "refused", "crashed")
 """Verdicts that name no effect as one of the glider's, whatever they list."""
 
 MOST_LEFT = 2.0
@@ -82,15 +82,13 @@ class Planted:
     def is_named_by(self, effect: FoundEffect) -> bool:
         """Returns whether a found effect is this family, by name or by curve.
 
-        A curve must say its link; one without shows it by a variable that no other
-        family has, as a wind over the place does.
+        A curve must say its link and share a variable. One without a link is of the
+        air where it is over time or place.
         """
         if effect.kind != "unexplained":
             return effect.kind in self.of.names
-        link = getattr(effect, "family", None)
+        link = getattr(effect, "family", None) or "air"
         common = set(effect.depends_on) & set(self.of.variables)
-        if link is None:
-            return bool(common - {"alpha", "V", "elevator", "alphadot"})
         return link == self.of.link and bool(common)
 
 
@@ -213,14 +211,15 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
     for effect in claims:
         named = any(p.is_named_by(effect) for p in truth.planted)
         # A curve without a link is no name, so it cannot be a wrong one.
-        is_free = effect.kind == "unexplained" and not hasattr(effect, "family")
+        is_free = effect.kind == "unexplained" and not getattr(effect, "family", None)
         if named or effect.kind in right or is_free:
             continue
+        label = label_of(effect)
         rivals = set(effect.indistinguishable_from)
         meant = [p.family for p in missed if p.of.names & rivals]
         one_of.update(meant)
         if not meant:
-            wrong[effect.kind] = taken_place(effect.kind, truth.planted, missed)
+            wrong[label] = taken_place(effect, truth.planted, missed)
     corrected = result.errors["corrected"]
     error = math.nan if corrected is None else corrected.position_rms_m
     perfect = floor_of(campaign, truth, result.flights.held_out)
@@ -228,8 +227,8 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
         "verdict": result.verdict,
         "found": found,
         "one_of": sorted(one_of),
-        "kinds": [e.kind for e in result.effects],
-        "names": len({e.kind for e in claims} - set(truth.spreads) - {"unexplained"}),
+        "kinds": [label_of(e) for e in result.effects],
+        "names": len(set(map(label_of, claims)) - {*truth.spreads, "unexplained"}),
         "wrong": wrong,
         "error": error,
         "perfect": perfect,
@@ -237,34 +236,40 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
     }
 
 
+def label_of(effect: FoundEffect) -> str:
+    """Returns an effect's kind; of a curve whose link is known, the link."""
+    link = getattr(effect, "family", None) if effect.kind == "unexplained" else None
+    return f"{link} curve" if link else effect.kind
+
+
 def taken_place(
-    kind: str, planted: Sequence[Planted], missed: Sequence[Planted]
+    effect: FoundEffect, planted: Sequence[Planted], missed: Sequence[Planted]
 ) -> str:
     """Returns the families that a wrong name stands for.
 
     They are missed ones of its link, else all that were missed; where none was, it
     stands beside those that were found.
     """
-    others = [p for p in missed if p.of.link == link_of(kind)] or missed
-    if others:
+    link = getattr(effect, "family", None) or link_of(effect.kind)
+    if others := [p for p in missed if p.of.link == link] or missed:
         return "for " + " or ".join(p.family for p in others)
-    close = [p for p in planted if p.of.link == link_of(kind)] or planted
+    close = [p for p in planted if p.of.link == link] or planted
     return "beside " + " or ".join(p.family for p in close) if close else "for nothing"
 
 
 def link_of(kind: str) -> str:
     """Returns the link of the force chain that a kind of the library changes."""
-    effect = KINDS.get(kind)
-    if effect is None:
+    if kind not in KINDS:
         return ""
+    effect = KINDS[kind]
+    if effect.stage in ("actuator", "air", "inertia", "sensor"):
+        return effect.stage
     by_term = {
         **{"wing_incidence": "wing_angle", "wing_shift": "moment"},
         **{"elevator_trim": "tail_angle", "downwash": "tail_angle"},
         **{"elevator_factor": "tail_pressure", "moment": "moment"},
     }
-    term = effect.adds_to[0] if effect.adds_to else ""
-    own = effect.stage in ("actuator", "air", "inertia", "sensor")
-    return effect.stage if own else by_term.get(term, "wing_force")
+    return by_term.get(effect.adds_to[0], "wing_force")
 
 
 def run(seed: int, family: str | None, count: int | None, null: bool) -> Line:
@@ -282,11 +287,13 @@ def run(seed: int, family: str | None, count: int | None, null: bool) -> Line:
     begin = time.perf_counter()
     try:
         result = close_the_loop(campaign, seed=seed)
-    except InputError as error:
+    except Exception as error:  # A crash is one campaign's answer, not the end.
+        verdict = "refused" if isinstance(error, InputError) else "crashed"
         missed = {"found": [False] * len(truth.planted), "one_of": [], "kinds": []}
         blank = {"names": 0, "wrong": {}, "error": math.nan, "perfect": math.nan}
-        refused = {"verdict": "refused", "reason": str(error), "ratio": math.nan}
-        return line | missed | blank | refused | {"seconds": math.nan}
+        refused = {"verdict": verdict, "reason": repr(error), "ratio": math.nan}
+        seconds = time.perf_counter() - begin
+        return line | missed | blank | refused | {"seconds": seconds}
     seconds = time.perf_counter() - begin
     return line | judge(campaign, truth, result) | {"seconds": seconds}
 

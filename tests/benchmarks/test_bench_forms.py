@@ -121,6 +121,9 @@ def test_a_family_is_found_by_name_or_by_a_curve_in_its_link():
     assert not ground.is_named_by(found("unexplained", "z", family="air"))
     lift = Planted(family="lift", form="", words="")
     assert not lift.is_named_by(found("unexplained", "alpha"))
+    assert Planted(family="wind", form="", words="").is_named_by(
+        found("unexplained", "x")
+    )
     servo = Planted(family="servo", form="", words="")
-    assert taken_place("downwash", [lift, servo], [servo]) == "for servo"
-    assert taken_place("camber", [lift, servo], []) == "beside lift"
+    assert taken_place(found("downwash"), [lift, servo], [servo]) == "for servo"
+    assert taken_place(found("camber"), [lift, servo], []) == "beside lift"
