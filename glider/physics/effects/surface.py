@@ -171,7 +171,7 @@ LAGGED_SEPARATION = EffectKind(
     adds_to=("wing_normal",),
     coefficients=(
         Coefficient("slope", "1/rad", scale=2.0, lower=-6.0, upper=12.0),
-        *stalling(0.06, 0.2, 0.35),
+        *stalling(0.06, 0.28),
         _lag("relaxation", 0.08),
         Coefficient("delay", "s", scale=0.01, lower=0.0, upper=0.3, grid=(0.03,)),
     ),
