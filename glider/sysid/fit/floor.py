@@ -38,7 +38,8 @@ STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not k
 _DIVERGED = 10.0  # Error above which a replica says nothing [m].
 _MOST_APART = 3.0  # Logarithm of a flight's error over its floor that counts.
 _STEP = 0.1  # Of the logarithm of gusts, for slopes of the likelihood.
-_TRANSLATED = [0, 1, 4, 5]  # States that are fitted along the measured pitch.
+_TRANSLATED = [0, 1, 4, 5]  # States that are fitted along the measured pitch,
+_TURNED = [PITCH, PITCH_RATE]  # and those that are measured.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,9 +59,8 @@ class Floor:
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
         known = np.flatnonzero(self._is_known[:flights])
-        if not len(known):
-            known = np.arange(flights)
-        rows, squares = self.rows[known], self.squares[known]
+        squares = self.squares[known] if len(known) else np.full((1, 4, 1), np.nan)
+        rows = self.rows[known] if len(known) else None
         means = np.average(squares.mean(axis=2), axis=0, weights=rows)
         free, along, pitch, _ = np.sqrt(means).tolist()
         end = float(np.mean(np.sqrt(squares[:, 3])))
@@ -149,13 +149,13 @@ def _squares(
     free = np.sum(error[:, :2] ** 2, axis=1)
 
     maps = smoothing_maps(record.time[seen[:, 2]], record.time, pitch_ratio)[:2]
-    turned = np.zeros((2, len(record.time), REPLICAS + len(_TRANSLATED)))
-    turned[..., :REPLICAS] = maps @ measured[seen[:, 2], PITCH]
-    turned[0, :, :REPLICAS] -= known[-1]
     known[_TRANSLATED] = 0.0
-    start = np.zeros((len(record.time), total, turned.shape[2]))
+    start = np.zeros((len(record.time), total, REPLICAS + len(_TRANSLATED)))
     start[0] = np.hstack([known, np.eye(total)[:, _TRANSLATED]])
-    guided = (shows @ _flown(moves, start, turned))[:, :2]
+    moves[:, _TURNED] = 0.0  # They are imposed.
+    start[:, _TURNED, :REPLICAS] = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
+    start[:, PITCH, :REPLICAS] -= known[-1]
+    guided = (shows @ _flown(moves, start))[:, :2]
     left, columns = measured[:, :2] - guided[..., :REPLICAS], guided[..., REPLICAS:]
     first = seen[:rows, :2]
     step = np.linalg.lstsq(columns[:rows][first], left[:rows][first], rcond=None)[0]
@@ -182,18 +182,10 @@ def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.n
     return moves, shows
 
 
-def _flown(
-    moves: np.ndarray, shocks: np.ndarray, turned: np.ndarray | None = None
-) -> np.ndarray:
-    """Deviations at the nodes (K + 1, n + 8, R) by shocks there; they are changed.
-
-    Pitch [rad] and its rate [rad/s] may be imposed, (2, K + 1, R).
-    """
-    for k in range(len(shocks)):
-        if k:
-            shocks[k] += moves[k - 1] @ shocks[k - 1]
-        if turned is not None:
-            shocks[k, [PITCH, PITCH_RATE]] = turned[:, k]
+def _flown(moves: np.ndarray, shocks: np.ndarray) -> np.ndarray:
+    """Deviations at the nodes (K + 1, n + 8, R) by shocks there; they are changed."""
+    for k, move in enumerate(moves):
+        shocks[k + 1] += move @ shocks[k]
     return shocks
 
 
@@ -216,17 +208,16 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
     ]
 
     def slopes(logs: Sequence[np.ndarray]) -> np.ndarray:
-        costs = []
-        for step in (-_STEP, _STEP):
-            air = [
-                np.exp(step * own)[:, None, None] * f.by_air
+        less, more = (
+            [
+                dataclasses.replace(
+                    f, by_air=f.by_air * np.exp(step * own)[:, None, None]
+                )
                 for f, own in zip(flights, logs, strict=True)
             ]
-            moved = [
-                dataclasses.replace(f, by_air=own)
-                for f, own in zip(flights, air, strict=True)
-            ]
-            costs.append(negative_log_likelihood(moved, scales))
+            for step in (-_STEP, _STEP)
+        )
+        costs = [negative_log_likelihood(moved, scales) for moved in (less, more)]
         return (costs[0] - costs[1]) / (2.0 * _STEP)
 
     ones = [np.ones(len(flight.by_air)) for flight in flights]
