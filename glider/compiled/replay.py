@@ -10,7 +10,8 @@ import numpy as np
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import DIFFERENCE, put
 from glider.physics.chain import accelerations, derivatives, measure, meet_air, theta_of
-from glider.physics.effects import NO_FIELD, EffectKind, Field
+from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, EffectKind, Field
+from glider.physics.effects.field import field_variables
 from glider.physics.parameters import Parameters, Theta
 
 
@@ -133,7 +134,7 @@ def log_slopes(
         field: the residual Field, whose last basis function is a constant.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, n, n), written: its slopes by the node; or (K, n, 0).
-        by_term: (K, n, 6), written: by each constant of FIELD_TERMS; or (K, n, 0).
+        by_term: (K, n, 7), written: by each constant of FIELD_TERMS; or (K, n, 0).
         by_theta: (K, n, m), written: along each direction.
     """
     n, width = nodes.shape[1], by_x.shape[2]
@@ -193,8 +194,8 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
         times, elevator, rate: (K,) at the nodes.
         nodes: (K, n).
         numbers, field: as in `log_slopes`.
-        values: (K, 9), written: V, sin α, cos α, velocity through the air (x, z),
-            accelerations (ẍ, z̈, θ̈), elevator.
+        values: (K, 15), written: accelerations (ẍ, z̈, θ̈), velocity through the air
+            (x, z), then FIELD_VARIABLES.
     """
     theta = theta_of(numbers, field)
     x = np.empty(nodes.shape[1])
@@ -203,8 +204,7 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
         x[3] += elevator[k]
         flow, terms = meet_air(times[k], x, rate[k], 0.0, 0.0, theta)
         a = accelerations(flow, terms, x, theta.c)
-        seen = (flow.speed, flow.sin_alpha, flow.cos_alpha, flow.air_x, flow.air_z)
-        put((*seen, a[0], a[1], a[2], x[3]), values[k])
+        put((*a, flow.air_x, flow.air_z, *field_variables(flow)), values[k])
 
 
 LOOPS = Family(
@@ -280,11 +280,11 @@ def flow_at(
     numbers: np.ndarray,
     field: Field,
 ) -> np.ndarray:
-    """Returns flow and acceleration at states (K, n), see `log_flow`, (K, 9).
+    """Returns flow and acceleration at states (K, n), see `log_flow`, (K, 15).
 
     `elevator` (K,) [rad] and `rate` (K,) [rad/s] are at the times.
     """
-    values = np.empty((len(nodes), 9))
+    values = np.empty((len(nodes), 5 + len(FIELD_VARIABLES)))
     loop = LOOPS.over(kinds, True).log_flow
     loop(times, nodes, elevator, rate, numbers, field, values)
     return values
@@ -317,7 +317,7 @@ def slopes_along(
 
     Returns:
         the ends (K, n), and their slopes by the node (K, n, n), by a constant of each
-        of FIELD_TERMS (K, n, 6) and along the directions (K, n, m).
+        of FIELD_TERMS (K, n, 7) and along the directions (K, n, m).
     """
     shape, terms = nodes[1:].shape, field.weights.shape[1]
     nothing = np.zeros((1, field.centers.shape[1]))

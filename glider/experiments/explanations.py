@@ -9,6 +9,7 @@ from scipy.special import softmax
 
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
+from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.candidates import gather, tamed
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate
 from glider.sysid.likelihood.linear_flight import nearest_start, slopes, starts_of
@@ -130,7 +131,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     chosen = _chosen(task, noise, findings)
     candidates = gather(task, chosen)
     evidence = candidates.evidence(candidates.grams(chosen.scales).sum(axis=0))
-    score = Scorer(evidence, candidates.variants, lambda kind: penalty)
+    score = Scorer(evidence, candidates.variants, lambda kind, kinds: penalty)
     first_order = FirstOrder(candidates=candidates, scales=chosen.scales, score=score)
     own = score.by_first(chosen.kinds)
     base = score(own)
@@ -210,7 +211,7 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
         kinds=kinds,
         theta=theta,
         free=task.free(kinds),
-        extra=findings.model.field,
+        blocks=carried_blocks(findings.model.field),
     )
     return fit_model(task, start, iterations=4)
 

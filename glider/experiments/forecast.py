@@ -70,8 +70,7 @@ class Forecast:
         task = self.task
         models = [e.model for e in self.explanations]
         return [
-            (m.theta, field_of(task, m), slopes(task.layout, m.theta, m.free))
-            for m in models
+            (m.theta, field_of(m), slopes(task.layout, m.theta, m.free)) for m in models
         ]
 
     @property

@@ -73,7 +73,7 @@ def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
     """
     model = explanation.model
     directions = slopes(task.layout, model.theta, model.free)
-    field = field_of(task, model)
+    field = field_of(model)
 
     def scatter(record: Record) -> tuple[float, np.ndarray]:
         flight = linearize(record, model.theta, field, directions)

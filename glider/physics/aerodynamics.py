@@ -88,6 +88,18 @@ def elevator_velocity(flow, plate, downwash):
 
 
 @scalar
+def tail_load(flow):
+    """Force per area on the elevator's plate along its normal [Pa].
+
+    ½ ρ W² · 2 sin α_e at the logged deflection, without downwash, with W and α_e the
+    airspeed and the angle of attack at the plate's center.
+    """
+    plate = turned(flow, flow.elevator)
+    velocity = elevator_velocity(flow, plate, 0.0)
+    return plate_force(velocity, plate, 1.0, flow.air_density)
+
+
+@scalar
 def gaussian(value, center, width):
     """exp(-(value - center)² / (2 width²))."""
     scaled = (value - center) / width

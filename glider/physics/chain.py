@@ -59,8 +59,8 @@ def sensor_terms(flow, x, c):
 
 
 def residual_terms(flow, field):
-    """The residual field's air velocity (x, z), C_L, C_D, C_M and elevator factor."""
-    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    """The residual field's FIELD_TERMS."""
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 def effect_rates(flow, xdd, zdd, x, c):
@@ -173,6 +173,7 @@ def wrench(flow, terms, x, c):
     wing, wing_moment = wing_force(
         flow, wing_plate, incidence, shift, normal, wing_factor
     )
+    downwash = downwash + terms[6] * flow.speed
     tail, tail_moment = elevator_force(
         flow, tail_plate, deflection, downwash, elevator_factor + terms[5]
     )

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from glider.physics import chain
 from glider.physics.effects.effect import STAGES, EffectKind
-from glider.physics.effects.field import field_terms
+from glider.physics.effects.field import field_terms, field_variables
 from glider.physics.state import NUM_STATES
 
 _CHAIN = inspect.getsource(chain)
@@ -121,7 +121,7 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
 
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     """Returns the names that the text of `hooks_source` needs."""
-    names: dict[str, Callable] = {"field_terms": field_terms}
+    names: dict[str, Callable] = {f.__name__: f for f in (field_terms, field_variables)}
     for i, effect in enumerate(effects):
         names[f"formula_{i}"] = effect.formula
         if effect.state_rate is not None:

@@ -23,6 +23,8 @@ from glider.sysid import outcome, result
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
+from glider.sysid.likelihood.blocks import BLOCKS
+from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
@@ -31,10 +33,10 @@ from glider.sysid.replay.record import Record, Signs, prepare, turn_campaign
 from glider.sysid.replay.replayed import warm_up
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle
-from glider.sysid.search.fields import survey
+from glider.sysid.search.fits import BLOCK_THRESHOLD
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.support import SearchResult
-from glider.sysid.search.tracing import FIELD_THRESHOLD, trace
+from glider.sysid.search.tracing import trace
 from glider.sysid.verdict import find_doubt, judge
 
 SHARES = {
@@ -184,7 +186,7 @@ class Analysis:
             return traced.bare
         names = [record.name for record in task.records]
         bare = dataclasses.replace(
-            traced.bare, coordinates=np.zeros(0), free=self.vehicle.baseline_slots
+            traced.bare, blocks=(), free=self.vehicle.baseline_slots
         )
         return fit_model(task.on(flights.among(names).logged), bare)
 
@@ -252,7 +254,7 @@ class Analysis:
             noise=result.MeasurementNoise(
                 position_m=noise.position, pitch_rad=noise.pitch
             ),
-            model=outcome.model_of(task, model, carried, signs, flights.campaign),
+            model=outcome.model_of(task, model, signs, flights.campaign),
             covariance=outcome.covariance_of(task, model, known),
             held_out=evaluation.held_out,
             residual_before=before,
@@ -309,13 +311,14 @@ def _left(task: Task, model: FitResult, evaluation: Evaluation) -> result.Residu
     """Finds the residual of the corrected model, and over what it varies."""
     corrected, floor = (evaluation.errors[m] for m in ("corrected", result.PERFECT))
     assert corrected is not None and floor is not None
-    found = survey(task, model).gains
-    real = [key for key, gain in found.items() if gain > FIELD_THRESHOLD]
-    real.sort(key=lambda key: -found[key])
+    found = survey(task, model)
+    real = [name for name, gain in found.items() if gain > BLOCK_THRESHOLD]
+    real.sort(key=lambda name: -found[name])
+    variables = [v for name in real[:3] for v in BLOCKS[name].variables]
     return result.Residual(
         position_m=corrected.position_rms_m,
         ratio_to_floor=corrected.position_rms_m / floor.position_rms_m,
         chance=evaluation.chance,
-        depends_on=tuple(dict.fromkeys(variable for _, variable in real[:3])),
+        depends_on=tuple(dict.fromkeys(variables)),
         air_depends_on=evaluation.air_depends_on,
     )

@@ -217,8 +217,8 @@ def _residual_tables(
     before = models.get("nominal", models["refitted"])
     after = _table(models["corrected"], flights.corrected)
     named = after
-    if model.has_curves or model.extra is not None:
-        bare = dataclasses.replace(model, coordinates=np.zeros(0), extra=None)
+    if model.blocks:
+        bare = dataclasses.replace(model, blocks=())
         named = _table(flown_by(task, bare, model.scales), flights.corrected)
     return _table(before, flights.logged), named, after
 

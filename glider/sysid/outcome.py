@@ -12,14 +12,14 @@ from glider.physics.effects.field import FIELD_UNITS, FieldData
 from glider.physics.model import GliderModel
 from glider.sysid import result
 from glider.sysid.likelihood import scales
-from glider.sysid.likelihood.curves import TERMS
+from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, CURVES
+from glider.sysid.likelihood.candidates import places_of
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.record import Signs, sign_effect
 from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.result import Estimate, FoundEffect
-from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import EVIDENCE_THRESHOLD
 from glider.sysid.search.support import SearchResult
 
@@ -49,33 +49,25 @@ CURVE_Z = 5.0
 of the flown angles: at its ten independent places none does so by chance."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ResidualCurves:
-    """Curves that a model carries beside its formulas."""
-
-    terms: tuple[str, ...]  #: That are not zero.
-    data: FieldData | None  #: Of all of them.
-
-
-def carried_of(task: Task, model: FitResult, known: Uncertainty) -> ResidualCurves:
-    """Returns the significant curves of a model."""
-    if not model.has_curves:
-        return ResidualCurves(terms=(), data=None)
-    alpha = _central_angles(task)
-    values = task.curves.values(model.coordinates, alpha)
-    corner = known.covariance[len(model.free) :, len(model.free) :]
-    units = np.eye(len(model.coordinates))
-    basis = np.stack([task.curves.values(u, alpha) for u in units], axis=2)
+def carried_of(task: Task, model: FitResult, known: Uncertainty) -> tuple[str, ...]:
+    """Returns the terms in which a model's curves are significant."""
+    places = places_of(model, len(model.free)).get(CURVES)
+    if places is None:
+        return ()
+    alpha, curves = _central_angles(task), task.curves
+    (own,) = (b.coordinates for b in model.blocks if b.block.name == CURVES)
+    values = curves.values(own, alpha)
+    corner = known.covariance[np.ix_(places, places)]
+    basis = np.stack([curves.values(u, alpha) for u in np.eye(len(own))], axis=2)
     std = np.sqrt(np.einsum("atq,qr,atr->at", basis, corner, basis))
     high_z = np.max(np.abs(values) / np.maximum(std, 1e-12), axis=0)
-    found = tuple(t for t, z in zip(TERMS, high_z, strict=True) if z > CURVE_Z)
-    return ResidualCurves(terms=found, data=task.curves.data(model.coordinates))
+    return tuple(t for t, z in zip(CURVE_TERMS, high_z, strict=True) if z > CURVE_Z)
 
 
 def _central_angles(task: Task) -> np.ndarray:
-    """Angles over the central 90 % of those flown, (41,) [rad]."""
+    """Angles over the central 90 % of those flown, (41, 1) [rad]."""
     low, high = np.percentile(task.curves.angles, [5.0, 95.0])
-    return np.linspace(low, high, 41)
+    return np.linspace(low, high, 41)[:, None]
 
 
 def spreads_of(task: Task, model: FitResult) -> dict[str, result.Spread]:
@@ -114,20 +106,25 @@ def effects_of(
     task: Task,
     traced: SearchResult,
     known: Uncertainty,
-    carried: ResidualCurves,
+    carried: tuple[str, ...],
     spreads: dict[str, result.Spread],
     signs: Signs,
 ) -> tuple[FoundEffect, ...]:
     """Returns the effects with their coefficients and standard errors."""
-    model, layout, field = traced.model, task.layout, traced.field
-    gained = sum(traced.evidence.values()) + (0.0 if field is None else field.evidence)
+    model, layout = traced.model, task.layout
+    gained = sum(traced.evidence.values())
     found = [] if signs.are_right else [_sign_entry(signs)]
-    left = set(carried.terms)
+    left = set(carried)
+    bent = {k for b in model.free_kinds for k in BLOCKS[b].bends}
     for name in model.kinds:
+        if name in model.free_kinds:
+            if BLOCKS[name].bends.isdisjoint(model.kinds):
+                found.append(_block_entry(traced, known, name, gained))
+            continue
         if name == POSE_LATENCY.kind and model.theta[layout.slots_of(name)[0]] < 0.0:
             continue  # Not physical: the clocks differ, see `verdict.find_doubt`.
         kind, support = layout.kinds[name], traced.weighed[name]
-        mine = {t for t in carried.terms if name in FAMILIES[t].split()}
+        mine = {t for t in carried if name in FAMILIES[t].split()}
         left -= mine
         slots = zip(layout.slots_of(name), kind.coefficients, strict=True)
         evidence = traced.evidence.get(name, 0.0)
@@ -145,14 +142,14 @@ def effects_of(
                 spread_over_flights={SPREAD_KINDS[name][1]: spreads[name].std}
                 if name in spreads
                 else {},
-                shape=result.OTHER_SHAPE if mine else result.LIBRARY_SHAPE,
+                shape=result.OTHER_SHAPE
+                if mine or name in bent
+                else result.LIBRARY_SHAPE,
                 indistinguishable_from=support.rivals,
                 depends_on=kind.depends_on,
             )
         )
-    if field is not None:
-        found.append(_field_entry(field, gained))
-    elif left:
+    if left:
         found.append(_curve_entry(task, model, tuple(sorted(left))))
     if found and task.vehicle.trim_is_known:
         found += [
@@ -182,29 +179,45 @@ def _sign_entry(signs: Signs) -> FoundEffect:
     )
 
 
-def _field_entry(field: FoundField, gained: float) -> FoundEffect:
-    assert field.model.extra is not None
-    what = {"air": "the air moves", "forces": "forces change"}[field.basis.form]
+def _block_entry(
+    traced: SearchResult, known: Uncertainty, name: str, gained: float
+) -> FoundEffect:
+    """A free function as an effect of its family, or of none."""
+    model, kind = traced.model, BLOCKS[name]
+    (own,) = (b for b in model.blocks if b.block.name == name)
+    places = places_of(model, len(model.free))[name]
+    mix = own.block.mix
+    spread = mix @ known.covariance[np.ix_(places, places)] @ mix.T
+    acting = [own.block.terms[g] for g in np.flatnonzero(own.is_acting)]
+    rows = np.isin(own.block.terms * len(own.block.centers), acting)
+    family, evidence = traced.families.get(name), traced.evidence.get(name, 0.0)
+    words = kind.words
+    if family is None:
+        words = f"no effect of the library: {words}"
     return FoundEffect(
-        kind="unexplained",
-        words=f"no effect of the library: {what} with {', '.join(field.depends_on)}",
-        coefficients=find_peaks(field.model.extra, field.covariance),
-        evidence=float(field.evidence),
-        share_of_residual=_share(field.evidence, gained),
-        depends_on=field.depends_on,
+        kind=family or "unexplained",
+        words=words,
+        coefficients=find_peaks(own.data, spread[np.ix_(rows, rows)]),
+        evidence=float(evidence),
+        share_of_residual=_share(evidence, gained),
+        inclusion=traced.weighed[name].inclusion,
+        shape=result.OTHER_SHAPE,
+        depends_on=kind.variables,
     )
 
 
 def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundEffect:
     alpha = _central_angles(task)
-    values = task.curves.values(model.coordinates, alpha)
-    peaks = {}
+    (own,) = (b.coordinates for b in model.blocks if b.block.name == CURVES)
+    values, peaks = task.curves.values(own, alpha), {}
     for term in terms:
-        curve = values[:, TERMS.index(term)]
+        curve = values[:, CURVE_TERMS.index(term)]
         peak = int(np.argmax(np.abs(curve)))
         unit = "m" if term == "c_moment" else "-"
         peaks[f"{term}_peak"] = Estimate(float(curve[peak]), math.nan, unit)
-        peaks[f"{term}_peak_at_alpha"] = Estimate(float(alpha[peak]), math.nan, "rad")
+        peaks[f"{term}_peak_at_alpha"] = Estimate(
+            float(alpha[peak, 0]), math.nan, "rad"
+        )
     return FoundEffect(
         kind="unexplained",
         words=f"no effect of the library: {', '.join(terms)} change with alpha",
@@ -230,11 +243,7 @@ def _spread_entry(task: Task, name: str, spread: result.Spread) -> FoundEffect:
 
 
 def model_of(
-    task: Task,
-    model: FitResult,
-    carried: ResidualCurves,
-    signs: Signs,
-    campaign: Campaign,
+    task: Task, model: FitResult, signs: Signs, campaign: Campaign
 ) -> GliderModel:
     """Returns the corrected glider."""
     layout = task.layout
@@ -242,13 +251,14 @@ def model_of(
     nuisance = {layout.slots[i][0] for i in task.vehicle.unknown}
     kinds = [kind for kind in layout.kinds if kind in nuisance - {*model.kinds}]
     for name in (*model.kinds, *kinds):
+        if name in model.free_kinds:
+            continue
         kind = layout.kinds[name]
         values = model.theta[list(layout.slots_of(name))].tolist()
         names = [c.name for c in kind.coefficients]
         effects.append(kind(**dict(zip(names, values, strict=True))))
-    field = model.extra or carried.data
-    if model.extra is not None and carried.data is not None:
-        field = dataclasses.replace(model.extra, more=[carried.data])
+    parts = [own.data for own in model.blocks]
+    field = dataclasses.replace(parts[0], more=parts[1:]) if parts else None
     parameters = parameters_of(model.theta, campaign)
     return GliderModel(parameters=parameters, effects=tuple(effects), field=field)
 

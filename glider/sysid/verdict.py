@@ -11,10 +11,10 @@ import numpy as np
 from glider.campaign.checks.motion import robust_std
 from glider.physics.effects import POSE_LATENCY
 from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
+from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
-from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.record import Signs
 from glider.sysid.replay.replayed import logged_elevator
 from glider.sysid.replay.theta import SERVO_LOG
@@ -132,7 +132,7 @@ AllErrors = dict[str, Errors | None]
 def judge(
     traced: SearchResult,
     signs: Signs,
-    carried: ResidualCurves,
+    carried: tuple[str, ...],
     held_out: HeldOut | None,
     errors: AllErrors,
     effects: tuple[FoundEffect, ...],
@@ -141,7 +141,7 @@ def judge(
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why."""
     kinds, right = traced.model.kinds, signs.are_right
-    if not kinds and traced.field is None and not carried.terms and right:
+    if not kinds and not carried and right:
         if traced.forces is not None and left.depends_on:
             return "unexplained", (
                 "What the flat plate lacks depends on "
@@ -157,7 +157,7 @@ def judge(
         return "not_trusted", doubt
     rest = _beyond_floor(left)
     if rest or any(e.kind == "unexplained" for e in effects):
-        if right and not kinds:
+        if right and not any(k not in BLOCKS or k in traced.families for k in kinds):
             return (
                 "unexplained",
                 f"No effect of the library explains what the flat plate lacks{rest}.",
@@ -197,8 +197,11 @@ def changes_baseline_alone(model: FitResult) -> bool:
     The refitted baseline has them too and may leave nothing to gain: they are
     then compared with the nominal model.
     """
-    bare = model.extra is None and not model.has_curves
-    return bool(model.kinds) and bare and set(model.kinds) <= set(BASELINE_KINDS)
+    return (
+        bool(model.kinds)
+        and not model.blocks
+        and set(model.kinds) <= set(BASELINE_KINDS)
+    )
 
 
 def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:

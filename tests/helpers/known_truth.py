@@ -9,6 +9,7 @@ from glider.campaign.logs import Campaign
 from glider.physics.effects.field import FieldData
 from glider.sysid.fit.folds import flown_by
 from glider.sysid.fit.prediction import measure_errors
+from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, start_of
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import prepare
@@ -45,7 +46,8 @@ def limit_of(
     task = whole.on([r for r in whole.records if r.name not in held_out])
     unseen = [r for r in whole.records if r.name in held_out]
     if isinstance(truth, FieldData):
-        starts = [dataclasses.replace(begin(task, noise), extra=truth)]
+        carried = carried_blocks(truth)
+        starts = [dataclasses.replace(begin(task, noise), blocks=carried)]
     else:
         starts = starts_of(task, noise, truth)
     model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)

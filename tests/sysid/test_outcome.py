@@ -5,17 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.sysid.likelihood.curves import TERMS
+from glider.sysid.likelihood.blocks import CURVE_TERMS
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.outcome import (
-    CURVE_Z,
-    ResidualCurves,
-    carried_of,
-    curves_of,
-    model_of,
-    spreads_of,
-)
+from glider.sysid.outcome import CURVE_Z, carried_of, curves_of, model_of, spreads_of
 from glider.sysid.replay.record import Signs
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
@@ -23,15 +16,19 @@ from tests.helpers.tasks import begin, fly, task_of
 
 # ------------------------------------------------------------------------ curves
 
-NO_CURVES = ResidualCurves(terms=(), data=None)
-
 
 @pytest.fixture(scope="module")
 def plain():
-    """A task, and its nominal model with curves of nothing."""
+    """A task, and its nominal model."""
     task, noise = task_of(fly(flights=3))
-    model = begin(task, noise)
-    return task, dataclasses.replace(model, coordinates=np.zeros(task.curves.count))
+    return task, begin(task, noise)
+
+
+def bent_by(task, model, coordinates):
+    """Returns the model with curves."""
+    (own,) = model.with_curves(task.curves, 1.0).blocks
+    own = dataclasses.replace(own, coordinates=coordinates)
+    return dataclasses.replace(model, blocks=(own,))
 
 
 def known_within(model, std):
@@ -42,8 +39,9 @@ def known_within(model, std):
 
 def curve_of(task, term):
     """Returns coordinates of a curve in one term only, as large as typical."""
-    curves, place = task.curves, TERMS.index(term)
-    values = np.stack([curves.values(u, curves.angles) for u in np.eye(curves.count)])
+    curves, place = task.curves, CURVE_TERMS.index(term)
+    angles = curves.angles[:, None]
+    values = np.stack([curves.values(u, angles) for u in np.eye(curves.count)])
     others = np.delete(values, place, axis=2).reshape(curves.count, -1)
     _, _, rows = np.linalg.svd(others.T)
     found = rows[-1]
@@ -53,35 +51,32 @@ def curve_of(task, term):
 
 def test_no_curves_none_carried(plain):
     task, model = plain
-    bare = dataclasses.replace(model, coordinates=np.zeros(0))
-    assert carried_of(task, bare, known_within(bare, 0.1)) == NO_CURVES
-    assert carried_of(task, model, known_within(model, 0.1)).terms == ()
+    assert carried_of(task, model, known_within(model, 0.1)) == ()
+    none = bent_by(task, model, np.zeros(task.curves.count))
+    assert carried_of(task, none, known_within(none, 0.1)) == ()
 
 
 @pytest.mark.parametrize("term", ["c_moment", "elevator_factor"])
 def test_a_curve_that_is_sure_is_carried_and_told_by_its_term(plain, term):
     task, model = plain
     coordinates = curve_of(task, term)
-    bent = dataclasses.replace(model, coordinates=coordinates)
+    bent = bent_by(task, model, coordinates)
     size = np.linalg.norm(coordinates)
-    sure = carried_of(task, bent, known_within(bent, size / (20.0 * CURVE_Z)))
-    assert sure.terms == (term,)
-    assert sure.data == task.curves.data(coordinates)
-    assert carried_of(task, bent, known_within(bent, 10.0 * size)).terms == ()
+    assert carried_of(task, bent, known_within(bent, size / (20.0 * CURVE_Z))) == (
+        term,
+    )
+    assert carried_of(task, bent, known_within(bent, 10.0 * size)) == ()
 
 
 def test_what_is_carried_is_in_the_model_and_nothing_else_is(plain):
     task, model = plain
-    bent = dataclasses.replace(model, coordinates=curve_of(task, "c_moment"))
-    carried = ResidualCurves(
-        terms=("c_moment",), data=task.curves.data(bent.coordinates)
-    )
+    coordinates = curve_of(task, "c_moment")
+    bent = bent_by(task, model, coordinates)
     campaign = fly(flights=1, duration=0.2)
-    whole = model_of(task, bent, carried, Signs(), campaign)
-    assert whole.field == carried.data
-    assert model_of(task, bent, NO_CURVES, Signs(), campaign).field is None
-    signs = Signs(pitch=-1)
-    (effect,) = model_of(task, bent, NO_CURVES, signs, campaign).effects
+    whole = model_of(task, bent, Signs(), campaign)
+    assert whole.field == task.curves.data(coordinates)
+    assert model_of(task, model, Signs(), campaign).field is None
+    (effect,) = model_of(task, model, Signs(pitch=-1), campaign).effects
     assert effect.to_dict()["pitch"] == -1.0
 
 

@@ -5,7 +5,6 @@ import types
 import pytest
 
 from glider.sysid.fit.folds import LEAST_UNSEEN_GAIN, WORSE
-from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.record import Signs
 from glider.sysid.result import (
     LIBRARY_SHAPE,
@@ -22,7 +21,6 @@ from glider.sysid.result import (
 from glider.sysid.verdict import FLOWN, changes_baseline_alone, judge
 
 RIGHT = Signs()
-NO_CURVES = ResidualCurves(terms=(), data=None)
 
 
 def entry(kind, shape_fits=True):
@@ -86,9 +84,10 @@ def verdict(
         effects.append(entry("angle_sign"))
     if unnamed:
         effects.append(entry("unexplained"))
+    blocks = ("forces over x",) if field else ()
     traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=tuple(kinds)),
-        field=object() if field else None,
+        model=types.SimpleNamespace(kinds=(*kinds, *blocks)),
+        families={},
         forces=None if left_over is None else object(),
     )
     left = Residual(
@@ -106,8 +105,7 @@ def verdict(
         "refitted": errors_with(1.0, 1.0),
         "corrected": errors_with(*split),
     }
-    carried = ResidualCurves(terms=terms, data=None)
-    return judge(traced, signs, carried, held_out, errors, tuple(effects), left, doubt)
+    return judge(traced, signs, terms, held_out, errors, tuple(effects), left, doubt)
 
 
 def test_thrown_gliders_that_leave_much_are_never_without_effect():
@@ -166,9 +164,7 @@ def test_a_gain_on_the_flights_of_the_search_alone_is_not_trusted():
             gain=gain_of(9.0, gained), ratios=(0.9, 0.9), over_nominal=None
         )
         found = (entry("wind"),)
-        word, reason = judge(
-            traced, RIGHT, NO_CURVES, held_out, errors, found, left, None
-        )
+        word, reason = judge(traced, RIGHT, (), held_out, errors, found, left, None)
         assert word == (expected or "effect_found")
         assert ("neither the search nor a fit has seen" in reason) == bool(expected)
 
@@ -217,7 +213,7 @@ def test_wrong_signs_need_no_folds():
 def test_what_only_differs_from_flight_to_flight_names_no_lack():
     """A trim that is zero in the mean stands beside the unexplained, no more."""
     traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=()), field=object(), forces=None
+        model=types.SimpleNamespace(kinds=("forces over x",)), families={}, forces=None
     )
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = (entry("unexplained"), entry("elevator_trim"))
@@ -225,7 +221,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
         gain=gain_of(9.0), ratios=(0.9, 0.9), over_nominal=None
     )
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
-    word, _ = judge(traced, RIGHT, NO_CURVES, held_out, errors, found, left, None)
+    word, _ = judge(traced, RIGHT, (), held_out, errors, found, left, None)
     assert word == "unexplained"
 
 
@@ -255,18 +251,17 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
 
 
 @pytest.mark.parametrize(
-    ("kinds", "curves", "extra", "expected"),
+    ("kinds", "blocks", "expected"),
     [
-        (("mass", "center_of_pressure"), 0, None, True),
-        (("mass", "profile_drag"), 0, None, False),
-        (("mass",), 3, None, False),
-        (("mass",), 0, object(), False),
-        ((), 0, None, False),
+        (("mass", "center_of_pressure"), (), True),
+        (("mass", "profile_drag"), (), False),
+        (("mass",), (object(),), False),
+        ((), (), False),
     ],
-    ids=["own", "more", "curves", "field", "nothing"],
+    ids=["own", "more", "block", "nothing"],
 )
-def test_only_the_plates_own_numbers_are_of_the_plate(kinds, curves, extra, expected):
-    model = types.SimpleNamespace(kinds=kinds, has_curves=curves > 0, extra=extra)
+def test_only_the_plates_own_numbers_are_of_the_plate(kinds, blocks, expected):
+    model = types.SimpleNamespace(kinds=kinds, blocks=blocks)
     assert changes_baseline_alone(model) is expected
 
 

@@ -13,14 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.errors import expect
-from glider.physics.aerodynamics import angle_of_attack
+from glider.physics.aerodynamics import angle_of_attack, tail_load
 from glider.physics.formulas import scalar
 
 FIELD_UNITS = {
     **{"x": "m", "z": "m", "t": "s", "pitch": "rad", "V": "m/s", "alpha": "rad"},
     **{"pitchdot": "rad/s", "elevator": "rad", "elevator_rate": "rad/s"},
+    "tail_load": "Pa",
 }
-"""Variables that a field may depend on, and their units."""
+"""Variables that a field may depend on, and their units; see `tail_load`."""
 
 FIELD_VARIABLES = tuple(FIELD_UNITS)
 
@@ -30,10 +31,11 @@ AIR_TERMS = ("wind_x", "wind_z")
 COEFFICIENTS = ("c_lift", "c_drag", "c_moment")
 """Coefficients referred to ½ ρ V² S_w, the moment without a chord [-, -, m]."""
 
-TAIL_TERM = "elevator_factor"
-"""Relative change of the elevator's force [-]."""
+TAIL_TERMS = ("elevator_factor", "tail_downwash")
+"""Relative change of the elevator's force [-]; angle by which the stream at the tail is
+turned down, as by the wing's downwash [rad]."""
 
-FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, TAIL_TERM)
+FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS)
 
 
 class Field(NamedTuple):
@@ -42,13 +44,11 @@ class Field(NamedTuple):
     term_k = Σ_m weights[m, k] exp(-½ Σ_d ((ξ_d - centers[m, d]) inverse_widths[m, d])²)
     """
 
-    centers: np.ndarray  #: (M, 9), in the order of FIELD_VARIABLES.
-    #: (M, 9), zero where the function does not depend on the variable; a row of zeros
+    centers: np.ndarray  #: (M, 10), in the order of FIELD_VARIABLES.
+    #: (M, 10), zero where the function does not depend on the variable; a row of zeros
     #: is a constant.
     inverse_widths: np.ndarray
-    #: (M, 6), in the order of FIELD_TERMS: air velocity [m/s], then coefficients that
-    #: refer to ½ ρ V² S_w (the moment without a chord [m]), then the relative change of
-    #: the elevator's force.
+    #: (M, 7), in the order of FIELD_TERMS.
     weights: np.ndarray
 
 
@@ -72,13 +72,14 @@ def field_variables(flow):
         flow.pitchdot,
         flow.elevator,
         flow.elevator_rate + 0.0 * flow.speed,
+        tail_load(flow),
     )
 
 
 @scalar
 def field_terms(flow, field):
     """Returns the values of FIELD_TERMS in a flow."""
-    wind_x = wind_z = lift = drag = moment = tail = 0.0 * flow.speed
+    wind_x = wind_z = lift = drag = moment = tail = turn = 0.0 * flow.speed
     if field.weights.shape[0] > 0:
         variables = field_variables(flow)
         for m in range(field.weights.shape[0]):
@@ -95,7 +96,8 @@ def field_terms(flow, field):
             drag = drag + basis * field.weights[m, 3]
             moment = moment + basis * field.weights[m, 4]
             tail = tail + basis * field.weights[m, 5]
-    return wind_x, wind_z, lift, drag, moment, tail
+            turn = turn + basis * field.weights[m, 6]
+    return wind_x, wind_z, lift, drag, moment, tail, turn
 
 
 @dataclasses.dataclass(kw_only=True)

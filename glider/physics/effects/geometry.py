@@ -4,7 +4,7 @@ from glider.physics.aerodynamics import (
     angle_of_attack,
     attached_share,
     elevator_velocity,
-    plate_force,
+    tail_load,
     turned,
 )
 from glider.physics.effects.effect import Coefficient, EffectKind, constant, stalling
@@ -39,12 +39,10 @@ def _stalled_downwash(flow, gradient, stall_angle, fade):
 
 @scalar
 def _elevator_blowback(flow, compliance, deflection, relief):
-    plate = turned(flow, flow.elevator)
-    velocity = elevator_velocity(flow, plate, 0.0)
-    load = plate_force(velocity, plate, 1.0, flow.air_density)
+    velocity = elevator_velocity(flow, turned(flow, flow.elevator), 0.0)
     square = velocity[0] * velocity[0] + velocity[1] * velocity[1]
     pressure = flow.air_density * square  # Twice the dynamic pressure.
-    turn = compliance * load - deflection * pressure * sin(flow.elevator)
+    turn = compliance * tail_load(flow) - deflection * pressure * sin(flow.elevator)
     return turn / (1.0 + relief * (compliance + deflection) * pressure)
 
 

@@ -13,7 +13,9 @@ from scipy.special import ndtr, stdtr
 
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
+from glider.physics.effects import FIELD_VARIABLES
 from glider.sysid.fit.prediction import RolloutModel, beginning_rows
+from glider.sysid.likelihood.blocks import midpoints
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.scales import (
@@ -222,8 +224,10 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
 
     ones = [np.ones(len(flight.by_air)) for flight in flights]
     overall, found = slopes(ones), {}
+    variables = [np.abs(midpoints(r, model.theta)) for r in task.records]
     for variable in STATES:
-        sizes = [np.abs(f.midpoints(variable, model.theta)) for f in flights]
+        column = FIELD_VARIABLES.index(variable)
+        sizes = [values[:, column] for values in variables]
         every = np.concatenate(sizes)
         if np.ptp(every) > 0.0:
             ranks = np.argsort(np.argsort(every)) * (2.0 / len(every)) - 1.0

@@ -105,7 +105,7 @@ def flown_by(
     """Returns a fitted model as one that flies logs again."""
     flown = prediction.RolloutModel(
         theta=model.theta,
-        field=model_fit.field_of(task, model),
+        field=model_fit.field_of(model),
         scales=scales,
         per_flight_trims=task.per_flight_trims,
     )

@@ -1,11 +1,13 @@
 """Candidate effects as columns of all flights, linear about one model."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood import model_fit
+from glider.sysid.likelihood.blocks import CURVES, Block
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
 from glider.sysid.likelihood.linear_flight import (
     Direction,
@@ -13,7 +15,7 @@ from glider.sysid.likelihood.linear_flight import (
     slopes,
     starts_of,
 )
-from glider.sysid.likelihood.scales import Scales, fit_scales
+from glider.sysid.likelihood.scales import Scales, fit_scales, whiten
 from glider.sysid.likelihood.task import Task
 
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
@@ -31,7 +33,10 @@ class Candidates:
     model: model_fit.FitResult  #: About which the flights are linear.
     directions: tuple[Direction, ...]  #: Of the columns; the curves' columns follow.
     variants: dict[str, tuple[Variant, ...]]  #: By kind; one of a kind that acts.
-    flights: Sequence[LinearFlight]  #: Linear in all columns.
+    flights: Sequence[LinearFlight]  #: Linear in the directions and what acts.
+    blocks: tuple[Block, ...] = ()  #: That do not act yet; their columns come last.
+    #: Column and strength of each column of a variant.
+    columns: tuple[tuple[int, float], ...]
 
     @property
     def slots(self) -> list[int]:
@@ -42,26 +47,44 @@ class Candidates:
     def always(self) -> list[int]:
         """Columns that act in every set: unknown parameters and the curves."""
         own = set(self.task.vehicle.nuisance)
-        count = len(self.directions)
         vehicle = [j for j, slot in enumerate(self.slots) if slot in own]
-        return [*vehicle, *range(count, count + len(self.model.coordinates))]
+        places = places_of(self.model, len(self.directions))
+        return [*vehicle, *(places.get(CURVES) or ())]
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        return model_fit.grams_of(self.flights, scales)
+        if not self.blocks:
+            return model_fit.grams_of(self.flights, scales)
+        theta = self.model.theta
+
+        def one(flight: LinearFlight) -> np.ndarray:  # It holds one flight's only.
+            wide = model_fit.with_blocks(flight, theta, self.blocks)
+            return whiten(wide, scales).gram
+
+        return np.stack(in_parallel(one, self.flights))
 
     def from_nothing(self, grams: np.ndarray) -> tuple[np.ndarray, model_fit.Prior]:
-        """Returns the information and the prior about the model without effects."""
+        """Returns the information and the prior about the model without effects.
+
+        Blocks that do not act yet have a prior spread of one; see `columns`.
+        """
         prior = model_fit.prior_of(self.task, self.model, self.slots)
         always, share = set(self.always), np.zeros(len(prior.mean))
-        for j, slot in enumerate(self.slots):
-            if j not in always and not self.task.is_shape(slot):
+        for j in set(range(len(share))) - always:
+            if j >= len(self.slots) or not self.task.is_shape(self.slots[j]):
                 share[j] = -prior.mean[j]
         mean = prior.mean.copy()
         mean[: len(self.slots)] = 0.0  # Unknown parameters count from where they are.
-        lower, upper = prior.lower + share, prior.upper + share
-        prior = dataclasses.replace(prior, mean=mean, lower=lower, upper=upper)
-        return counted_from(grams, share), prior
+        mean += np.where(np.arange(len(mean)) >= len(self.slots), share, 0.0)
+        more = sum(block.count for block in self.blocks)
+        most = np.full(more, model_fit.LARGEST_COORDINATE)
+        prior = model_fit.Prior(
+            mean=np.append(mean, np.zeros(more)),
+            precision=np.append(prior.precision, np.ones(more)),
+            lower=np.append(prior.lower + share, -most),
+            upper=np.append(prior.upper + share, most),
+        )
+        return counted_from(grams, np.append(share, np.zeros(more))), prior
 
     def evidence(self, gram: np.ndarray) -> Evidence:
         """Returns the evidence of sets of columns beside those that always act."""
@@ -71,16 +94,37 @@ class Candidates:
         reduced[np.ix_(keep, keep)] = eliminate(
             whole, always, prior.precision[always], prior.mean[always]
         )
+        index = np.array([j for j, _ in self.columns], dtype=int)
+        strengths = np.array([strength for _, strength in self.columns])
+        scale, keep = np.append(strengths, 1.0), np.append(index, len(whole) - 1)
         return Evidence(
-            gram=reduced,
-            precision=prior.precision,
-            lower=prior.lower,
-            upper=prior.upper,
+            gram=reduced[np.ix_(keep, keep)] * scale[:, None] * scale,
+            precision=prior.precision[index],
+            lower=prior.lower[index] / strengths,
+            upper=prior.upper[index] / strengths,
         )
 
 
-def gather(task: Task, model: model_fit.FitResult) -> Candidates:
-    """Linearizes all flights about a model, in all candidate effects."""
+def places_of(model: model_fit.FitResult, first: int) -> dict[str, range]:
+    """Returns the columns of a model's blocks, by name; they begin at `first`."""
+    found = {}
+    for own in model.blocks:
+        found[own.block.name] = range(first, first + own.block.count)
+        first += own.block.count
+    return found
+
+
+SURVEY_FLIGHTS = 12  # Flights of a survey.
+STRENGTHS_TRIED = (0.1, 0.3, 1.0)  # Of a block that does not act yet.
+
+
+def gather(
+    task: Task, model: model_fit.FitResult, blocks: Collection[str] = ()
+) -> Candidates:
+    """Linearizes all flights about a model, in all candidate effects and some blocks.
+
+    Blocks that act in the model are candidates too.
+    """
     layout = task.layout
     directions = slopes(layout, model.theta, model.free)
     own = set(task.vehicle.nuisance)
@@ -88,7 +132,8 @@ def gather(task: Task, model: model_fit.FitResult) -> Candidates:
     for kind in model.kinds:
         acting = enumerate(directions)
         mine = [j for j, d in acting if d.kind == kind and d.slot not in own]
-        variants[kind] = [tuple(mine)]
+        if mine:
+            variants[kind] = [tuple(mine)]
     for kind in task.kinds:
         if kind in model.kinds:
             continue
@@ -103,13 +148,61 @@ def gather(task: Task, model: model_fit.FitResult) -> Candidates:
     )
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
+    places = places_of(model, len(directions))
+    for kind in model.free_kinds:
+        variants[kind] = [tuple(places[kind])]
+    scaled = [(j, 1.0) for j in range(len(directions) + len(model.coordinates))]
+    new = tuple(task.blocks[n] for n in blocks if n not in model.kinds)
+    first = len(scaled)
+    for block in new:
+        variants[block.name] = []
+        for strength in STRENGTHS_TRIED:
+            begin = len(scaled)
+            scaled += [(first + j, strength) for j in range(block.count)]
+            variants[block.name].append(tuple(range(begin, len(scaled))))
+        first += block.count
     return Candidates(
         task=task,
         model=model,
         directions=tuple(directions),
         variants={k: tuple(v) for k, v in variants.items() if v and v[0]},
         flights=flights,
+        blocks=new,
+        columns=tuple(scaled),
     )
+
+
+def survey(task: Task, model: model_fit.FitResult) -> dict[str, float]:
+    """Computes the evidence of each block that does not act, on top of a model [nats].
+
+    On a few flights; minus infinity where the model diverges.
+    """
+    few = task.thinned(SURVEY_FLIGHTS)
+    bare = dataclasses.replace(few, kinds=())
+    candidates = gather(bare, model, tuple(task.blocks))
+    gram = candidates.grams(model.scales).sum(axis=0)
+    names = [block.name for block in candidates.blocks]
+    if not np.all(np.isfinite(gram)):
+        return dict.fromkeys(names, -np.inf)
+    prior = model_fit.prior_of(few, model)
+    reduced = eliminate(gram, range(len(prior.mean)), prior.precision, prior.mean)
+    found, first = {}, 0
+    for block in candidates.blocks:
+        keep = [*range(first, first + block.count), len(reduced) - 1]
+        first += block.count
+        most = np.full(block.count, np.inf)
+        gains = []
+        for strength in STRENGTHS_TRIED:
+            scale = np.append(np.full(block.count, strength), 1.0)
+            evidence = Evidence(
+                gram=reduced[np.ix_(keep, keep)] * scale[:, None] * scale,
+                precision=np.ones(block.count),
+                lower=-most,
+                upper=most,
+            )
+            gains.append(evidence.log_marginal(range(block.count)))
+        found[block.name] = max(gains)
+    return found
 
 
 def tamed(
@@ -140,7 +233,7 @@ def saturated_scales(candidates: Candidates, scales: Scales, rounds: int) -> Sca
     """
     prior = model_fit.prior_of(candidates.task, candidates.model, candidates.slots)
     for _ in range(rounds):
-        gram = candidates.grams(scales).sum(axis=0)
+        gram = model_fit.grams_of(candidates.flights, scales).sum(axis=0)
         change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in candidates.flights]
         scales, _ = fit_scales(flights, scales, iterations=3)

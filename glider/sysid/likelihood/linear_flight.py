@@ -18,11 +18,10 @@ from glider.compiled.replay import (
     measure_nodes,
     slopes_along,
 )
-from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, EffectKind, Field
+from glider.physics.effects import FIELD_TERMS, EffectKind, Field
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import (
-    flow_variables,
     logged_elevator,
     pose_signals,
     sensed,
@@ -151,12 +150,6 @@ class LinearFlight:
         terms = [FIELD_TERMS.index(name) for name in ("c_lift", "c_drag")]
         forces = np.ascontiguousarray(self.by_term[:, :, terms])
         return dataclasses.replace(self, by_air=forces)
-
-    def midpoints(self, variable: str, theta: np.ndarray) -> np.ndarray:
-        """Returns a field's variable at the midpoint of each interval."""
-        column = FIELD_VARIABLES.index(variable)
-        values = flow_variables(self.record, theta)[:, column]
-        return 0.5 * (values[1:] + values[:-1])
 
     def with_forces(
         self, basis: np.ndarray, terms: Sequence[int], mix: np.ndarray

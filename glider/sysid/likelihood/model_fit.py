@@ -11,7 +11,14 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import NO_FIELD, Field
-from glider.physics.effects.field import FieldData, make_field
+from glider.physics.effects.field import make_field
+from glider.sysid.likelihood.blocks import (
+    CURVES,
+    LEAST_STRENGTH,
+    Block,
+    FittedBlock,
+    midpoints,
+)
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import (
     NO_CONSTANTS,
@@ -46,54 +53,84 @@ class FitResult:
     kinds: tuple[str, ...]  #: That act.
     theta: np.ndarray  #: Its parameters and coefficients.
     free: tuple[int, ...]  #: Slots of theta that are fitted.
-    coordinates: np.ndarray  #: Of the curves; empty where there are none.
-    strength: float = 1.0  #: Prior strength of the curves.
+    #: Free functions that act: those of `kinds`, and the curves.
+    blocks: tuple[FittedBlock, ...] = ()
     scales: Scales  #: Of all noise.
     #: Name of each flight to its constants, about which it is linear.
     constants: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
-    extra: FieldData | None = None  #: An unmodelled field that acts too, or None.
     #: Whether errors of the forces stand in for moving air, see
     #: `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
     has_force_errors: bool = False
     cost: float = np.inf  #: Negative log posterior [nats].
-    freedom: float = 0.0  #: Penalty for prior volume that curves do not fill [nats].
+    freedom: float = 0.0  #: Penalty for prior volume that blocks do not fill [nats].
 
     @property
     def has_curves(self) -> bool:
         """Whether curves act."""
-        return len(self.coordinates) > 0
+        return any(own.block.name == CURVES for own in self.blocks)
+
+    @property
+    def strength(self) -> float:
+        """Prior strength of the curves; zero where there are none."""
+        curves = (own for own in self.blocks if own.block.name == CURVES)
+        return next((float(own.strengths[0]) for own in curves), 0.0)
+
+    @property
+    def free_kinds(self) -> tuple[str, ...]:
+        """Free functions among the kinds."""
+        return tuple(b.block.name for b in self.blocks if b.block.name in self.kinds)
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        """Of all blocks, one after the other."""
+        return np.concatenate([np.zeros(0), *(own.coordinates for own in self.blocks)])
+
+    def with_curves(self, curves: Block, strength: float) -> "FitResult":
+        """Returns the model with the curves' strength set; they act from now on."""
+        strengths = np.array([strength])
+        others = tuple(own for own in self.blocks if own.block.name != CURVES)
+        mine = [own.coordinates for own in self.blocks if own.block.name == CURVES]
+        own = FittedBlock(
+            block=curves,
+            coordinates=mine[0] if mine else np.zeros(curves.count),
+            strengths=strengths,
+        )
+        return dataclasses.replace(self, blocks=(own, *others))
+
+    def without_blocks(self, *names: str) -> "FitResult":
+        """Returns the model without some blocks."""
+        kept = tuple(own for own in self.blocks if own.block.name not in names)
+        return dataclasses.replace(self, blocks=kept)
 
 
 def start_of(task: Task, noise: Noise, with_curves: bool) -> FitResult:
     """Returns the nominal model, unfitted, in still air."""
-    count = task.curves.count if with_curves else 0
-    return FitResult(
+    bare = FitResult(
         kinds=(),
         theta=task.vehicle.theta.copy(),
         free=task.free(()),
-        coordinates=np.zeros(count),
         scales=start_scales(noise),
     )
+    return bare.with_curves(task.curves, 1.0) if with_curves else bare
 
 
-def field_of(task: Task, model: FitResult) -> Field:
-    """Returns a model's curves and its extra field as the dynamics take them."""
-    parts = [task.curves.field(model.coordinates)] if model.has_curves else []
-    if model.extra is not None:
-        parts.append(make_field(model.extra))
-    if not parts:
+def field_of(model: FitResult) -> Field:
+    """Returns a model's blocks as the dynamics take them."""
+    acting = [own for own in model.blocks if own.coordinates.any()]
+    if not acting:
         return NO_FIELD
+    parts = [make_field(own.data) for own in acting]
     return Field(*(np.vstack(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def linear_flights(
     task: Task, model: FitResult, directions: Sequence[Direction] | None = None
 ) -> list[LinearFlight]:
-    """Returns all flights, linear about a model; the curves' columns come last.
+    """Returns all flights, linear about a model; the blocks' columns come last.
 
     By default the columns before them are those of the model's free parameters.
     """
-    field, curves = field_of(task, model), task.curves
+    field = field_of(model)
     if directions is None:
         directions = slopes(task.layout, model.theta, model.free)
 
@@ -102,11 +139,22 @@ def linear_flights(
         flight = linearize(record, model.theta, field, directions, own)
         if model.has_force_errors:
             flight = flight.with_force_errors()
-        if not model.has_curves:
-            return flight
-        return curves.added_to(flight, model.theta, curves.mix)
+        blocks = [own.block for own in model.blocks]
+        return with_blocks(flight, model.theta, blocks)
 
     return in_parallel(one, task.records)
+
+
+def with_blocks(
+    flight: LinearFlight, theta: np.ndarray, blocks: Sequence[Block]
+) -> LinearFlight:
+    """Returns a flight with the columns of blocks, before the last."""
+    if not blocks:
+        return flight
+    values = midpoints(flight.record, theta)
+    for block in blocks:
+        flight = block.added_to(flight, values)
+    return flight
 
 
 def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
@@ -116,7 +164,7 @@ def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prior:
-    """Prior of changes of a model: along slots of theta, then of the curves."""
+    """Prior of changes of a model: along slots of theta, then of its blocks."""
 
     mean: np.ndarray  #: (m,) expected changes.
     precision: np.ndarray  #: (m,)
@@ -143,19 +191,19 @@ def prior_of(
     slots: Sequence[int] | None = None,
     start: np.ndarray | None = None,
 ) -> Prior:
-    """Returns the prior of slots, by default the free ones, and of the curves.
+    """Returns the prior of slots, by default the free ones, and of the blocks.
 
     Shapes are expected where they are in `start`, by default the model's theta.
     """
     slots = list(model.free if slots is None else slots)
     (lower, upper), value = task.bounds(slots), model.theta[slots]
     mean, precision = task.priors(slots, model.theta if start is None else start)
-    curves = model.coordinates
+    free = model.coordinates
     return Prior(
-        mean=np.append(mean - value, -curves),
-        precision=np.append(precision, np.full(len(curves), model.strength**-2)),
-        lower=np.append(lower - value, -LARGEST_COORDINATE - curves),
-        upper=np.append(upper - value, LARGEST_COORDINATE - curves),
+        mean=np.append(mean - value, -free),
+        precision=np.concatenate([precision, *(b.precision for b in model.blocks)]),
+        lower=np.append(lower - value, -LARGEST_COORDINATE - free),
+        upper=np.append(upper - value, LARGEST_COORDINATE - free),
     )
 
 
@@ -165,7 +213,7 @@ def fit_model(
     iterations: int = 6,
     free_scales: Sequence[str] = NAMES,
 ) -> FitResult:
-    """Fits a model's free parameters, its curves and its scales."""
+    """Fits a model's free parameters, its blocks and its scales."""
     best, about, step, halvings = None, [], None, 0
     current = model
     for iteration in range(iterations + 1):
@@ -210,11 +258,15 @@ def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
 
 
 def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
-    """Returns a model with its free parameters and its curves changed by a step."""
+    """Returns a model with its free parameters and its blocks changed by a step."""
     index, theta = list(model.free), model.theta.copy()
     theta[index] = np.clip(theta[index] + step[: len(index)], *task.bounds(index))
-    coordinates = model.coordinates + step[len(index) :]
-    return dataclasses.replace(model, theta=theta, coordinates=coordinates)
+    blocks, first = [], len(index)
+    for own in model.blocks:
+        coordinates = own.coordinates + step[first : first + own.block.count]
+        blocks.append(dataclasses.replace(own, coordinates=coordinates))
+        first += own.block.count
+    return dataclasses.replace(model, theta=theta, blocks=tuple(blocks))
 
 
 def _moved_with(
@@ -232,24 +284,36 @@ def with_constants(task: Task, model: FitResult) -> FitResult:
 
 
 def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
-    """Returns the model with the prior strength of the curves that the flights show.
+    """Returns the model with the prior strengths of the blocks that the flights show.
 
-    MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992).
+    MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992), for
+    each group of coordinates.
     """
-    if not model.has_curves:
-        return model
+    if not model.blocks:
+        return dataclasses.replace(model, freedom=0.0)
     gram = grams_of(linear_flights(task, model), model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
-    strength, curve = model.strength, slice(len(model.free), None)
+    own, start = slice(len(model.free), None), model.coordinates
     for _ in range(rounds):
-        prior = prior_of(task, dataclasses.replace(model, strength=strength))
-        total = prior.added_to(gram)
+        total = prior_of(task, model).added_to(gram)
         covariance = np.linalg.inv(total[:-1, :-1])
-        value = model.coordinates + (covariance @ total[:-1, -1])[curve]
-        mean_square = np.mean(value**2 + np.diag(covariance)[curve])
-        strength = float(np.clip(np.sqrt(mean_square), *STRENGTH_RANGE))
-    corner = np.linalg.inv(covariance[curve, curve])
+        value = start + (covariance @ total[:-1, -1])[own]
+        squares = value**2 + np.diag(covariance)[own]
+        blocks, first = [], 0
+        for fitted in model.blocks:
+            mine = squares[first : first + fitted.block.count]
+            groups = fitted.block.groups
+            sizes = np.bincount(groups)
+            strengths = np.sqrt(np.bincount(groups, mine) / sizes)
+            least = STRENGTH_RANGE[0]
+            if fitted.block.name != CURVES:
+                least = LEAST_STRENGTH
+            strengths = np.clip(strengths, least, STRENGTH_RANGE[1])
+            blocks.append(dataclasses.replace(fitted, strengths=strengths))
+            first += fitted.block.count
+        model = dataclasses.replace(model, blocks=tuple(blocks))
+    corner = np.linalg.inv(covariance[own, own])
     freedom = 0.5 * float(np.linalg.slogdet(corner)[1])
-    freedom += len(corner) * np.log(strength)
-    return dataclasses.replace(model, strength=strength, freedom=freedom)
+    freedom -= 0.5 * sum(float(np.log(b.precision).sum()) for b in model.blocks)
+    return dataclasses.replace(model, freedom=freedom)

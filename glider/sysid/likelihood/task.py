@@ -1,12 +1,12 @@
 """The task of a fit: flights, known parameters and the effects to try."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from glider.physics.effects import SERVO_LAG, Coefficient
-from glider.sysid.likelihood.curves import Curves, make_curves
+from glider.sysid.likelihood.blocks import Block, Curves, make_blocks, make_curves
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import Layout
 from glider.sysid.replay.vehicle import Vehicle, log_slots
@@ -25,6 +25,7 @@ class Task:
     vehicle: Vehicle  #: What is known of the glider.
     kinds: tuple[str, ...]  #: Effects to try.
     curves: Curves  #: Errors of their formulas.
+    blocks: Mapping[str, Block]  #: Free functions to try, by name.
 
     @property
     def layout(self) -> Layout:
@@ -100,5 +101,10 @@ def make_task(
     records: Sequence[Record], vehicle: Vehicle, kinds: tuple[str, ...]
 ) -> Task:
     """Returns the task of finding the effects in a vehicle's flights."""
-    curves = make_curves(records, vehicle.theta)
-    return Task(records=records, vehicle=vehicle, kinds=kinds, curves=curves)
+    return Task(
+        records=records,
+        vehicle=vehicle,
+        kinds=kinds,
+        curves=make_curves(records, vehicle.theta),
+        blocks=make_blocks(records, vehicle.theta),
+    )

@@ -16,9 +16,9 @@ STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)  # None t
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """Covariance of a model's free parameters and curves over flights."""
+    """Covariance of a model's free parameters and blocks over flights."""
 
-    free: tuple[int, ...]  #: Slots of theta, then the curves' coordinates follow.
+    free: tuple[int, ...]  #: Slots of theta, then the blocks' coordinates follow.
     covariance: np.ndarray  #: (m + q, m + q).
 
     def std(self, slot: int) -> float:
@@ -50,23 +50,26 @@ def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.Fit
     """
     if model.has_force_errors:  # They allow for any shape already.
         return model
-    coordinates = model.coordinates if model.has_curves else np.zeros(task.curves.count)
-    bent = dataclasses.replace(model, coordinates=coordinates, strength=1.0)
+    bent = model.with_curves(task.curves, 1.0)
     columns = Candidates(
         task=task,
         model=bent,
         directions=tuple(slopes(task.layout, model.theta, model.free)),
         variants={},
         flights=model_fit.linear_flights(task, bent),
+        columns=(),
     )
     scales = saturated_scales(columns, model.scales, 2)
-    prior, known = model_fit.prior_of(task, bent), range(len(model.free))
-    own = np.append(np.zeros(len(known)), coordinates)
+    prior, first = model_fit.prior_of(task, bent), len(model.free)
+    own = np.zeros(len(prior.mean))
+    curves = range(first, first + task.curves.count)
+    own[curves] = bent.coordinates[: task.curves.count]
+    known = [j for j in range(len(own)) if j not in curves]
     reduced = eliminate(
         counted_from(columns.grams(scales).sum(axis=0), own),
         known,
-        prior.precision[: len(known)],
-        prior.mean[: len(known)],
+        prior.precision[known],
+        prior.mean[known],
     )
     values, axes = np.linalg.eigh(reduced[:-1, :-1])
     values, error = np.maximum(values, 0.0), axes.T @ reduced[:-1, -1]
@@ -75,4 +78,4 @@ def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.Fit
         error**2 / (values + 1.0 / squares) - np.log1p(squares * values), axis=1
     )
     allowed = STRENGTHS_ASKED[evidence >= evidence.max() - ALLOWED]
-    return dataclasses.replace(bent, strength=float(allowed.max()))
+    return bent.with_curves(task.curves, float(allowed.max()))

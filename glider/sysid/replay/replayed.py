@@ -170,35 +170,17 @@ def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
 
 
 def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES along a flight, (n, 9), at its smoothed states."""
+    """Returns FIELD_VARIABLES along a flight, (n, 10), at its smoothed states."""
     kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
     nodes, signals = true_nodes(record, theta), node_signals(record, theta)
     flow = compiled.flow_at(kinds, record.time, nodes, *signals, dynamics, NO_FIELD)
-    columns = _variables(record, nodes, flow, signals[1])
-    return np.stack([columns[name] for name in FIELD_VARIABLES], axis=1)
-
-
-def _variables(
-    record: Record, nodes: np.ndarray, flow: np.ndarray, rate: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Columns of FIELD_VARIABLES from states, flow and elevator rate."""
-    return {
-        "x": nodes[:, 0],
-        "z": nodes[:, 1],
-        "t": record.time,
-        "pitch": nodes[:, 2],
-        "V": flow[:, 0],
-        "alpha": np.arctan2(flow[:, 1], flow[:, 2]),
-        "pitchdot": nodes[:, 6],
-        "elevator": flow[:, 8],
-        "elevator_rate": rate,
-    }
+    return flow[:, -len(FIELD_VARIABLES) :]
 
 
 def flow_along(
     record: Record, theta: np.ndarray, field: Field, trim: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns smoothed true states (n, num_states) and the model's flow there (n, 9).
+    """Returns smoothed true states (n, num_states) and the model's flow there (n, 15).
 
     The flow's columns are those of `compiled.replay.log_flow`.
     """
@@ -244,12 +226,13 @@ def _columns(
         for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
     )
     nodes, flow = flow_along(record, theta, field, trim)
-    speed, _, _, air_x, air_z = flow[:, :5].T
-    columns = _variables(record, nodes, flow, node_signals(record, theta)[1])
+    air_x, air_z = flow[:, 3:5].T
+    columns = dict(zip(FIELD_VARIABLES, flow[:, 5:].T, strict=True))
+    speed = columns["V"]
     columns["alpha"] = np.unwrap(columns["alpha"])
     columns["alphadot"] = np.gradient(columns["alpha"], record.time)
     sine, cosine = np.sin(nodes[:, 2]), np.cos(nodes[:, 2])
-    x, z, angular = (record.acceleration - flow[:, 5:8]).T
+    x, z, angular = (record.acceleration - flow[:, :3]).T
     columns["residual"] = np.column_stack(
         [x * cosine - z * sine, x * sine + z * cosine, angular]
     )
@@ -259,7 +242,7 @@ def _columns(
     )
     pressure = 0.5 * density * speed**2 * area
     columns["unit"] = np.column_stack([pressure / mass, pressure / inertia])
-    for label, a in (("measured", record.acceleration), ("modelled", flow[:, 5:8])):
+    for label, a in (("measured", record.acceleration), ("modelled", flow[:, :3])):
         force_x, force_z = mass * a[:, 0], mass * (a[:, 1] + gravity)
         lift = (force_z * air_x - force_x * air_z) / speed
         drag = -(force_x * air_x + force_z * air_z) / speed

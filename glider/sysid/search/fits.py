@@ -1,13 +1,19 @@
 """Models with sets of effects: begun, fitted, and what they are worth."""
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 import numpy as np
 
 from glider.progress import Progress
-from glider.sysid.likelihood.candidates import Candidates, gather, saturated_scales
+from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
+from glider.sysid.likelihood.candidates import (
+    Candidates,
+    Variant,
+    gather,
+    saturated_scales,
+)
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
@@ -18,6 +24,7 @@ from glider.sysid.search.subsets import Members, Scorer
 # same where it alone and moving air explain the flights; see docs/how_it_works.md.
 EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD = 10.0, 4.0
 SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
+BLOCK_THRESHOLD = 10.0  # The same of a free function [nats].
 THRESHOLD_FLIGHTS = 40  # Flights above which the thresholds grow with them.
 SIMPLE_MOMENT = 0.3  # Pitch acceleration above which formulas have errors [rad/s²].
 
@@ -28,14 +35,13 @@ def without(task: Task, model: FitResult, *gone: str) -> FitResult:
     theta = model.theta.copy()
     slots = [i for kind in gone for i in task.layout.slots_of(kind)]
     theta[slots] = task.vehicle.theta[slots]
-    return dataclasses.replace(model, kinds=kinds, theta=theta, free=task.free(kinds))
+    fewer = dataclasses.replace(model, kinds=kinds, theta=theta, free=task.free(kinds))
+    return fewer.without_blocks(*gone)
 
 
 def bare_of(task: Task, model: FitResult) -> FitResult:
-    """Returns a model without effects, curves and fields."""
-    bare = dataclasses.replace(
-        model, extra=None, coordinates=np.zeros(0), cost=np.inf, freedom=0.0
-    )
+    """Returns a model without effects and blocks."""
+    bare = dataclasses.replace(model, blocks=(), cost=np.inf, freedom=0.0)
     return without(task, bare, *model.kinds)
 
 
@@ -51,17 +57,42 @@ class FirstOrder:
         """Returns the model with the coefficients of a set, not fitted yet."""
         task, model = self.candidates.task, self.candidates.model
         kinds = tuple(kind for kind, _ in members)
-        theta = without(task, model, *(set(model.kinds) - set(kinds))).theta
+        model = without(task, model, *(set(model.kinds) - set(kinds)))
+        theta = model.theta
         columns = [c for _, variant in members for c in variant]
-        directions = [self.candidates.directions[c] for c in columns]
-        for slot, shape in (pair for d in directions for pair in d.shapes):
-            theta[slot] = shape
-        slots = [d.slot for d in directions]
-        values = task.priors(slots, theta)[0] + self.score.evidence.step(columns)
-        theta[slots] = np.clip(values, *task.bounds(slots))
-        free = task.free(kinds)
+        steps = dict(zip(columns, self.score.evidence.step(columns), strict=True))
+        blocks = {own.block.name: own for own in model.blocks}
+        for kind, variant in members:
+            step = np.array([steps[c] for c in variant])
+            if kind in task.blocks:
+                blocks[kind] = self._block(blocks.get(kind), kind, variant, step)
+                continue
+            directions = [self.candidates.directions[c] for c in variant]
+            for slot, shape in (pair for d in directions for pair in d.shapes):
+                theta[slot] = shape
+            slots = [d.slot for d in directions]
+            values = task.priors(slots, theta)[0] + step
+            theta[slots] = np.clip(values, *task.bounds(slots))
         return dataclasses.replace(
-            model, kinds=kinds, theta=theta, free=free, scales=self.scales
+            model,
+            kinds=kinds,
+            free=task.free(kinds),
+            blocks=tuple(blocks.values()),
+            scales=self.scales,
+        )
+
+    def _block(
+        self, acting: FittedBlock | None, kind: str, variant: Variant, step: np.ndarray
+    ) -> FittedBlock:
+        """A block with the coordinates of a step from nothing."""
+        if acting is not None:
+            return dataclasses.replace(acting, coordinates=step)
+        block = self.candidates.task.blocks[kind]
+        strength = self.candidates.columns[variant[0]][1]
+        return FittedBlock(
+            block=block,
+            coordinates=strength * step,
+            strengths=np.full(block.groups.max() + 1, strength),
         )
 
 
@@ -73,14 +104,20 @@ class Search:
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
-    _near: tuple[Any, ...] = (None, None, 0, None)  #: What was compared last, and how.
+    _near: tuple[Any, ...] = (None, None, 0, (), None)  #: What was compared last.
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
         slots = [i for kind in model.kinds for i in self.task.layout.slots_of(kind)]
         sizes = sum(not self.task.is_shape(i) for i in slots)
-        count, threshold = len(model.kinds), threshold_of(self.task, model)
+        free = len(model.free_kinds)
+        count, threshold = len(model.kinds) - free, threshold_of(self.task, model)
         penalty = threshold.effect * count + threshold.coefficient * (sizes - count)
+        flights = len(self.task.records)
+        penalty += sum(
+            threshold_of_kind(flights, block_threshold(name, model.kinds))
+            for name in model.free_kinds
+        )
         return model.cost + model.freedom + penalty
 
     def prefers(self, model: FitResult, other: FitResult) -> bool:
@@ -90,28 +127,32 @@ class Search:
     def fit(self, model: FitResult, iterations: int = 6) -> FitResult:
         """Fits a model and remembers it."""
         found = fit_model(self.task, model, iterations)
-        if found.extra is None:
-            key = frozenset(found.kinds)
-            if key not in self.fitted or found.cost < self.fitted[key].cost:
-                self.fitted[key] = found
+        key = frozenset(found.kinds)
+        if key not in self.fitted or found.cost < self.fitted[key].cost:
+            self.fitted[key] = found
         return found
 
     def fit_with_strength(self, model: FitResult, iterations: int = 6) -> FitResult:
         """Fits a model, and the strength of its curves."""
         return fit_strength(self.task, self.fit(model, iterations))
 
-    def near(self, model: FitResult, rounds: int = 2) -> FirstOrder | None:
-        """Compares sets about a model, cached; None where the model diverges."""
-        task, about, times, found = self._near
-        if task is self.task and about is model and times == rounds:
+    def near(
+        self, model: FitResult, rounds: int = 2, blocks: Collection[str] = ()
+    ) -> FirstOrder | None:
+        """Compares sets about a model, cached; None where the model diverges.
+
+        Of `blocks`, those that do not act yet are candidates beside the effects.
+        """
+        asked, found = (self.task, model, rounds, blocks), self._near[-1]
+        if all(a is b for a, b in zip(asked, self._near, strict=False)):
             return found
-        candidates, found = gather(self.task, model), None
+        candidates, found = gather(self.task, model, blocks), None
         scales = saturated_scales(candidates, model.scales, rounds)
         grams = candidates.grams(scales)
         if np.all(np.isfinite(grams)):
             score = marginal_scorer(candidates, grams, np.ones(len(grams)), scales)
             found = FirstOrder(candidates=candidates, scales=scales, score=score)
-        self._near = self.task, model, rounds, found
+        self._near = *asked, found
         return found
 
     def improved(
@@ -119,6 +160,7 @@ class Search:
         model: FitResult,
         propose: Callable[[Scorer, Members], Iterable[Members]],
         about: FitResult | None = None,
+        blocks: Collection[str] = (),
     ) -> FitResult | None:
         """Returns the best of proposed sets, fitted, if worth more than a model.
 
@@ -126,7 +168,7 @@ class Search:
         unless known.
         """
         about = about or model
-        near, tried = self.near(about), []
+        near, tried = self.near(about, blocks=blocks), []
         if near is None:
             return None
         for members in propose(near.score, near.score.by_first(about.kinds)):
@@ -165,8 +207,23 @@ def marginal_scorer(
     model = candidates.model
     is_fair = is_simple(model, scales or model.scales)
     base = float(np.log(len(candidates.task.kinds))) if is_fair else EVIDENCE_THRESHOLD
-    penalty = threshold_of_kind(len(candidates.task.records), base)
-    return Scorer(evidence, candidates.variants, lambda kind: penalty)
+    blocks, flights = candidates.task.blocks, len(candidates.task.records)
+
+    def penalty(kind: str, kinds: Collection[str]) -> float:
+        own = block_threshold(kind, kinds) if kind in blocks else base
+        return threshold_of_kind(flights, own)
+
+    return Scorer(evidence, candidates.variants, penalty)
+
+
+def block_threshold(name: str, kinds: Collection[str]) -> float:
+    """Returns the evidence that a free function must bring in a set [nats].
+
+    One that bends a formula of the set claims nothing new: it need only be likelier
+    than that none of all acts.
+    """
+    bends = not BLOCKS[name].bends.isdisjoint(kinds)
+    return float(np.log(len(BLOCKS))) if bends else BLOCK_THRESHOLD
 
 
 def threshold_of_kind(flights: int, base: float) -> float:
@@ -176,5 +233,5 @@ def threshold_of_kind(flights: int, base: float) -> float:
 
 def is_simple(model: FitResult, scales: Scales) -> bool:
     """Whether one effect at most and air explain the flights, and nothing else."""
-    is_bare = not model.has_curves and model.extra is None and len(model.kinds) <= 1
+    is_bare = not model.blocks and len(model.kinds) <= 1
     return is_bare and not model.has_force_errors and scales.moment < SIMPLE_MOMENT

@@ -6,7 +6,6 @@ effects are compared by how well they predict held-out flights.
 """
 
 import dataclasses
-import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -165,8 +164,12 @@ def held_out_scorer(
 ) -> Scorer:
     """Returns the gain of sets on held-out flights that count so often, penalized."""
     evidence = HeldOutEvidence(candidates, grams, counts)
-    penalty = functools.partial(held_out_threshold, candidates.task)
-    return Scorer(evidence, candidates.variants, penalty)
+    task = candidates.task
+    return Scorer(
+        evidence,
+        candidates.variants,
+        lambda kind, kinds: held_out_threshold(task, kind),
+    )
 
 
 def refit_forces(task: Task, model: FitResult) -> FitResult:

@@ -7,12 +7,14 @@ from itertools import combinations
 
 import numpy as np
 
+from glider.sysid.likelihood.blocks import BLOCKS, CURVES
+from glider.sysid.likelihood.candidates import places_of
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, FitResult, error_flights
 from glider.sysid.likelihood.scales import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import SIMPLE_MOMENT, Search, without
+from glider.sysid.search.fits import SIMPLE_MOMENT, FirstOrder, Search, without
 from glider.sysid.search.subsets import Members, Scorer, best_of_sizes, best_set, climb
 from glider.sysid.search.support import EffectSupport
 
@@ -49,10 +51,11 @@ def _without_the_weakest(
     lost, shown = {}, shown_by(search.task, model)
     for kind in sorted(shown, key=shown.__getitem__)[:most]:
         search.progress(f"is {kind} needed?")
-        fewer = search.fit(without(search.task, model, kind), iterations=4)
+        fit = search.fit_with_strength if kind in model.free_kinds else search.fit
+        fewer = fit(without(search.task, model, kind), iterations=4)
         if search.prefers(fewer, model):
             return fewer, {}
-        lost[kind] = fewer.cost - model.cost
+        lost[kind] = fewer.cost + fewer.freedom - model.cost - model.freedom
     return None, lost
 
 
@@ -61,13 +64,17 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
 
     Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
     """
-    known = uncertainty_of(task, model)
-    found = {}
+    known, found = uncertainty_of(task, model), {}
+    places_of_blocks = places_of(model, len(model.free))
     for kind in model.kinds:
-        slots = [i for i in task.layout.slots_of(kind) if i in known.free]
-        slots = [i for i in slots if not task.is_shape(i)] or slots
-        places = [known.free.index(i) for i in slots]
-        value = model.theta[slots] - task.vehicle.theta[slots]
+        if kind in places_of_blocks:
+            places = list(places_of_blocks[kind])
+            value = model.coordinates[np.array(places) - len(model.free)]
+        else:
+            slots = [i for i in task.layout.slots_of(kind) if i in known.free]
+            slots = [i for i in slots if not task.is_shape(i)] or slots
+            places = [known.free.index(i) for i in slots]
+            value = model.theta[slots] - task.vehicle.theta[slots]
         block = known.covariance[np.ix_(places, places)]
         found[kind] = 0.5 * float(value @ solve_scaled(block, value, 0.0))
     return found
@@ -83,7 +90,7 @@ def _without_a_pair(search: Search, model: FitResult) -> FitResult | None:
     for first, second in _opposed_pairs(search.task, model):
         search.progress(f"are {first} and {second} needed?")
         fewer = without(search.task, model, first, second)
-        fewer = dataclasses.replace(fewer, strength=max(model.strength, 1.0))
+        fewer = fewer.with_curves(search.task.curves, max(model.strength, 1.0))
         for _ in range(2):
             fewer = search.fit_with_strength(fewer, iterations=4)
         if search.prefers(fewer, model):
@@ -97,7 +104,8 @@ def _opposed_pairs(task: Task, model: FitResult) -> list[tuple[str, str]]:
     std = np.sqrt(np.diag(known.covariance))
     correlation = np.abs(known.covariance / std[:, None] / std)
     found = []
-    for pair in combinations(model.kinds, 2):
+    named = [kind for kind in model.kinds if kind not in model.free_kinds]
+    for pair in combinations(named, 2):
         sizes = [[i for i in slots_of(k) if not task.is_shape(i)] for k in pair]
         places = [
             [known.free.index(i) for i in own if i in known.free] for own in sizes
@@ -146,9 +154,8 @@ def without_needless_curves(search: Search, model: FitResult) -> FitResult:
     if not model.has_curves:
         return model
     search.progress("are curves needed?")
-    bare = dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
-    bare = search.fit(bare, iterations=4)
-    gained = bare.cost - model.cost - model.freedom
+    bare = search.fit_with_strength(model.without_blocks(CURVES), iterations=4)
+    gained = bare.cost + bare.freedom - model.cost - model.freedom
     return model if gained > CURVE_THRESHOLD else bare
 
 
@@ -166,7 +173,7 @@ def with_means(search: Search, model: FitResult) -> FitResult:
             continue
         theta, kinds = model.theta.copy(), (*model.kinds, kind)
         theta[slots] += mean[places]
-        if model.extra is None and frozenset(kinds) in search.fitted:
+        if frozenset(kinds) in search.fitted:
             continue
         search.progress(f"{kind} in all flights?")
         free = task.free(kinds)
@@ -195,7 +202,8 @@ def with_weaker_curves(search: Search, model: FitResult) -> FitResult | None:
     weakest, _ = STRENGTH_RANGE
     if model.strength <= weakest or not model.has_curves:
         return None
-    return _best_about(search, model, dataclasses.replace(model, strength=weakest))
+    weak = model.with_curves(search.task.curves, weakest)
+    return _best_about(search, model, weak)
 
 
 def _best_about(search: Search, model: FitResult, about: FitResult) -> FitResult | None:
@@ -229,7 +237,7 @@ def left_of_many(search: Search, model: FitResult) -> FitResult | None:
     near = search.near(model) if leaves_a_form(model) else None
     if near is None:
         return None
-    free = near.score.with_penalty(lambda kind: 0.0)
+    free = near.score.with_penalty(lambda kind, kinds: 0.0)
     members = free.by_first(model.kinds)
     for _ in range(FEW_MORE):
         members = max(free.larger(members), key=free, default=members)
@@ -283,5 +291,74 @@ def with_a_rival(
     return search.improved(model, rivals) if doubtful else None
 
 
+def with_blocks(search: Search, model: FitResult) -> FitResult | None:
+    """Returns a model worth more with free functions, or None.
+
+    Several effects may imitate one of another form: free functions join the search,
+    beside effects and in their place.
+    """
+    near = search.near(model, blocks=tuple(search.task.blocks))
+    if near is None:
+        return None
+    own = near.score.by_first(model.kinds)
+    proposals = {best_set(near.score, own), best_set(near.score)}
+    tried = []
+    for members in proposals:
+        kinds = frozenset(kind for kind, _ in members)
+        if kinds == set(model.kinds) or not kinds & search.task.blocks.keys():
+            continue
+        search.progress(f"{', '.join(sorted(kinds))} instead?")
+        other = search.fit_with_strength(near.begin(members), iterations=4)
+        tried.append(prune(search, search.fit_with_strength(other))[0])
+    best = min(tried, key=search.penalized_cost, default=model)
+    if set(best.kinds) == set(model.kinds) or not search.prefers(best, model):
+        return None
+    return named(search, best)
+
+
+def named(search: Search, model: FitResult) -> FitResult:
+    """Returns a model with formulas in the place of free functions that they explain.
+
+    A formula is a name where it is worth at least as much as the free function.
+    """
+    for block in model.free_kinds:
+        tried = []
+        for kind, (near, members) in _by_formulas(search, model, block).items():
+            search.progress(f"is {block} {kind}?")
+            tried.append(search.fit_with_strength(near.begin(members)))
+        best = min(tried, key=search.penalized_cost, default=model)
+        model = best if search.prefers(best, model) else model
+    return model
+
+
+def families_of(search: Search, model: FitResult) -> dict[str, str]:
+    """Returns the formula that is nearest to each free function that has a family."""
+    found = {}
+    for block in model.free_kinds:
+        scores = {
+            kind: near.score(members)
+            for kind, (near, members) in _by_formulas(search, model, block).items()
+        }
+        if scores:
+            found[block] = max(scores, key=scores.__getitem__)
+    return found
+
+
+def _by_formulas(
+    search: Search, model: FitResult, block: str
+) -> dict[str, tuple[FirstOrder, Members]]:
+    """Returns the sets with a formula of its family in the place of a block."""
+    near, found = search.near(model), {}
+    if near is None:
+        return {}
+    rest = [m for m in near.score.by_first(model.kinds) if m[0] != block]
+    for kind in BLOCKS[block].formulas:
+        variants = near.score.variants.get(kind, ())
+        if variants and kind not in model.kinds:
+            options = [(*rest, (kind, variant)) for variant in variants]
+            found[kind] = near, max(options, key=near.score)
+    return found
+
+
 # Tried in turn until none finds a model that is worth more.
-MOVES = (with_fewer, with_weaker_curves, with_a_shaped_one, left_of_many)
+MOVES = (with_blocks, with_fewer, with_weaker_curves, with_a_shaped_one, left_of_many)

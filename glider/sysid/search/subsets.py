@@ -14,6 +14,8 @@ _HOPELESS = 30.0  # Loss below the best set at which the beam stops [nats].
 
 
 Members = tuple[Member, ...]
+Penalty = Callable[[str, Collection[str]], float]
+"""Penalty of a kind in a set of kinds [nats]."""
 
 
 class SetEvidence(Protocol):
@@ -33,29 +35,34 @@ class Scorer:
         self,
         evidence: SetEvidence,
         variants: Mapping[str, Sequence[Variant]],
-        penalty: Callable[[str], float],
+        penalty: Penalty,
     ):
-        """Takes the penalty of a member by its kind [nats]."""
+        """Takes the penalty of a member [nats]."""
         self.evidence, self.variants, self.penalty = evidence, variants, penalty
         self._kept: dict[frozenset[Member], float] = {}
 
     def __call__(self, members: Members) -> float:
         """Returns the evidence of a set less its penalty [nats]."""
+        kinds = [kind for kind, _ in members]
+        return self.gain(members) - sum(self.penalty(kind, kinds) for kind in kinds)
+
+    def gain(self, members: Members) -> float:
+        """Returns the evidence of a set without its penalty [nats]."""
         key = frozenset(members)
         if key not in self._kept:
             columns = [c for _, variant in members for c in variant]
             self._kept[key] = self.evidence.log_marginal(columns)
-        return self._kept[key] - sum(self.penalty(kind) for kind, _ in members)
+        return self._kept[key]
 
     def for_newcomers(self, penalty: float, members: Members) -> "Scorer":
         """Returns the scorer with the penalty of all but members raised [nats]."""
         known, own = dict(members), self.penalty
         return self.with_penalty(
-            lambda kind: own(kind) if kind in known else max(penalty, own(kind))
+            lambda kind, kinds: max(0.0 if kind in known else penalty, own(kind, kinds))
         )
 
-    def with_penalty(self, penalty: Callable[[str], float]) -> "Scorer":
-        """Returns the scorer with other penalties of members, by their kind [nats]."""
+    def with_penalty(self, penalty: Penalty) -> "Scorer":
+        """Returns the scorer with other penalties of members [nats]."""
         other = Scorer(self.evidence, self.variants, penalty)
         other._kept = self._kept
         return other
@@ -70,7 +77,7 @@ class Scorer:
     def lost(self, members: Members) -> dict[str, float]:
         """Returns the loss without each member, without its penalty [nats]."""
         return {
-            kind: self(members) - self(fewer) + self.penalty(kind)
+            kind: self.gain(members) - self.gain(fewer)
             for (kind, _), fewer in zip(members, self.smaller(members), strict=True)
         }
 

@@ -11,7 +11,6 @@ from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import EvidenceThreshold
-from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import is_simple
 from glider.sysid.search.subsets import Members, Scorer, climb
 
@@ -83,7 +82,9 @@ def weigh(
             drawn = rng.integers(len(grams), size=len(grams))
             times = np.bincount(drawn, minlength=len(grams)).astype(float)
             again = scoring(candidates, grams, times).among(near)
-            lenient = again.with_penalty(lambda kind: share * score.penalty(kind))
+            lenient = again.with_penalty(
+                lambda kind, kinds: share * score.penalty(kind, kinds)
+            )
             resampled.append({kind for kind, _ in climb(lenient, chosen)})
         found = {kind: support_of(kind) for kind in model.kinds}
         draws = len(resampled)
@@ -141,8 +142,9 @@ class SearchResult:
     alone: dict[str, float]  #: Evidence as the only effect, to first order [nats].
     #: Kinds of each set that was fitted, and its penalized gain [nats].
     combinations: tuple[tuple[tuple[str, ...], float], ...]
+    #: Free function to the library's formula of its family that is nearest.
+    families: dict[str, str] = dataclasses.field(default_factory=dict)
     threshold: EvidenceThreshold  #: Of evidence, below which an effect is not taken.
-    field: FoundField | None = None  #: Residual field that no effect explains.
     #: The model as it was judged, along the measured attitude, if not as it is.
     forces: FitResult | None = None
 

@@ -14,7 +14,6 @@ from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.search import fits, moves
-from glider.sysid.search.fields import SURVEY_FLIGHTS, FoundField, fit_fields, survey
 from glider.sysid.search.force_search import search_forces
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
@@ -22,7 +21,6 @@ from glider.sysid.search.support import EffectSupport, SearchResult, weakest, we
 ROUNDS = 8  # At most.
 # Tried last: lengths are seldom wrong, and to first order they imitate many effects.
 LATE = ("position_scale",)
-FIELD_THRESHOLD = 40.0  # Evidence that an unmodelled field must bring [nats].
 HASTE = 0.01  # Share of a round's gain below which a new effect waits for the next.
 
 
@@ -44,24 +42,21 @@ def trace(
     if leaves_something(model) and (other := moves.with_forced(search, model, LATE)):
         model, evidence = moves.prune(search, by_sets(search, other))
     progress(Step("trying simpler models", 0.58))
-    pruned, field = model, None
-    if leaves_something(model):
-        progress("looking for what else the residual depends on")
-        field = unmodelled_field(search, model)
-        model = model if field is None else field.model
+    pruned = model
     model = moves.without_needless_curves(search, model)
-    if model.has_curves and len(model.kinds) <= 1 and field is None:
+    if leaves_something(model) or len(model.kinds) > 1:
+        progress("looking for effects of another form")
+        model = moves.with_blocks(search, model) or model
+    if model.has_curves and len(model.kinds) <= 1 and not model.free_kinds:
         model = effects_instead_of_curves(search, model)
     if model is not pruned:
-        again = model if field is not None else by_sets(search, model)
+        again = model if model.free_kinds else by_sets(search, model)
         best = again if search.prefers(again, model) else model
         model, evidence = moves.prune(search, best)
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, evidence, rng)
-    if field is not None:
-        field = dataclasses.replace(field, model=model)
     bare = model
-    if model.kinds or model.extra is not None or model.has_curves:
+    if model.kinds or model.blocks:
         progress(Step("fitting the flat plate alone", 0.8))
         bare = search.fit(fits.bare_of(task, model))
     least = search.penalized_cost(bare)
@@ -77,8 +72,8 @@ def trace(
         weighed=weighed,
         alone=search.alone,
         combinations=tuple(sorted(gains.items(), key=lambda item: -item[1])),
+        families=moves.families_of(search, model),
         threshold=fits.threshold_of(task, model),
-        field=field,
     )
 
 
@@ -92,7 +87,7 @@ def supported(
 
     Where in doubt, an effect may give way to a rival; without support, it is dropped.
     """
-    dropped, beside_field = set[str](), model.extra is not None
+    dropped, beside_field = set[str](), bool(model.free_kinds)
     while True:
         weighed = weigh(search.task, model, fits.marginal_scorer, rng)
         other = None if beside_field else moves.with_a_rival(search, model, weighed)
@@ -110,32 +105,6 @@ def supported(
 def leaves_something(model: FitResult) -> bool:
     """Whether a model leaves more than noise: moving air, or errors of its formulas."""
     return model.scales.air > 0.02 or moves.leaves_a_form(model)
-
-
-def unmodelled_field(search: fits.Search, model: FitResult) -> FoundField | None:
-    """Returns a field that reaches its threshold, beside effects or in their place."""
-    task = search.task
-    found = survey(task, model)
-    scale = len(task.records) / min(len(task.records), SURVEY_FLIGHTS)
-    if not scale * found.most >= FIELD_THRESHOLD:
-        return None
-
-    def worth(option: FoundField) -> float:
-        return search.penalized_cost(option.model)
-
-    options = fit_fields(task, model, found)
-    if model.kinds:
-        nothing = fits.without(task, model, *model.kinds)
-        fields = fit_fields(task, nothing, survey(task, nothing))
-        bare = min(fields, key=worth, default=None)
-        if bare is not None and np.isfinite(bare.model.cost):
-            again = by_sets(search, bare.model)
-            options += [bare, dataclasses.replace(bare, model=again)]
-    best = min(options, key=worth)
-    gained = search.penalized_cost(model) - worth(best)
-    if gained > FIELD_THRESHOLD:
-        return dataclasses.replace(best, evidence=gained)
-    return None
 
 
 def effects_instead_of_curves(search: fits.Search, model: FitResult) -> FitResult:

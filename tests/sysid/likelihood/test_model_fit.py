@@ -180,7 +180,6 @@ def test_a_model_that_blows_up_is_never_the_best(windy):
     theta[list(task.layout.slots_of("wind"))] = 1e160
     lost = fit_model(task, dataclasses.replace(start, theta=theta))
     assert lost.cost == np.inf
-    curved = dataclasses.replace(
-        start, theta=theta, coordinates=np.ones(task.curves.count), cost=0.0
-    )
+    curved = dataclasses.replace(start, theta=theta, cost=0.0)
+    curved = curved.with_curves(task.curves, 1.0)
     assert fit_strength(task, curved).cost == np.inf

@@ -39,7 +39,7 @@ def drag_error(task, model, known):
 
 def log_evidence(task, model, strength):
     """Returns the evidence of a strength, by the determinant of all there is."""
-    model = dataclasses.replace(model, strength=strength)
+    model = model.with_curves(task.curves, strength)
     grams, prior = (
         grams_of(linear_flights(task, model), model.scales),
         prior_of(task, model),
@@ -63,8 +63,9 @@ def test_the_curves_are_as_strong_as_the_evidence_lets_them_be(exact):
 def test_curves_that_act_already_allow_the_same(exact):
     task, model = exact
     bare = with_allowed_curves(task, model)
-    some = np.full(task.curves.count, 1e-3)
-    bent = with_allowed_curves(task, dataclasses.replace(model, coordinates=some))
+    (own,) = model.with_curves(task.curves, 1.0).blocks
+    some = dataclasses.replace(own, coordinates=np.full(task.curves.count, 1e-3))
+    bent = with_allowed_curves(task, dataclasses.replace(model, blocks=(some,)))
     assert bent.strength == pytest.approx(bare.strength, rel=0.3)
 
 

@@ -86,7 +86,7 @@ def test_an_effect_is_found_that_curves_had_explained():
     assert set(found.kinds) == {"profile_drag", "induced_drag"}
     assert search.penalized_cost(found) < search.penalized_cost(model)
     assert with_weaker_curves(search, found) is None  # They have nothing left to do.
-    bare = dataclasses.replace(model, coordinates=model.coordinates[:0])
+    bare = model.without_blocks("curves")
     assert with_weaker_curves(search, bare) is None
 
 

@@ -26,7 +26,7 @@ def scorer(table, variants, price=EVIDENCE_THRESHOLD):
         lower=np.full(count, -np.inf),
         upper=np.full(count, np.inf),
     )
-    return Scorer(evidence, variants, lambda kind: price)
+    return Scorer(evidence, variants, lambda kind, kinds: price)
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ class Told:
 def test_a_climb_finds_one_in_the_place_of_two():
     """No swap, drop or addition betters the pair."""
     variants = {"turn": [(0,)], "thrust": [(1,)], "tilt": [(2,)]}
-    score = Scorer(Told(), variants, lambda kind: EVIDENCE_THRESHOLD)
+    score = Scorer(Told(), variants, lambda kind, kinds: EVIDENCE_THRESHOLD)
     pair = (("turn", (0,)), ("thrust", (1,)))
     steps = [*score.swapped(pair), *score.smaller(pair), *score.larger(pair)]
     assert all(score(other) < score(pair) for other in steps)

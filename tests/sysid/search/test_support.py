@@ -85,7 +85,7 @@ def test_what_flights_drawn_again_choose_is_a_rival_and_backs_it():
             return np.zeros(len(chosen))
 
     def chances(candidates, grams, counts):
-        return Scorer(Drawn(counts), columns, lambda kind: 4.0)
+        return Scorer(Drawn(counts), columns, lambda kind, kinds: 4.0)
 
     drag = KINDS["profile_drag"](cd0=0.05)
     task, noise = task_of(fly(drag, flights=3))
@@ -112,7 +112,7 @@ def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
         for times in (2.0, 0.5)
     )
     model = dataclasses.replace(begin(task, noise), scales=fine)
-    curved = dataclasses.replace(model, coordinates=np.zeros(task.curves.count))
+    curved = model.with_curves(task.curves, 1.0)
     assert is_simple(model, fine)
     assert not is_simple(model, rough)
     assert not is_simple(curved, fine)
@@ -122,9 +122,9 @@ def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
     candidates = gather(dataclasses.replace(task, kinds=("mass", "thrust")), model)
     grams, once = candidates.grams(model.scales), np.ones(3)
     plain = marginal_scorer(candidates, grams, once)
-    assert plain.penalty("mass") == pytest.approx(np.log(2.0))
+    assert plain.penalty("mass", ("mass",)) == pytest.approx(np.log(2.0))
     assert (
-        marginal_scorer(candidates, grams, once, rough).penalty("mass")
+        marginal_scorer(candidates, grams, once, rough).penalty("mass", ("mass",))
         == EVIDENCE_THRESHOLD
     )
     named = dataclasses.replace(model, kinds=("mass",), cost=0.0)

@@ -1,0 +1,306 @@
+"""Free functions in the links of the force chain: blocks of Gaussians.
+
+A block adds a function of a flow's variables to one link: the air, the forces, the
+tail's force or the stream at the tail. It is a Gaussian process with a physical prior
+scale (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch. 45),
+and stands for any formula of a family of effects.
+
+Blocks compete with the library's formulas. The curves over the angle of attack are one
+more block and act always, with a weak prior: they absorb the residual of a formula of
+nearly the right shape, so that no second effect is added for it. What the simplest
+formulas can express is excluded from them.
+"""
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg
+
+from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
+from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, FieldData
+from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.replayed import flow_variables
+
+SPREADS = {
+    **dict.fromkeys(AIR_TERMS, 0.5),
+    **dict(zip(COEFFICIENTS, (0.2, 0.2, 0.01), strict=True)),
+    **{"elevator_factor": 0.5, "tail_downwash": 0.2},
+}
+"""Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad]: a
+tenth of a flat plate's largest coefficients, half of a tail's force."""
+
+COUNTS = {"x": 24, "z": 16, "t": 16, "tail_load": 16}  # Gaussians; others have 12.
+LEAST_STRENGTH = 0.02  # Of a term: below, it has none.
+_LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BlockKind:
+    """A family of effects: a link of the force chain, and what it varies with."""
+
+    terms: tuple[str, ...]  #: Of FIELD_TERMS.
+    variables: tuple[str, ...]  #: Of FIELD_VARIABLES.
+    words: str  #: A short phrase for people.
+    formulas: tuple[str, ...]  #: Effects of the library that are of the family.
+    bends: frozenset[str]  #: Effects whose formula it may bend.
+
+
+_OF_TAIL = "tail_wake elevator_area downwash stalled_downwash elevator_blowback"
+_LINKS = {
+    "air": (AIR_TERMS, "the air moves", ""),
+    "forces": (COEFFICIENTS, "the forces change", ""),
+    "tail force": (("elevator_factor",), "the tail's force changes", _OF_TAIL),
+    "stream at the tail": (("tail_downwash",), "the stream there turns", _OF_TAIL),
+}
+"""Links of the force chain: terms, what happens there, and which formulas of other
+variables a function may bend: only the deflection distinguishes a change of the tail's
+angle from one of its force."""
+
+_OF_WING = "attached_lift camber profile_drag axial_drag induced_drag"
+_LAGGED = "dynamic_stall lagged_separation"
+_FAMILIES = (
+    ("air", "x", ""),
+    ("air", "z", "wind_shear"),
+    ("air", "t", ""),
+    ("forces", "z", "ground_effect"),
+    ("forces", "V", "airspeed_dependence"),
+    ("forces", "alpha", f"{_OF_WING} {_LAGGED} center_of_pressure pitch_moment"),
+    ("forces", "pitchdot", f"pitch_rate_lift pitch_damping added_mass {_LAGGED}"),
+    ("forces", "elevator", ""),
+    ("forces", "elevator_rate", ""),
+    ("tail force", "V", ""),
+    ("tail force", "alpha", "tail_wake"),
+    ("tail force", "elevator", ""),
+    ("stream at the tail", "alpha", "downwash stalled_downwash"),
+    ("stream at the tail", "tail_load", "elevator_blowback"),
+    ("stream at the tail", "elevator", ""),
+)
+"""Link, variable, and the library's formulas of the family."""
+
+BLOCKS = {
+    f"{link} over {variable}": BlockKind(
+        terms=_LINKS[link][0],
+        variables=(variable,),
+        words=f"{_LINKS[link][1]} with {variable}",
+        formulas=tuple(formulas.split()),
+        bends=frozenset(f"{formulas} {_LINKS[link][2]}".split()),
+    )
+    for link, variable, formulas in _FAMILIES
+}
+"""Families of effects that are searched without a formula, by name."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Block:
+    """Gaussians over variables, with a weight for each of some terms.
+
+    Weights (M T,) go by functions first and then by terms; they are mixtures of
+    coordinates whose prior spread is the strength of their group.
+    """
+
+    name: str  #: Of BLOCKS, or CURVES.
+    terms: tuple[str, ...]  #: T of FIELD_TERMS.
+    variables: tuple[str, ...]  #: d of FIELD_VARIABLES.
+    centers: np.ndarray  #: (M, d)
+    widths: np.ndarray  #: (d,)
+    mix: np.ndarray  #: (M T, q) weights of coordinates.
+    groups: np.ndarray  #: (q,) number of the group of each coordinate.
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return self.mix.shape[1]
+
+    @property
+    def columns(self) -> list[int]:
+        """Indices of the variables."""
+        return [FIELD_VARIABLES.index(name) for name in self.variables]
+
+    def functions(self, values: np.ndarray) -> np.ndarray:
+        """Returns the Gaussians (n, M) at values of the variables (n, d)."""
+        scaled = (values[:, None, :] - self.centers) / self.widths
+        return np.exp(-0.5 * np.sum(scaled**2, axis=2))
+
+    def values(self, coordinates: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Returns the terms (n, T) at values of the variables (n, d)."""
+        weights = (self.mix @ coordinates).reshape(-1, len(self.terms))
+        return self.functions(at) @ weights
+
+    def data(self, coordinates: np.ndarray) -> FieldData:
+        """Returns the function as a model file has it, without terms of no weight."""
+        by_term = (self.mix @ coordinates).reshape(-1, len(self.terms)).T
+        weights = zip(self.terms, by_term.tolist(), strict=True)
+        return FieldData(
+            kind="unexplained",
+            variables=list(self.variables),
+            centers=self.centers.tolist(),
+            widths=self.widths.tolist(),
+            weights={term: own for term, own in weights if any(own)},
+        )
+
+    def added_to(self, flight: LinearFlight, values: np.ndarray) -> LinearFlight:
+        """Returns a flight with a column for each coordinate.
+
+        `values` (K, 10) are FIELD_VARIABLES at the midpoints of its intervals.
+        """
+        functions = self.functions(values[:, self.columns])
+        terms = [FIELD_TERMS.index(name) for name in self.terms]
+        return flight.with_forces(functions, terms, self.mix)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FittedBlock:
+    """A block that acts in a model."""
+
+    block: Block
+    coordinates: np.ndarray  #: (q,)
+    strengths: np.ndarray  #: (G,) prior spread of the coordinates of each group.
+
+    @property
+    def precision(self) -> np.ndarray:
+        """Prior precision of each coordinate (q,)."""
+        return self.strengths[self.block.groups] ** -2.0
+
+    @property
+    def is_acting(self) -> np.ndarray:
+        """Which groups are not as weak as none (G,)."""
+        return self.strengths > 1.01 * LEAST_STRENGTH
+
+    @property
+    def data(self) -> FieldData:
+        """The function as a model file has it, of what acts."""
+        acting = self.is_acting[self.block.groups]
+        return self.block.data(np.where(acting, self.coordinates, 0.0))
+
+
+def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
+    """Returns the functions that a model carries, each with a factor to fit."""
+    found = []
+    for part in () if data is None else (data, *data.more):
+        weights = np.array(list(part.weights.values())).T.reshape(-1, 1)
+        block = Block(
+            name="carried",
+            terms=tuple(part.weights),
+            variables=tuple(part.variables),
+            centers=np.array(part.centers),
+            widths=np.array(part.widths),
+            mix=weights,
+            groups=np.zeros(1, dtype=int),
+        )
+        one = np.ones(1)
+        found.append(FittedBlock(block=block, coordinates=one, strengths=one))
+    return tuple(found)
+
+
+def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
+    """Returns FIELD_VARIABLES along all flights of a model, (n, 10)."""
+    return np.concatenate([flow_variables(r, theta) for r in records])
+
+
+def midpoints(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns FIELD_VARIABLES at the midpoint of each interval, (K, 10)."""
+    values = flow_variables(record, theta)
+    return 0.5 * (values[1:] + values[:-1])
+
+
+def make_blocks(records: Sequence[Record], theta: np.ndarray) -> dict[str, Block]:
+    """Spreads the bases of BLOCKS over what flights met; a point has none."""
+    flown = flown_values(records, theta)
+    low, high = np.percentile(flown, [0.1, 99.9], axis=0)
+    found = {}
+    for name, kind in BLOCKS.items():
+        columns = [FIELD_VARIABLES.index(v) for v in kind.variables]
+        if np.any(high[columns] - low[columns] < _LEAST_RANGE):
+            continue
+        counts = [COUNTS.get(v, 12) for v in kind.variables]
+        ranges = zip(low[columns], high[columns], counts, strict=True)
+        axes = [np.linspace(*ends) for ends in ranges]
+        spreads = np.array([SPREADS[term] for term in kind.terms])
+        centers = np.array(list(itertools.product(*axes)))
+        mix = np.diag(np.tile(spreads, len(centers)))
+        if name == "forces over alpha":
+            mix = _turned(centers[:, 0]) @ mix
+        found[name] = Block(
+            name=name,
+            terms=kind.terms,
+            variables=kind.variables,
+            centers=centers,
+            widths=np.array([axis[1] - axis[0] for axis in axes]),
+            mix=mix,
+            groups=np.tile(np.arange(len(spreads)), len(centers)),
+        )
+    return found
+
+
+def _turned(alpha: np.ndarray) -> np.ndarray:
+    """Turns coefficients normal to the wing and along it into lift and drag.
+
+    The error of a wing's formula is mostly normal to it: so its axial group can be
+    zero. The moment stays.
+    """
+    s, c, one = np.sin(alpha), np.cos(alpha), np.ones_like(alpha)
+    none = 0.0 * one
+    rows = [[c, -s, none], [s, c, none], [none, none, one]]
+    blocks = np.moveaxis(np.array(rows), 2, 0)
+    return scipy.linalg.block_diag(*blocks)
+
+
+CURVES = "curves"  # Name of the block over the angle of attack that always acts.
+CURVE_TERMS = (*COEFFICIENTS, "elevator_factor")
+# Prior spread of the curves' weights of each term [-, -, m, -] at a strength of one: a
+# few hundredths of a flat plate's largest coefficients (2, 2, 2 · 0.06 m), and a tenth.
+CURVE_SPREADS = (0.02, 0.02, 0.0012, 0.1)
+COUNT = 12  # Gaussians of the curves.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Curves(Block):
+    """The curves over the angle of attack."""
+
+    angles: np.ndarray  #: (n,) a sample of the flown angles of attack [rad].
+
+
+def make_curves(records: Sequence[Record], theta: np.ndarray) -> Curves:
+    """Spreads a basis over the angles of attack that flights of a model met."""
+    alpha = flown_values(records, theta)[:, FIELD_VARIABLES.index("alpha")]
+    low, high = np.percentile(alpha, [1.0, 99.0])
+    centers = np.linspace(low, max(high, low + 0.05), COUNT)
+    angles = np.sort(alpha)[:: max(1, len(alpha) // 2000)]
+    spreads = np.tile(CURVE_SPREADS, COUNT)
+    make = functools.partial(
+        Curves,
+        name=CURVES,
+        variables=("alpha",),
+        terms=CURVE_TERMS,
+        centers=centers[:, None],
+        widths=centers[1:2] - centers[:1],
+        angles=angles,
+    )
+    functions = make(mix=spreads, groups=spreads).functions(angles[:, None])
+    shapes = [np.stack(shape, axis=1)[:, None, :] for shape in _simple_shapes(angles)]
+    overlaps = np.array(
+        [(functions[:, :, None] * s).mean(axis=0).ravel() for s in shapes]
+    )
+    _, _, rows = np.linalg.svd(overlaps * spreads)
+    free = rows[len(overlaps) :].T
+    return make(mix=spreads[:, None] * free, groups=np.zeros(free.shape[1], dtype=int))
+
+
+def _simple_shapes(alpha: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+    """Shapes that the simplest formulas add to CURVE_TERMS, a tuple of (n,) each."""
+    s, c = np.sin(alpha), np.cos(alpha)
+    none, one = np.zeros_like(alpha), np.ones_like(alpha)
+    return [
+        (none, one, none, none),  # Profile drag.
+        (c * c, s * c, none, none),  # Camber: C_n = cos alpha.
+        (s * c, s * s, none, none),  # The flat plate's lift: mass, area.
+        (-s, c, none, none),  # Axial drag.
+        (none, none, one, none),  # Pitch moment.
+        (none, none, s, none),  # Center of pressure, and
+        (none, none, s**3, none),  # its travel.
+        (none, none, none, one),  # The elevator's area.
+    ]

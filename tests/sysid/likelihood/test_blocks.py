@@ -1,0 +1,168 @@
+"""Functions without a formula: curves, and blocks that find what acts."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.physics.effects import KINDS
+from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
+from glider.physics.model import GliderModel
+from glider.simulation.campaigns import CampaignPlan
+from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, make_blocks, make_curves
+from glider.sysid.likelihood.candidates import survey
+from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.search.fits import BLOCK_THRESHOLD, Search
+from glider.sysid.search.moves import families_of, named, with_blocks
+from tests.helpers.tasks import begin, fly, task_of
+
+SHAPES = {
+    "constant drag": lambda s, c: {"c_drag": 1.0 + 0.0 * s},
+    "camber": lambda s, c: {"c_lift": c * c, "c_drag": s * c},
+    "more area": lambda s, c: {"c_lift": s * c, "c_drag": s * s},
+    "axial drag": lambda s, c: {"c_lift": -s, "c_drag": c},
+    "constant moment": lambda s, c: {"c_moment": 1.0 + 0.0 * s},
+    "shifted center of pressure": lambda s, c: {"c_moment": s},
+    "larger elevator": lambda s, c: {"elevator_factor": 1.0 + 0.0 * s},
+}
+OTHERS = {
+    "drag of stall": lambda s, c: {"c_drag": (2.0 * s * c) ** 2},
+    "lift of stall": lambda s, c: {"c_lift": np.exp(-(((s - 0.3) / 0.1) ** 2))},
+    "bump of moment": lambda s, c: {"c_moment": np.exp(-(((s - 0.4) / 0.1) ** 2))},
+    "wake on the tail": lambda s, c: {"elevator_factor": s * s},
+}
+
+
+@pytest.fixture(scope="module")
+def curves():
+    task, _ = task_of(fly(flights=4))
+    return make_curves(task.records, task.vehicle.theta)
+
+
+def shape_at(alpha, shape):
+    parts = shape(np.sin(alpha), np.cos(alpha))
+    return np.stack([parts.get(term, 0.0 * alpha) for term in CURVE_TERMS], axis=1)
+
+
+def explained(curves, shape):
+    """Returns the share of a shape that the curves can say."""
+    alpha = curves.angles
+    units, at = np.eye(curves.count), alpha[:, None]
+    values = [curves.values(unit, at).ravel() for unit in units]
+    wanted = shape_at(alpha, shape).ravel()
+    table = np.array(values).T
+    found = table @ np.linalg.lstsq(table, wanted, rcond=1e-9)[0]
+    return found @ found / (wanted @ wanted)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_what_a_simple_formula_says_has_no_coordinates(curves, name):
+    assert explained(curves, SHAPES[name]) < 1e-9
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_shapes_are_theirs(curves, name):
+    assert explained(curves, OTHERS[name]) > 0.1
+
+
+def test_the_field_in_a_model_file_has_the_curves_values(curves):
+    coordinates = np.random.default_rng(0).normal(size=curves.count)
+    alpha = np.linspace(*curves.centers[[0, -1], 0], 31)[:, None]
+    expected = curves.values(coordinates, alpha)
+    assert np.all(np.abs(expected).max(axis=0) > 1e-4)
+    field = make_field(curves.data(coordinates))
+    column = [FIELD_TERMS.index(term) for term in CURVE_TERMS]
+    values = gaussians(field, curves.columns, alpha) @ field.weights
+    np.testing.assert_allclose(values[:, column], expected, atol=1e-12)
+    others = [k for k in range(len(FIELD_TERMS)) if k not in column]
+    assert np.all(values[:, others] == 0.0)
+
+
+# ------------------------------------------------------------------------ blocks
+
+VENT = FieldData(
+    kind="unexplained",
+    variables=["x"],
+    centers=[[-1.8]],
+    widths=[0.3],
+    weights={"wind_z": [1.0]},
+)
+
+
+def searched(field, flights=6, seed=0):
+    """A search in flights through a field, and the plate fitted to them."""
+    rng = np.random.default_rng(seed)
+    campaign = CampaignPlan(flights=flights).simulate(GliderModel(field=field), rng)
+    task, noise = task_of(campaign)
+    search = Search(task, lambda text: None)
+    return search, search.fit(begin(task, noise))
+
+
+@pytest.fixture(scope="module")
+def vent():
+    return searched(VENT)
+
+
+def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
+    search, plate = vent
+    found = survey(search.task, plate)
+    assert max(found, key=found.__getitem__) == "air over x"
+    assert found["air over x"] > BLOCK_THRESHOLD
+    others = [gain for name, gain in found.items() if not name.startswith("air")]
+    assert max(others) < found["air over x"]
+
+
+def test_where_nothing_is_nothing_is_seen():
+    task, noise = task_of(fly(flights=6))
+    assert max(survey(task, fit_model(task, begin(task, noise))).values()) < 0.0
+
+
+def test_about_a_model_that_diverges_nothing_is_seen(vent):
+    search, model = vent
+    lost = dataclasses.replace(model, theta=np.full_like(model.theta, np.nan))
+    assert set(survey(search.task, lost).values()) == {-np.inf}
+
+
+def test_the_block_is_the_vent(vent):
+    """Of the right height and place; it blows upward alone."""
+    search, plate = vent
+    found = with_blocks(search, plate)
+    assert found is not None and found.kinds == ("air over x",)
+    assert named(search, found) is found and families_of(search, found) == {}
+    (own,) = found.blocks
+    x = np.linspace(-2.6, -1.0, 161)[:, None]
+    blown = own.block.values(own.coordinates, x)
+    assert x[np.argmax(blown[:, 1]), 0] == pytest.approx(-1.8, abs=0.05)
+    assert blown[:, 1].max() == pytest.approx(1.0, abs=0.1)
+    assert np.abs(blown[:, 0]).max() < 0.1
+    assert with_blocks(search, found) is None
+
+
+def test_every_family_is_of_the_library():
+    for name, kind in BLOCKS.items():
+        assert set(kind.formulas) <= set(KINDS), name
+        assert set(kind.formulas) <= kind.bends <= set(KINDS)
+
+
+def test_a_stream_of_another_form_is_one_family_not_several_effects():
+    """A downwash of which no formula has the shape: no second effect stands in."""
+    bump = FieldData(
+        kind="unexplained",
+        variables=["alpha"],
+        centers=[[0.25]],
+        widths=[0.12],
+        weights={"tail_downwash": [0.15]},
+    )
+    search, plate = searched(bump, flights=8)
+    found = with_blocks(search, plate)
+    assert found is not None
+    assert found.free_kinds == ("stream at the tail over alpha",)
+    assert not set(found.kinds) - {*found.free_kinds, "downwash", "stalled_downwash"}
+
+
+def test_blocks_are_spread_over_what_was_flown(vent):
+    search, plate = vent
+    blocks = make_blocks(search.task.records, plate.theta)
+    assert set(blocks) == set(BLOCKS)
+    own = blocks["forces over V"]
+    assert own.centers[0, 0] < 5.0 < own.centers[-1, 0]
