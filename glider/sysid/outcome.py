@@ -24,8 +24,8 @@ from glider.sysid.search.fits import EVIDENCE_THRESHOLD
 from glider.sysid.search.support import SearchResult
 
 FAMILIES = {
-    "c_lift": "attached_lift camber dynamic_stall pitch_rate_lift airspeed_dependence "
-    "ground_effect mass added_mass",
+    "c_lift": "attached_lift camber dynamic_stall lagged_separation pitch_rate_lift "
+    "airspeed_dependence ground_effect mass added_mass",
     "c_drag": "profile_drag axial_drag induced_drag thrust",
     "c_moment": "center_of_pressure pitch_moment pitch_damping inertia downwash "
     "stalled_downwash",
