@@ -10,7 +10,7 @@ from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.progress import Step
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.result import PERFECT
+from glider.sysid.result import PERFECT, UNLIKELY
 from tests.campaign.checks.breaking import change, scale
 from tests.helpers.campaigns import campaign_path, first_flights
 from tests.helpers.tasks import fly
@@ -110,6 +110,9 @@ def test_the_model_file_holds_the_effect(few):
 def test_practice_effects_are_named(name, kind, truths):
     result = close_the_loop(campaign_path(name), flights=first_flights(12))
     assert result.verdict == "effect_found"
+    assert 0.3 < result.left.ratio_to_floor < 3.0
+    assert result.left.chance > UNLIKELY
+    assert result.left.air_depends_on == ()
     assert kinds_of(result) == [kind]
     assert_coefficients(result, kind, truths)
     assert errors_fall(result)
