@@ -84,7 +84,7 @@ def verdict(
         effects.append(entry("angle_sign"))
     if unnamed:
         effects.append(entry("unexplained"))
-    blocks = ("forces over x",) if field else ()
+    blocks = ("air over x",) if field else ()
     traced = types.SimpleNamespace(
         model=types.SimpleNamespace(kinds=(*kinds, *blocks)),
         families={},
@@ -213,7 +213,7 @@ def test_wrong_signs_need_no_folds():
 def test_what_only_differs_from_flight_to_flight_names_no_lack():
     """A trim that is zero in the mean stands beside the unexplained, no more."""
     traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=("forces over x",)), families={}, forces=None
+        model=types.SimpleNamespace(kinds=("air over x",)), families={}, forces=None
     )
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = (entry("unexplained"), entry("elevator_trim"))
