@@ -23,7 +23,7 @@ _MIN_SPAN = 0.15  # Duration of a flight [s].
 _MAX_STEP = 1.0  # Median step of a pose log [s].
 _MAX_SPEED = 60.0  # Median over a flight [m/s].
 _MAX_POSITION = 1000.0  # Distance from the origin along x or z [m].
-_MAX_ELEVATOR_RATE = 100.0  # Rate where the limit is unknown [rad/s].
+_MAX_RATE = 100.0  # Of a pitch, and of an elevator of unknown limit [rad/s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,10 @@ class Table:
         """Numbers of a column (n,); InputError where a cell is no finite number."""
         cells = self.texts(name)
         values = np.array([to_float(cell) for cell in cells])
-        self.refuse(~np.isfinite(values), name, "expected a finite number.")
+        bad = ~np.isfinite(values)
+        if name == logs.PITCH_RATE:  # "nan" where a gyro has no value.
+            bad &= np.array([str(cell).lower() != "nan" for cell in cells], dtype=bool)
+        self.refuse(bad, name, "expected a finite number.")
         return values
 
     def refuse(self, bad: np.ndarray, name: str, expected: str) -> None:
@@ -116,7 +119,8 @@ def to_float(cell: Any) -> float:
 def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
     """Adds the flights of tables to a campaign; finds its pose rate if not given."""
     for table in tables[1:]:
-        for name in sorted(tables[0].columns.keys() ^ table.columns.keys()):
+        unshared = tables[0].columns.keys() ^ table.columns.keys()
+        for name in sorted(unshared - {logs.PITCH_RATE}):
             has, lacks = tables[0].path.name, table.path
             if name in table.columns:
                 has, lacks = table.path.name, tables[0].path
@@ -152,6 +156,8 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
     spatial = all(name in table.columns for name in logs.ATTITUDE_COLUMNS)
     if spatial:
         wanted += logs.ATTITUDE_COLUMNS
+    if logs.PITCH_RATE in table.columns:
+        wanted += (logs.PITCH_RATE,)
     columns = {name: table.numbers(name) for name in wanted}
     time = columns["time"]
     late = np.diff(time, prepend=-math.inf) <= 0
@@ -175,6 +181,7 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
         elevator=columns.get("elevator"),
         command=columns.get("elevator_rate_command"),
         attitude=attitude,
+        pitch_rate=columns.get(logs.PITCH_RATE),
     )
 
 
@@ -199,7 +206,7 @@ def _check_units(
     table: Table, columns: dict[str, np.ndarray], campaign: Campaign
 ) -> None:
     """Refuses what cannot be SI; a fault that an effect can model passes."""
-    elevator_bound, rate_bound = logs.MAX_ANGLE, _MAX_ELEVATOR_RATE
+    elevator_bound, rate_bound = logs.MAX_ANGLE, _MAX_RATE
     if campaign.elevator_limits is not None:  # An elevator of the other sign passes.
         lower, upper = campaign.elevator_limits
         far = max(abs(lower), abs(upper)) + (upper - lower)
@@ -216,6 +223,7 @@ def _check_units(
         ("yaw", logs.MAX_ANGLE, "rad", tumble),
         ("elevator", elevator_bound, "rad", "degrees"),
         ("elevator_rate_command", rate_bound, "rad/s", "degrees per second"),
+        (logs.PITCH_RATE, _MAX_RATE, "rad/s", "degrees per second"),
     ):
         expected = f"expected ±{bound:.4g} {unit} (this looks like {likely})."
         if name in columns:

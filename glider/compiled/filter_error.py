@@ -37,14 +37,9 @@ def sum_up(deviations, summed):
     departure; trim.
     """
     n = deviations.shape[0] - OWN_STATES
-    for j in range(deviations.shape[1]):
-        for i in range(n):
-            summed[i, j] = deviations[i, j]
-        summed[n, j] = deviations[n, j] + deviations[n + 4, j]
-        summed[n + 1, j] = deviations[n + 1, j] + deviations[n + 5, j]
-        summed[n + 2, j] = deviations[n + 2, j]
-        summed[n + 3, j] = deviations[n + 3, j]
-        summed[n + 4, j] = deviations[n + 6, j]
+    summed[: n + 4] = deviations[: n + 4]
+    summed[n : n + 2] += deviations[n + 4 : n + 6]
+    summed[n + 4] = deviations[n + 6]
 
 
 @machine_code
@@ -74,23 +69,22 @@ def filter_flight(
         by_trim: (K, n) how it moves with the flight's own trim.
         inputs: (K, n, m) how each column moves it.
         pose_by_x: (K + 1, 3, n) how the pose moves with the node.
-        outputs: (K + 1, 4, m) how each column moves pose and elevator.
-        seen: (K + 1, 4) whether pose and elevator were measured.
-        variance: (4,) of the measurements.
+        outputs: (K + 1, C, m) how each column moves pose, elevator and, if C is 5,
+            the pitch rate that a gyro measures.
+        seen: (K + 1, C) whether they were measured.
+        variance: (C,) of the measurements.
         start: (n + 8,) variances of the deviations at the first node.
         mean: (n + 8, m) what each column moves them by there; written.
         rates: (4,) of the processes [1/s].
         powers: (4,) their steady variances.
-        innovations: (K + 1, 4, m), written: over their standard deviations.
-        variances: (K + 1, 4), written: of the innovations; 1 where nothing was seen.
+        innovations: (K + 1, C, m), written: over their standard deviations.
+        variances: (K + 1, C), written: of the innovations; 1 where nothing was seen.
     """
     n, m = by_x.shape[1], inputs.shape[2]
     total = n + OWN_STATES
     servo, zero = n + 3, n + 7
     keep = np.ones(OWN_STATES)
-    covariance = np.zeros((total, total))
-    for i in range(total):
-        covariance[i, i] = start[i]
+    covariance = np.diag(start)
     # Wind moves the motion as gusts do: so few sums of the deviations say it all.
     sums = n + 5
     moves = np.zeros((n, sums))
@@ -103,22 +97,22 @@ def filter_flight(
     innovations[:] = 0.0
     variances[:] = 1.0
     for k in range(times.shape[0]):
-        for c in range(4):
+        for c in range(seen.shape[1]):
             if not seen[k, c]:
                 continue
             row[:] = 0.0
+            innovations[k, c] = outputs[k, c]
             if c < 3:
-                for i in range(n):
-                    row[i] = pose_by_x[k, c, i]
+                row[:n] = pose_by_x[k, c]
                 if c == PITCH:
                     row[zero] = 1.0
-            else:
+            elif c == 3:
                 row[ELEVATOR] = 1.0
                 row[servo] = 1.0
+            else:
+                row[PITCH_RATE] = 1.0
             own = variance[c]
             gain[:] = 0.0
-            for j in range(m):
-                innovations[k, c, j] = outputs[k, c, j]
             for i in range(total):
                 part = row[i]
                 if part != 0.0:
@@ -139,40 +133,33 @@ def filter_flight(
                     mean[i, j] += part * innovations[k, c, j]
                 for j in range(total):
                     covariance[i, j] -= part * gain[j]
-            for j in range(m):
-                innovations[k, c, j] *= scale
+            innovations[k, c] *= scale
         if k == times.shape[0] - 1:
             break
 
         step = times[k + 1] - times[k]
-        for p in range(PROCESSES):
-            keep[p] = np.exp(-rates[p] * step)
-        for i in range(n):
-            for j in range(n):
-                moves[i, j] = by_x[k, i, j]
-            moves[i, n] = by_air[k, i, 0]
-            moves[i, n + 1] = by_air[k, i, 1]
-            if i != ELEVATOR:
-                moves[i, n + 3] = by_x[k, i, ELEVATOR]
-            moves[i, n + 4] = by_trim[k, i]
+        moves[:, :n] = by_x[k]
+        moves[:, n : n + 2] = by_air[k]
         moves[PITCH, n + 2] = 0.5 * step * step
         moves[PITCH_RATE, n + 2] = step
-        for i in range(n):
-            for r in range(sums):
-                moved_by[r, i] = moves[i, r]
+        moves[:, n + 3] = by_x[k, :, ELEVATOR]
+        moves[ELEVATOR, n + 3] = 0.0
+        moves[:, n + 4] = by_trim[k]
+
+        for p in range(PROCESSES):
+            keep[p] = np.exp(-rates[p] * step)
+        moved_by[:] = moves.T
 
         sum_up(mean, summed_mean)
+        mean[:n] = inputs[k]
         for i in range(n):
-            for j in range(m):
-                mean[i, j] = inputs[k, i, j]
             for r in range(sums):
                 part = moves[i, r]
                 if part != 0.0:
                     for j in range(m):
                         mean[i, j] += part * summed_mean[r, j]
         for p in range(PROCESSES):
-            for j in range(m):
-                mean[n + p, j] *= keep[p]
+            mean[n + p] *= keep[p]
 
         sum_up(covariance, summed)
         for i in range(n):
@@ -183,18 +170,15 @@ def filter_flight(
                     for j in range(total):
                         half[i, j] += part * summed[r, j]
         sum_up(half.T, twice_summed.T)
+        covariance[:n, :n] = 0.0
         for i in range(n):
-            for j in range(n):
-                covariance[i, j] = 0.0
             for r in range(sums):
                 part = twice_summed[i, r]
                 if part != 0.0:
                     for j in range(n):
                         covariance[i, j] += part * moved_by[r, j]
-            for j in range(n, total):
-                value = half[i, j] * keep[j - n]
-                covariance[i, j] = value
-                covariance[j, i] = value
+            covariance[i, n:] = half[i, n:] * keep
+            covariance[n:, i] = covariance[i, n:]
         for i in range(n, total):
             for j in range(n, total):
                 covariance[i, j] *= keep[i - n] * keep[j - n]

@@ -22,7 +22,7 @@ from glider.campaign.importing.servo_logs import Servo, align_commands, make_ser
 from glider.campaign.importing.sign_checks import MIN_FLIGHTS, check_signs
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
-from glider.campaign.logs import Campaign, ServoLog
+from glider.campaign.logs import PITCH_RATE, Campaign, ServoLog
 from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, printable
@@ -281,8 +281,10 @@ def _extract(
                     log = dataclasses.replace(servo.log, **both)
                 note = f"servo: {servo.note}"
                 notes += [note] if servo.note and note not in notes else []
-            table = Table(path=track.path, columns=columns)
             readings = read_sensors(flight, settings.gravity)
+            if PITCH_RATE in readings:
+                columns[PITCH_RATE] = readings.pop(PITCH_RATE)
+            table = Table(path=track.path, columns=columns)
             flights.append(CutFlight(table, piece.why, readings))
         made = track.path, tuple(flights), tuple(notes), warnings, log
         recordings.append(CutRecording(*made))

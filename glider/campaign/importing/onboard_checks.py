@@ -1,8 +1,8 @@
 """Do sensors on board agree with the poses? Refused, or reported, where they do not.
 
 Gyros and accelerometers measure what the poses' derivatives are, so one confirms units
-and axes of the other without a model of the air; the airspeed shows wind. None of them
-is given to the tracer, which fits the poses.
+and axes of the other without a model of the air; the airspeed shows wind. The tracer is
+given the rates beside the poses, and none of the others.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from glider.campaign.checks.motion import calc_motion
 from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track, angles_of
+from glider.campaign.logs import PITCH_RATE
 from glider.errors import InputError
 
 _SPAN = 0.5
@@ -33,7 +34,8 @@ def read_sensors(flight: Track, gravity: float) -> dict[str, np.ndarray]:
     """What the sensors and the poses of a flight show of the same motion.
 
     By the quantity of a sensor, columns of the poses' and its changes of pitch [rad] or
-    velocity [m/s], or of speeds over ground and in the air [m/s].
+    velocity [m/s], or of speeds over ground and in the air [m/s]; and the pitch rates
+    of the gyro (n,) [rad/s], NaN in rows that no value of its own is near.
     """
     turn, time, onboard = flight.rotation, flight.time, flight.onboard
     pitch = angles_of(flight)[0][:, None]
@@ -45,10 +47,14 @@ def read_sensors(flight: Track, gravity: float) -> dict[str, np.ndarray]:
         # The axis of the pitch is level, and across the nose.
         across = np.stack([-turn[:, 1, 0], turn[:, 0, 0]], axis=1)
         across /= np.linalg.norm(across, axis=1, keepdims=True) + 1e-9
-        rate = np.einsum("nij,nj->ni", turn, _at(onboard.angular_velocity, time))
-        rate = np.sum(rate[:, :2] * across, axis=1, keepdims=True)
+        body, gyro = (
+            np.einsum("nij,ni->nj", turn[:, :2], across),
+            onboard.angular_velocity,
+        )
+        rate = np.sum(body * _at(gyro, time), axis=1, keepdims=True)
         turned = motion.pose[:, 3:]
         readings["angular_velocity"] = _changes(motion.time, turned, time, rate)
+        readings[PITCH_RATE] = np.sum(body * _averaged(gyro, time), axis=1)
     if onboard.acceleration is not None:
         push = np.einsum("nij,nj->ni", turn, _at(onboard.acceleration, time))
         push, velocity = push - [0.0, 0.0, gravity], motion.velocity[:, :3]
@@ -103,6 +109,21 @@ def _changes(
     both = np.diff(np.stack([states, _at(Stream(time, summed, ""), since)]), axis=1)
     mean = np.sum(both, axis=1, keepdims=True) / max(both.shape[1], 1)
     return (both - mean).reshape(2, -1).T
+
+
+def _averaged(stream: Stream, time: np.ndarray) -> np.ndarray:
+    """A sensor's means about times (n, k); NaN where its nearest value is far off.
+
+    So no value of a slow sensor counts for several rows.
+    """
+    usual, own = (float(np.median(np.diff(t))) for t in (time, stream.time))
+    half = 0.5 * max(usual - own, 1e-3 * usual)
+    summed = cumulative_trapezoid(stream.values, stream.time, axis=0, initial=0.0)
+    total = Stream(stream.time, summed, "")
+    means = (_at(total, time + half) - _at(total, time - half)) / (2.0 * half)
+    after = np.clip(np.searchsorted(stream.time, time), 1, len(stream.time) - 1)
+    nearest = np.abs(stream.time[[after - 1, after]] - time).min(axis=0)
+    return np.where((nearest < 0.51 * usual)[:, None], means, np.nan)
 
 
 def _at(stream: Stream, time: np.ndarray) -> np.ndarray:

@@ -135,13 +135,15 @@ def _squares(
     keep = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
     shocks[1:, :n], shocks[1:, n:] = 0.0, np.sqrt(1.0 - keep**2) * shocks[1:, n:]
     measured = shows @ _flown(moves, shocks)
-    measured += rng.normal(size=measured.shape) * np.array(truth.sensors)[:, None]
+    channels = seen.shape[1]
+    noise = np.array(truth.sensors[:channels])[:, None]
+    measured += rng.normal(size=measured.shape) * noise
 
     # Rollouts have next to no process noise: their filter is a regression.
     start = np.zeros((len(record.time), total, total))
     start[0] = np.eye(total)
     shown = shows @ _flown(moves, start)
-    weights = (seen[:rows] / np.array(model.scales.sensors))[..., None]
+    weights = (seen[:rows] / np.array(model.scales.sensors[:channels]))[..., None]
     columns = (weights * shown[:rows]).reshape(-1, total)
     values = (weights * measured[:rows]).reshape(-1, REPLICAS)
     prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
@@ -167,7 +169,7 @@ def _squares(
 
 
 def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.ndarray]:
-    """How deviations move, (K, n + 8, n + 8), and show, (K + 1, 4, n + 8)."""
+    """How deviations move, (K, n + 8, n + 8), and show, (K + 1, C, n + 8)."""
     n, total = flight.by_x.shape[1], len(flight.start)
     steps = np.diff(flight.record.time)[:, None]
     moves = np.tile(np.eye(total), (len(steps), 1, 1))
@@ -178,9 +180,10 @@ def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.n
     moves[:, :n, n + 6] = flight.by_trim
     processes = range(n, n + PROCESSES)
     moves[:, processes, processes] = np.exp(-steps / np.array(scales.times))
-    shows = np.zeros((len(steps) + 1, 4, total))
+    shows = np.zeros((*flight.record.seen.shape, total))
     shows[:, :3, :n] = flight.pose_by_x
     shows[:, PITCH, -1] = shows[:, ELEVATOR, ELEVATOR] = shows[:, ELEVATOR, n + 3] = 1.0
+    shows[:, 4:, PITCH_RATE] = 1.0  # With a gyro.
     return moves, shows
 
 

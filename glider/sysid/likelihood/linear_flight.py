@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from glider.compiled.filter_error import OWN_STATES, PROCESSES
+from glider.compiled.filter_error import OWN_STATES, PITCH_RATE, PROCESSES
 from glider.compiled.replay import (
     LogPath,
     advance_nodes,
@@ -28,7 +29,7 @@ from glider.sysid.replay.replayed import (
     trimmed,
     true_nodes,
 )
-from glider.sysid.replay.theta import OFFSET, Layout
+from glider.sysid.replay.theta import OFFSET, SERVO_LOG, Layout
 
 # Per-flight constants: wind in x and z [m/s], trim and pitch zero [rad].
 NO_CONSTANTS = np.zeros(OWN_STATES - PROCESSES)
@@ -262,9 +263,10 @@ def _outputs(
     nodes: np.ndarray,
     pose: np.ndarray,
 ) -> np.ndarray:
-    """Returns the columns of the measurements, the error last, (K + 1, 4, m + 1)."""
-    layout = record.layout
-    outputs = np.zeros((len(nodes), 4, len(directions) + 1))
+    """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
+    layout, has_gyro = record.layout, record.seen.shape[1] > 4
+    outputs = np.zeros((*record.seen.shape, len(directions) + 1))
+    rate = _unbiased_rate(record, theta) if has_gyro else nodes[:, PITCH_RATE]
     path = logged_elevator(record, theta)
     for j, direction in enumerate(directions):
         if direction.slot in layout.sensor_slots:
@@ -273,10 +275,23 @@ def _outputs(
         if record.has_servo and direction.slot >= layout.num_compiled:
             moved_path = logged_elevator(record, direction.moved)
             outputs[:, 3, j] = (moved_path - path) / direction.size
+        if has_gyro and direction.slot >= layout.num_compiled:
+            moved_rate = _unbiased_rate(record, direction.moved)
+            outputs[:, 4, j] = (rate - moved_rate) / direction.size
     outputs[:, :3, -1] = record.pose - pose
     if record.has_servo:
         outputs[:, 3, -1] = record.elevator - path - nodes[:, OFFSET]
+    outputs[:, 4:, -1] = (rate - nodes[:, PITCH_RATE])[:, None]
     return outputs
+
+
+def _unbiased_rate(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Pitch rates that a gyro measured when the poses were those of nodes, (K + 1,)."""
+    late = np.maximum(record.time - record.layout.replay(theta).latency, 0.0)
+    rate = CubicSpline(record.time, record.pitch_rate)(
+        np.minimum(late, record.time[-1])
+    )
+    return rate - theta[record.layout.index[SERVO_LOG.kind, "pitch_rate"]]
 
 
 def _as_read(

@@ -47,6 +47,7 @@ class Scales:
     wind: float = _scale(0.05, 1e-3, 0.5)  #: Of flights' steady winds, x and z [m/s].
     trim: float = _scale(5e-3, 1e-4, 0.1)  #: Of their elevator trims [rad].
     pitch_zero: float = _scale(5e-3, 1e-4, 0.03)  #: Of their pitch readings [rad].
+    rate: float = _scale(1e-2, 1e-4, 5.0)  #: Of the pitch rate of a gyro [rad/s].
 
     @property
     def logs(self) -> np.ndarray:
@@ -59,9 +60,9 @@ class Scales:
         return self.air < STILL * FLOOR.air
 
     @property
-    def sensors(self) -> tuple[float, float, float, float]:
-        """Of measured x, z, pitch and elevator."""
-        return self.position, self.position, self.pitch, self.elevator
+    def sensors(self) -> tuple[float, float, float, float, float]:
+        """Of measured x, z, pitch, elevator and pitch rate."""
+        return self.position, self.position, self.pitch, self.elevator, self.rate
 
     @property
     def times(self) -> tuple[float, float, float, float]:
@@ -94,8 +95,8 @@ def start_scales(noise: Noise) -> Scales:
 class WhitenedFlight:
     """A flight whitened."""
 
-    innovations: np.ndarray  #: (K + 1, 4, m) over their standard deviations.
-    log_variances: np.ndarray  #: (K + 1, 4) of them; 0 where nothing was seen.
+    innovations: np.ndarray  #: (K + 1, C, m) over their standard deviations.
+    log_variances: np.ndarray  #: (K + 1, C) of them; 0 where nothing was seen.
 
     @property
     def cost(self) -> float:
@@ -130,8 +131,9 @@ def whiten(
     record = flight.record
     n, rows = flight.by_x.shape[1], len(record.time)
     usual = start_variances(flight, scales)
-    innovations = np.empty((rows, 4, flight.inputs.shape[2]))
-    variances = np.empty((rows, 4))
+    channels = record.seen.shape[1]
+    innovations = np.empty((rows, channels, flight.inputs.shape[2]))
+    variances = np.empty((rows, channels))
     filter_flight(
         record.time,
         flight.by_x,
@@ -141,7 +143,7 @@ def whiten(
         flight.pose_by_x,
         flight.outputs,
         record.seen,
-        np.square(scales.sensors),
+        np.square(scales.sensors[:channels]),
         usual if start is None else start,
         flight.start.copy(),
         1.0 / np.array(scales.times),
@@ -218,7 +220,9 @@ def fit_scales(
     Returns:
         the scales and the negative log-likelihood there [nats].
     """
-    index = np.array([NAMES.index(name) for name in free], dtype=int)
+    shown = max((flight.record.seen.shape[1] for flight in flights), default=4) > 4
+    names = [name for name in free if shown or name != "rate"]
+    index = np.array([NAMES.index(name) for name in names], dtype=int)
     low, high = FLOOR.logs, CEILING.logs
     logs = np.clip(scales.logs, low, high)
     damping = 0.0

@@ -17,7 +17,7 @@ from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
 _OF_NODES = (
-    *("time", "pose", "elevator", "seen", "nodes"),
+    *("time", "pose", "elevator", "pitch_rate", "seen", "nodes"),
     *("acceleration", "acceleration_std"),
 )
 _OF_INTERVALS = ("pitch", "bank", "side_wind")
@@ -36,7 +36,9 @@ class Record:
     layout: Layout  #: Of the models that fly it.
     pose: np.ndarray  #: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
     elevator: np.ndarray  #: (n,) measured [rad]; zero where not seen.
-    seen: np.ndarray  #: (n, 4) which of x, z, pitch and elevator count as measured.
+    pitch_rate: np.ndarray  #: (n,) that a gyro measured [rad/s]; else interpolated.
+    #: (n, 4) which of x, z, pitch and elevator count as measured; with a gyro (n, 5).
+    seen: np.ndarray
     nodes: np.ndarray  #: (n, num_states) smoothed states, those of effects at zero.
     pitch: np.ndarray  #: (n - 1, 3, 2) smoothed, and its rate: start, middle, end.
     acceleration: np.ndarray  #: (n, 3) smoothed ẍ, z̈, θ̈.
@@ -124,6 +126,15 @@ def _record(
     measured, seen = curves[0, :n].copy(), np.zeros((n, 4), dtype=bool)
     at = place[good - good[0]]
     measured[at], seen[at, :3] = pose, True
+    pitch_rate = np.zeros(n)
+    if flight.pitch_rate is not None:
+        gyro = flight.pitch_rate[good]
+        shown = np.isfinite(gyro)
+        shown[[0, -1]] = False  # With late poses, other times are compared.
+        seen = np.column_stack([seen, np.zeros(n, dtype=bool)])
+        seen[at[shown], 4] = True
+        if shown.any():
+            pitch_rate = np.interp(time, known[shown], gyro[shown])
     elevator, switches, commands, rest = np.zeros(n), np.zeros(1), np.zeros(1), 0.0
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.command is not None and flight.elevator is not None:
@@ -146,6 +157,7 @@ def _record(
         layout=layout,
         pose=measured,
         elevator=elevator,
+        pitch_rate=pitch_rate,
         seen=seen,
         nodes=nodes,
         pitch=pitch,
@@ -210,8 +222,9 @@ class Signs:
 
 def turn(flight: Flight, signs: Signs) -> Flight:
     """Returns the flight with wrong signs undone."""
-    pose = flight.pose * np.array([1.0, 1.0, signs.pitch])
-    turned = dataclasses.replace(flight, pose=pose)
+    pose, rate = flight.pose * np.array([1.0, 1.0, signs.pitch]), flight.pitch_rate
+    rate = None if rate is None else rate * signs.pitch
+    turned = dataclasses.replace(flight, pose=pose, pitch_rate=rate)
     if flight.elevator is None or flight.command is None:
         return turned
     elevator, command = flight.elevator * signs.elevator, flight.command * signs.command

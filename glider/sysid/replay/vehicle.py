@@ -40,6 +40,8 @@ _TRIM_SPREAD = 0.05  # Angle at which an elevator without a servo may stand [rad
 _MOMENT_SPREAD = 0.02
 """Moment that an unknown tail may make, as a coefficient of the wing's area [m]."""
 
+_GYRO_BIAS = 0.05  # Spread of the bias of a gyro [rad/s].
+
 PRIOR_SCALES = 4.0
 """Prior spread of effects' coefficients, in their scales, where there is no nominal
 model to compare them with."""
@@ -85,7 +87,9 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     servo = campaign.servo
     clocks = servo.clock_std, servo.command_std
     travel = _TRAVEL_SPREAD if servo.angle == "reconstructed" else 0.0
-    of_log = dict(zip(log_slots(layout), (*clocks, travel), strict=True))
+    has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
+    spreads = (*clocks, travel, has_gyro * _GYRO_BIAS)
+    of_log = dict(zip(log_slots(layout), spreads, strict=True))
     of_log = {slot: std for slot, std in of_log.items() if std}
     if campaign.elevator != "servo":
         dropped |= {kind.kind for kind in layout.replayed_kinds}

@@ -53,6 +53,7 @@ _OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces
     ("servo_log", "poses"),
     ("servo_log", "commands"),
     ("servo_log", "travel"),
+    ("servo_log", "pitch_rate"),
 )
 # Scales that are estimated from the forces: errors of the moment, whose formula is
 # rougher, must not turn the flights' axes or their winds.

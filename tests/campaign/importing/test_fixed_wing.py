@@ -8,6 +8,10 @@ import pytest
 from glider.campaign.importing import campaign_import
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.guess import guess_mapping
+from glider.campaign.importing.onboard_checks import _averaged
+from glider.campaign.importing.selection import Stream
+from glider.campaign.reader import load_campaign
+from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from tests.campaign.importing import fixed_wing
 
@@ -119,6 +123,28 @@ def sensed(folder, flights, units="", **options):
 def test_right_sensors_say_nothing(tmp_path, glides):
     imported = sensed(tmp_path, glides)
     assert not any("airspeed" in w or "times" in w for w in imported.undecided)
+
+
+def test_the_gyro_is_a_column_that_a_campaign_keeps(tmp_path, glides):
+    imported = sensed(tmp_path, glides).campaign
+    save_campaign(tmp_path / "out", imported)
+    for flight, flown in zip(
+        load_campaign(tmp_path / "out").flights, glides, strict=True
+    ):
+        true = np.interp(flight.time, flown.time, flown.states[:, 6])
+        assert flight.pitch_rate is not None
+        known = np.isfinite(flight.pitch_rate)
+        assert known.mean() > 0.98
+        assert np.std((flight.pitch_rate - true)[known]) == pytest.approx(0.01, rel=0.2)
+
+
+def test_a_slow_gyro_counts_in_rows_of_its_own(tmp_path):
+    rate = np.arange(5) * 0.05  # A fifth as often as the rows.
+    slow = Stream(rate, np.ones((5, 3)), "")
+    means = _averaged(slow, np.arange(20) * 0.01)
+    np.testing.assert_array_equal(
+        np.flatnonzero(np.isfinite(means[:, 0])), [0, 5, 10, 15]
+    )
 
 
 def test_the_airspeed_shows_the_wind(tmp_path, glides):

@@ -18,16 +18,17 @@ from glider.sysid.likelihood.scales import (
     start_variances,
     whiten,
 )
-from tests.helpers.tasks import fly, task_of
+from tests.helpers.tasks import fly, task_of, with_gyro
 
 ROWS = 14
 SCALES = Scales(air=0.2, air_time=0.1, moment=5.0, wind=0.1, trim=0.02, pitch_zero=0.01)
 
 
-@pytest.fixture(scope="module")
-def flight():
+@pytest.fixture(scope="module", params=[False, True], ids=["poses", "gyro"])
+def flight(request):
     """A short flight with columns of a force, a sensor, the servo and a state."""
-    task, _ = task_of(fly(flights=2, duration=0.3))
+    campaign = fly(flights=2, duration=0.3)
+    task, _ = task_of(with_gyro(campaign) if request.param else campaign)
     layout, record = task.layout, task.records[0].first(ROWS)
     kinds = ("profile_drag", "marker_offset", "servo_lag", "dynamic_stall")
     free = [i for kind in kinds for i in layout.slots_of(kind)]
@@ -77,10 +78,11 @@ class Written:
         n = self.n
         pose = self.flight.pose_by_x[k] @ state[:n]
         pose[2] += state[n + 7]
-        return np.append(pose, state[3] + state[n + 3])
+        shown = [*pose, state[3] + state[n + 3], state[6]]
+        return np.array(shown[: self.flight.record.seen.shape[1]])
 
     def respond(self, start, pushes):
-        """Returns what is seen (K + 1, 4) of a start, pushed in each interval."""
+        """Returns what is seen (K + 1, C) of a start, pushed in each interval."""
         rows, state = [], start
         for k in range(len(self.flight.record.time)):
             rows.append(self.seen(k, state))
@@ -107,7 +109,8 @@ class Written:
                 factors.append(self.respond(np.zeros(total), push))
         mask = flight.record.seen
         table = np.array([f[mask] for f in factors]).T
-        own = np.tile([s.position, s.position, s.pitch, s.elevator], (rows, 1))
+        own = [s.position, s.position, s.pitch, s.elevator, s.rate]
+        own = np.tile(own[: mask.shape[1]], (rows, 1))
         covariance = table @ table.T + np.diag(own[mask] ** 2)
         errors = []
         for j in range(flight.inputs.shape[2]):

@@ -9,7 +9,7 @@ from glider.physics.effects.field import FIELD_TERMS, FieldData, make_field
 from glider.sysid.likelihood.linear_flight import linearize, slopes, starts_of
 from glider.sysid.likelihood.scales import whiten
 from tests.helpers.columns import SCALES, column_error
-from tests.helpers.tasks import fly, task_of
+from tests.helpers.tasks import fly, task_of, with_gyro
 
 NAMES = [k for k, kind in KINDS.items() if kind.stage != "log"]
 
@@ -53,6 +53,26 @@ def test_columns_of_an_effect_that_is_absent_are_derivatives(task, kind):
     for columns in starts_of(layout, KINDS[kind], theta):
         for direction in columns:
             assert column_error(task.records[0], theta, direction) < 0.03
+
+
+@pytest.mark.parametrize(
+    "kind", ["profile_drag", "marker_offset", "pose_latency", "servo_log"]
+)
+def test_columns_with_a_gyro_are_derivatives(kind):
+    """A pose that is late is one against the gyro, and its bias is a column."""
+    sensed = task_of(with_gyro(fly(flights=2, duration=0.4, capture=FINE)))[0]
+    layout, theta = sensed.layout, sensed.vehicle.theta
+    for direction in slopes(layout, theta, layout.slots_of(kind)):
+        assert column_error(sensed.records[0], theta, direction) < 0.03
+
+
+def test_a_gyro_agrees_with_the_poses_that_it_is_derived_from():
+    sensed = task_of(with_gyro(fly(flights=1, duration=0.4, capture=FINE)))[0]
+    flight = linearize(sensed.records[0], sensed.vehicle.theta, NO_FIELD)
+    assert (
+        flight.record.seen[1:-1, 4].all() and not flight.record.seen[[0, -1], 4].any()
+    )
+    assert np.median(np.abs(flight.outputs[1:-1, 4, -1])) < 0.02
 
 
 @pytest.mark.parametrize("term", FIELD_TERMS)
