@@ -62,7 +62,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
     slots = task.layout.slots_of(SERVO_LOG.kind)
-    shift, _, travel = model.theta[list(slots)].tolist()
+    shift, _, travel, _ = model.theta[list(slots)].tolist()
     if abs(shift) > SHIFTED:
         words = "earlier" if shift < 0.0 else "later"
         return (

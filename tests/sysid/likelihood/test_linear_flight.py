@@ -63,7 +63,8 @@ def test_columns_with_a_gyro_are_derivatives(kind):
     sensed = task_of(with_gyro(fly(flights=2, duration=0.4, capture=FINE)))[0]
     layout, theta = sensed.layout, sensed.vehicle.theta
     for direction in slopes(layout, theta, layout.slots_of(kind)):
-        assert column_error(sensed.records[0], theta, direction) < 0.03
+        error = column_error(sensed.records[0], theta, direction)
+        assert error < (0.1 if kind == "servo_log" else 0.03)  # A path has kinks.
 
 
 def test_a_gyro_agrees_with_the_poses_that_it_is_derived_from():
