@@ -77,7 +77,7 @@ class Task:
         """Returns the least and the largest values of slots that are possible."""
         slots, of_log = list(slots), self.vehicle.of_log
         lower, upper = self.layout.lower.copy(), self.layout.upper.copy()
-        poses, commands, _ = log_slots(self.layout)
+        poses, commands, *_ = log_slots(self.layout)
         for slot in of_log.keys() & {poses, commands}:
             upper[slot] = min(CLOCK_REACH * of_log[slot], upper[slot])
             lower[slot] = -upper[slot]

@@ -315,7 +315,7 @@ def test_clocks_differ_as_far_as_they_are_uncertain(campaign):
     log = ServoLog(clock_std=0.002, command_std=0.003)
     uncertain = dataclasses.replace(campaign, servo=log)
     task, _ = task_of(uncertain)
-    poses, commands, _ = log_slots(task.layout)
+    poses, commands, *_ = log_slots(task.layout)
     lower, upper = task.bounds([poses, commands, 0])
     assert upper[:2] == pytest.approx([0.004, 0.006])
     assert lower[:2] == pytest.approx([-0.004, -0.006])
