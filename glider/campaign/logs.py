@@ -35,9 +35,7 @@ class Flight:
     elevator: np.ndarray | None  #: (n,) [rad]; None without a servo.
     command: np.ndarray | None  #: (n,) elevator_rate_command, held [rad/s].
     attitude: np.ndarray | None = None  #: (n, 3) y [m], roll, yaw [rad] if logged.
-    pitch_rate: np.ndarray | None = (
-        None  #: (n,) of a gyro [rad/s]; NaN without a value.
-    )
+    pitch_rate: np.ndarray | None = None  #: (n,) of a gyro [rad/s], NaN where none.
 
     def __post_init__(self):
         """Raises InputError for a name that a page or a terminal could interpret."""

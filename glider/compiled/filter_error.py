@@ -37,9 +37,14 @@ def sum_up(deviations, summed):
     departure; trim.
     """
     n = deviations.shape[0] - OWN_STATES
-    summed[: n + 4] = deviations[: n + 4]
-    summed[n : n + 2] += deviations[n + 4 : n + 6]
-    summed[n + 4] = deviations[n + 6]
+    for j in range(deviations.shape[1]):
+        for i in range(n):
+            summed[i, j] = deviations[i, j]
+        summed[n, j] = deviations[n, j] + deviations[n + 4, j]
+        summed[n + 1, j] = deviations[n + 1, j] + deviations[n + 5, j]
+        summed[n + 2, j] = deviations[n + 2, j]
+        summed[n + 3, j] = deviations[n + 3, j]
+        summed[n + 4, j] = deviations[n + 6, j]
 
 
 @machine_code
@@ -101,7 +106,6 @@ def filter_flight(
             if not seen[k, c]:
                 continue
             row[:] = 0.0
-            innovations[k, c] = outputs[k, c]
             if c < 3:
                 row[:n] = pose_by_x[k, c]
                 if c == PITCH:
@@ -113,6 +117,8 @@ def filter_flight(
                 row[PITCH_RATE] = 1.0
             own = variance[c]
             gain[:] = 0.0
+            for j in range(m):
+                innovations[k, c, j] = outputs[k, c, j]
             for i in range(total):
                 part = row[i]
                 if part != 0.0:
@@ -133,33 +139,40 @@ def filter_flight(
                     mean[i, j] += part * innovations[k, c, j]
                 for j in range(total):
                     covariance[i, j] -= part * gain[j]
-            innovations[k, c] *= scale
+            for j in range(m):
+                innovations[k, c, j] *= scale
         if k == times.shape[0] - 1:
             break
 
         step = times[k + 1] - times[k]
-        moves[:, :n] = by_x[k]
-        moves[:, n : n + 2] = by_air[k]
-        moves[PITCH, n + 2] = 0.5 * step * step
-        moves[PITCH_RATE, n + 2] = step
-        moves[:, n + 3] = by_x[k, :, ELEVATOR]
-        moves[ELEVATOR, n + 3] = 0.0
-        moves[:, n + 4] = by_trim[k]
-
         for p in range(PROCESSES):
             keep[p] = np.exp(-rates[p] * step)
-        moved_by[:] = moves.T
+        for i in range(n):
+            for j in range(n):
+                moves[i, j] = by_x[k, i, j]
+            moves[i, n] = by_air[k, i, 0]
+            moves[i, n + 1] = by_air[k, i, 1]
+            if i != ELEVATOR:
+                moves[i, n + 3] = by_x[k, i, ELEVATOR]
+            moves[i, n + 4] = by_trim[k, i]
+        moves[PITCH, n + 2] = 0.5 * step * step
+        moves[PITCH_RATE, n + 2] = step
+        for i in range(n):
+            for r in range(sums):
+                moved_by[r, i] = moves[i, r]
 
         sum_up(mean, summed_mean)
-        mean[:n] = inputs[k]
         for i in range(n):
+            for j in range(m):
+                mean[i, j] = inputs[k, i, j]
             for r in range(sums):
                 part = moves[i, r]
                 if part != 0.0:
                     for j in range(m):
                         mean[i, j] += part * summed_mean[r, j]
         for p in range(PROCESSES):
-            mean[n + p] *= keep[p]
+            for j in range(m):
+                mean[n + p, j] *= keep[p]
 
         sum_up(covariance, summed)
         for i in range(n):
@@ -170,15 +183,18 @@ def filter_flight(
                     for j in range(total):
                         half[i, j] += part * summed[r, j]
         sum_up(half.T, twice_summed.T)
-        covariance[:n, :n] = 0.0
         for i in range(n):
+            for j in range(n):
+                covariance[i, j] = 0.0
             for r in range(sums):
                 part = twice_summed[i, r]
                 if part != 0.0:
                     for j in range(n):
                         covariance[i, j] += part * moved_by[r, j]
-            covariance[i, n:] = half[i, n:] * keep
-            covariance[n:, i] = covariance[i, n:]
+            for j in range(n, total):
+                value = half[i, j] * keep[j - n]
+                covariance[i, j] = value
+                covariance[j, i] = value
         for i in range(n, total):
             for j in range(n, total):
                 covariance[i, j] *= keep[i - n] * keep[j - n]

@@ -13,7 +13,9 @@ from glider.compiled.kernel import called_code, machine_code
 def invert(matrix, inverse):
     """Writes the inverse of a matrix (n, n), which is destroyed; pivots by rows."""
     n = matrix.shape[0]
-    inverse[:] = np.eye(n)
+    for i in range(n):
+        for j in range(n):
+            inverse[i, j] = 1.0 if i == j else 0.0
     for k in range(n):
         best = k
         for i in range(k + 1, n):
@@ -24,8 +26,9 @@ def invert(matrix, inverse):
                 matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
                 inverse[k, j], inverse[best, j] = inverse[best, j], inverse[k, j]
         scale = 1.0 / matrix[k, k]
-        matrix[k] *= scale
-        inverse[k] *= scale
+        for j in range(n):
+            matrix[k, j] *= scale
+            inverse[k, j] *= scale
         for i in range(n):
             factor = matrix[i, k]
             if i != k and factor != 0.0:
@@ -37,8 +40,9 @@ def invert(matrix, inverse):
 @called_code
 def multiply(a, b, product):
     """Writes a b, with as many columns of a as b has rows; in memory of its own."""
-    product[:] = 0.0
     for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            product[i, j] = 0.0
         for m in range(b.shape[0]):
             factor = a[i, m]
             for j in range(b.shape[1]):
@@ -74,7 +78,9 @@ def weigh(step, path, multipliers, back, gradient):
     count, width = segments + 1, n + 1
     last = count * width
     rates, slopes, weights = path.rates, path.slopes, path.weights
-    weights[:count] = 0.0
+    for k in range(count):
+        for i in range(n):
+            weights[k, i] = 0.0
     for k in range(count - 1):
         mu, middle = multipliers[k], slopes[count + k]
         by_step = 0.0
@@ -130,7 +136,8 @@ def link(step, path, k, matrix, asked, by_end, inverse, to_end, to_middle):
         to_middle[i, n + 1] = 0.125 * (rates[k, i] - rates[k + 1, i])
         to_middle[i, n + 2] = -0.125 * step * end[i, n]
         to_middle[i, n + 3] = 0.0
-    to_middle[n] = 0.0
+    for j in range(n + 4):
+        to_middle[n, j] = 0.0
     to_middle[n, n] = 0.5
     to_middle[n, n + 2] = 0.5
     # The defect by the same, with the other sign.
@@ -146,8 +153,9 @@ def link(step, path, k, matrix, asked, by_end, inverse, to_end, to_middle):
         asked[i, n + 1] += slope / 6.0
         asked[i, n + 2] += share * end[i, n]
         asked[i, n + 3] = -defects[k, i]
-    by_end[:] = -0.125 * step * end[:, :n]
     for i in range(n):
+        for j in range(n):
+            by_end[i, j] = -0.125 * step * end[i, j]
         by_end[i, i] += 0.5
     for i in range(n):
         for j in range(n):
@@ -159,7 +167,9 @@ def link(step, path, k, matrix, asked, by_end, inverse, to_end, to_middle):
     invert(matrix, inverse)
     multiply(inverse, asked, to_end)
     multiply(by_end, to_end, asked)
-    to_middle[:n] += asked
+    for i in range(n):
+        for j in range(n + 4):
+            to_middle[i, j] += asked[i, j]
 
 
 @called_code
@@ -167,8 +177,11 @@ def own_curvature(k, step, slopes, curvature, multipliers, back, own):
     """Writes the curvature (n + 2, n + 2) of the defects at a knot, by x, u and h."""
     n = own.shape[0] - 2
     width, count = n + 1, multipliers.shape[0] + 1
-    own[:width, :width] = curvature[k]
-    own[width] = 0.0
+    for j in range(width):
+        for i in range(width):
+            own[i, j] = curvature[k, i, j]
+        own[width, j] = 0.0
+    own[width, width] = 0.0
     for side in range(2):
         m = k - side  # The segment that begins here, then the one that ends here.
         if m < 0 or m > count - 2:
@@ -180,7 +193,8 @@ def own_curvature(k, step, slopes, curvature, multipliers, back, own):
                 weight = multipliers[m, i] / 6.0 + sign * step / 6.0 * back[m, i]
                 total -= slopes[k, i, j] * weight
             own[width, j] += total
-    own[:width, width] = own[width, :width]
+    for j in range(width):
+        own[j, width] = own[width, j]
 
 
 @machine_code
@@ -252,24 +266,34 @@ def newton_step(
     for k in range(segments - 1, -1, -1):
         end, middle = to_end[k], to_middle[k]
         link(step, path, k, matrix, asked, by_end[k], inverse[k], end, middle)
-        values[k + 1] = value[:n]
-        costs[k + 1] = cost[:n]
+        for i in range(n):
+            for j in range(m):
+                values[k + 1, i, j] = value[i, j]
+            for r in range(3):
+                costs[k + 1, i, r] = cost[i, r]
         # What the next stage's value and the middle's curvature make of this stage.
         multiply(value, end, carried)
-        carried[:, n + 1] += value[:, width]
-        carried[:, n + 2] += value[:, n]
+        for i in range(m):
+            carried[i, n + 1] += value[i, width]
+            carried[i, n + 2] += value[i, n]
         multiply(curvature[count + k], middle, bent)
-        total[:] = 0.0
-        slope[:] = 0.0
+        for i in range(m + 1):
+            for j in range(m + 2):
+                total[i, j] = 0.0
+            for r in range(3):
+                slope[i, r] = 0.0
         add_transposed(end, carried, total)
         add_transposed(middle, bent, total)
         add_transposed(end, cost, slope)
-        slope[:, 0] += total[:, m + 1]
+        for i in range(m + 1):
+            slope[i, 0] += total[i, m + 1]
         for i in range(2):  # The next command and h go on as they are.
             row, at = (n, n + 2) if i == 0 else (n + 1, n + 1)
-            total[at, : m + 1] += carried[row, : m + 1]
+            for c in range(m + 1):
+                total[at, c] += carried[row, c]
             slope[at, 0] += carried[row, m + 1]
-            slope[at] += cost[row]
+            for r in range(3):
+                slope[at, r] += cost[row, r]
         own_curvature(k, step, slopes, curvature, multipliers, back, own)
         for i in range(width):
             own[i, i] += diagonal[k * width + i] + added
@@ -280,18 +304,24 @@ def newton_step(
         own[width, width] = -by_step / 6.0
         own[n, width] += cross[k]
         own[width, n] += cross[k]
-        total[:m, :m] += own
+        for i in range(m):
+            for j in range(m):
+                total[i, j] += own[i, j]
         if k == 0:
             total[width, width] += diagonal[last] + added
             slope[width, 0] += gradient[last]
         stiff = total[m, m]
         if not stiff > 0.0:
             return False
-        gains[k] = -total[m, :m] / stiff
-        feeds[k] = -slope[m] / stiff
         for i in range(m):
-            value[i] = total[i, :m] + total[i, m] * gains[k]
-            cost[i] = slope[i] + total[i, m] * feeds[k]
+            gains[k, i] = -total[m, i] / stiff
+        for r in range(3):
+            feeds[k, r] = -slope[m, r] / stiff
+        for i in range(m):
+            for j in range(m):
+                value[i, j] = total[i, j] + total[i, m] * gains[k, j]
+            for r in range(3):
+                cost[i, r] = slope[i, r] + total[i, m] * feeds[k, r]
 
     # The first command and h are free, the launch is not.
     a, b, d = value[n, n], value[n, width], value[width, width]
@@ -301,7 +331,8 @@ def newton_step(
     paths = np.empty((3, count, m))
     for r in range(3):
         path = paths[r]
-        path[0] = 0.0
+        for i in range(m):
+            path[0, i] = 0.0
         path[0, n] = (b * cost[width, r] - d * cost[n, r]) / determinant
         path[0, width] = (b * cost[n, r] - a * cost[width, r]) / determinant
         for k in range(segments):
@@ -331,14 +362,17 @@ def newton_step(
         return False
     path = paths[0]
     for k in range(count):
-        path[k] += pull[0] * paths[1, k] + pull[1] * paths[2, k]
-        change[k * width : (k + 1) * width] = path[k, :width]
+        for i in range(m):
+            path[k, i] += pull[0] * paths[1, k, i] + pull[1] * paths[2, k, i]
+        for i in range(width):
+            change[k * width + i] = path[k, i]
     change[last] = path[0, width]
 
     # Each segment's multipliers balance what its end's states weigh.
     state = np.empty(m + 2)
     for k in range(segments):
-        state[:m] = path[k]
+        for i in range(m):
+            state[i] = path[k, i]
         state[n + 2] = path[k + 1, n]
         state[n + 3] = 1.0
         for i in range(width):

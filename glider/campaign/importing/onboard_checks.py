@@ -47,10 +47,8 @@ def read_sensors(flight: Track, gravity: float) -> dict[str, np.ndarray]:
         # The axis of the pitch is level, and across the nose.
         across = np.stack([-turn[:, 1, 0], turn[:, 0, 0]], axis=1)
         across /= np.linalg.norm(across, axis=1, keepdims=True) + 1e-9
-        body, gyro = (
-            np.einsum("nij,ni->nj", turn[:, :2], across),
-            onboard.angular_velocity,
-        )
+        gyro = onboard.angular_velocity
+        body = np.einsum("nij,ni->nj", turn[:, :2], across)
         rate = np.sum(body * _at(gyro, time), axis=1, keepdims=True)
         turned = motion.pose[:, 3:]
         readings["angular_velocity"] = _changes(motion.time, turned, time, rate)

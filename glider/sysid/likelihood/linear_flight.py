@@ -287,10 +287,9 @@ def _outputs(
 
 def _unbiased_rate(record: Record, theta: np.ndarray) -> np.ndarray:
     """Pitch rates that a gyro measured when the poses were those of nodes, (K + 1,)."""
-    late = np.maximum(record.time - record.layout.replay(theta).latency, 0.0)
-    rate = CubicSpline(record.time, record.pitch_rate)(
-        np.minimum(late, record.time[-1])
-    )
+    late = record.time - record.layout.replay(theta).latency
+    late = np.clip(late, 0.0, record.time[-1])
+    rate = CubicSpline(record.time, record.pitch_rate)(late)
     return rate - theta[record.layout.index[SERVO_LOG.kind, "pitch_rate"]]
 
 
