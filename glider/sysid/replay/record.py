@@ -126,15 +126,8 @@ def _record(
     measured, seen = curves[0, :n].copy(), np.zeros((n, 4), dtype=bool)
     at = place[good - good[0]]
     measured[at], seen[at, :3] = pose, True
-    pitch_rate = np.zeros(n)
-    if flight.pitch_rate is not None:
-        gyro = flight.pitch_rate[good]
-        shown = np.isfinite(gyro)
-        shown[[0, -1]] = False  # With late poses, other times are compared.
-        seen = np.column_stack([seen, np.zeros(n, dtype=bool)])
-        seen[at[shown], 4] = True
-        if shown.any():
-            pitch_rate = np.interp(time, known[shown], gyro[shown])
+    pitch_rate, by_gyro = _pitch_rates(flight, good, time, at)
+    seen = np.hstack([seen, by_gyro])
     elevator, switches, commands, rest = np.zeros(n), np.zeros(1), np.zeros(1), 0.0
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.command is not None and flight.elevator is not None:
@@ -172,6 +165,22 @@ def _record(
         bank=bank,
         side_wind=side_wind,
     )
+
+
+def _pitch_rates(
+    flight: Flight, good: np.ndarray, time: np.ndarray, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pitch rates of a gyro (n,) [rad/s]; which count, (n, 1), without one (n, 0)."""
+    rates = np.zeros(len(time))
+    if flight.pitch_rate is None:
+        return rates, np.zeros((len(time), 0), dtype=bool)
+    own, seen = flight.pitch_rate[good], np.zeros((len(time), 1), dtype=bool)
+    shown = np.isfinite(own)
+    shown[[0, -1]] = False  # With late poses, other times are compared.
+    seen[at[shown]] = True
+    if shown.any():
+        rates = np.interp(time, time[at[shown]], own[shown])
+    return rates, seen
 
 
 def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
