@@ -294,12 +294,9 @@ def _extract(
 def _on_one_clock(
     tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
 ) -> tuple[list[tuple[Track, list[str], float]], tuple[str, ...]]:
-    """Recordings with all logs on their poses' clocks, notes, and standard errors.
-
-    And warnings.
-    """
+    """Recordings with logs on their poses' clocks, notes, std errors; and warnings."""
     differ = any(log.clock != t.clock for t in tracks for log in t.servo.given)
-    clock = mapping.clock or ("find" if differ else "same")
+    clock = mapping.clock or ("find" if differ and mapping.clock is None else "same")
     result: list[tuple[Track, list[str], float]] = [(t, [], 0.0) for t in tracks]
     if clock == "same":
         return result, ()
@@ -331,20 +328,22 @@ def _check_clock(
 ) -> tuple[float, tuple[str, ...]]:
     """Standard error [s] of a clock that a mapping specifies, and a warning if off.
 
-    It is known to half its last digit, or as well as it agrees with what is found.
+    It was read to half its last digit and a step of the logs; what is found adds.
     """
-    decimals = f"{clock:.6f}".rstrip("0").partition(".")[2]
-    rounded = 10.0 ** -max(len(decimals), 2) / math.sqrt(12.0)
+    digits = len(f"{clock:.6f}".rstrip("0").partition(".")[2])
+    steps = [log.step for track, _ in flying for log in track.servo.given]
+    step = max(steps, default=0.0) / math.sqrt(12.0)
+    read = math.hypot(0.1 ** max(digits, 1) / math.sqrt(12.0), step)
     try:
         offsets = find_offsets(flying) if flying else []
     except InputError:
         offsets = []
     if not offsets:
-        return rounded, ()
+        return read, ()
     found, std = np.median([(o.seconds, o.std) for o in offsets], axis=0)
-    off = abs(clock - found)
-    if off <= _OFF * math.hypot(std, rounded):
-        return rounded, ()
+    off, share = abs(clock - found), read**2 / (read**2 + std**2)
+    if off <= _OFF * math.hypot(std, step):
+        return math.hypot(share * off, math.sqrt(share) * std), ()
     words = (
         f"'clock' is {clock:g}, and the elevator turns the glider as if its clock were "
         f"{found:.3f} ± {std:.3f} s ahead of the poses'"
@@ -356,10 +355,9 @@ def _check_clock(
 
 def _has_servo(track: Track) -> bool:
     """Whether the elevator, or a command, can be compared with another log."""
-    elevator, _, angle_command = servo = track.servo
-    return (
-        len(servo.given) > 1 if is_measured(track) else bool(elevator or angle_command)
-    )
+    if is_measured(track):
+        return len(track.servo.given) > 1
+    return bool(track.servo.elevator or track.servo.angle_command)
 
 
 def _columns(

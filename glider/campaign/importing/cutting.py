@@ -15,6 +15,7 @@ from glider.campaign.checks.motion import SPAN, Motion, calc_motion, robust_std
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take
+from glider.physics.actuator_replay import latest_command
 
 MOTOR = "the motor runs"
 """How the note on rows that are cut off for it begins."""
@@ -117,8 +118,7 @@ def _is_powered(track: Track) -> np.ndarray:
         return np.zeros(len(track.time), dtype=bool)
     runs = throttle.values[:, 0] > _MOTOR_OFF
     ran = np.maximum.accumulate(np.where(runs, throttle.time, -np.inf))
-    latest = np.searchsorted(throttle.time, track.time, side="right") - 1
-    latest = np.maximum(latest, 0)
+    latest = np.maximum(latest_command(throttle.time, track.time), 0)
     return runs[latest] | (track.time - ran[latest] < _SPIN_DOWN)
 
 
@@ -153,10 +153,8 @@ def _find_flight(
         end -= margin
         stop = f"the body is lost, or stands, at {free.time[-1]:.3f} s"
     elif contact is not None:
-        end, stop = (
-            min(contact - _BEFORE_CONTACT, end - margin),
-            f"it touches something at {contact:.3f} s",
-        )
+        end = min(contact - _BEFORE_CONTACT, end - margin)
+        stop = f"it touches something at {contact:.3f} s"
     flight = take(free, free.time <= end + 1e-9)
     if len(flight.time) < _MIN_ROWS or flight.time[-1] - flight.time[0] < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
@@ -199,6 +197,5 @@ def _find_contact(flight: Track) -> float | None:
         return None
     rows = Rows(flight.time, pose, robust_std(differences))
     faulty = np.any(find_one_motion(rows, np.ones(len(pose), dtype=bool)), axis=0)
-    moving = np.flatnonzero(~faulty)
-    touched = moving[-1] + 1 if len(moving) else 0
+    touched = np.max(np.flatnonzero(~faulty), initial=-1) + 1
     return float(flight.time[touched]) if 0 < touched < len(pose) else None

@@ -22,6 +22,7 @@ from glider.errors import InputError
 
 _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
 _ROUNDED = (0.01, 1e-3, 1e-4)  # Last digits of times that are rounded [s].
+_LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
 _EULER = ("roll", "pitch", "yaw")  # About x, y and z.
 
 
@@ -32,6 +33,11 @@ class Stream(NamedTuple):
     values: np.ndarray  #: (n, k)
     clock: str  #: Whose it is.
     late: int = 0  #: Rows that were dropped, as their time fell back.
+
+    @property
+    def step(self) -> float:
+        """Usual step of a log, whose rows may be those of changes only [s]."""
+        return min(float(np.quantile(np.diff(self.time), 0.25)), _LONGEST)
 
     def known(self) -> "Stream":
         """The rows in which all numbers are finite."""
@@ -264,8 +270,8 @@ class Picker:
                 "in each table",
             )
         ahead = time > np.maximum.accumulate(np.r_[-np.inf, time[:-1]])[: len(time)]
-        late = int(np.sum(~ahead))
-        return Stream(_without_rounding(time[ahead]), values[ahead], group.clock, late)
+        even = _without_rounding(time[ahead])
+        return Stream(even, values[ahead], group.clock, int(np.sum(~ahead)))
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
         """A column in SI; refuses a unit that the file contradicts."""

@@ -23,10 +23,10 @@ from glider.physics.actuator_replay import command_steps, elevator_path, latest_
 _LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
 _REACH = 1.5  # Ratio to the elevator's limits that commands reach at most.
 _SLACK = 0.1  # Time of a flight that the servo's log may miss at either end [s].
-_LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
 _BEFORE = 0.5  # Time of a log before and after a flight that is looked at [s].
 _DELAYS = np.arange(-0.05, 0.35, 0.001)  # Of elevators behind commands [s].
 _ALIGNED = 2.0  # Standard errors by which a flight's commands are shifted at most.
+_SAME = 0.01  # Part of a log's step within which rows of two logs are the same.
 _FEW = 0.05  # Share of commands whose logged times may be off.
 _HIDDEN = "so a lag or a delay of the servo cannot be found"
 
@@ -49,15 +49,15 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
                 "an elevator are mapped; expected one or the other."
             )
         return None
+    for stream in flight.servo.given:
+        _check_covered(flight, stream, source)
     elevator, rates, angles = flight.servo
     measured = None
     if elevator is not None:
-        _check_covered(flight, elevator, source)
         path = Akima1DInterpolator(elevator.time, elevator.values[:, 0])
         # Chords between rows of another log would cut what it travels short.
         measured = path(np.clip(flight.time, *elevator.time[[0, -1]]))
     if angles is not None:
-        _check_covered(flight, angles, source)
         _check_reach(flight, angles, settings, source)
         limit = settings.elevator_rate_limit
         return _from_angles(flight.time, angles, measured, limit, source)
@@ -68,7 +68,6 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
             "{elevator: fixed}' where the tail does not move."
         )
     if rates is not None:
-        _check_covered(flight, rates, source)
         rate, std = _from_rates(flight.time, rates, settings.command_rate, source)
         if std == 0.0:
             return Servo(measured, rate, "")
@@ -99,7 +98,7 @@ def _from_angles(
             )
         rate = _row_rates(time, savgol_filter(measured, 5, 2))
         limit = max(float(np.max(np.abs(rate))), _LEAST_LIMIT)
-    step, goals, gaps = _step(asked.time), asked.values[:, 0], np.diff(asked.time)
+    step, goals, gaps = asked.step, asked.values[:, 0], np.diff(asked.time)
     is_step = (gaps > 1.5 * step) | (np.abs(np.diff(goals)) > limit * gaps)
     rows = np.flatnonzero(is_step)
     given = asked.time[rows + 1] - 0.5 * np.minimum(step, gaps[rows])
@@ -126,10 +125,12 @@ def _from_rates(
     Those of another log's rows become the mean rates that lead from row to row. Its
     rows leave open when a command was given: the middle of that time is taken.
     """
+    step = rates.step
+    held = latest_command(rates.time, time + _SAME * step)
+    if (np.abs(rates.time[held] - time) < _SAME * step).all():
+        return rates.values[held, 0], 0.0
     near = (rates.time > time[0] - _BEFORE) & (rates.time < time[-1] + _BEFORE)
     logged, values = rates.time[near], rates.values[near, 0]
-    if np.isin(time, logged).all():
-        return values[np.maximum(latest_command(logged, time), 0)], 0.0
     usual, long = np.quantile(np.diff(rates.time), [0.5, 0.9])
     if command_rate and 0.8 * usual * command_rate > 1.0 and long < 1.5 * usual:
         raise InputError(  # It is no log of changes.
@@ -137,7 +138,7 @@ def _from_rates(
             f"field 'command_rate' is {command_rate:g}: commands are lost; expected a "
             "log of all, or the measured 'elevator' without elevator_rate_command."
         )
-    changes, step = np.flatnonzero(np.diff(values)) + 1, _step(rates.time)
+    changes = np.flatnonzero(np.diff(values)) + 1
     begins, held = command_steps(logged, values, command_rate)
     if len(changes):
         later = np.quantile(logged[changes] - begins[1:], _FEW)
@@ -166,11 +167,6 @@ def _row_rates(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """The rates (n,) that, each held for a row, lead from angle to angle."""
     rate = np.diff(angle) / np.diff(time)
     return np.append(rate, rate[-1])
-
-
-def _step(time: np.ndarray) -> float:
-    """Usual step of a log, whose rows may be those of changes only [s]."""
-    return min(float(np.quantile(np.diff(time), 0.25)), _LONGEST)
 
 
 def _check_reach(

@@ -27,6 +27,7 @@ SIGNIFICANT = 6.0  # Standard errors above which the elevator's effect has a sig
 MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
 _ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
+_ASIDE = 0.2  # Of gravity; throws: 0.04 sideways, with y and z exchanged 0.46.
 _STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
 _AHEAD = 0.4  # Least mean cosine of the angle of attack: within 66° of the way.
 _ARM = 0.25  # Length of a tail over which an elevator's strength is compared [m].
@@ -104,10 +105,11 @@ def fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float, fl
 
 
 def _check_attitude(campaign: Campaign) -> None:
-    """Refuses a body on its side, on its back or sideways, or flights up or down."""
-    attitudes = [f.attitude for f in campaign.flights if f.attitude is not None]
-    if attitudes:
-        _, roll, yaw = np.median(np.abs(np.concatenate(attitudes)), axis=0)
+    """Refuses a body on its side or sideways, flights up or down, falls to a side."""
+    flights = [f for f in campaign.flights if f.attitude is not None]
+    if flights:
+        tracks = [np.column_stack([f.attitude, f.pose[:, 1]]) for f in flights]
+        roll, yaw = np.median(np.abs(np.concatenate(tracks)), axis=0)[1:3]
         for name, angle, field in (("roll", roll, "top"), ("yaw", yaw, "nose")):
             if angle > _ASTRAY:
                 raise InputError(
@@ -116,8 +118,16 @@ def _check_attitude(campaign: Campaign) -> None:
                     f"'{field}' (the axis of the body that points there), 'rotation' "
                     "or 'up'."
                 )
-    ways = np.abs([f.pose[-1, :2] - f.pose[0, :2] for f in campaign.flights])
-    along, up = np.median(ways, axis=0)
+        pairs = zip(flights, tracks, strict=True)
+        bends = [2.0 * np.polyfit(f.time, t[:, [0, 3]], 2)[0] for f, t in pairs]
+        aside, fall = np.abs(np.median(bends, axis=0))
+        if aside > max(fall, campaign.gravity * (np.tan(roll) + _ASIDE)):
+            raise InputError(
+                f"{campaign.path}: frame: the flights fall sideways, at {aside:.3g} "
+                "m/s², more than a bank explains; expected 'z' or 'up' to point up."
+            )
+    ways = [f.pose[-1, :2] - f.pose[0, :2] for f in campaign.flights]
+    along, up = np.median(np.abs(ways), axis=0)
     if up > _STEEP * along:
         raise InputError(
             f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "

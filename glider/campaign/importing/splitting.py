@@ -13,11 +13,8 @@ import numpy as np
 from glider.campaign.importing.recording import Group, Recording
 from glider.errors import InputError
 
-FLIGHT = "flight"
-"""Column that separates flights where it is not mapped."""
-
-FEWEST_ROWS = 20
-"""Of a flight: a clock that is behind for fewer rows has not started again."""
+FLIGHT = "flight"  #: Column that separates flights where it is not mapped.
+FEWEST_ROWS = 20  #: Of a flight: a clock behind for fewer has not started again.
 
 Columns = Mapping[str, Any]  # Of a mapping, by quantity.
 
@@ -95,10 +92,8 @@ def _spans(
         spans = [slice(a, b) for a, b in pairs if cells[a]]
         names = [f"{FLIGHT} {cells[span.start]}" for span in spans]
         earlier = [names[:k].count(name) for k, name in enumerate(names)]
-        names = [
-            f"{n} ({k + 1})" if k else n for n, k in zip(names, earlier, strict=True)
-        ]
-        return list(zip(names, spans, strict=True))
+        each = zip(names, earlier, spans, strict=True)
+        return [(f"{n} ({k + 1})" if k else n, span) for n, k, span in each]
     if len(pairs) < 2:
         return [("", slice(0, rows))]
     return [(f"part {k}", slice(a, b)) for k, (a, b) in enumerate(pairs, 1)]
@@ -106,12 +101,8 @@ def _spans(
 
 def _take(group: Group, rows: slice) -> Group:
     """Some rows of a group."""
-    columns = {
-        name: dataclasses.replace(
-            column,
-            values=column.values[rows],
-            labels=column.labels and column.labels[rows],
-        )
-        for name, column in group.columns.items()
-    }
+    columns = {}
+    for name, column in group.columns.items():
+        values, labels = column.values[rows], column.labels and column.labels[rows]
+        columns[name] = dataclasses.replace(column, values=values, labels=labels)
     return dataclasses.replace(group, columns=columns)

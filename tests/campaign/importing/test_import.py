@@ -1,6 +1,7 @@
 """Logs of other software become the flights that they were, or are refused."""
 
 import copy
+import dataclasses
 import functools
 import itertools
 import json
@@ -16,6 +17,7 @@ from glider.campaign.importing.campaign_import import import_campaign, read_flig
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.guess import guess_mapping
 from glider.campaign.importing.selection import ServoLogs
+from glider.campaign.importing.sign_checks import check_signs
 from glider.campaign.importing.track import Track
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
@@ -389,6 +391,20 @@ def test_motive_exports_of_measured_throws(tmp_path):
     # Along the throw: the line through a few more rows is another by 2 mrad.
     assert np.ptp(ours[:, 0] - theirs[:, 0]) < 2e-3
     assert np.abs(ours[:, 2] - theirs[:, 2]).max() < 0.005
+
+
+@pytest.mark.skipif(not MEASURED.is_dir(), reason="no measured flights are here")
+def test_throws_that_fall_sideways_are_refused():
+    """With y and z exchanged they show gravity to ± 54 %, which only warns."""
+    thrown = load_campaign(MEASURED / "motion_studio_v3")
+    assert check_signs(thrown) == ()
+    exchanged = []
+    for flight in thrown.flights:
+        pose, attitude = flight.pose.copy(), flight.attitude.copy()
+        pose[:, 1], attitude[:, 0] = flight.attitude[:, 0], flight.pose[:, 1]
+        exchanged.append(dataclasses.replace(flight, pose=pose, attitude=attitude))
+    with pytest.raises(InputError, match="fall sideways, at"):
+        check_signs(dataclasses.replace(thrown, flights=tuple(exchanged)))
 
 
 @pytest.mark.skipif(not FORMATS.is_dir(), reason="no files of other software are here")
