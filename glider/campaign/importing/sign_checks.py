@@ -106,10 +106,14 @@ def fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float, fl
 
 def _check_attitude(campaign: Campaign) -> None:
     """Refuses a body on its side or sideways, flights up or down, falls to a side."""
-    flights = [f for f in campaign.flights if f.attitude is not None]
-    if flights:
-        tracks = [np.column_stack([f.attitude, f.pose[:, 1]]) for f in flights]
-        roll, yaw = np.median(np.abs(np.concatenate(tracks)), axis=0)[1:3]
+    tracks = [
+        (f.time, np.column_stack([f.attitude, f.pose[:, 1]]))
+        for f in campaign.flights
+        if f.attitude is not None
+    ]
+    if tracks:
+        every = np.concatenate([track for _, track in tracks])
+        roll, yaw = np.median(np.abs(every), axis=0)[1:3]
         for name, angle, field in (("roll", roll, "top"), ("yaw", yaw, "nose")):
             if angle > _ASTRAY:
                 raise InputError(
@@ -118,8 +122,7 @@ def _check_attitude(campaign: Campaign) -> None:
                     f"'{field}' (the axis of the body that points there), 'rotation' "
                     "or 'up'."
                 )
-        pairs = zip(flights, tracks, strict=True)
-        bends = [2.0 * np.polyfit(f.time, t[:, [0, 3]], 2)[0] for f, t in pairs]
+        bends = [2.0 * np.polyfit(time, y[:, [0, 3]], 2)[0] for time, y in tracks]
         aside, fall = np.abs(np.median(bends, axis=0))
         if aside > max(fall, campaign.gravity * (np.tan(roll) + _ASIDE)):
             raise InputError(
