@@ -330,10 +330,9 @@ def _check_clock(
 
     It was read to half its last digit and a step of the logs; what is found adds.
     """
-    digits = len(f"{clock:.6f}".rstrip("0").partition(".")[2])
+    digits = max(len(f"{clock:.6f}".rstrip("0").partition(".")[2]), 1)
     steps = [log.step for track, _ in flying for log in track.servo.given]
-    step = max(steps, default=0.0) / math.sqrt(12.0)
-    read = math.hypot(0.1 ** max(digits, 1) / math.sqrt(12.0), step)
+    read = math.hypot(0.1**digits, max(steps, default=0.0)) / math.sqrt(12.0)
     try:
         offsets = find_offsets(flying) if flying else []
     except InputError:
@@ -342,7 +341,7 @@ def _check_clock(
         return read, ()
     found, std = np.median([(o.seconds, o.std) for o in offsets], axis=0)
     off, share = abs(clock - found), read**2 / (read**2 + std**2)
-    if off <= _OFF * math.hypot(std, step):
+    if off <= _OFF * math.hypot(std, 0.1 ** max(digits, 2) / math.sqrt(12.0)):
         return math.hypot(share * off, math.sqrt(share) * std), ()
     words = (
         f"'clock' is {clock:g}, and the elevator turns the glider as if its clock were "
