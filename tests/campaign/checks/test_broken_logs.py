@@ -295,5 +295,4 @@ def test_one_flight_alone_is_not_refused(name):
     campaign = load_campaign(campaign_path(name))
     for flight in campaign.flights[:3]:
         found = inspect(dataclasses.replace(campaign, flights=(flight,)))
-        assert not found.excluded
-        assert all("show gravity to ±" in words for words in found.warnings)
+        assert (found.excluded, found.warnings) == ((), ())
