@@ -4,10 +4,12 @@ import importlib.metadata
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from glider.sysid import result, verdict
 from glider.sysid.fit import floor, folds
-from glider.sysid.likelihood import curves, outliers, task, uncertainty
-from glider.sysid.search import fits, moves, signs, subsets, support, tracing
+from glider.sysid.likelihood import blocks, outliers, task, uncertainty
+from glider.sysid.search import fits, moves, signs, subsets, support
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
@@ -44,9 +46,10 @@ myst_heading_anchors = 3
 myst_substitutions = {
     "beam": f"{subsets.BEAM}",
     "curve_price": f"{moves.CURVE_THRESHOLD:.0f}",
-    "curves": f"{curves.COUNT}",
+    "bend_threshold": f"{np.log(len(blocks.BLOCKS)):.1f}",
+    "block_threshold": f"{fits.BLOCK_THRESHOLD:.0f}",
+    "curves": f"{blocks.COUNT}",
     "doubted": f"{support.DOUBTED:.0f}",
-    "field_price": f"{tracing.FIELD_THRESHOLD:.0f}",
     "flights_of_price": f"{fits.THRESHOLD_FLIGHTS}",
     "folds": f"{folds.FOLDS}",
     "gain_error": f"{verdict.GAIN_ERROR:.0%}",
