@@ -202,6 +202,7 @@ def _block_entry(
         share_of_residual=_share(evidence, gained),
         inclusion=traced.weighed[name].inclusion,
         shape=result.OTHER_SHAPE,
+        family="moment" if acting == ["c_moment"] else kind.link,
         depends_on=kind.variables,
     )
 

@@ -73,6 +73,9 @@ class ReportedEffect:
     #: LIBRARY_SHAPE where the library's formula has the right shape; else the model
     #: carries a curve beside it.
     shape: str = LIBRARY_SHAPE
+    #: Link of the force chain that a free function acts in: "air", "wing_force",
+    #: "moment", "tail_pressure" or "tail_angle"; empty for a formula of the library.
+    family: str = ""
     #: Kinds that the data cannot distinguish from it.
     indistinguishable_from: tuple[str, ...] = ()
     depends_on: tuple[str, ...]  #: Variables that it varies with.

@@ -42,6 +42,7 @@ _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 class BlockKind:
     """A family of effects: a link of the force chain, and what it varies with."""
 
+    link: str  #: Of the force chain, as reports have it.
     terms: tuple[str, ...]  #: Of FIELD_TERMS.
     variables: tuple[str, ...]  #: Of FIELD_VARIABLES.
     words: str  #: A short phrase for people.
@@ -60,6 +61,9 @@ _LINKS = {
 variables a function may bend: only the deflection distinguishes a change of the tail's
 angle from one of its force."""
 
+_REPORTED = dict(
+    zip(_LINKS, ("air", "wing_force", "tail_pressure", "tail_angle"), strict=True)
+)
 _OF_WING = "attached_lift camber profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
 _FAMILIES = (
@@ -83,6 +87,7 @@ _FAMILIES = (
 
 BLOCKS = {
     f"{link} over {variable}": BlockKind(
+        link=_REPORTED[link],
         terms=_LINKS[link][0],
         variables=(variable,),
         words=f"{_LINKS[link][1]} with {variable}",
