@@ -201,7 +201,7 @@ def _block_entry(
         evidence=float(evidence),
         share_of_residual=_share(evidence, gained),
         inclusion=traced.weighed[name].inclusion,
-        shape=result.OTHER_SHAPE,
+        shape=result.LIBRARY_SHAPE if family is None else result.OTHER_SHAPE,
         family="moment" if acting == ["c_moment"] else kind.link,
         depends_on=kind.variables,
     )
