@@ -13,7 +13,6 @@ from glider.physics.model import GliderModel
 from glider.sysid import result
 from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, CURVES
-from glider.sysid.likelihood.candidates import places_of
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
@@ -51,11 +50,11 @@ of the flown angles: at its ten independent places none does so by chance."""
 
 def carried_of(task: Task, model: FitResult, known: Uncertainty) -> tuple[str, ...]:
     """Returns the terms in which a model's curves are significant."""
-    places = places_of(model, len(model.free)).get(CURVES)
+    places = model.places().get(CURVES)
     if places is None:
         return ()
     alpha, curves = _central_angles(task), task.curves
-    (own,) = (b.coordinates for b in model.blocks if b.block.name == CURVES)
+    own = model.by_name[CURVES].coordinates
     values = curves.values(own, alpha)
     corner = known.covariance[np.ix_(places, places)]
     basis = np.stack([curves.values(u, alpha) for u in np.eye(len(own))], axis=2)
@@ -184,8 +183,8 @@ def _block_entry(
 ) -> FoundEffect:
     """A free function as an effect of its family, or of none."""
     model, kind = traced.model, BLOCKS[name]
-    (own,) = (b for b in model.blocks if b.block.name == name)
-    places = places_of(model, len(model.free))[name]
+    own = model.by_name[name]
+    places = model.places()[name]
     mix = own.block.mix
     spread = mix @ known.covariance[np.ix_(places, places)] @ mix.T
     acting = [own.block.terms[g] for g in np.flatnonzero(own.is_acting)]
@@ -209,7 +208,7 @@ def _block_entry(
 
 def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundEffect:
     alpha = _central_angles(task)
-    (own,) = (b.coordinates for b in model.blocks if b.block.name == CURVES)
+    own = model.by_name[CURVES].coordinates
     values, peaks = task.curves.values(own, alpha), {}
     for term in terms:
         curve = values[:, CURVE_TERMS.index(term)]

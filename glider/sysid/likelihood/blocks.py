@@ -52,18 +52,21 @@ class BlockKind:
 
 _OF_TAIL = "tail_wake elevator_area downwash stalled_downwash elevator_blowback"
 _LINKS = {
-    "air": (AIR_TERMS, "the air moves", ""),
-    "forces": (COEFFICIENTS, "the forces change", ""),
-    "tail force": (("elevator_factor",), "the tail's force changes", _OF_TAIL),
-    "stream at the tail": (("tail_downwash",), "the stream there turns", _OF_TAIL),
+    "air": ("air", AIR_TERMS, "the air moves", ""),
+    "forces": ("wing_force", COEFFICIENTS, "the forces change", ""),
+    "tail force": (
+        *("tail_pressure", ("elevator_factor",), "the tail's force changes"),
+        _OF_TAIL,
+    ),
+    "stream at the tail": (
+        *("tail_angle", ("tail_downwash",), "the stream there turns"),
+        _OF_TAIL,
+    ),
 }
-"""Links of the force chain: terms, what happens there, and which formulas of other
-variables a function may bend: only the deflection distinguishes a change of the tail's
-angle from one of its force."""
+"""Links of the force chain: their name in reports, terms, what happens there, and which
+formulas of other variables a function may bend: only the deflection distinguishes a
+change of the tail's angle from one of its force."""
 
-_REPORTED = dict(
-    zip(_LINKS, ("air", "wing_force", "tail_pressure", "tail_angle"), strict=True)
-)
 _OF_WING = "attached_lift camber profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
 _FAMILIES = (
@@ -87,14 +90,15 @@ _FAMILIES = (
 
 BLOCKS = {
     f"{link} over {variable}": BlockKind(
-        link=_REPORTED[link],
-        terms=_LINKS[link][0],
+        link=reported,
+        terms=terms,
         variables=(variable,),
-        words=f"{_LINKS[link][1]} with {variable}",
+        words=f"{happens} with {variable}",
         formulas=tuple(formulas.split()),
-        bends=frozenset(f"{formulas} {_LINKS[link][2]}".split()),
+        bends=frozenset(f"{formulas} {bent}".split()),
     )
     for link, variable, formulas in _FAMILIES
+    for reported, terms, happens, bent in [_LINKS[link]]
 }
 """Families of effects that are searched without a formula, by name."""
 
@@ -212,9 +216,8 @@ def midpoints(record: Record, theta: np.ndarray) -> np.ndarray:
     return 0.5 * (values[1:] + values[:-1])
 
 
-def make_blocks(records: Sequence[Record], theta: np.ndarray) -> dict[str, Block]:
-    """Spreads the bases of BLOCKS over what flights met; a point has none."""
-    flown = flown_values(records, theta)
+def make_blocks(flown: np.ndarray) -> dict[str, Block]:
+    """Spreads the bases of BLOCKS over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     found = {}
     for name, kind in BLOCKS.items():
@@ -269,9 +272,9 @@ class Curves(Block):
     angles: np.ndarray  #: (n,) a sample of the flown angles of attack [rad].
 
 
-def make_curves(records: Sequence[Record], theta: np.ndarray) -> Curves:
-    """Spreads a basis over the angles of attack that flights of a model met."""
-    alpha = flown_values(records, theta)[:, FIELD_VARIABLES.index("alpha")]
+def make_curves(flown: np.ndarray) -> Curves:
+    """Spreads a basis over the angles of attack of `flown_values`."""
+    alpha = flown[:, FIELD_VARIABLES.index("alpha")]
     low, high = np.percentile(alpha, [1.0, 99.0])
     centers = np.linspace(low, max(high, low + 0.05), COUNT)
     angles = np.sort(alpha)[:: max(1, len(alpha) // 2000)]

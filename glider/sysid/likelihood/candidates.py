@@ -1,7 +1,7 @@
 """Candidate effects as columns of all flights, linear about one model."""
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -48,8 +48,8 @@ class Candidates:
         """Columns that act in every set: unknown parameters and the curves."""
         own = set(self.task.vehicle.nuisance)
         vehicle = [j for j, slot in enumerate(self.slots) if slot in own]
-        places = places_of(self.model, len(self.directions))
-        return [*vehicle, *(places.get(CURVES) or ())]
+        places = self.model.places(len(self.directions))
+        return [*vehicle, *places.get(CURVES, ())]
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
@@ -105,23 +105,14 @@ class Candidates:
         )
 
 
-def places_of(model: model_fit.FitResult, first: int) -> dict[str, range]:
-    """Returns the columns of a model's blocks, by name; they begin at `first`."""
-    found = {}
-    for own in model.blocks:
-        found[own.block.name] = range(first, first + own.block.count)
-        first += own.block.count
-    return found
-
-
 SURVEY_FLIGHTS = 12  # Flights of a survey.
 STRENGTHS_TRIED = (0.1, 0.3, 1.0)  # Of a block that does not act yet.
 
 
 def gather(
-    task: Task, model: model_fit.FitResult, blocks: Collection[str] = ()
+    task: Task, model: model_fit.FitResult, with_blocks: bool = False
 ) -> Candidates:
-    """Linearizes all flights about a model, in all candidate effects and some blocks.
+    """Linearizes all flights about a model, in all candidates, blocks if asked.
 
     Blocks that act in the model are candidates too.
     """
@@ -148,11 +139,12 @@ def gather(
     )
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
-    places = places_of(model, len(directions))
+    places = model.places(len(directions))
     for kind in model.free_kinds:
         variants[kind] = [tuple(places[kind])]
     scaled = [(j, 1.0) for j in range(len(directions) + len(model.coordinates))]
-    new = tuple(task.blocks[n] for n in blocks if n not in model.kinds)
+    offered = task.blocks.values() if with_blocks else ()
+    new = tuple(block for block in offered if block.name not in model.kinds)
     first = len(scaled)
     for block in new:
         variants[block.name] = []
@@ -179,7 +171,7 @@ def survey(task: Task, model: model_fit.FitResult) -> dict[str, float]:
     """
     few = task.thinned(SURVEY_FLIGHTS)
     bare = dataclasses.replace(few, kinds=())
-    candidates = gather(bare, model, tuple(task.blocks))
+    candidates = gather(bare, model, with_blocks=True)
     gram = candidates.grams(model.scales).sum(axis=0)
     names = [block.name for block in candidates.blocks]
     if not np.all(np.isfinite(gram)):

@@ -67,13 +67,17 @@ class FitResult:
     @property
     def has_curves(self) -> bool:
         """Whether curves act."""
-        return any(own.block.name == CURVES for own in self.blocks)
+        return CURVES in self.by_name
 
     @property
     def strength(self) -> float:
         """Prior strength of the curves; zero where there are none."""
-        curves = (own for own in self.blocks if own.block.name == CURVES)
-        return next((float(own.strengths[0]) for own in curves), 0.0)
+        return float(self.by_name[CURVES].strengths[0]) if self.has_curves else 0.0
+
+    @property
+    def by_name(self) -> dict[str, FittedBlock]:
+        """Blocks that act, by name."""
+        return {own.block.name: own for own in self.blocks}
 
     @property
     def free_kinds(self) -> tuple[str, ...]:
@@ -85,17 +89,27 @@ class FitResult:
         """Of all blocks, one after the other."""
         return np.concatenate([np.zeros(0), *(own.coordinates for own in self.blocks)])
 
+    def places(self, first: int | None = None) -> dict[str, range]:
+        """Returns the columns of each block; by default after those of `free`."""
+        first, found = len(self.free) if first is None else first, {}
+        for own in self.blocks:
+            found[own.block.name] = range(first, first + own.block.count)
+            first += own.block.count
+        return found
+
+    def split(self, values: np.ndarray) -> list[np.ndarray]:
+        """Splits values of all coordinates by blocks."""
+        ends = np.cumsum([own.block.count for own in self.blocks], dtype=int)
+        return np.split(values, ends)[:-1]
+
     def with_curves(self, curves: Block, strength: float) -> "FitResult":
         """Returns the model with the curves' strength set; they act from now on."""
-        strengths = np.array([strength])
-        others = tuple(own for own in self.blocks if own.block.name != CURVES)
-        mine = [own.coordinates for own in self.blocks if own.block.name == CURVES]
-        own = FittedBlock(
-            block=curves,
-            coordinates=mine[0] if mine else np.zeros(curves.count),
-            strengths=strengths,
-        )
-        return dataclasses.replace(self, blocks=(own, *others))
+        strengths, none = np.array([strength]), np.zeros(curves.count)
+        new = FittedBlock(block=curves, coordinates=none, strengths=strengths)
+        old = self.by_name.get(CURVES, new)
+        own = dataclasses.replace(new, coordinates=old.coordinates)
+        bare = self.without_blocks(CURVES)
+        return dataclasses.replace(bare, blocks=(own, *bare.blocks))
 
     def without_blocks(self, *names: str) -> "FitResult":
         """Returns the model without some blocks."""
@@ -261,12 +275,12 @@ def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
     """Returns a model with its free parameters and its blocks changed by a step."""
     index, theta = list(model.free), model.theta.copy()
     theta[index] = np.clip(theta[index] + step[: len(index)], *task.bounds(index))
-    blocks, first = [], len(index)
-    for own in model.blocks:
-        coordinates = own.coordinates + step[first : first + own.block.count]
-        blocks.append(dataclasses.replace(own, coordinates=coordinates))
-        first += own.block.count
-    return dataclasses.replace(model, theta=theta, blocks=tuple(blocks))
+    parts = zip(model.blocks, model.split(step[len(index) :]), strict=True)
+    blocks = tuple(
+        dataclasses.replace(own, coordinates=own.coordinates + change)
+        for own, change in parts
+    )
+    return dataclasses.replace(model, theta=theta, blocks=blocks)
 
 
 def _moved_with(
@@ -300,18 +314,15 @@ def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
         covariance = np.linalg.inv(total[:-1, :-1])
         value = start + (covariance @ total[:-1, -1])[own]
         squares = value**2 + np.diag(covariance)[own]
-        blocks, first = [], 0
-        for fitted in model.blocks:
-            mine = squares[first : first + fitted.block.count]
+        blocks = []
+        for fitted, mine in zip(model.blocks, model.split(squares), strict=True):
             groups = fitted.block.groups
-            sizes = np.bincount(groups)
-            strengths = np.sqrt(np.bincount(groups, mine) / sizes)
+            strengths = np.sqrt(np.bincount(groups, mine) / np.bincount(groups))
             least = STRENGTH_RANGE[0]
             if fitted.block.name != CURVES:
                 least = LEAST_STRENGTH
             strengths = np.clip(strengths, least, STRENGTH_RANGE[1])
             blocks.append(dataclasses.replace(fitted, strengths=strengths))
-            first += fitted.block.count
         model = dataclasses.replace(model, blocks=tuple(blocks))
     corner = np.linalg.inv(covariance[own, own])
     freedom = 0.5 * float(np.linalg.slogdet(corner)[1])

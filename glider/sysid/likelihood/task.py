@@ -6,7 +6,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.physics.effects import SERVO_LAG, Coefficient
-from glider.sysid.likelihood.blocks import Block, Curves, make_blocks, make_curves
+from glider.sysid.likelihood.blocks import (
+    Block,
+    Curves,
+    flown_values,
+    make_blocks,
+    make_curves,
+)
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import Layout
 from glider.sysid.replay.vehicle import Vehicle, log_slots
@@ -101,10 +107,11 @@ def make_task(
     records: Sequence[Record], vehicle: Vehicle, kinds: tuple[str, ...]
 ) -> Task:
     """Returns the task of finding the effects in a vehicle's flights."""
+    flown = flown_values(records, vehicle.theta)
     return Task(
         records=records,
         vehicle=vehicle,
         kinds=kinds,
-        curves=make_curves(records, vehicle.theta),
-        blocks=make_blocks(records, vehicle.theta),
+        curves=make_curves(flown),
+        blocks=make_blocks(flown),
     )

@@ -61,7 +61,7 @@ class FirstOrder:
         theta = model.theta
         columns = [c for _, variant in members for c in variant]
         steps = dict(zip(columns, self.score.evidence.step(columns), strict=True))
-        blocks = {own.block.name: own for own in model.blocks}
+        blocks = model.by_name
         for kind, variant in members:
             step = np.array([steps[c] for c in variant])
             if kind in task.blocks:
@@ -104,7 +104,7 @@ class Search:
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
-    _near: tuple[Any, ...] = (None, None, 0, (), None)  #: What was compared last.
+    _near: tuple[Any, ...] = (None, None, 0, False, None)  #: What was compared last.
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
@@ -137,16 +137,16 @@ class Search:
         return fit_strength(self.task, self.fit(model, iterations))
 
     def near(
-        self, model: FitResult, rounds: int = 2, blocks: Collection[str] = ()
+        self, model: FitResult, rounds: int = 2, with_blocks: bool = False
     ) -> FirstOrder | None:
         """Compares sets about a model, cached; None where the model diverges.
 
-        Of `blocks`, those that do not act yet are candidates beside the effects.
+        With blocks, those that do not act yet are candidates beside the effects.
         """
-        asked, found = (self.task, model, rounds, blocks), self._near[-1]
+        asked, found = (self.task, model, rounds, with_blocks), self._near[-1]
         if all(a is b for a, b in zip(asked, self._near, strict=False)):
             return found
-        candidates, found = gather(self.task, model, blocks), None
+        candidates, found = gather(self.task, model, with_blocks), None
         scales = saturated_scales(candidates, model.scales, rounds)
         grams = candidates.grams(scales)
         if np.all(np.isfinite(grams)):
@@ -160,7 +160,6 @@ class Search:
         model: FitResult,
         propose: Callable[[Scorer, Members], Iterable[Members]],
         about: FitResult | None = None,
-        blocks: Collection[str] = (),
     ) -> FitResult | None:
         """Returns the best of proposed sets, fitted, if worth more than a model.
 
@@ -168,7 +167,7 @@ class Search:
         unless known.
         """
         about = about or model
-        near, tried = self.near(about, blocks=blocks), []
+        near, tried = self.near(about), []
         if near is None:
             return None
         for members in propose(near.score, near.score.by_first(about.kinds)):

@@ -8,7 +8,6 @@ from itertools import combinations
 import numpy as np
 
 from glider.sysid.likelihood.blocks import BLOCKS, CURVES
-from glider.sysid.likelihood.candidates import places_of
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, FitResult, error_flights
 from glider.sysid.likelihood.scales import PER_FLIGHT, flight_values
@@ -65,7 +64,7 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
     Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
     """
     known, found = uncertainty_of(task, model), {}
-    places_of_blocks = places_of(model, len(model.free))
+    places_of_blocks = model.places()
     for kind in model.kinds:
         if kind in places_of_blocks:
             places = list(places_of_blocks[kind])
@@ -297,7 +296,7 @@ def with_blocks(search: Search, model: FitResult) -> FitResult | None:
     Several effects may imitate one of another form: free functions join the search,
     beside effects and in their place.
     """
-    near = search.near(model, blocks=tuple(search.task.blocks))
+    near = search.near(model, with_blocks=True)
     if near is None:
         return None
     own = near.score.by_first(model.kinds)

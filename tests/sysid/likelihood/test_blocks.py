@@ -9,7 +9,13 @@ from glider.physics.effects import KINDS
 from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, make_blocks, make_curves
+from glider.sysid.likelihood.blocks import (
+    BLOCKS,
+    CURVE_TERMS,
+    flown_values,
+    make_blocks,
+    make_curves,
+)
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.search.fits import BLOCK_THRESHOLD, Search
@@ -36,7 +42,7 @@ OTHERS = {
 @pytest.fixture(scope="module")
 def curves():
     task, _ = task_of(fly(flights=4))
-    return make_curves(task.records, task.vehicle.theta)
+    return make_curves(flown_values(task.records, task.vehicle.theta))
 
 
 def shape_at(alpha, shape):
@@ -162,7 +168,7 @@ def test_a_stream_of_another_form_is_one_family_not_several_effects():
 
 def test_blocks_are_spread_over_what_was_flown(vent):
     search, plate = vent
-    blocks = make_blocks(search.task.records, plate.theta)
+    blocks = make_blocks(flown_values(search.task.records, plate.theta))
     assert set(blocks) == set(BLOCKS)
     own = blocks["forces over V"]
     assert own.centers[0, 0] < 5.0 < own.centers[-1, 0]
