@@ -207,7 +207,7 @@ def _checked(
     warnings = dict.fromkeys(words for c in cuts for words in c.warnings)
     sensors = check_sensors(readings, str(settings.path))
     undecided = *warnings, *sensors, *check_signs(campaign)
-    _check_rotation(recordings, claim, campaign)
+    _check_rotation(recordings, cuts, claim)
     return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
 
 
@@ -382,15 +382,17 @@ def _centered(angle: np.ndarray) -> np.ndarray:
 
 
 def _check_rotation(
-    recordings: Sequence[Recording], claim: Mapping, campaign: Campaign
+    recordings: Sequence[Recording], cuts: Sequence[CutRecording], claim: Mapping
 ) -> None:
     """Refuses an order of Euler angles where another makes much likelier flights."""
-    own = claim.frame.rotation
-    if own is None or len(own) != 3 or len(campaign.flights) < MIN_FLIGHTS:
+    own, spans = claim.frame.rotation, [[f.span for f in c.flights] for c in cuts]
+    if own is None or len(own) != 3 or sum(map(len, spans)) < MIN_FLIGHTS:
         return
     frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *ORDERS)}
     claims = {o: dataclasses.replace(claim, frame=f) for o, f in frames.items()}
-    scores = rank_rotations(recordings, claims)
+    parts = [p for r in recordings for p in split_flights(r, claim.columns)]
+    flown = [pair for pair in zip(parts, spans, strict=True) if pair[1]]
+    scores = rank_rotations(flown, claims)
     best = max(scores, key=lambda order: scores[order])
     if scores[best] > scores[own] + _CLEARLY:
         odds = f"e^{scores[best] - scores[own]:.0f}"

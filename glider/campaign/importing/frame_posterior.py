@@ -30,6 +30,7 @@ from glider.campaign.settings import AXES, Mapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
 Fields = dict[str, str]  # Fields of `frame:`.
+Spans = Sequence[tuple[float, float]]  # First and last time of flights [s].
 _Flight = tuple[Motion, np.ndarray]
 """Rows of a flight where z is up: position, and rotations (k, 3, 3) from the body."""
 
@@ -89,14 +90,14 @@ def rank_frames(
 
 
 def rank_rotations(
-    logs: Sequence[Recording], claims: dict[str, Mapping]
+    logs: Sequence[tuple[Recording, Spans]], claims: dict[str, Mapping]
 ) -> dict[str, float]:
     """Log likelihoods of mappings that differ in how rotations are read."""
     scores: dict[str, float] = {}
     for order, claim in claims.items():
-        tracks = [make_track(log, claim) for log in logs[:_MOST]]
-        cuts = [(t, s) for t in tracks for s in _find_spans(t, np.eye(3))]
-        flights = [_turn(track, np.eye(3), span) for track, span in cuts]
+        tracks = [(make_track(log, claim), spans) for log, spans in logs[:_MOST]]
+        cuts = [(t, _rows(t, span)) for t, spans in tracks for span in spans]
+        flights = [_turn(track, np.eye(3), rows) for track, rows in cuts[:_MOST]]
         scores[order] = sum(score for _, score in _judge(flights, "z", None))
     return scores
 
@@ -128,8 +129,12 @@ def _find_spans(track: Track, axes: np.ndarray) -> list[slice]:
     pitch = track.pitch if track.rotation is None else position[:, 1]
     turned = dataclasses.replace(track, position=position, rotation=None, pitch=pitch)
     found, _ = cut(turned, _GRAVITY)
-    ends = [np.searchsorted(track.time, c.track.time[[0, -1]]) for c in found]
-    return [slice(first, last + 1) for first, last in ends]
+    return [_rows(track, (c.track.time[0], c.track.time[-1])) for c in found]
+
+
+def _rows(track: Track, span: tuple[float, float]) -> slice:
+    first, last = np.searchsorted(track.time, span)
+    return slice(first, last + 1)
 
 
 def _turn(track: Track, axes: np.ndarray, rows: slice) -> _Flight:

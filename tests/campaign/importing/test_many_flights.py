@@ -297,3 +297,19 @@ def test_a_guess_from_a_table_of_flights(tmp_path, campaign):
     result = read_flights([path], mapping).campaign
     assert len(result.flights) == len(campaign.flights)
     assert np.allclose(result.flights[-1].pose[:, 2], campaign.flights[-1].pose[:, 2])
+
+
+def test_an_order_of_angles_is_checked_on_each_flight_of_a_table(tmp_path, campaign):
+    names, mapping = "time,px,py,pz,roll,pitch,yaw", tmp_path / "MAP.yaml"
+    tables = []
+    for flight in campaign.flights:
+        roll_pitch_yaw = foreign.rotation(flight).as_euler("ZYX")[:, ::-1]
+        place = foreign.position(flight)
+        tables.append(np.column_stack([flight.time, place, roll_pitch_yaw]))
+    np.savetxt(tmp_path / "a.csv", np.concatenate(tables), "%.9g", ",", header=names)
+    mapping.write_text(
+        "columns: {position: p, roll: roll, pitch: pitch, yaw: yaw}\n"
+        "frame: {rotation: ZYX}\nvehicle: {elevator: fixed}\n"
+    )
+    result = read_flights([tmp_path / "a.csv"], mapping).campaign
+    assert len(result.flights) == len(campaign.flights)
