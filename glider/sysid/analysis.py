@@ -45,14 +45,23 @@ SHARES = {
 }
 """Usual shares of the time when the stages begin, measured on the samples."""
 
-MOST_LOST = 0.25
-"""Share of the flights that may lose by a correction without a warning."""
+MOST_LOST = 0.25  # Share of the flights that may lose by a correction unwarned.
 
 _UNLIKE = (
     "no model explains it with the others: its mean squared error is {:.3g} times the "
     "median (another clock, axis, unit or glider, or a hit?)"
 )
 """Why a flight that stands out is excluded."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Searched:
+    """A search, and its flights without those that stand out."""
+
+    everything: Task  #: On all flights.
+    task: Task  #: On those to fit.
+    traced: SearchResult
+    outlying: Mapping[str, str]  #: Names of flights that stand out, and why.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -66,6 +75,7 @@ class Analysis:
     fitted: tuple[str, ...]  #: Names of the flights to fit.
     held_out: tuple[str, ...]  #: Names of those that errors are measured on.
     rng: np.random.Generator  #: Of all that is drawn at random.
+    settings: dict[str, Any]  #: Of the run, for the report.
 
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:
@@ -75,54 +85,52 @@ class Analysis:
         yield
         self.seconds[name] = time.perf_counter() - begin
 
-    def run(
-        self, kinds: tuple[str, ...], with_signs: bool, settings: dict[str, Any]
-    ) -> result.Result:
+    def run(self, kinds: tuple[str, ...], with_signs: bool) -> result.Result:
         """Runs all stages.
 
         Args:
             kinds: of the effects to try.
             with_signs: whether angles may be logged with the other sign.
-            settings: of the run, for the report.
         """
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.layout)
         flights = self._smooth(with_signs)
-        everything, task, outlying, traced = self._search(flights, kinds)
+        found = self._search(flights, kinds)
         with self.stage("refit", "refitting the flat plate alone"):
-            baseline = self._baseline(flights, task, traced)
+            baseline = self._baseline(flights, found)
         with self.stage("predict", "predicting held-out flights"):
-            spreads = outcome.spreads_of(task, traced.model)
+            spreads = outcome.spreads_of(found.task, found.traced.model)
             evaluation = evaluate(
                 flights,
-                [name for name in self.held_out if name not in outlying],
-                [name for name in self.held_out if name in outlying],
-                everything,
-                task,
-                traced,
+                [name for name in self.held_out if name not in found.outlying],
+                [name for name in self.held_out if name in found.outlying],
+                found.everything,
+                found.task,
+                found.traced,
                 baseline,
                 spreads,
                 self.rng,
             )
-        return self._result(
-            flights, outlying, task, traced, spreads, evaluation, settings
-        )
+        return self._result(flights, found, spreads, evaluation)
 
     def _smooth(self, with_signs: bool) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""
         logged, masks = self.inspection.campaign, self.inspection.masks
+
+        def smoothed(campaign: Campaign) -> tuple[Noise, list[Record]]:
+            noise, layout = measure_noise(campaign, masks), self.vehicle.layout
+            return noise, prepare(campaign.flights, campaign, noise, layout, masks)
+
+        signs = Signs()
         with self.stage("signs"):
-            signs = Signs()
             if with_signs:
                 few = tuple(f for f in logged.flights if f.name in self.fitted)
                 signs = find_signs(logged, few, masks, self.vehicle)
         campaign = turn_campaign(logged, signs)
         check_limits(campaign, masks)
         with self.stage("smooth"):
-            noise = measure_noise(campaign, masks)
-            records = as_logged = self._records(campaign, noise)
-            if not signs.are_right:
-                as_logged = self._records(logged, measure_noise(logged, masks))
+            noise, records = smoothed(campaign)
+            as_logged = records if signs.are_right else smoothed(logged)[1]
         return SmoothedFlights(
             campaign=campaign,
             signs=signs,
@@ -131,21 +139,11 @@ class Analysis:
             logged=as_logged,
         )
 
-    def _records(self, campaign: Campaign, noise: Noise) -> list[Record]:
-        layout, masks = self.vehicle.layout, self.inspection.masks
-        return prepare(campaign.flights, campaign, noise, layout, masks)
-
-    def _search(
-        self, flights: SmoothedFlights, kinds: tuple[str, ...]
-    ) -> tuple[Task, Task, dict[str, str], SearchResult]:
+    def _search(self, flights: SmoothedFlights, kinds: tuple[str, ...]) -> Searched:
         """Searches the effects that the flights to fit show, without outliers.
 
         Outliers among the flights to fit are excluded; those among the held-out flights
         are scored apart.
-
-        Returns:
-            the task on all flights but outliers and that on those to fit, the names of
-            the outliers with reasons, and the result of the search.
         """
         noise = flights.noise
         with self.stage("compare", "comparing flights"):
@@ -162,7 +160,9 @@ class Analysis:
                 if again:
                     self.progress(f"again without {', '.join(again)}")
                     traced = trace(task, noise, self.rng, self.progress)
-        return everything, task, outlying, traced
+        return Searched(
+            everything=everything, task=task, traced=traced, outlying=outlying
+        )
 
     def _without(
         self, outlying: Mapping[str, str], everything: Task
@@ -178,100 +178,91 @@ class Analysis:
             )
         return everything.on(kept), everything.on(fitted)
 
-    def _baseline(
-        self, flights: SmoothedFlights, task: Task, traced: SearchResult
-    ) -> FitResult:
+    def _baseline(self, flights: SmoothedFlights, found: Searched) -> FitResult:
         """Refits the flat plate to the log as it is, signs and all."""
-        if traced.forces is not None:
-            return traced.bare
-        names = [record.name for record in task.records]
-        bare = dataclasses.replace(
-            traced.bare, blocks=(), free=self.vehicle.baseline_slots
-        )
-        return fit_model(task.on(flights.among(names).logged), bare)
+        bare, names = found.traced.bare, [r.name for r in found.task.records]
+        if found.traced.forces is not None:
+            return bare
+        bare = dataclasses.replace(bare, blocks=(), free=self.vehicle.baseline_slots)
+        return fit_model(found.task.on(flights.among(names).logged), bare)
 
     def _result(
         self,
         flights: SmoothedFlights,
-        outlying: Mapping[str, str],
-        task: Task,
-        traced: SearchResult,
+        found: Searched,
         spreads: dict[str, result.Spread],
         evaluation: Evaluation,
-        settings: dict[str, Any],
     ) -> result.Result:
         """Finds standard errors and the verdict, and collects all that was found."""
-        signs, noise, vehicle = flights.signs, flights.noise, self.vehicle
-        model, judged, held_out = traced.model, traced.judged, evaluation.folds
+        task, traced, outlying = found.task, found.traced, found.outlying
+        signs, noise, logged = flights.signs, flights.noise, self.inspection.campaign
+        model, folds = traced.model, evaluation.folds
         before, named, after = evaluation.tables
-        logged = self.inspection.campaign
-        rolling = [(f.name, describe_planarity(f)) for f in logged.flights]
         with self.stage("weigh", "standard errors"):
-            carried = outcome.carried_of(task, model, uncertainty_of(task, judged))
-            known = uncertainty_of(task, with_allowed_curves(task, judged))
+            certain = uncertainty_of(task, traced.judged)
+            carried = outcome.carried_of(task, model, certain)
+            known = uncertainty_of(task, with_allowed_curves(task, traced.judged))
         effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
-        left = _left(task, judged, evaluation)
-        doubt = find_doubt(task, model)
-        scales = [w for w in self.inspection.warnings if w.startswith(SCALE)]
-        if doubt is None and scales and "position_scale" not in traced.model.kinds:
-            doubt = scales[0].rstrip(".")
-        verdict, reason = judge(
-            traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
-        )
-        found = result.Result(
-            campaign=logged.name,
-            path=logged.path,
-            flights=result.FlightNames(
-                fit=tuple(name for name in self.fitted if name not in outlying),
-                held_out=tuple(f.name for f in evaluation.held_out),
-            ),
-            verdict=verdict,
-            reason=reason,
-            effects=effects,
-            errors=evaluation.errors,
-            outlying=evaluation.outlying,
-            folds=() if held_out is None else held_out.folds,
-            left=left,
-            innovations=evaluation.innovations,
-            candidates=traced.alone,
-            combinations=tuple(
-                result.Combination(kinds=kinds, evidence=gain)
-                for kinds, gain in traced.combinations[: result.MOST_COMBINATIONS]
-            ),
-            evidence_threshold=traced.threshold,
-            correlations=outcome.correlations_of(task, model, known),
-            spreads=spreads,
-            air=result.Air(
-                std_m_s=0.0 if model.scales.is_still else model.scales.air,
-                correlation_s=model.scales.air_time,
-            ),
-            curves=outcome.curves_of(before, named),
-            vehicle=outcome.vehicle_of(task, model, known),
-            knows_forces=vehicle.knows_forces,
-            warnings=tuple(self._warnings(flights, evaluation, verdict)),
-            set_aside=self._excluded(outlying),
-            planarity={name: words for name, words in rolling if words},
-            noise=result.MeasurementNoise(
-                position_m=noise.position, pitch_rad=noise.pitch
-            ),
-            model=outcome.model_of(task, model, signs, flights.campaign),
-            covariance=outcome.covariance_of(task, model, known),
-            held_out=evaluation.held_out,
-            residual_before=before,
-            residual_after=after,
-            seconds=self.seconds,
-            version=importlib.metadata.version("drake-glider"),
-            own_effects=vehicle.layout.user_kinds,
-            seed=settings["seed"],
-            settings={**settings, "notes": list(vehicle.notes)},
-        )
-        return with_derivatives(found)
-
-    def _excluded(self, outlying: Mapping[str, str]) -> tuple[ExcludedRows, ...]:
-        """All that is not used: rows that are faulty, flights that stand out."""
+        covariance = outcome.covariance_of(task, model, known)
+        left = _left(task, traced.judged, evaluation)
+        scale = [w.rstrip(".") for w in self.inspection.warnings if w.startswith(SCALE)]
+        if "position_scale" in model.kinds:
+            scale = []
+        doubt = next(filter(None, [find_doubt(task, model), *scale]), None)
+        verdict, reason = judge(traced, folds, evaluation.errors, effects, left, doubt)
+        rolling = [(f.name, describe_planarity(f)) for f in logged.flights]
         rows = [s for s in self.inspection.excluded if s.file not in outlying]
         rows += [ExcludedRows(file=n, rows=ALL, why=w) for n, w in outlying.items()]
-        return tuple(sorted(rows, key=lambda s: s.file))
+        combinations = traced.combinations[: result.MOST_COMBINATIONS]
+        return with_derivatives(
+            result.Result(
+                campaign=logged.name,
+                path=logged.path,
+                flights=result.FlightNames(
+                    fit=tuple(n for n in self.fitted if n not in outlying),
+                    held_out=tuple(f.name for f in evaluation.held_out),
+                ),
+                verdict=verdict,
+                reason=reason,
+                effects=effects,
+                errors=evaluation.errors,
+                outlying=evaluation.outlying,
+                folds=() if folds is None else folds.folds,
+                left=left,
+                innovations=evaluation.innovations,
+                candidates=traced.alone,
+                combinations=tuple(
+                    result.Combination(kinds=kinds, evidence=gain)
+                    for kinds, gain in combinations
+                ),
+                evidence_threshold=traced.threshold,
+                correlations=outcome.correlations_of(covariance, model.kinds),
+                spreads=spreads,
+                air=result.Air(
+                    std_m_s=0.0 if model.scales.is_still else model.scales.air,
+                    correlation_s=model.scales.air_time,
+                ),
+                curves=outcome.curves_of(before, named),
+                vehicle=outcome.vehicle_of(task, model, known),
+                knows_forces=self.vehicle.knows_forces,
+                warnings=tuple(self._warnings(flights, evaluation, verdict)),
+                set_aside=tuple(sorted(rows, key=lambda s: s.file)),
+                planarity={name: words for name, words in rolling if words},
+                noise=result.MeasurementNoise(
+                    position_m=noise.position, pitch_rad=noise.pitch
+                ),
+                model=outcome.model_of(task, model, signs, flights.campaign),
+                covariance=covariance,
+                held_out=evaluation.held_out,
+                residual_before=before,
+                residual_after=after,
+                seconds=self.seconds,
+                version=importlib.metadata.version("drake-glider"),
+                own_effects=self.vehicle.layout.user_kinds,
+                seed=self.settings["seed"],
+                settings=self.settings,
+            )
+        )
 
     def _warnings(
         self, flights: SmoothedFlights, evaluation: Evaluation, verdict: str
@@ -285,11 +276,10 @@ class Analysis:
                 f"{limits[1]:.3g} rad: it is assumed to stop at {stops[0]:.3g} and "
                 f"{stops[1]:.3g}."
             )
-        servo = flights.campaign.servo
+        is_measured = flights.campaign.servo.angle == "measured"
         for record in flights.corrected:
-            unseen = record.has_servo and servo.angle == "measured"
             rows = beginning_rows(record, per_flight_trims=False)
-            if unseen and not record.seen[:rows, 3].any():
+            if record.has_servo and is_measured and not record.seen[:rows, 3].any():
                 yield (
                     f"{record.name}: no elevator row counts in the beginning of the "
                     "flight, which its launch is fitted on; the elevator is assumed "
@@ -308,12 +298,12 @@ class Analysis:
 
 
 def _left(task: Task, model: FitResult, evaluation: Evaluation) -> result.Residual:
-    """Finds the residual of the corrected model, and over what it varies."""
+    """The residual of the corrected model, and what it varies with."""
     corrected, floor = (evaluation.errors[m] for m in ("corrected", result.PERFECT))
     assert corrected is not None and floor is not None
-    found = survey(task, model)
-    real = [name for name, gain in found.items() if gain > BLOCK_THRESHOLD]
-    real.sort(key=lambda name: -found[name])
+    gains = survey(task, model)
+    real = [name for name, gain in gains.items() if gain > BLOCK_THRESHOLD]
+    real.sort(key=lambda name: -gains[name])
     variables = [v for name in real[:3] for v in BLOCKS[name].variables]
     return result.Residual(
         position_m=corrected.position_rms_m,

@@ -8,11 +8,14 @@ model's dynamics in still air, without the forces of added mass on accelerations
 
 import dataclasses
 import functools
+import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from glider.physics.compose import initial_extra
+from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.sysid.result import Derivatives, Estimate, Result
@@ -36,38 +39,29 @@ def with_derivatives(
             glide.
         chord: reference length [m]; by default the arm of the tail.
     """
-    model, covariance, flown = result.model, result.covariance, result.residual_after
-    p, words = model.parameters, "median state of the flights"
+    model, p = result.model, result.model.parameters
     length = chord or p.hinge_offset + p.elevator_offset
-    middle = {n: float(np.nanmedian(v)) for n, v in flown.variables.items()}
+    flown = result.residual_after.variables
+    middle = {n: float(np.nanmedian(v)) for n, v in flown.items()}
     airspeed, alpha, *place = (middle[n] for n in ("V", "alpha", "t", "x", "z"))
     attitude = -middle["elevator"], -middle["pitch"] - alpha
     condition = np.array([airspeed, alpha, 0.0, *attitude, *place])
+    words = "median state of the flights"
     if trim is not None:
         steady = _steady_glide(model, trim, condition[_PLACE])
         if steady is None:
             words += f", as the model has no steady glide at {trim:g} m/s"
         else:
             condition, words = steady, "steady glide"
-    numbers = np.concatenate(model.numbers[:2])
     table = functools.partial(_table, model, condition, length)
-    values = table(numbers)
+    values = table(np.concatenate(model.numbers[:2]))
     std = np.full(values.shape, math.nan)
-    if covariance is not None:
-        slopes = np.zeros((values.size, len(covariance.names)))
-        fitted = [*PARAMETER_NAMES]
-        fitted += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
-        sizes = _PART * np.sqrt(np.diag(covariance.matrix))
-        for k, (name, size) in enumerate(zip(covariance.names, sizes, strict=True)):
-            if name in fitted and size > 0.0:
-                step = size * (np.arange(len(numbers)) == fitted.index(name))
-                change = table(numbers + step) - table(numbers - step)
-                slopes[:, k] = change / (2.0 * size)
-        std = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance.matrix, slopes))
+    if result.covariance is not None:
+        std = _errors(model, table, result.covariance)
         std[std < _ROUNDING * np.abs(values)] = 0.0
-    by = {"": "-", "_alpha": "1/rad", "_q": "1/rad", "_delta_e": "1/rad"}
-    names = {c + v: unit for c in ("C_L", "C_D", "C_m") for v, unit in by.items()}
-    rows = zip(names.items(), values.tolist(), std.tolist(), strict=True)
+    columns = {"": "-", "_alpha": "1/rad", "_q": "1/rad", "_delta_e": "1/rad"}
+    names = itertools.product(("C_L", "C_D", "C_m"), columns.items())
+    rows = zip(names, values.tolist(), std.tolist(), strict=True)
     found = Derivatives(
         condition=words,
         airspeed_m_s=float(condition[_V]),
@@ -76,9 +70,27 @@ def with_derivatives(
         area_m2=p.wing_area,
         length_m=length,
         length="chord" if chord else "arm of the tail",
-        values={name: Estimate(v, s, unit) for (name, unit), v, s in rows},
+        values={c + by: Estimate(v, s, unit) for (c, (by, unit)), v, s in rows},
     )
     return dataclasses.replace(result, derivatives=found)
+
+
+def _errors(
+    model: GliderModel,
+    table: Callable[[np.ndarray], np.ndarray],
+    covariance: Covariance,
+) -> np.ndarray:
+    """Standard errors of a table of the model's numbers, to first order."""
+    numbers = np.concatenate(model.numbers[:2])
+    fitted = [*PARAMETER_NAMES]
+    fitted += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
+    steps = _PART * np.sqrt(np.diag(covariance.matrix))
+    slopes = np.zeros((table(numbers).size, len(steps)))
+    for k, (name, size) in enumerate(zip(covariance.names, steps, strict=True)):
+        if name in fitted and size > 0.0:
+            step = size * (np.arange(len(numbers)) == fitted.index(name))
+            slopes[:, k] = (table(numbers + step) - table(numbers - step)) / 2.0 / size
+    return np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance.matrix, slopes))
 
 
 def _meet(model: GliderModel, numbers: np.ndarray, condition: np.ndarray) -> tuple:
@@ -101,14 +113,11 @@ def _table(
     pressure = 0.5 * p.air_density * p.wing_area * condition[_V] ** 2
     sine, cosine = np.sin(condition[_CLIMB]), np.cos(condition[_CLIMB])
     columns = []
-    for entry, per in (
-        (_ALPHA, 1.0),
-        (_Q, 2.0 * condition[_V] / length),
-        (_ELEVATOR, 1.0),
-    ):
+    for entry in (_ALPHA, _Q, _ELEVATOR):
         moved = condition + 1j * _TINY * (np.arange(8) == entry)
         x, z, moment = model.chain.wrench(*_meet(model, numbers, moved))[2:5]
         forces = [z * cosine - x * sine, -x * cosine - z * sine, -moment / length]
+        per = 2.0 * condition[_V] / length if entry == _Q else 1.0
         columns.append(per / _TINY * np.imag(forces))
     return np.transpose([np.real(forces), *columns]).ravel() / pressure
 
@@ -133,8 +142,7 @@ def _steady_glide(
         return np.array([*forces, turn * p.pitch_inertia / (p.mass * arm)])
 
     solution = root(unbalanced, condition[free])
-    condition[free] = solution.x
+    alpha, elevator, _ = condition[free] = solution.x
     low, high = p.elevator_limits or (-math.pi / 2.0, math.pi / 2.0)
-    is_flown = low <= -condition[_ELEVATOR] <= high
-    is_flown &= abs(condition[_ALPHA]) < math.pi / 2.0
+    is_flown = low <= -elevator <= high and abs(alpha) < math.pi / 2.0
     return condition if solution.success and is_flown else None

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import Campaign, split_flights
 from glider.campaign.reader import load_campaign
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 from glider.progress import Progress, Step, silent
 
@@ -55,10 +55,8 @@ def close_the_loop(
     Raises:
         InputError: the campaign or an argument cannot be used.
     """
-    if not 0.0 < held_out < 1.0:
-        raise InputError(
-            f"the held-out fraction is {held_out:g}; expected one between 0 and 1."
-        )
+    is_share = 0.0 < held_out < 1.0
+    expect(is_share, "the held-out fraction", held_out, "one between 0 and 1")
     own = tuple(own_effects)
     _check_names(effects, own)
     progress(Step("read", 0.0))
@@ -78,29 +76,31 @@ def close_the_loop(
 
     vehicle = make_vehicle(campaign, layout_of(own))
     kinds, warnings = _kinds_to_try(vehicle, effects)
-    warnings = *inspection.warnings, *warnings
     chosen = {"flights": flights, "grades": grades, "effects": effects}
-    settings: dict[str, object] = {
-        "seed": seed,
-        "held_out": held_out,
-        **{k: None if v is None else list(v) for k, v in chosen.items()},
-        "own_effects": [e.kind for e in own],
-    }
 
     from glider.sysid.analysis import Analysis
 
     analysis = Analysis(
         progress=progress,
         seconds=seconds,
-        inspection=dataclasses.replace(inspection, warnings=warnings),
+        inspection=dataclasses.replace(
+            inspection, warnings=(*inspection.warnings, *warnings)
+        ),
         vehicle=vehicle,
         fitted=tuple(f.name for f in fitted),
         held_out=tuple(f.name for f in unseen),
         rng=np.random.default_rng(seed),
+        settings={
+            "seed": seed,
+            "held_out": held_out,
+            **{k: None if v is None else list(v) for k, v in chosen.items()},
+            "own_effects": [e.kind for e in own],
+            "notes": list(vehicle.notes),
+        },
     )
     with_signs = effects is None or ANGLE_SIGN.kind in effects
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
-        return analysis.run(kinds, with_signs, settings)
+        return analysis.run(kinds, with_signs)
 
 
 def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:

@@ -1,7 +1,7 @@
 """The result of closing the loop: inert data, as the report and the caller read it.
 
-`Report` and what it is made of are report.json, key by key, and NaN is null there;
-`Result` adds what only the program itself needs: the model, and arrays of figures.
+`Report` is report.json, key by key, and NaN is null there; `Result` adds what only the
+program needs: the model, and arrays of figures.
 """
 
 import dataclasses
@@ -13,31 +13,22 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.checks.masks import ExcludedRows
-from glider.errors import InputError, show
+from glider.errors import InputError, expect, show
 from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 
-VERDICTS = (
-    "no_effect",
-    "effect_found",
-    "partly_explained",
-    "unexplained",
-    "not_trusted",
-)
+VERDICTS = "no_effect", "effect_found", "partly_explained", "unexplained", "not_trusted"
 """Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
-was found does not hold on flights that were held out."""
+was found does not hold on held-out flights."""
 
 MODELS = ("nominal", "refitted", "corrected")
 """Nominal model; flat plate with refitted parameters; model with the effects."""
 
-CALIBRATED = "calibrated"
-"""The refitted baseline without a constant error of the pitch reading: calibration is
-not physics, so it has its own line."""
-
-PERFECT = "floor"
-"""Errors that a perfect model would leave on the same flights, predicted likewise."""
+CALIBRATED, PERFECT = "calibrated", "floor"
+"""The refitted baseline without a constant error of the pitch reading, as calibration
+is not physics; what a perfect model would leave on the same flights."""
 
 UNLIKELY = 0.005
 """Probability, by chance, below which errors are not those of a perfect model, or gusts
@@ -66,18 +57,14 @@ class ReportedEffect:
     #: flight-to-flight variation was found.
     evidence: Number = math.nan
     share_of_residual: Number = math.nan  #: Of all the evidence, 0 to 1.
-    #: Share of resampled sets of flights in which it is chosen, 0 to 1.
-    inclusion: Number = 1.0
+    inclusion: Number = 1.0  #: Share of resampled flights that choose it, 0 to 1.
     #: Coefficient to its flight-to-flight standard deviation; only those that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
-    #: LIBRARY_SHAPE where the library's formula has the right shape; else the model
-    #: carries a curve beside it.
-    shape: str = LIBRARY_SHAPE
+    shape: str = LIBRARY_SHAPE  #: With OTHER_SHAPE the model carries a curve beside it.
     #: Link of the force chain that a free function acts in: "air", "wing_force",
     #: "moment", "tail_pressure" or "tail_angle"; empty for a formula of the library.
     family: str = ""
-    #: Kinds that the data cannot distinguish from it.
-    indistinguishable_from: tuple[str, ...] = ()
+    indistinguishable_from: tuple[str, ...] = ()  #: Kinds that would do as well.
     depends_on: tuple[str, ...]  #: Variables that it varies with.
 
 
@@ -108,17 +95,13 @@ class Curve:
 
     term: str  #: One of CURVE_TERMS.
     alpha: np.ndarray  #: (n,) [rad].
-    #: (n,) the residual of the flat plate: identified effects and what is carried.
-    lack: np.ndarray
+    lack: np.ndarray  #: (n,) the residual: identified effects and what is carried.
     std: np.ndarray  #: (n,) standard error of it.
     named: np.ndarray  #: (n,) the identified part.
 
     def __post_init__(self) -> None:
-        if self.term not in CURVE_TERMS:
-            raise InputError(
-                f"field 'term' is {show(self.term)}; expected one of "
-                f"{', '.join(CURVE_TERMS)}."
-            )
+        known = f"one of {', '.join(CURVE_TERMS)}"
+        expect(self.term in CURVE_TERMS, "field 'term'", self.term, known)
         columns = self.alpha, self.lack, self.std, self.named
         if len({*map(np.shape, columns)}) != 1:
             raise InputError(
@@ -141,24 +124,18 @@ class Residual:
 
     position_m: Number  #: RMS of the position [m].
     ratio_to_floor: Number  #: That over the RMS which a perfect model would leave.
-    #: Probability that a perfect model leaves as much on as many flights.
-    chance: Number = math.nan
-    #: Variables that the remaining error varies with, most first.
-    depends_on: tuple[str, ...]
+    chance: Number = math.nan  #: Probability that a perfect model leaves as much.
+    depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
     #: States of the glider that the modelled gusts depend on: they are not turbulence.
     air_depends_on: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Combination:
-    """A set of effects that was fitted in full.
-
-    Its evidence is the log-likelihood gained over the flat plate alone, less the
-    penalty of its effects [nats].
-    """
+    """A set of effects that was fitted in full."""
 
     kinds: tuple[str, ...]
-    evidence: Number
+    evidence: Number  #: Penalized gain over the flat plate alone [nats].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -188,9 +165,9 @@ class PathErrors:
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """100 (1 - |y - ŷ| / |y - mean y|) [%] of free rollouts over all flights.
+    """100 (1 - |y - ŷ| / |y - mean y|) [%] of free rollouts, as MATLAB's `compare`.
 
-    The mean is that of each flight; MATLAB's `compare` has the same.
+    Over all flights, with the mean of each.
     """
 
     x: Number = math.nan
@@ -224,10 +201,10 @@ class Fold:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightNames:
-    """Names of the flights used to fit, and of those that errors are measured on."""
+    """Names of flights."""
 
-    fit: tuple[str, ...]
-    held_out: tuple[str, ...]
+    fit: tuple[str, ...]  #: Used to fit.
+    held_out: tuple[str, ...]  #: That errors are measured on.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -278,9 +255,7 @@ class EvidenceThreshold:
 
     effect: Number  #: Of one coefficient, at least.
     coefficient: Number  #: More for each further coefficient.
-    #: More for an effect that not every glider has; zero where the nominal forces are
-    #: known.
-    uncommon: Number = 0.0
+    uncommon: Number = 0.0  #: More for what not every glider of unknown forces has.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -307,20 +282,16 @@ class HeldOutFlight:
 class ResidualTable:
     """The article's residual data set of one model, all flights stacked."""
 
-    #: Name (of FIELD_VARIABLES and "alphadot") to (N,) values.
-    variables: dict[str, np.ndarray]
+    variables: dict[str, np.ndarray]  #: Of FIELD_VARIABLES and "alphadot", (N,) each.
     #: (N, 3) measured minus modelled acceleration: along the wing, normal to it [m/s²],
     #: pitch [rad/s²].
     residual: np.ndarray
     #: Name ("c_lift", "c_drag", "c_moment") to (N,) measured, referred to ½ρV²S_w.
     coefficients: dict[str, np.ndarray]
     modelled: dict[str, np.ndarray]  #: The same of the model.
-    #: (N,) number of the flight that each row is of, an index of `names`.
-    flight: np.ndarray
+    flight: np.ndarray  #: (N,) index of `names` of each row.
     names: tuple[str, ...]  #: Of the flights.
-    #: (N, 3) standard deviation of `residual` that the measurement's noise alone gives
-    #: it, as the smoothing lets it through.
-    noise: np.ndarray
+    noise: np.ndarray  #: (N, 3) deviation of `residual` by smoothed noise alone.
     #: (N, 2) accelerations that coefficients of one stand for: ½ρV²S_w over the mass
     #: [m/s²] and over the moment of inertia [rad/s²/m].
     unit: np.ndarray
@@ -334,37 +305,30 @@ class Report:
     """
 
     campaign: str
-    flights: FlightNames  #: Names of those used to fit and of those held out.
+    flights: FlightNames
     verdict: str
     reason: str
     effects: Sequence[ReportedEffect]
     #: Model name (of MODELS, CALIBRATED, PERFECT) to its errors; nominal is None where
     #: the vehicle is not known.
     errors: dict[str, Errors | None]
-    #: Held-out flights that are not in `errors`; None without any.
-    outlying: OutlyingFlights | None = None
+    outlying: OutlyingFlights | None = None  #: Not in `errors`; None without any.
     evidence_threshold: EvidenceThreshold
     folds: tuple[Fold, ...]
     left: Residual
     air: Air
-    #: Name to flight-to-flight variation, only where there is any.
-    spreads: dict[str, Spread]
+    spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.
     #: "kind.coefficient" to the same to the correlation of their errors.
     correlations: dict[str, dict[str, Number]]
-    #: Of the corrected model; None in reports of older versions, as is.
-    derivatives: Derivatives | None = None
-    #: Correlations of what is left of each held-out flight.
-    innovations: Innovations | None = None
+    derivatives: Derivatives | None = None  #: Older versions have none,
+    innovations: Innovations | None = None  #: nor correlations of innovations.
     candidates: dict[str, Number]  #: Evidence of each kind when tried alone [nats].
-    #: Sets of effects that were fitted, best first.
-    combinations: tuple[Combination, ...]
+    combinations: tuple[Combination, ...]  #: Sets that were fitted, best first.
     curves: tuple[Curve, ...]  #: Residual of the flat plate over the angle of attack.
-    #: Name of a parameter that was not specified to its estimate.
-    vehicle: dict[str, Estimate]
+    vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]
-    #: Name of a flight to a sentence, where the log has roll and yaw.
-    planarity: dict[str, str]
+    planarity: dict[str, str]  #: Flight to a sentence, where it has roll and yaw.
     seed: int | None  #: Of the split into fitted and held-out flights.
     settings: dict[str, Any]  #: Seed, fraction and what else would repeat this run.
     noise: MeasurementNoise
@@ -391,11 +355,9 @@ class Result(Report):
     knows_forces: bool
     model: GliderModel  #: The corrected glider.
     held_out: tuple[HeldOutFlight, ...]  #: Held-out flights, measured and flown.
-    #: Of the nominal model, or of the baseline where there is none.
-    residual_before: ResidualTable
+    residual_before: ResidualTable  #: Of the nominal model, else of the baseline.
     residual_after: ResidualTable  #: Of the corrected model.
-    #: Kinds of the caller's that were tried beside the library.
-    own_effects: tuple[EffectKind, ...] = ()
+    own_effects: tuple[EffectKind, ...] = ()  #: User effects that were tried.
     #: Of the errors of its coefficients and of the fitted parameters of the vehicle;
     #: None where nothing was fitted.
     covariance: Covariance | None = None
@@ -425,11 +387,6 @@ def read_report(path: Path) -> tuple[Report, Path]:
             "wrote, or its report.json."
         )
     data = parse_json(read_text(file, "a report.json of close-the-loop"), str(file))
-    if isinstance(data, dict) and "as_drawn" in (data.get("errors") or ()):
-        raise InputError(
-            f"{file}: was written by an older version of drake-glider; expected a "
-            "report of this one: run close-the-loop again."
-        )
     try:
         return convert(data, Report, str(file)), file
     except InputError as error:

@@ -6,16 +6,17 @@ a way that no check of its rows detects, as with the commands of another flight 
 clock that runs slow.
 """
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
 from glider.physics.effects import POSE_LATENCY
 from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
-from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.record import Signs
 from glider.sysid.replay.replayed import logged_elevator
 from glider.sysid.replay.theta import SERVO_LOG
 from glider.sysid.replay.vehicle import BASELINE_KINDS
@@ -48,6 +49,8 @@ of a clock that an import finds."""
 TRAVEL_ERROR = 0.1  # The same of the travel of an elevator that was not measured.
 GAIN_Z = 4.0  # ... and standard errors over flights above which that is significant.
 WINDOW = 0.1  # Time over which an elevator's travel is measured [s].
+LEAST_TRAVEL = 0.1
+"""Sum of squared travels above which a flight determines a gain [rad²]."""
 
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
@@ -61,8 +64,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
-    slots = task.layout.slots_of(SERVO_LOG.kind)
-    shift, _, travel, _ = model.theta[list(slots)].tolist()
+    shift, _, travel, _ = model.theta[list(task.layout.slots_of(SERVO_LOG.kind))]
     if abs(shift) > SHIFTED:
         words = "earlier" if shift < 0.0 else "later"
         return (
@@ -76,16 +78,17 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
         )
     if not task.vehicle.knows_forces:
         return None
+    scales = vars(model.scales)
     found = [
-        words.format(getattr(model.scales, name))
+        words.format(scales[name])
         for name, words in BOUNDED.items()
-        if getattr(model.scales, name) > NEAR_CEILING * getattr(CEILING, name)
+        if scales[name] > NEAR_CEILING * getattr(CEILING, name)
     ]
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
-    if model.scales.moment > MOMENT_SHARE * usual:
+    if scales["moment"] > MOMENT_SHARE * usual:
         found.append(
-            f"unmodelled pitch accelerations of {model.scales.moment:.2g} rad/s² "
+            f"unmodelled pitch accelerations of {scales['moment']:.2g} rad/s² "
             f"(measured ones are {usual:.2g})"
         )
     if found:
@@ -108,40 +111,34 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     found = []
     for record in (record for record in task.records if record.has_servo):
         rows = np.flatnonzero(record.seen[:, 3])
-        time, measured = record.time[rows], record.elevator[rows]
-        modelled = logged_elevator(record, model.theta)[rows]
+        time, modelled = record.time[rows], logged_elevator(record, model.theta)[rows]
         ends = np.searchsorted(time, time + WINDOW)
         first = np.flatnonzero(ends < len(time))
-        travel, ordered = (v[ends[first]] - v[first] for v in (measured, modelled))
+        both = record.elevator[rows], modelled
+        travel, ordered = (v[ends[first]] - v[first] for v in both)
         if (known := float(ordered @ ordered)) > LEAST_TRAVEL:
             found.append(float(ordered @ travel) / known)
     if len(found) < 3:
         return 1.0, np.inf
     median = float(np.median(found))
-    error = 1.2533 * float(robust_std(np.array(found) - median))
+    error = 1.2533 * float(robust_std(np.array(found) - median))  # Of a median: √(π/2).
     return median, error / np.sqrt(len(found))
 
 
-LEAST_TRAVEL = 0.1
-"""Sum of squared travels above which a flight determines a gain [rad²]."""
-
-
 AllErrors = dict[str, Errors | None]
+FLOWN = "flown freely", "along the measured pitch"
 
 
 def judge(
     traced: SearchResult,
-    signs: Signs,
-    carried: tuple[str, ...],
     held_out: HeldOut | None,
     errors: AllErrors,
-    effects: tuple[FoundEffect, ...],
+    effects: Sequence[FoundEffect],
     left: Residual,
     doubt: str | None,
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why."""
-    kinds, right = traced.model.kinds, signs.are_right
-    if not kinds and not carried and right:
+    if not effects and not traced.model.kinds:
         if traced.forces is not None and left.depends_on:
             return "unexplained", (
                 "What the flat plate lacks depends on "
@@ -150,17 +147,16 @@ def judge(
         return "no_effect", "The flights show nothing beyond noise and moving air."
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
-    doubt, as_plate = _over_baseline(held_out, errors), False
-    if doubt and held_out is not None and held_out.over_nominal is not None:
-        doubt, as_plate = _over_nominal(held_out, held_out.over_nominal, errors), True
+    doubt, is_as_plate = _not_better(held_out, errors)
     if doubt is not None:
         return "not_trusted", doubt
     rest = _beyond_floor(left)
     if rest or any(e.kind == "unexplained" for e in effects):
-        if right and not any(k not in BLOCKS or k in traced.families for k in kinds):
-            return (
-                "unexplained",
-                f"No effect of the library explains what the flat plate lacks{rest}.",
+        # A variation over flights alone has no evidence and explains nothing.
+        named = [e for e in effects if e.kind != "unexplained"]
+        if all(math.isnan(e.evidence) for e in named):
+            return "unexplained", (
+                f"No effect of the library explains what the flat plate lacks{rest}."
             )
         return "partly_explained", (
             f"Effects of the library explain part of what the flat plate lacks{rest}."
@@ -171,7 +167,7 @@ def judge(
             "The effects are identified; where a formula has not the right shape, the "
             "model carries a curve beside it"
         )
-    elif as_plate:
+    elif is_as_plate:
         reason += (
             ": the glider differs from its nominal model, and the flat plate with "
             "refitted parameters predicts about as well"
@@ -197,36 +193,37 @@ def changes_baseline_alone(model: FitResult) -> bool:
     The refitted baseline has them too and may leave nothing to gain: they are
     then compared with the nominal model.
     """
-    return (
-        bool(model.kinds)
-        and not model.blocks
-        and set(model.kinds) <= set(BASELINE_KINDS)
-    )
+    kinds = set(model.kinds)
+    return bool(kinds) and not model.blocks and kinds <= set(BASELINE_KINDS)
 
 
-def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:
-    """Finds the reason why a correction does not beat the baseline, or None."""
+def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None, bool]:
+    """Reason why the correction is no better than baseline and nominal model, or None.
+
+    Also whether it was compared with the nominal model, as the baseline is no worse.
+    """
     ratios = _ratios(errors, "refitted")
-    if held_out is not None:
-        if not held_out.gain.are_significant:
-            return _no_gain(held_out.gain, "refitted baseline")
-        ratios = np.maximum(ratios, held_out.ratios)
-    return _worse(ratios, "refitted baseline")
-
-
-def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | None:
-    """Finds the reason why other parameters of the flat plate do not hold, or None."""
-    if not gain.are_significant:
-        return _no_gain(gain, "nominal model")
-    if held_out.gain.t < -held_out.gain.least_t:
-        return _no_gain(held_out.gain, "refitted baseline: it loses")
+    if held_out is None:
+        return _worse(ratios, "refitted baseline"), False
+    gain, over_nominal = held_out.gain, held_out.over_nominal
+    doubt = _no_gain(gain, "refitted baseline") or _worse(
+        np.maximum(ratios, held_out.ratios), "refitted baseline"
+    )
+    if doubt is None or over_nominal is None:
+        return doubt, False
+    if doubt := _no_gain(over_nominal, "nominal model"):
+        return doubt, True
+    if gain.t < -gain.least_t:
+        return _no_gain(gain, "refitted baseline: it loses"), True
     # Along the pitch, turning shows nothing.
-    return _worse(_ratios(errors, "nominal")[:1], "nominal model")
+    return _worse(_ratios(errors, "nominal")[:1], "nominal model"), True
 
 
-def _no_gain(gain: Gains, over: str) -> str:
+def _no_gain(gain: Gains, over: str) -> str | None:
     """Sentence about a correction that gains too little on held-out flights."""
-    if abs(gain.t) >= gain.least_t and gain.t > 0.0:
+    if gain.are_significant:
+        return None
+    if gain.t >= gain.least_t:
         return (
             "On the flights that neither the search nor a fit has seen, the correction "
             f"gains {gain.of_unseen:.1f} nats over the {over}: that may be chance."
@@ -238,19 +235,14 @@ def _no_gain(gain: Gains, over: str) -> str:
 
 
 def _worse(ratios: np.ndarray, than: str) -> str | None:
-    """Sentence about a correction that makes held-out flights worse, or None."""
+    """Sentence about a correction that makes held-out flights worse."""
     for words, worse, ratio in zip(FLOWN, WORSE, ratios, strict=False):
         if ratio > worse:
-            found = (
-                f"{words} {ratio:.4g} times the error of the {than}"
-                if np.isfinite(ratio)
-                else f"{words} the corrected model diverges"
-            )
+            found = f"{words} {ratio:.4g} times the error of the {than}"
+            if not np.isfinite(ratio):
+                found = f"{words} the corrected model diverges"
             return f"The correction makes held-out flights worse: {found}."
     return None
-
-
-FLOWN = "flown freely", "along the measured pitch"
 
 
 def _ratios(errors: AllErrors, model: str) -> np.ndarray:

@@ -34,7 +34,8 @@ def bent_by(task, model, coordinates):
 def known_within(model, std):
     """Returns an uncertainty in which all curves' coordinates have one error."""
     count = len(model.free) + len(model.coordinates)
-    return Uncertainty(free=model.free, covariance=std**2 * np.eye(count))
+    covariance = std**2 * np.eye(count)
+    return Uncertainty(free=model.free, covariance=covariance, places=model.places())
 
 
 def curve_of(task, term):

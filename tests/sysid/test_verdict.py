@@ -1,5 +1,6 @@
 """The verdict: what is claimed, and what is not."""
 
+import math
 import types
 
 import pytest
@@ -23,12 +24,12 @@ from glider.sysid.verdict import FLOWN, changes_baseline_alone, judge
 RIGHT = Signs()
 
 
-def entry(kind, shape_fits=True):
+def entry(kind, shape_fits=True, evidence=1.0):
     return FoundEffect(
         kind=kind,
         words="",
         coefficients={},
-        evidence=1.0,
+        evidence=evidence,
         share_of_residual=1.0,
         indistinguishable_from=(),
         depends_on=(),
@@ -87,7 +88,6 @@ def verdict(
     blocks = ("air over x",) if field else ()
     traced = types.SimpleNamespace(
         model=types.SimpleNamespace(kinds=(*kinds, *blocks)),
-        families={},
         forces=None if left_over is None else object(),
     )
     left = Residual(
@@ -105,7 +105,7 @@ def verdict(
         "refitted": errors_with(1.0, 1.0),
         "corrected": errors_with(*split),
     }
-    return judge(traced, signs, terms, held_out, errors, tuple(effects), left, doubt)
+    return judge(traced, held_out, errors, effects, left, doubt)
 
 
 def test_thrown_gliders_that_leave_much_are_never_without_effect():
@@ -164,7 +164,7 @@ def test_a_gain_on_the_flights_of_the_search_alone_is_not_trusted():
             gain=gain_of(9.0, gained), ratios=(0.9, 0.9), over_nominal=None
         )
         found = (entry("wind"),)
-        word, reason = judge(traced, RIGHT, (), held_out, errors, found, left, None)
+        word, reason = judge(traced, held_out, errors, found, left, None)
         assert word == (expected or "effect_found")
         assert ("neither the search nor a fit has seen" in reason) == bool(expected)
 
@@ -213,15 +213,15 @@ def test_wrong_signs_need_no_folds():
 def test_what_only_differs_from_flight_to_flight_names_no_lack():
     """A trim that is zero in the mean stands beside the unexplained, no more."""
     traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=("air over x",)), families={}, forces=None
+        model=types.SimpleNamespace(kinds=("air over x",)), forces=None
     )
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
-    found = (entry("unexplained"), entry("elevator_trim"))
+    found = entry("unexplained"), entry("elevator_trim", evidence=math.nan)
     held_out = types.SimpleNamespace(
         gain=gain_of(9.0), ratios=(0.9, 0.9), over_nominal=None
     )
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
-    word, _ = judge(traced, RIGHT, (), held_out, errors, found, left, None)
+    word, _ = judge(traced, held_out, errors, found, left, None)
     assert word == "unexplained"
 
 

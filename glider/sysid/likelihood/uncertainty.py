@@ -20,6 +20,7 @@ class Uncertainty:
 
     free: tuple[int, ...]  #: Slots of theta, then the blocks' coordinates follow.
     covariance: np.ndarray  #: (m + q, m + q).
+    places: dict[str, range]  #: Name of a block to its rows of the covariance.
 
     def std(self, slot: int) -> float:
         """Returns the standard error of a slot of theta; NaN where it is not free."""
@@ -33,7 +34,8 @@ def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
     """Returns the covariance of a model's parameters, see `information.covariance`."""
     grams = model_fit.grams_of(model_fit.linear_flights(task, model), model.scales)
     precision = model_fit.prior_of(task, model).precision
-    return Uncertainty(free=model.free, covariance=covariance(grams, precision))
+    known = covariance(grams, precision)
+    return Uncertainty(free=model.free, covariance=known, places=model.places())
 
 
 def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.FitResult:
