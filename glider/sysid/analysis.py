@@ -194,8 +194,7 @@ class Analysis:
         evaluation: Evaluation,
     ) -> result.Result:
         """Finds standard errors and the verdict, and collects all that was found."""
-        task, traced, outlying = found.task, found.traced, found.outlying
-        signs, noise, logged = flights.signs, flights.noise, self.inspection.campaign
+        task, traced, signs = found.task, found.traced, flights.signs
         model, folds = traced.model, evaluation.folds
         before, named, after = evaluation.tables
         with self.stage("weigh", "standard errors"):
@@ -210,18 +209,9 @@ class Analysis:
             scale = []
         doubt = next(filter(None, [find_doubt(task, model), *scale]), None)
         verdict, reason = judge(traced, folds, evaluation.errors, effects, left, doubt)
-        rolling = [(f.name, describe_planarity(f)) for f in logged.flights]
-        rows = [s for s in self.inspection.excluded if s.file not in outlying]
-        rows += [ExcludedRows(file=n, rows=ALL, why=w) for n, w in outlying.items()]
-        combinations = traced.combinations[: result.MOST_COMBINATIONS]
         return with_derivatives(
             result.Result(
-                campaign=logged.name,
-                path=logged.path,
-                flights=result.FlightNames(
-                    fit=tuple(n for n in self.fitted if n not in outlying),
-                    held_out=tuple(f.name for f in evaluation.held_out),
-                ),
+                **self._of_campaign(flights, found, evaluation, verdict),
                 verdict=verdict,
                 reason=reason,
                 effects=effects,
@@ -233,7 +223,7 @@ class Analysis:
                 candidates=traced.alone,
                 combinations=tuple(
                     result.Combination(kinds=kinds, evidence=gain)
-                    for kinds, gain in combinations
+                    for kinds, gain in traced.combinations[: result.MOST_COMBINATIONS]
                 ),
                 evidence_threshold=traced.threshold,
                 correlations=outcome.correlations_of(covariance, model.kinds),
@@ -244,25 +234,50 @@ class Analysis:
                 ),
                 curves=outcome.curves_of(before, named),
                 vehicle=outcome.vehicle_of(task, model, known),
-                knows_forces=self.vehicle.knows_forces,
-                warnings=tuple(self._warnings(flights, evaluation, verdict)),
-                set_aside=tuple(sorted(rows, key=lambda s: s.file)),
-                planarity={name: words for name, words in rolling if words},
-                noise=result.MeasurementNoise(
-                    position_m=noise.position, pitch_rad=noise.pitch
-                ),
                 model=outcome.model_of(task, model, signs, flights.campaign),
                 covariance=covariance,
                 held_out=evaluation.held_out,
                 residual_before=before,
                 residual_after=after,
-                seconds=self.seconds,
-                version=importlib.metadata.version("drake-glider"),
-                own_effects=self.vehicle.layout.user_kinds,
-                seed=self.settings["seed"],
-                settings=self.settings,
             )
         )
+
+    def _of_campaign(
+        self,
+        flights: SmoothedFlights,
+        found: Searched,
+        evaluation: Evaluation,
+        verdict: str,
+    ) -> dict[str, Any]:
+        """Fields of a result about the campaign and the run."""
+        logged, noise, outlying = (
+            self.inspection.campaign,
+            flights.noise,
+            found.outlying,
+        )
+        rolling = {f.name: describe_planarity(f) for f in logged.flights}
+        rows = [s for s in self.inspection.excluded if s.file not in outlying]
+        rows += [ExcludedRows(file=n, rows=ALL, why=w) for n, w in outlying.items()]
+        return {
+            "campaign": logged.name,
+            "path": logged.path,
+            "flights": result.FlightNames(
+                fit=tuple(n for n in self.fitted if n not in outlying),
+                held_out=tuple(f.name for f in evaluation.held_out),
+            ),
+            "knows_forces": self.vehicle.knows_forces,
+            "warnings": tuple(self._warnings(flights, evaluation, verdict)),
+            "set_aside": tuple(sorted(rows, key=lambda s: s.file)),
+            "planarity": {name: words for name, words in rolling.items() if words},
+            "noise": result.MeasurementNoise(
+                position_m=noise.position, pitch_rad=noise.pitch
+            ),
+            "seconds": self.seconds,
+            "version": importlib.metadata.version("drake-glider"),
+            "own_effects": self.vehicle.layout.user_kinds,
+            "seed": self.settings["seed"],
+            "settings": self.settings,
+        }
 
     def _warnings(
         self, flights: SmoothedFlights, evaluation: Evaluation, verdict: str

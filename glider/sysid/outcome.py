@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,8 @@ def carried_of(task: Task, model: FitResult, known: Uncertainty) -> tuple[str, .
         return ()
     curves, places = task.curves, known.places[CURVES]
     # Over the central 90 % of the flown angles.
-    alpha = np.linspace(*np.percentile(curves.angles, [5.0, 95.0]), 41)[:, None]
+    low, high = np.percentile(curves.angles, [5.0, 95.0])
+    alpha = np.linspace(low, high, 41)[:, None]
     values = curves.values(model.by_name[CURVES].coordinates, alpha)
     basis = np.stack([curves.values(u, alpha) for u in np.eye(curves.count)], axis=2)
     corner = known.covariance[np.ix_(places, places)]
@@ -108,7 +110,7 @@ def effects_of(
     found = [] if signs.are_right else [_sign_entry(signs)]
     for name in model.kinds:
         evidence = float(traced.evidence.get(name, 0.0))
-        of_search = {
+        of_search: dict[str, Any] = {
             "evidence": evidence,
             "share_of_residual": float(np.clip(evidence / gained, 0.0, 1.0)),
             "inclusion": traced.weighed[name].inclusion,
@@ -160,7 +162,7 @@ def _sign_entry(signs: Signs) -> FoundEffect:
 
 
 def _block_entry(
-    traced: SearchResult, known: Uncertainty, name: str, of_search: dict[str, float]
+    traced: SearchResult, known: Uncertainty, name: str, of_search: dict[str, Any]
 ) -> FoundEffect:
     """A free function as an effect of its family, or of none."""
     kind, own = BLOCKS[name], traced.model.by_name[name]
