@@ -11,7 +11,12 @@ from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.candidates import gather, tamed
-from glider.sysid.likelihood.information import Evidence, counted_from, eliminate
+from glider.sysid.likelihood.information import (
+    Evidence,
+    counted_from,
+    eliminate,
+    solve_scaled,
+)
 from glider.sysid.likelihood.linear_flight import nearest_start, slopes, starts_of
 from glider.sysid.likelihood.model_fit import (
     FitResult,
@@ -23,6 +28,7 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.uncertainty import jackknife, larger_of
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import theta_of
 from glider.sysid.result import Report, Result, read_report
@@ -111,7 +117,7 @@ class Explanation:
     log_evidence: float
     #: That it is the right one; their sum is below 1, as none of them may be.
     probability: float
-    #: (m, m) inverse covariance of its free parameters, after the flights.
+    #: (m, m) inverse covariance of its free parameters, see `uncertainty.Uncertainty`.
     precision: np.ndarray
 
     @property
@@ -267,15 +273,16 @@ def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     """A model with its evidence: -cost + ½ log |Λ| - ½ log |A|, and shapes."""
     grams = grams_of(linear_flights(task, model), model.scales)
     prior = prior_of(task, model).precision
-    precision = grams.sum(axis=0)[:-1, :-1] + np.diag(prior)
-    size = np.linalg.slogdet(precision)[1] if len(prior) else 0.0
+    information = grams.sum(axis=0)[:-1, :-1] + np.diag(prior)
+    size = np.linalg.slogdet(information)[1] if len(prior) else 0.0
     evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - size)
     evidence += choice_of_shapes(task, model)
+    matrix, _ = larger_of(*jackknife(grams, prior))
     return Explanation(
         model=model,
         log_evidence=evidence - penalty * len(model.kinds),
         probability=np.nan,
-        precision=precision,
+        precision=solve_scaled(matrix, np.eye(len(prior))),
     )
 
 

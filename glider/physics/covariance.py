@@ -28,6 +28,9 @@ class Covariance:
     #: What the m rows are of: "kind.coefficient" of an effect, or a parameter.
     names: tuple[str, ...]
     matrix: np.ndarray  #: (m, m), in the product of both units.
+    #: ν of Student's t and of Hotelling's T², at least m: of the flights that it was
+    #: estimated from; None for normal errors.
+    degrees_of_freedom: float | None = None
 
     def __post_init__(self):
         """Raises InputError where this is no covariance."""
@@ -49,6 +52,10 @@ class Covariance:
             expect(False, what, pair, "one value in a symmetric matrix")
         # Where a variance is zero, all of its row has to be.
         scaled = matrix / np.where(size > 0.0, size, np.where(matrix == 0.0, 1.0, 1e-9))
+        freedom = self.degrees_of_freedom
+        what = "covariance: 'degrees_of_freedom'"
+        good = freedom is None or count <= freedom < np.inf
+        expect(good, what, freedom, f"a finite number, at least {count}")
         least = np.linalg.eigvalsh(scaled).min(initial=0.0)
         what = "covariance: the least eigenvalue of the correlations"
         good = least >= -ROUNDING * max(count, 1)
@@ -63,7 +70,8 @@ class Covariance:
         flown |= set(PARAMETER_NAMES)
         names = tuple(n for n in self.names if n.partition(".")[0] in flown)
         rows = [self.names.index(name) for name in names]
-        return Covariance(names=names, matrix=self.matrix[np.ix_(rows, rows)])
+        matrix = self.matrix[np.ix_(rows, rows)]
+        return dataclasses.replace(self, names=names, matrix=matrix)
 
 
 def check_names(names: Sequence[str], effects: Sequence[Effect]) -> None:

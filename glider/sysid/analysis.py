@@ -202,7 +202,7 @@ class Analysis:
             carried = outcome.carried_of(task, model, certain)
             known = uncertainty_of(task, with_allowed_curves(task, traced.judged))
         effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
-        covariance = outcome.covariance_of(task, model, known)
+        covariance = outcome.covariance_of(task, known)
         left = _left(task, traced.judged, evaluation)
         scale = [w.rstrip(".") for w in self.inspection.warnings if w.startswith(SCALE)]
         if "position_scale" in model.kinds:

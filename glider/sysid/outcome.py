@@ -62,9 +62,8 @@ def carried_of(task: Task, model: FitResult, known: Uncertainty) -> tuple[str, .
     alpha = np.linspace(low, high, 41)[:, None]
     values = curves.values(model.by_name[CURVES].coordinates, alpha)
     basis = np.stack([curves.values(u, alpha) for u in np.eye(curves.count)], axis=2)
-    corner = known.covariance[np.ix_(places, places)]
-    std = np.sqrt(np.einsum("atq,qr,atr->at", basis, corner, basis))
-    high_z = np.max(np.abs(values) / np.maximum(std, 1e-12), axis=0)
+    std = np.maximum(known.std_along(places, basis), 1e-12)
+    high_z = np.max(np.abs(values) / std, axis=0)
     return tuple(t for t, z in zip(CURVE_TERMS, high_z, strict=True) if z > CURVE_Z)
 
 
@@ -201,7 +200,6 @@ def find_peaks(
     the flown range is not one of the function: its place has no error (NaN).
     """
     block, places = own.block, known.places[own.block.name]
-    covariance = known.covariance[np.ix_(places, places)]
     mix = block.mix * own.is_acting[block.groups]
     centers, width = block.centers[:, 0], block.widths[0]
     grid = np.linspace(centers.min(), centers.max(), 401)
@@ -216,7 +214,7 @@ def find_peaks(
             for factor in (1.0, -scaled / width, (scaled**2 - 1.0) / width**2)
         )
         unit = "m/s" if term.startswith("wind") else ("m" if "moment" in term else "-")
-        std, place_std = (float(np.sqrt(b @ covariance @ b)) for b in (height, slope))
+        std, place_std = known.std_along(places, np.stack([height, slope])).tolist()
         curvature = abs(float(bend @ own.coordinates))
         is_inside = 0 < peak < len(grid) - 1 and curvature > 0.0
         found[f"{term}_peak"] = Estimate(float(height @ own.coordinates), std, unit)
@@ -287,20 +285,17 @@ def _label(task: Task, slot: int) -> str:
     return ".".join(task.layout.slots[slot]).removeprefix("parameters.")
 
 
-def covariance_of(
-    task: Task, model: FitResult, known: Uncertainty
-) -> Covariance | None:
+def covariance_of(task: Task, known: Uncertainty) -> Covariance | None:
     """Covariance of all fitted parameters of the corrected glider; None without any.
 
     Those are the effects' coefficients and the unknown parameters of the vehicle. Of
     flight-to-flight variation only the mean is included.
     """
-    mine = {i for kind in model.kinds for i in task.layout.slots_of(kind)}
-    mine |= set(task.vehicle.unknown)
-    rows = [k for k, slot in enumerate(known.free) if slot in mine]
-    corner = known.covariance[np.ix_(rows, rows)]
-    names = tuple(_label(task, known.free[k]) for k in rows)
-    return Covariance(names=names, matrix=0.5 * (corner + corner.T)) if rows else None
+    matrix, freedom = known.covariance
+    names = tuple(_label(task, slot) for slot in known.named)
+    if not names:
+        return None
+    return Covariance(names=names, matrix=matrix, degrees_of_freedom=freedom)
 
 
 def correlations_of(

@@ -104,7 +104,7 @@ def test_a_cluster_of_processes_finds_what_threads_find():
             )
             errors = measure_errors(flown, task.records)
             support = weighed["profile_drag"].support
-            return model.theta, known.covariance, support, errors.position_rms_m
+            return model.theta, known.covariance[0], support, errors.position_rms_m
 
         found = traced()
         cluster = LocalCluster(

@@ -47,8 +47,13 @@ def bent_by(task, model, coordinates):
 def known_within(model, std):
     """Returns an uncertainty in which all curves' coordinates have one error."""
     count = len(model.free) + len(model.coordinates)
-    covariance = std**2 * np.eye(count)
-    return Uncertainty(free=model.free, covariance=covariance, places=model.places())
+    return Uncertainty(
+        free=model.free,
+        named=model.free,
+        places=model.places(),
+        likelihood=std**2 * np.eye(count),
+        changes=np.zeros((2, count)),
+    )
 
 
 def curve_of(task, term):
@@ -155,7 +160,13 @@ def test_a_free_functions_errors_are_its_own(plain):
     free, end = len(model.free), len(model.free) + task.curves.count
     std = np.concatenate([np.full(free + curves, 9.0), np.full(block.count, 0.1)])
     places = {CURVES: range(free, end), block.name: range(end, len(std))}
-    known = Uncertainty(free=model.free, covariance=np.diag(std**2), places=places)
+    known = Uncertainty(
+        free=model.free,
+        named=(),
+        places=places,
+        likelihood=np.diag(std**2),
+        changes=np.zeros((2, len(std))),
+    )
     (effect,) = effects_of(task, traced, known, (), {}, Signs())
     assert effect.kind == "unexplained" and effect.family == "air"
     peak = effect.coefficients["wind_x_peak"]

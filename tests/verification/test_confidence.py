@@ -128,3 +128,34 @@ def test_what_is_not_physical_is_drawn_back():
         glider_at(MODEL, NAMES, deviation)
     with pytest.raises(InputError, match="mass"):
         glider_at(MODEL, NAMES, deviations[0])
+
+
+@SHAPES
+def test_of_few_flights_it_is_as_much_larger(shape):
+    """Hotelling's T² and Student's t: a covariance that is estimated is uncertain."""
+    rng, freedom, held = np.random.default_rng(0), 8, []
+    for _ in range(2000):
+        drawn = rng.multivariate_normal(np.zeros(3), KNOWN.matrix, size=freedom)
+        guess = Covariance(
+            names=NAMES, matrix=drawn.T @ drawn / freedom, degrees_of_freedom=freedom
+        )
+        error = rng.multivariate_normal(np.zeros(3), KNOWN.matrix)
+        held.append(ConfidenceSet(covariance=guess, shape=shape).holds(error))
+    assert np.mean(held) == pytest.approx(0.95, abs=0.015 if shape != "box" else 0.03)
+    note = GlidersNote(
+        names=NAMES,
+        matrix=KNOWN.matrix,
+        level=0.95,
+        shape=shape,
+        degrees_of_freedom=9.0,
+    )
+    wide = noted_confidence(MODEL, note).reach(np.eye(3))
+    assert np.all(
+        wide > 1.1 * ConfidenceSet(covariance=KNOWN, shape=shape).reach(np.eye(3))
+    )
+
+
+@pytest.mark.parametrize("freedom", [2.0, np.inf, np.nan])
+def test_degrees_of_freedom_suffice_for_the_numbers(freedom):
+    with pytest.raises(InputError, match=r"degrees_of_freedom.*at least 3"):
+        dataclasses.replace(KNOWN, degrees_of_freedom=freedom)

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, lapack
-from scipy.special import ndtri, stdtrit  # scipy.stats takes 0.4 s to import.
 
 
 def solve_scaled(
@@ -53,29 +52,6 @@ def bounded_step(
         step[outside] = np.clip(step, lower, upper)[outside]
         fixed |= outside
     return step
-
-
-def covariance(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
-    """Returns the covariance (m, m) of coefficients fitted to (flights, m + 1, m + 1).
-
-    The larger of the classical one and the jackknife over flights, which holds where
-    errors within a flight are correlated and where flights are few (MacKinnon and
-    White, Journal of Econometrics 29, 1985), widened as Student's t of so few asks.
-    """
-    m = information.shape[1] - 1
-    hessians = information[:, :m, :m]
-    total = hessians.sum(axis=0) + np.diag(np.broadcast_to(ridge, m))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
-    square = scale[:, None] * scale
-    least = 1e-12 * np.eye(m)
-    classical = np.linalg.inv(total * square + least) * square
-    flights = len(information)
-    changes = solve_scaled(total - hessians, information[:, :m, m], 1e-12)
-    jackknife = np.square(changes).sum(axis=0) * (flights - 1.0) / max(flights, 1.0)
-    if flights > 1:
-        jackknife *= (stdtrit(flights - 1, 0.975) / ndtri(0.975)) ** 2
-    grow = np.sqrt(np.maximum(jackknife / np.diag(classical), 1.0))
-    return classical * grow[:, None] * grow
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -1,41 +1,118 @@
 """Standard errors of a model, with allowance for errors of its formulas."""
 
 import dataclasses
+import functools
+from collections.abc import Sequence
 
 import numpy as np
 
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import Candidates, saturated_scales
-from glider.sysid.likelihood.information import counted_from, covariance, eliminate
+from glider.sysid.likelihood.information import counted_from, eliminate, solve_scaled
 from glider.sysid.likelihood.linear_flight import slopes
 from glider.sysid.likelihood.task import Task
 
 ALLOWED = 4.5  # Evidence that the curves' strength may cost [nats]: three deviations.
+LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
 STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)  # None to most.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:
-    """Covariance of a model's free parameters and blocks over flights."""
+    """Errors of a model's free parameters and blocks, by its flights.
+
+    Their covariance is the larger of the likelihood's and that of the jackknife over
+    flights, which holds where errors within a flight are correlated or coefficients
+    vary from flight to flight (MacKinnon and White, Journal of Econometrics 29, 1985).
+    """
 
     free: tuple[int, ...]  #: Slots of theta, then the blocks' coordinates follow.
-    covariance: np.ndarray  #: (m + q, m + q).
-    places: dict[str, range]  #: Name of a block to its rows of the covariance.
+    named: tuple[int, ...]  #: Those of effects and of unknown parameters.
+    likelihood: np.ndarray  #: (m + q, m + q) inverse of the information.
+    places: dict[str, range]  #: Name of a block to its columns.
+    changes: np.ndarray  #: (flights, m + q) their squares sum to the jackknife's.
+
+    def of(self, places: Sequence[int]) -> tuple[np.ndarray, float]:
+        """Returns the covariance of some columns and its degrees of freedom."""
+        likelihood = self.likelihood[np.ix_(places, places)]
+        return larger_of(likelihood, self.changes[:, places])
+
+    @functools.cached_property
+    def covariance(self) -> tuple[np.ndarray, float]:
+        """Of the named slots, see `of`."""
+        return self.of([self.free.index(slot) for slot in self.named])
 
     def std(self, slot: int) -> float:
-        """Returns the standard error of a slot of theta; NaN where it is not free."""
-        if slot not in self.free:
+        """Returns the standard error of a named slot of theta; else NaN."""
+        if slot not in self.named:
             return float("nan")
-        k = self.free.index(slot)
-        return float(np.sqrt(self.covariance[k, k]))
+        k = self.named.index(slot)
+        return float(np.sqrt(self.covariance[0][k, k]))
+
+    def std_along(self, places: Sequence[int], directions: np.ndarray) -> np.ndarray:
+        """Returns the standard errors of sums of columns, weighted by (..., r)."""
+        likelihood = self.likelihood[np.ix_(places, places)]
+        variances = np.sum(directions @ likelihood * directions, axis=-1)
+        scatter = np.sum((directions @ self.changes[:, places].T) ** 2, axis=-1)
+        return np.sqrt(np.maximum(variances, scatter))
 
 
 def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
-    """Returns the covariance of a model's parameters, see `information.covariance`."""
+    """Returns the errors of a model's parameters."""
     grams = model_fit.grams_of(model_fit.linear_flights(task, model), model.scales)
-    precision = model_fit.prior_of(task, model).precision
-    known = covariance(grams, precision)
-    return Uncertainty(free=model.free, covariance=known, places=model.places())
+    mine = {i for kind in model.kinds for i in task.layout.slots_of(kind)}
+    mine |= set(task.vehicle.unknown)
+    likelihood, changes = jackknife(grams, model_fit.prior_of(task, model).precision)
+    return Uncertainty(
+        free=model.free,
+        named=tuple(slot for slot in model.free if slot in mine),
+        places=model.places(),
+        likelihood=likelihood,
+        changes=changes,
+    )
+
+
+def jackknife(
+    grams: np.ndarray, precision: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the inverse of flights' information and a prior's, and scaled changes.
+
+    Their squares sum to the jackknife's covariance.
+    """
+    flights, m = len(grams), grams.shape[1] - 1
+    hessians = grams[:, :m, :m]
+    total = hessians.sum(axis=0) + np.diag(precision)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
+    square = scale[:, None] * scale
+    inverse = np.linalg.inv(total * square + 1e-12 * np.eye(m)) * square
+    changes = solve_scaled(total - hessians, grams[:, :m, m], 1e-12)
+    return 0.5 * (inverse + inverse.T), changes * np.sqrt((flights - 1.0) / flights)
+
+
+def larger_of(likelihood: np.ndarray, changes: np.ndarray) -> tuple[np.ndarray, float]:
+    """Returns the larger of two covariances (r, r), as matrices, and its freedom.
+
+    In axes where the likelihood's is one, eigenvalues of the jackknife's are at least
+    one. Only the share that it adds is estimated from flights, of which those that
+    change most count for fewer: with squares s of a flight's changes in units of the
+    covariance, (1 + 2/r) (Σ s)² / Σ s² flights of normal changes do as well.
+    """
+    flights, r = changes.shape
+    if not np.isfinite(np.sum(likelihood) + np.sum(changes)):  # The model diverges.
+        return np.full((r, r), np.nan), np.inf
+    size = np.sqrt(np.diag(likelihood))
+    values, axes = np.linalg.eigh(likelihood / size[:, None] / size)
+    root = axes * np.sqrt(np.maximum(values, 1e-12))
+    in_axes = np.linalg.solve(root, (changes / size).T)
+    values, axes = np.linalg.eigh(in_axes @ in_axes.T)
+    larger = np.maximum(values, 1.0)
+    root = size[:, None] * (root @ axes) * np.sqrt(larger)
+    squares = np.sum((axes.T @ in_axes) ** 2 / larger[:, None], axis=0)
+    total = max(float(np.sum(squares**2)), 1e-300)
+    effective = (1.0 + 2.0 / max(r, 1)) * float(np.sum(squares)) ** 2 / total
+    share = float(np.sum(larger - 1.0) / max(np.sum(larger), 1e-300))
+    freedom = max(min(effective, flights) - 1.0, r) / max(share, LEAST_SHARE)
+    return root @ root.T, freedom
 
 
 def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.FitResult:

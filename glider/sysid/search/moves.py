@@ -74,7 +74,7 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
             slots = [i for i in slots if not task.is_shape(i)] or slots
             places = [known.free.index(i) for i in slots]
             value = model.theta[slots] - task.vehicle.theta[slots]
-        block = known.covariance[np.ix_(places, places)]
+        block, _ = known.of(places)
         found[kind] = 0.5 * float(value @ solve_scaled(block, value, 0.0))
     return found
 
@@ -100,8 +100,8 @@ def _without_a_pair(search: Search, model: FitResult) -> FitResult | None:
 def _opposed_pairs(task: Task, model: FitResult) -> list[tuple[str, str]]:
     """Returns the three pairs of effects with most correlated sizes, if opposed."""
     known, slots_of = uncertainty_of(task, model), task.layout.slots_of
-    std = np.sqrt(np.diag(known.covariance))
-    correlation = np.abs(known.covariance / std[:, None] / std)
+    std = np.sqrt(np.diag(known.likelihood))
+    correlation = np.abs(known.likelihood / std[:, None] / std)
     found = []
     named = [kind for kind in model.kinds if kind not in model.free_kinds]
     for pair in combinations(named, 2):

@@ -1,11 +1,12 @@
 """The gliders that the data allow: a confidence set of a model's numbers.
 
-Where the estimates' errors are normal of covariance C, with C = A₁ A₁ᵀ of rank r:
+Where the estimates' errors are normal of covariance C, with C = A₁ A₁ᵀ of rank r,
+estimated with ν degrees of freedom:
 
-- the ellipsoid {δ = √q A₁ w : |w| <= 1}, q the quantile of χ² with r degrees of
-  freedom, holds the true numbers with the level's probability;
-- the box |δ_i| <= √q' σ_i, q' the quantile of χ² with one degree of freedom at the
-  r-th root of the level, holds them at least as often, whatever the correlations
+- the ellipsoid {δ = √q A₁ w : |w| <= 1}, q the quantile of Hotelling's T² of r numbers
+  (of χ² where C is known), holds the true numbers with the level's probability;
+- the box |δ_i| <= √q' σ_i, q' the same of one number (Student's t, squared) at the r-th
+  root of the level, holds them at least as often, whatever the correlations
   (Šidák 1967).
 
 Both are convex.
@@ -19,7 +20,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from glider.errors import expect
 from glider.physics.compose import coefficient_slices
@@ -154,13 +155,20 @@ class ConfidenceSet:
         if self.shape == "box":
             varies = std > 0.0
             root = self.level ** (1.0 / max(int(varies.sum()), 1))
-            return math.sqrt(chi2.ppf(root, 1)) * np.diag(std)[:, varies]
+            return self._radius(root, 1) * np.diag(std)[:, varies]
         # Of the correlations: the axes should not depend on the units.
         scale = np.where(std > 0.0, std, 1.0)
         values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
         kept = values > _FLAT
-        radius = math.sqrt(chi2.ppf(self.level, max(int(kept.sum()), 1)))
+        radius = self._radius(self.level, max(int(kept.sum()), 1))
         return radius * scale[:, None] * vectors[:, kept] * np.sqrt(values[kept])
+
+    def _radius(self, level: float, count: int) -> float:
+        """Root of the quantile of Hotelling's T² of so many numbers, or of χ²."""
+        if (freedom := self.covariance.degrees_of_freedom) is None:
+            return math.sqrt(chi2.ppf(level, count))
+        rest = freedom - count + 1.0
+        return math.sqrt(count * freedom / rest * f.ppf(level, count, rest))
 
     @property
     def dimension(self) -> int:

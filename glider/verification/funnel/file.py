@@ -60,6 +60,7 @@ class GlidersNote:
     matrix: np.ndarray  #: Their covariance.
     level: float  #: Probability with which the true numbers are in the set.
     shape: str  #: One of `dynamics.confidence.SHAPES`.
+    degrees_of_freedom: float | None = None  #: Of the covariance.
 
     def __post_init__(self):
         """Raises InputError where no number deviates."""

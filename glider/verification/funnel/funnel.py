@@ -107,6 +107,7 @@ def gliders_note(funnel: Funnel) -> GlidersNote | None:
         matrix=confidence.covariance.matrix,
         level=confidence.level,
         shape=confidence.shape,
+        degrees_of_freedom=confidence.covariance.degrees_of_freedom,
     )
 
 
@@ -161,7 +162,9 @@ def funnel_of(
 def noted_confidence(model: GliderModel, note: GlidersNote) -> ConfidenceSet:
     """Returns the set in a file's notes; InputError if it is not of the model."""
     check_names(note.names, model.effects)
-    covariance = Covariance(names=note.names, matrix=note.matrix)
+    covariance = Covariance(
+        names=note.names, matrix=note.matrix, degrees_of_freedom=note.degrees_of_freedom
+    )
     confidence = make_confidence(model, covariance, note.level, note.shape)
     if confidence.names != note.names:
         raise InputError(

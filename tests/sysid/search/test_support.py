@@ -55,7 +55,8 @@ def test_an_idle_effect_is_chosen_by_few():
     assert shown["profile_drag"] > 1000.0 and shown["pitch_damping"] < 5.0
     (slot,) = task.layout.slots_of("profile_drag")
     std = uncertainty_of(task, model).std(slot)
-    assert shown["profile_drag"] == pytest.approx(0.5 * (model.theta[slot] / std) ** 2)
+    expected = 0.5 * (model.theta[slot] / std) ** 2  # Of both coefficients at once.
+    assert shown["profile_drag"] == pytest.approx(expected, rel=0.05)
 
 
 def test_what_can_hardly_be_told_apart_is_a_rival():
@@ -163,10 +164,9 @@ def test_what_is_not_free_has_no_standard_error():
     index = task.layout.index
     assert 0.0 < known.std(index["profile_drag", "cd0"]) < 0.005
     assert np.isnan(known.std(index["wind", "x"]))
-    assert known.covariance.shape == (1, 1)
-    assert known.covariance[0, 0] == pytest.approx(
-        known.std(index["profile_drag", "cd0"]) ** 2
-    )
+    matrix, _ = known.covariance
+    assert matrix.shape == (1, 1)
+    assert matrix[0, 0] == pytest.approx(known.std(index["profile_drag", "cd0"]) ** 2)
 
 
 def test_an_effect_in_doubt_is_resampled_more_often():
