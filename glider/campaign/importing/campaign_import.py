@@ -301,7 +301,7 @@ def _on_one_clock(
     if clock == "same":
         return result, ()
     flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
-    pairs = [(tracks[i], [c.track for c in flights[i]]) for i in flying]
+    pairs = [(tracks[i], [turn_along(c.track) for c in flights[i]]) for i in flying]
     if clock != "find":
         std, warnings = _check_clock(pairs, float(clock), mapping.source)
         notes = [f"clock: shifted by {clock:g} s, as specified"]

@@ -13,6 +13,7 @@ from glider.campaign.importing.selection import ServoLogs, Stream
 from glider.campaign.importing.servo_logs import align_commands, make_servo
 from glider.campaign.importing.track import Track
 from glider.campaign.logs import ServoLog
+from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
@@ -23,6 +24,7 @@ from glider.sysid.replay.smoothing import measure_noise
 from glider.sysid.replay.vehicle import log_slots, make_vehicle
 from tests.campaign.importing import foreign
 from tests.helpers.known_truth import task_of
+from tests.helpers.tasks import fly, typical
 
 AHEAD = 0.35  # Of the servo's clock [s].
 VEHICLE = """\
@@ -144,6 +146,18 @@ def test_an_offset_that_was_found_has_a_standard_error(tmp_path, campaign):
     [note] = {n for r in read_flights(files, path).recordings for n in r.notes}
     found = float(note.partition(" is ")[2].partition(" ")[0])
     assert abs(found - AHEAD) < 3.0 * log.clock_std
+
+
+def test_an_offset_is_found_whichever_way_the_flights_go(tmp_path):
+    """Motive's x points backward there; the angle of attack is along the throw."""
+    capture = MotionCapture(rate=200.0, position=1e-3, pitch=5e-3)
+    flown = fly(typical("wind"), flights=4, seed=7, capture=capture)
+    files, path = foreign.write_motive(tmp_path, flown), tmp_path / "MAP.yaml"
+    path.write_text(foreign.MAP_MOTIVE + foreign.VEHICLE)
+    imported = read_flights(files, path)
+    [note] = {n for r in imported.recordings for n in r.notes if n[:5] == "clock"}
+    found = float(note.partition(" is ")[2].partition(" ")[0])
+    assert abs(found - foreign.AHEAD) < 3.0 * imported.campaign.servo.clock_std
 
 
 @pytest.mark.nightly
