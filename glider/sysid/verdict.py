@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
-from glider.physics.effects import POSE_LATENCY
+from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
 from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
@@ -46,7 +46,7 @@ SHIFTED = 0.015
 """Shift of a servo's log above which its clock is in doubt [s]: three standard errors
 of a clock that an import finds."""
 
-TRAVEL_ERROR = 0.1  # The same of the travel of an elevator that was not measured.
+TRAVEL_ERROR = 0.1  # Share by which an elevator may turn farther than its log says.
 GAIN_Z = 4.0  # ... and standard errors over flights above which that is significant.
 WINDOW = 0.1  # Time over which an elevator's travel is measured [s].
 LEAST_TRAVEL = 0.1
@@ -64,17 +64,18 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
-    shift, _, travel, _ = model.theta[list(task.layout.slots_of(SERVO_LOG.kind))]
+    shift, *_ = model.theta[list(task.layout.slots_of(SERVO_LOG.kind))]
     if abs(shift) > SHIFTED:
         words = "earlier" if shift < 0.0 else "later"
         return (
             f"the servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than "
             "its times say (is 'clock' right in the MAP of its import?)"
         )
-    if abs(travel) > TRAVEL_ERROR:
+    change = float(model.theta[task.layout.index[ELEVATOR_SCALE.kind, "change"]])
+    if abs(change) > TRAVEL_ERROR:
         return (
-            f"the elevator turns {1.0 + travel:.2f} times as far as its commanded "
-            "angles, and was not measured (they may lack a 'gain' in the MAP's 'units')"
+            f"the elevator turns {1.0 + change:.2f} times as far as its log says (as "
+            "with a wrong 'gain' of its angles and rates in the 'units' of the MAP)"
         )
     if not task.vehicle.knows_forces:
         return None

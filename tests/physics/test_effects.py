@@ -55,6 +55,7 @@ REQUIRED = [
     "stalled_downwash",
     "tail_wake",
     "elevator_trim",
+    "elevator_scale",
     "elevator_blowback",
     "elevator_area",
     "center_of_pressure",

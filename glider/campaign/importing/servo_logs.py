@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
+from scipy.optimize import brute, fmin
 from scipy.signal import savgol_filter
 
 from glider.campaign.checks.clocks import calc_correlation
@@ -25,6 +26,7 @@ _REACH = 1.5  # Ratio to the elevator's limits that commands reach at most.
 _SLACK = 0.1  # Time of a flight that the servo's log may miss at either end [s].
 _BEFORE = 0.5  # Time of a log before and after a flight that is looked at [s].
 _DELAYS = np.arange(-0.05, 0.35, 0.001)  # Of elevators behind commands [s].
+_TRIED = slice(-0.02, 0.1, 0.005), slice(0.003, 0.1, 0.02)  # Delays and lags [s].
 _ALIGNED = 2.0  # Standard errors by which a flight's commands are shifted at most.
 _SAME = 0.01  # Part of a log's step within which rows of two logs are the same.
 _FEW = 0.05  # Share of commands whose logged times may be off.
@@ -61,16 +63,18 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
         _check_reach(flight, angles, settings, source)
         limit = settings.elevator_rate_limit
         return _from_angles(flight.time, angles, measured, limit, source)
-    if measured is None:
+    if elevator is None or measured is None:
         raise InputError(
             f"{source}: columns: no angle of the elevator is mapped; expected "
             "'elevator' (measured) or 'elevator_angle_command', or 'vehicle: "
             "{elevator: fixed}' where the tail does not move."
         )
     if rates is not None:
-        rate, std = _from_rates(flight.time, rates, settings.command_rate, source)
-        if std == 0.0:
+        rate, tape = _from_rates(flight.time, rates, settings.command_rate, source)
+        if tape is None:
             return Servo(measured, rate, "")
+        measured = _between_rows(flight.time, elevator, tape, settings.elevator_limits)
+        std = rates.step / math.sqrt(12.0)
         return Servo(measured, rate, "", ServoLog(command="converted", command_std=std))
     note = f"no command is mapped: the elevator's own rate is used for it, {_HIDDEN}"
     rate = _row_rates(flight.time, savgol_filter(measured, 5, 2))
@@ -119,8 +123,8 @@ def _from_angles(
 
 def _from_rates(
     time: np.ndarray, rates: Stream, command_rate: float | None, source: str
-) -> tuple[np.ndarray, float]:
-    """The commands (n,) at rows, and the standard error of their times [s].
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
+    """The commands (n,) at rows, and those of another log's rows: when, and which.
 
     Those of another log's rows become the mean rates that lead from row to row. Its
     rows leave open when a command was given: the middle of that time is taken.
@@ -128,7 +132,7 @@ def _from_rates(
     step = rates.step
     held = latest_command(rates.time, time + _SAME * step)
     if (np.abs(rates.time[held] - time) < _SAME * step).all():
-        return rates.values[held, 0], 0.0
+        return rates.values[held, 0], None
     near = (rates.time > time[0] - _BEFORE) & (rates.time < time[-1] + _BEFORE)
     logged, values = rates.time[near], rates.values[near, 0]
     usual, long = np.quantile(np.diff(rates.time), [0.5, 0.9])
@@ -144,7 +148,36 @@ def _from_rates(
         later = np.quantile(logged[changes] - begins[1:], _FEW)
         sooner = np.quantile(begins[1:] - logged[changes - 1], _FEW)
         begins += np.clip(later - sooner, -step, step) / 2.0
-    return _row_rates(time, elevator_path(begins, held, time)), step / math.sqrt(12.0)
+    return _row_rates(time, elevator_path(begins, held, time)), (begins, held)
+
+
+def _between_rows(
+    time: np.ndarray,
+    elevator: Stream,
+    tape: tuple[np.ndarray, np.ndarray],
+    limits: tuple[float, float] | None,
+) -> np.ndarray:
+    """Angles (n,) of an elevator between the rows of its log, led by its commands [rad].
+
+    A smooth path from row to row misses the corners where commands change. So the path
+    of the commands is taken, with the delay and lag that fit the rows best, and what it
+    leaves is smooth.
+    """
+    used = (elevator.time > time[0] - _BEFORE) & (elevator.time < time[-1] + _BEFORE)
+    rows, angle = elevator.time[used], elevator.values[used, 0]
+
+    def path(query: np.ndarray, late: np.ndarray) -> np.ndarray:
+        delay, lag = late
+        return elevator_path(*tape, query, delay, abs(lag), angle[0], limits)
+
+    def rough(late: np.ndarray) -> float:
+        return float(np.std(np.diff(angle - path(rows, late))))
+
+    near = brute(rough, _TRIED, finish=None)
+    corners = near + np.array([[0.0, 0.0], [0.005, 0.0], [0.0, 0.01]])
+    late = fmin(rough, near, initial_simplex=corners, disp=False)
+    left = Akima1DInterpolator(rows, angle - path(rows, late))
+    return path(time, late) + left(np.clip(time, *rows[[0, -1]]))
 
 
 def align_commands(campaign: Campaign) -> Campaign:

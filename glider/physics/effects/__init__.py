@@ -15,6 +15,7 @@ from glider.physics.effects.geometry import (
     CENTER_OF_PRESSURE,
     DOWNWASH,
     ELEVATOR_BLOWBACK,
+    ELEVATOR_SCALE,
     ELEVATOR_TRIM,
     STALLED_DOWNWASH,
     WIND,

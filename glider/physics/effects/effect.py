@@ -57,7 +57,6 @@ class Replay(NamedTuple):
     #: First-order lag of the elevator's rate [s]; 0 for none.
     time_constant: float = 0.0
     latency: float = 0.0  #: The row of time t shows the pose of t - latency [s].
-    travel: float = 1.0  #: Angle of the elevator over the one that commands make.
     #: Further ones and their coefficients, integrated by their formulas.
     actuators: tuple[tuple["EffectKind", tuple[float, ...]], ...] = ()
 

@@ -46,6 +46,11 @@ def _elevator_blowback(flow, compliance, deflection, relief):
     return turn / (1.0 + relief * (compliance + deflection) * pressure)
 
 
+@scalar
+def _elevator_scale(flow, change):
+    return change * flow.elevator, change * flow.elevator_offset * flow.elevator_rate
+
+
 WIND = EffectKind(
     kind="wind",
     stage="air",
@@ -95,6 +100,19 @@ ELEVATOR_TRIM = EffectKind(
     depends_on=("V", "elevator"),
 )
 """Elevator trim: the elevator's plate lies at pitch + elevator + angle."""
+
+ELEVATOR_SCALE = EffectKind(
+    kind="elevator_scale",
+    stage="geometry",
+    adds_to=("elevator_trim", "downwash"),
+    coefficients=(Coefficient("change", "-", scale=0.1, lower=-0.8, upper=4.0),),
+    formula=_elevator_scale,
+    words="an elevator that turns farther than its log says, by a factor",
+    depends_on=("elevator", "V"),
+)
+"""Elevator scale: the elevator's plate turns 1 + change times as far as logged, and as
+quickly, as with another linkage or unit. Angles and commands of a log agree then: the
+motion of the glider alone reveals it."""
 
 ELEVATOR_BLOWBACK = EffectKind(
     kind="elevator_blowback",

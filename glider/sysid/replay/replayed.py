@@ -73,7 +73,6 @@ def _signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, ...]:
         query = np.concatenate([query, record.time])
         tape, rest = (record.switch_times, record.commands), record.rest
         path = replayed_path(replay, *tape, query, start=rest, limits=record.limits)
-        path *= replay.travel
         here, middle, logged = path[:n], path[n : 2 * n - 1], path[2 * n - 1 :]
         elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
         rate = np.diff(here) / np.diff(record.time)

@@ -28,11 +28,9 @@ OFFSET = 3
 from its replayed path [rad]."""
 
 
-def _replay_log(
-    replay: Replay, poses: float, commands: float, travel: float, _: float
-) -> Replay:
+def _replay_log(replay: Replay, poses: float, commands: float, _: float) -> Replay:
     latency, delay = replay.latency + poses, replay.delay + commands
-    return replay._replace(latency=latency, delay=delay, travel=1.0 + travel)
+    return replay._replace(latency=latency, delay=delay)
 
 
 SERVO_LOG = EffectKind(
@@ -42,16 +40,15 @@ SERVO_LOG = EffectKind(
     coefficients=(
         Coefficient("poses", "s", scale=0.02, lower=-0.3, upper=0.3),
         Coefficient("commands", "s", scale=0.02, lower=-0.3, upper=0.3),
-        Coefficient("travel", "", scale=0.1, lower=-0.8, upper=4.0),
         Coefficient("pitch_rate", "rad/s", scale=0.05, lower=-1.0, upper=1.0),
     ),
     formula=constant,  # Logs are replayed through it; no model has it.
-    words="a servo's log with other clocks and another scale",
+    words="a servo's log with other clocks",
     replay=_replay_log,
 )
 """Times of poses against those of the servo's log, of commands against those of the
-elevator, by which part the elevator turns farther than its commands say, and the bias
-of a gyro: no effect of the glider, but unknowns of logs that do not show them."""
+elevator, and the bias of a gyro: no effect of the glider, but unknowns of logs that do
+not show them."""
 
 
 class Layout:

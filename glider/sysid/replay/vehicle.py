@@ -86,14 +86,16 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     dropped.add(SERVO_LOG.kind)
     servo = campaign.servo
     clocks = servo.clock_std, servo.command_std
-    travel = _TRAVEL_SPREAD if servo.angle == "reconstructed" else 0.0
     has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
-    spreads = (*clocks, travel, has_gyro * _GYRO_BIAS)
+    spreads = (*clocks, has_gyro * _GYRO_BIAS)
     of_log = dict(zip(log_slots(layout), spreads, strict=True))
     of_log = {slot: std for slot, std in of_log.items() if std}
+    if servo.angle == "reconstructed":
+        dropped.add("elevator_scale")
+        of_log[index["elevator_scale", "change"]] = _TRAVEL_SPREAD
     if campaign.elevator != "servo":
         dropped |= {kind.kind for kind in layout.replayed_kinds}
-        dropped |= {"elevator_trim", "elevator_blowback"}
+        dropped |= {"elevator_trim", "elevator_scale", "elevator_blowback"}
         if "elevator_area" in unknown:  # How the flow meets it is one with its size.
             dropped |= {"downwash", "stalled_downwash", "tail_wake"}
     elif servo.command == "reconstructed":
@@ -133,7 +135,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         nuisance.append(index["pitch_damping", "coefficient"])
         dropped |= {"pitch_damping", "inertia"}
     if "elevator_area" in unknown:
-        dropped.add("elevator_area")
+        dropped |= {"elevator_area", "elevator_scale"}
     theta = layout.default_theta(parameters)
     of_plate = (index["parameters", name] for name in BASELINE_PARAMETERS)
     return Vehicle(

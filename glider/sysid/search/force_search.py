@@ -52,7 +52,7 @@ _OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces
     ("pitch_damping", "coefficient"),
     ("servo_log", "poses"),
     ("servo_log", "commands"),
-    ("servo_log", "travel"),
+    ("elevator_scale", "change"),
     ("servo_log", "pitch_rate"),
 )
 # Scales that are estimated from the forces: errors of the moment, whose formula is

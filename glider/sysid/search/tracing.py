@@ -19,8 +19,8 @@ from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
 
 ROUNDS = 8  # At most.
-# Tried last: lengths are seldom wrong, and to first order they imitate many effects.
-LATE = ("position_scale",)
+# Tried last: scales are seldom wrong, and to first order they imitate many effects.
+LATE = ("position_scale", "elevator_scale")
 HASTE = 0.01  # Share of a round's gain below which a new effect waits for the next.
 
 
