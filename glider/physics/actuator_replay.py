@@ -74,10 +74,13 @@ def command_steps(
     """Returns when the commands of a log switched, and to what.
 
     A log shows a new command in the first row after it was given: without more
-    knowledge, half a row before on the average; where commands come from a clock, at
-    its tick. A clock's rate that is unknown is the integer in Hz that fits best, of
-    those that the changes may have, whose times are known to a row. It is infinite
-    where the commands switched at the rows, made of the angles there.
+    knowledge, half a row before on the average. Where the commands come from a
+    clock, its phase is the one that fits most of the rows that changed, or that of a
+    clock that started with the log if it fits about as many; it must fit many more
+    than by chance. Not all: a servo that slows down before its stops changes commands
+    between the ticks too. Where the clock's rate is unknown, it is the integer in Hz
+    that fits best, of those next to the rate of changes, which is known to a row; it is
+    infinite where the commands switched at the rows, made of the angles there.
     Returns switch times (k,) [s], the first at the log's start, and commands [rad/s].
     """
     rows = np.flatnonzero(np.diff(command)) + 1
@@ -85,45 +88,32 @@ def command_steps(
     if command_rate == np.inf:
         return time[np.concatenate([[0], rows])], commands
     after, before = time[rows], time[rows - 1]
+    switches = 0.5 * (before + after)
     rates = [] if command_rate is None or not len(rows) else [command_rate]
     if command_rate is None and len(rows) > 10:
-        span, row = after[-1] - after[0], np.max(after - before)
-        usual = (len(rows) - 1) / span
-        low, high = usual * (1.0 - row / span), usual * (1.0 + row / span)
-        near = range(max(math.floor(low), 1), math.ceil(high) + 1)
+        usual, row = (len(rows) - 1) / np.ptp(after), np.max(after - before)
+        off = math.ceil(usual * row / np.ptp(after))
+        near = range(max(round(usual) - off, 1), round(usual) + off + 1)
         rates = sorted(near, key=lambda rate: abs(rate - usual))
-    clocks = [_ticks(time[0], before, after, 1.0 / rate) for rate in rates]
-    unknown = np.full(len(after), np.nan)
-    ticks = max(clocks, key=lambda found: np.isfinite(found).sum(), default=unknown)
-    switches = np.where(np.isfinite(ticks), ticks, 0.5 * (before + after))
+    if rates:
+        periods = np.repeat(1.0 / np.array(rates), 1 + len(rows))[:, None]
+        latest = [np.sort(after % (1.0 / rate))[::-1] for rate in rates]
+        phases = np.insert(latest, 0, time[0], axis=1).reshape(-1, 1)
+        slack = 1e-3 * periods
+        ticks = phases + periods * np.floor((after - phases + slack) / periods)
+        fits = ticks > before + _SAME  # A tick at a row shows there.
+        shares = fits.mean(axis=1)
+        best = int(np.argmax(shares))
+        spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(rows))
+        own = best - best % (1 + len(rows))  # The same rate, from the log's start.
+        if shares[own] >= shares[best] - max(_SIMILAR, 2.0 * spread):
+            best = own
+        period = float(periods[best, 0])
+        by_chance = float(np.median(after - before)) / period
+        if shares[best] > min(0.5 * (1.0 + by_chance), 1.0 - _SIMILAR):
+            is_tick = fits[best] & ~_on_ramps(before, after, 0.999 * period)
+            switches = np.where(is_tick, ticks[best], switches)
     return np.concatenate([time[:1], switches]), commands
-
-
-def _ticks(
-    start: float, before: np.ndarray, after: np.ndarray, period: float
-) -> np.ndarray:
-    """Returns the ticks of a clock that commands switched at (k,), NaN where at none.
-
-    The clock's phase is the one that fits most of the rows that changed, or that of a
-    clock that started with the log if it fits about as many; it must fit many more than
-    by chance. Not all: a servo that slows down before its stops changes commands
-    between the ticks too. `before` and `after` (k,) are the times of the rows beside
-    each change [s].
-    """
-    slack = 1e-3 * period
-    phases = np.concatenate([[start], np.sort(after % period)[::-1]])[:, None]
-    ticks = phases + period * np.floor((after - phases + slack) / period)
-    fits = ticks > before + _SAME  # A tick at a row shows there.
-    shares = fits.mean(axis=1)
-    best = int(np.argmax(shares))
-    spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(after))
-    if shares[0] >= shares[best] - max(_SIMILAR, 2.0 * spread):
-        best = 0
-    by_chance = float(np.median(after - before)) / period
-    if shares[best] <= min(0.5 * (1.0 + by_chance), 1.0 - _SIMILAR):
-        return np.full(len(after), np.nan)
-    is_tick = fits[best] & ~_on_ramps(before, after, period - slack)
-    return np.where(is_tick, ticks[best], np.nan)
 
 
 def _on_ramps(before: np.ndarray, after: np.ndarray, period: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from glider.physics.effects import (
     CAMBER,
     DOWNWASH,
     ELEVATOR_BLOWBACK,
+    ELEVATOR_SCALE,
     GROUND_EFFECT,
     INDUCED_DRAG,
     LAGGED_SEPARATION,
@@ -160,6 +161,18 @@ def test_an_elevator_that_gives_way_flies_as_one_turned_by_its_load():
         expected = nose_up_dynamics(turned, u, PARAMETERS)
         actual = flown(ELEVATOR_BLOWBACK(compliance=compliance), x, u)
         np.testing.assert_allclose(actual, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_an_elevator_that_turns_farther_flies_as_one_turned_by_more():
+    """Its rate as well, to first order: it counts along the body's normal."""
+    u, rows, effect = 3.0, [], ELEVATOR_SCALE(change=0.5)
+    for x in random_states(20):
+        turned = x * (1.0 + 0.5 * np.eye(7)[3])
+        expected = nose_up_dynamics(turned, 1.5 * u, PARAMETERS)
+        plain, actual = flown(ELEVATOR_SCALE(), x, u), flown(effect, x, u)
+        rows.append([(actual - expected)[4:], (plain - expected)[4:]])
+    left, whole = np.linalg.norm(rows, axis=(0, 2))
+    assert left < 0.02 * whole
 
 
 @pytest.mark.parametrize("elevator", [-0.3, 0.3])

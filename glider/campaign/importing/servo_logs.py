@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
-from scipy.optimize import brute, fmin
+from scipy.optimize import brute
 from scipy.signal import savgol_filter
 
 from glider.campaign.checks.clocks import calc_correlation
@@ -31,6 +31,7 @@ _ALIGNED = 2.0  # Standard errors by which a flight's commands are shifted at mo
 _SAME = 0.01  # Part of a log's step within which rows of two logs are the same.
 _FEW = 0.05  # Share of commands whose logged times may be off.
 _HIDDEN = "so a lag or a delay of the servo cannot be found"
+Tape = tuple[np.ndarray, np.ndarray]  # When commands begin [s], and which [rad/s].
 
 
 class Servo(NamedTuple):
@@ -73,7 +74,7 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
         rate, tape = _from_rates(flight.time, rates, settings.command_rate, source)
         if tape is None:
             return Servo(measured, rate, "")
-        measured = _between_rows(flight.time, elevator, tape, settings.elevator_limits)
+        measured = _between_rows(flight.time, elevator, tape)
         std = rates.step / math.sqrt(12.0)
         return Servo(measured, rate, "", ServoLog(command="converted", command_std=std))
     note = f"no command is mapped: the elevator's own rate is used for it, {_HIDDEN}"
@@ -123,7 +124,7 @@ def _from_angles(
 
 def _from_rates(
     time: np.ndarray, rates: Stream, command_rate: float | None, source: str
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
+) -> tuple[np.ndarray, Tape | None]:
     """The commands (n,) at rows, and those of another log's rows: when, and which.
 
     Those of another log's rows become the mean rates that lead from row to row. Its
@@ -151,31 +152,19 @@ def _from_rates(
     return _row_rates(time, elevator_path(begins, held, time)), (begins, held)
 
 
-def _between_rows(
-    time: np.ndarray,
-    elevator: Stream,
-    tape: tuple[np.ndarray, np.ndarray],
-    limits: tuple[float, float] | None,
-) -> np.ndarray:
-    """Angles (n,) of an elevator between the rows of its log, led by its commands [rad].
+def _between_rows(time: np.ndarray, elevator: Stream, tape: Tape) -> np.ndarray:
+    """Angles (n,) of an elevator between its log's rows, led by its commands [rad].
 
-    A smooth path from row to row misses the corners where commands change. So the path
-    of the commands is taken, with the delay and lag that fit the rows best, and what it
-    leaves is smooth.
+    A smooth path from row to row misses the corners where commands change. So their
+    path is taken, with the delay and lag that fit best, and what it leaves is smooth.
     """
     used = (elevator.time > time[0] - _BEFORE) & (elevator.time < time[-1] + _BEFORE)
     rows, angle = elevator.time[used], elevator.values[used, 0]
 
     def path(query: np.ndarray, late: np.ndarray) -> np.ndarray:
-        delay, lag = late
-        return elevator_path(*tape, query, delay, abs(lag), angle[0], limits)
+        return elevator_path(*tape, query, late[0], abs(late[1]))
 
-    def rough(late: np.ndarray) -> float:
-        return float(np.std(np.diff(angle - path(rows, late))))
-
-    near = brute(rough, _TRIED, finish=None)
-    corners = near + np.array([[0.0, 0.0], [0.005, 0.0], [0.0, 0.01]])
-    late = fmin(rough, near, initial_simplex=corners, disp=False)
+    late = brute(lambda late: np.std(np.diff(angle - path(rows, late))), _TRIED)
     left = Akima1DInterpolator(rows, angle - path(rows, late))
     return path(time, late) + left(np.clip(time, *rows[[0, -1]]))
 

@@ -110,9 +110,8 @@ ELEVATOR_SCALE = EffectKind(
     words="an elevator that turns farther than its log says, by a factor",
     depends_on=("elevator", "V"),
 )
-"""Elevator scale: the elevator's plate turns 1 + change times as far as logged, and as
-quickly, as with another linkage or unit. Angles and commands of a log agree then: the
-motion of the glider alone reveals it."""
+"""Elevator scale: the elevator's plate turns 1 + change times as far and as fast as the
+elevator does. Where angles and commands agree, only the glider's motion reveals it."""
 
 ELEVATOR_BLOWBACK = EffectKind(
     kind="elevator_blowback",

@@ -14,8 +14,8 @@ from glider.sysid.likelihood.blocks import (
     make_curves,
 )
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.theta import Layout
-from glider.sysid.replay.vehicle import Vehicle, log_slots
+from glider.sysid.replay.theta import SERVO_LOG, Layout
+from glider.sysid.replay.vehicle import Vehicle
 
 PRIOR_SCALES = 3.0  # Prior spread of an effect's coefficients, in their scales.
 
@@ -83,7 +83,7 @@ class Task:
         """Returns the least and the largest values of slots that are possible."""
         slots, of_log = list(slots), self.vehicle.of_log
         lower, upper = self.layout.lower.copy(), self.layout.upper.copy()
-        poses, commands, *_ = log_slots(self.layout)
+        poses, commands, *_ = self.layout.slots_of(SERVO_LOG.kind)
         for slot in of_log.keys() & {poses, commands}:
             upper[slot] = min(CLOCK_REACH * of_log[slot], upper[slot])
             lower[slot] = -upper[slot]

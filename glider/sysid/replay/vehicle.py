@@ -88,7 +88,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     clocks = servo.clock_std, servo.command_std
     has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
     spreads = (*clocks, has_gyro * _GYRO_BIAS)
-    of_log = dict(zip(log_slots(layout), spreads, strict=True))
+    of_log = dict(zip(layout.slots_of(SERVO_LOG.kind), spreads, strict=True))
     of_log = {slot: std for slot, std in of_log.items() if std}
     if servo.angle == "reconstructed":
         dropped.add("elevator_scale")
@@ -174,11 +174,6 @@ def _assumptions(
         if name not in known
     ]
     return assumed, notes
-
-
-def log_slots(layout: Layout) -> tuple[int, ...]:
-    """Slots of theta of a servo's log: no parameters of the glider."""
-    return layout.slots_of(SERVO_LOG.kind)
 
 
 def _prior_spread(

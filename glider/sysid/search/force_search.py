@@ -50,10 +50,6 @@ _OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces
     ("elevator_trim", "angle"),
     ("pitch_moment", "coefficient"),
     ("pitch_damping", "coefficient"),
-    ("servo_log", "poses"),
-    ("servo_log", "commands"),
-    ("elevator_scale", "change"),
-    ("servo_log", "pitch_rate"),
 )
 # Scales that are estimated from the forces: errors of the moment, whose formula is
 # rougher, must not turn the flights' axes or their winds.
@@ -183,8 +179,8 @@ def refit_forces(task: Task, model: FitResult) -> FitResult:
 
 def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
     """Returns a model of forces with its moment fitted, and all scales."""
-    slots = [task.layout.index[slot] for slot in _OF_MOMENT]
-    free = tuple(i for i in slots if i in task.vehicle.nuisance)
+    slots = {task.layout.index[slot] for slot in _OF_MOMENT} | {*task.vehicle.of_log}
+    free = tuple(i for i in task.vehicle.nuisance if i in slots)
     kept = {name: getattr(model.scales, name) for name in OF_FORCES}
     scales = dataclasses.replace(start_scales(noise), **kept)
     start = dataclasses.replace(model, free=free, scales=scales, has_force_errors=False)
@@ -195,7 +191,7 @@ def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
 
 def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
     """Returns a model whose forces alone are refitted to other flights."""
-    kept = {task.layout.index[slot] for slot in _OF_MOMENT}
+    kept = {task.layout.index[slot] for slot in _OF_MOMENT} | {*task.vehicle.of_log}
     free = tuple(i for i in model.free if i not in kept)
     return dataclasses.replace(
         model, free=free, scales=forces.scales, has_force_errors=True

@@ -21,7 +21,8 @@ from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import measure_noise
-from glider.sysid.replay.vehicle import log_slots, make_vehicle
+from glider.sysid.replay.theta import SERVO_LOG
+from glider.sysid.replay.vehicle import make_vehicle
 from tests.campaign.importing import foreign
 from tests.helpers.known_truth import task_of
 from tests.helpers.tasks import fly, typical
@@ -129,14 +130,15 @@ def test_a_servo_that_cannot_be_is_refused(tmp_path, campaign, field):
 
 
 def test_effects_that_the_logs_cannot_support_are_not_tried(campaign):
+    fitted = {"elevator_scale"}  # As an unknown of the log.
     for log, missing in (
         (ServoLog(), set()),
         (ServoLog(command="reconstructed"), {"servo_lag", "command_delay"}),
-        (ServoLog(angle="reconstructed", command="converted"), set()),
+        (ServoLog(angle="reconstructed", command="converted"), fitted),
     ):
         vehicle = make_vehicle(dataclasses.replace(campaign, servo=log))
         assert {*make_vehicle(campaign).kinds} - {*vehicle.kinds} == missing
-        assert all(kind in "".join(vehicle.notes) for kind in missing)
+        assert all(kind in "".join(vehicle.notes) for kind in missing - fitted)
 
 
 def test_an_offset_that_was_found_has_a_standard_error(tmp_path, campaign):
@@ -377,7 +379,7 @@ def test_clocks_differ_as_far_as_they_are_uncertain(campaign):
     log = ServoLog(clock_std=0.002, command_std=0.003)
     uncertain = dataclasses.replace(campaign, servo=log)
     task, _ = task_of(uncertain)
-    poses, commands, *_ = log_slots(task.layout)
+    poses, commands, *_ = task.layout.slots_of(SERVO_LOG.kind)
     lower, upper = task.bounds([poses, commands, 0])
     assert upper[:2] == pytest.approx([0.004, 0.006])
     assert lower[:2] == pytest.approx([-0.004, -0.006])
@@ -400,6 +402,20 @@ def test_a_wrong_servo_log_is_no_effect(tmp_path, campaign, logs):
         "turns 2.0. times as far" if logs == "commanded" else "check|is 'clock' right"
     )
     assert re.search(words, result.reason)
+
+
+def test_a_factor_of_elevator_and_commands_is_stated(campaign):
+    """They agree: no check of the log shows it, and other effects would imitate it."""
+    flights = tuple(
+        dataclasses.replace(f, elevator=0.6 * f.elevator, command=0.6 * f.command)
+        for f in campaign.flights
+    )
+    scaled = dataclasses.replace(campaign, flights=flights, elevator_limits=None)
+    tried = "attached_lift", "mass", "induced_drag", "elevator_area", "elevator_scale"
+    result = close_the_loop(scaled, effects=tried)
+    assert result.verdict == "not_trusted"
+    assert {e.kind for e in result.effects} == {"attached_lift", "elevator_scale"}
+    assert re.search("turns 1.6[5-8] times as far as its log says", result.reason)
 
 
 def test_a_clock_that_is_far_off_is_refused(tmp_path, campaign):
