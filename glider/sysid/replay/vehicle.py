@@ -83,22 +83,14 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         unknown.append("mass")
     nuisance = [index["parameters", name] for name in unknown]
     dropped = {name for name, kind in layout.kinds.items() if kind.stage == "log"}
-    dropped.add(SERVO_LOG.kind)
-    servo = campaign.servo
-    clocks = servo.clock_std, servo.command_std
-    has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
-    spreads = (*clocks, has_gyro * _GYRO_BIAS)
-    of_log = dict(zip(layout.slots_of(SERVO_LOG.kind), spreads, strict=True))
-    of_log = {slot: std for slot, std in of_log.items() if std}
-    if servo.angle == "reconstructed":
-        dropped.add("elevator_scale")
-        of_log[index["elevator_scale", "change"]] = _TRAVEL_SPREAD
+    of_log = _of_log(campaign, layout)
+    dropped |= {SERVO_LOG.kind, *(layout.slots[slot][0] for slot in of_log)}
     if campaign.elevator != "servo":
         dropped |= {kind.kind for kind in layout.replayed_kinds}
         dropped |= {"elevator_trim", "elevator_scale", "elevator_blowback"}
         if "elevator_area" in unknown:  # How the flow meets it is one with its size.
             dropped |= {"downwash", "stalled_downwash", "tail_wake"}
-    elif servo.command == "reconstructed":
+    elif campaign.servo.command == "reconstructed":
         hidden = [e.kind for e in layout.kinds.values() if e.stage == "actuator"]
         dropped |= {*hidden}
         notes.append(
@@ -106,10 +98,10 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
             "the measured elevator."
         )
     nuisance += of_log
-    if any(clocks):
+    if clock := math.hypot(campaign.servo.clock_std, campaign.servo.command_std):
         notes.append(
-            f"The servo's times are known to ± {1e3 * math.hypot(*clocks):.2g} ms "
-            "only: a delay that this explains cannot be found."
+            f"The servo's times are known to ± {1e3 * clock:.2g} ms only: a delay that "
+            "this explains cannot be found."
         )
     if campaign.elevator == "fixed" or (
         campaign.elevator == "fixed_per_flight" and "elevator_area" not in unknown
@@ -174,6 +166,16 @@ def _assumptions(
         if name not in known
     ]
     return assumed, notes
+
+
+def _of_log(campaign: Campaign, layout: Layout) -> dict[int, float]:
+    """Slots of theta that are unknowns of a log, with their standard errors."""
+    servo = campaign.servo
+    has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
+    travel = _TRAVEL_SPREAD * (servo.angle == "reconstructed")
+    spreads = servo.clock_std, servo.command_std, _GYRO_BIAS * has_gyro, travel
+    slots = *layout.slots_of(SERVO_LOG.kind), *layout.slots_of("elevator_scale")
+    return {slot: std for slot, std in zip(slots, spreads, strict=True) if std}
 
 
 def _prior_spread(
