@@ -7,8 +7,6 @@ whose solution between two commands is a straight line and an exponential. The
 servo rests before the first command, and the elevator stops at its travel.
 """
 
-import math
-
 import numpy as np
 
 _SIMILAR = 0.05  # Share of changes by which two phases of a clock fit similarly.
@@ -79,7 +77,7 @@ def command_steps(
     clock that started with the log if it fits about as many; it must fit many more
     than by chance. Not all: a servo that slows down before its stops changes commands
     between the ticks too. Where the clock's rate is unknown, it is the integer in Hz
-    that fits best, of those next to the rate of changes, which is known to a row; it is
+    that fits best, within 2 Hz of the rate of changes, some of which do not show; it is
     infinite where the commands switched at the rows, made of the angles there.
     Returns switch times (k,) [s], the first at the log's start, and commands [rad/s].
     """
@@ -91,10 +89,8 @@ def command_steps(
     switches = 0.5 * (before + after)
     rates = [] if command_rate is None or not len(rows) else [command_rate]
     if command_rate is None and len(rows) > 10:
-        usual, row = (len(rows) - 1) / np.ptp(after), np.max(after - before)
-        off = math.ceil(usual * row / np.ptp(after))
-        near = range(max(round(usual) - off, 1), round(usual) + off + 1)
-        rates = sorted(near, key=lambda rate: abs(rate - usual))
+        usual = round((len(rows) - 1) / np.ptp(after))
+        rates = [usual + k for k in (0, 1, -1, 2, -2) if usual + k > 0]
     if rates:
         periods = np.repeat(1.0 / np.array(rates), 1 + len(rows))[:, None]
         latest = [np.sort(after % (1.0 / rate))[::-1] for rate in rates]

@@ -272,9 +272,9 @@ def cases_of_servos() -> Iterator[Case]:
     yield Case("command turned", {"frame": {"command": DOWN}})
     for gain in (0.5, 0.85, 0.93, 1.3, 2.0):
         yield Case(f"elevator x {gain}", {"units": {angle: {"gain": gain}}})
-    for gain in (0.6, 1.12):
+    for gain in (0.6, 0.75, 0.85, 0.95, 1.12, 1.4):
         units = {angle: {"gain": gain}, rate: {"gain": gain}}
-        allowed = ("elevator_area",)
+        allowed = ("elevator_scale",)
         yield Case(f"elevator, command x {gain}", {"units": units}, allowed=allowed)
     units = {angle: {"gain": 1.0, "zero": 0.1}}
     yield Case("elevator zero 0.1", {"units": units}, allowed=("elevator_trim",))
