@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.sysid import result, verdict
+from glider.sysid import constants
 from glider.sysid.fit import floor, folds
 from glider.sysid.likelihood import blocks, outliers, task, uncertainty
 from glider.sysid.search import fits, moves, signs, subsets, support
@@ -52,14 +52,14 @@ myst_substitutions = {
     "doubted": f"{support.DOUBTED:.0f}",
     "flights_of_price": f"{fits.THRESHOLD_FLIGHTS}",
     "folds": f"{folds.FOLDS}",
-    "gain_error": f"{verdict.GAIN_ERROR:.0%}",
+    "gain_error": f"{constants.GAIN_ERROR:.0%}",
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
     "allowed": f"{uncertainty.ALLOWED:g}",
     "least_support": f"{support.LEAST_SUPPORT:.0%}",
     "floor_accuracy": f"{100 * floor.ACCURACY:g} %",
-    "unlikely": f"{100 * result.UNLIKELY:g} %",
+    "unlikely": f"{100 * constants.UNLIKELY:g} %",
     "least_unseen_gain": f"{folds.LEAST_UNSEEN_GAIN:.1f}",
-    "moment_share": f"{verdict.MOMENT_SHARE:g}",
+    "moment_share": f"{constants.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",
     "plain_moment": f"{fits.SIMPLE_MOMENT:.1f}",
     "plain_price": f"{fits.SIMPLE_THRESHOLD:.1f}",

@@ -19,6 +19,7 @@ FLOORS = [
     "glider.compiled",
     "glider.campaign",
     "glider.systems",
+    "glider.sysid.constants",
     "glider.sysid.result",
     "glider.sysid.replay",
     "glider.sysid.likelihood",

@@ -19,7 +19,7 @@ from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.progress import Progress, Step
-from glider.sysid import outcome, result
+from glider.sysid import constants, outcome, result
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
@@ -45,7 +45,7 @@ SHARES = {
 }
 """Usual shares of the time when the stages begin, measured on the samples."""
 
-MOST_LOST = 0.25  # Share of the flights that may lose by a correction unwarned.
+MOST_COMBINATIONS = 12  # Sets of effects that a result lists.
 
 _UNLIKE = (
     "no model explains it with the others: its mean squared error is {:.3g} times the "
@@ -223,7 +223,7 @@ class Analysis:
                 candidates=traced.alone,
                 combinations=tuple(
                     result.Combination(kinds=kinds, evidence=gain)
-                    for kinds, gain in traced.combinations[: result.MOST_COMBINATIONS]
+                    for kinds, gain in traced.combinations[:MOST_COMBINATIONS]
                 ),
                 evidence_threshold=traced.threshold,
                 correlations=outcome.correlations_of(covariance, model.kinds),
@@ -308,7 +308,7 @@ class Analysis:
         if evaluation.folds is not None and verdict != "no_effect":
             gains = evaluation.folds.gain.values
             lost = int(np.sum(gains < 0.0))
-            if lost > MOST_LOST * len(gains):
+            if lost > constants.MOST_LOST * len(gains):
                 yield f"The correction does not improve {lost} of {len(gains)} flights."
 
 

@@ -12,7 +12,7 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
 from glider.physics.effects.field import FIELD_UNITS
 from glider.physics.model import GliderModel
-from glider.sysid import result
+from glider.sysid import constants, result
 from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, CURVES, FittedBlock
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -42,13 +42,6 @@ SPREAD_KINDS = {
 }
 """Kinds with flight-to-flight variation: scale, coefficient, unit."""
 
-LEAST_SPREAD = 0.1
-"""Least flight-to-flight variation to report, in the coefficient's scale."""
-
-CURVE_Z = 5.0
-"""Standard errors by which a curve must differ from zero, somewhere in the central 90 %
-of the flown angles: at its ten independent places none does so by chance."""
-
 _BINS = 15  # Of the curves over the angle of attack, with equally many rows.
 
 
@@ -64,7 +57,10 @@ def carried_of(task: Task, model: FitResult, known: Uncertainty) -> tuple[str, .
     basis = np.stack([curves.values(u, alpha) for u in np.eye(curves.count)], axis=2)
     std = np.maximum(known.std_along(places, basis), 1e-12)
     high_z = np.max(np.abs(values) / std, axis=0)
-    return tuple(t for t, z in zip(CURVE_TERMS, high_z, strict=True) if z > CURVE_Z)
+    high = high_z > constants.CURVE_Z
+    return tuple(
+        term for term, is_high in zip(CURVE_TERMS, high, strict=True) if is_high
+    )
 
 
 def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
@@ -82,7 +78,10 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
         others = [name for name in scales.NAMES if name != scale]
         lost = scales.fit_scales(flights, least, others)[1] - base
         std = getattr(fitted, scale)
-        size = LEAST_SPREAD * task.layout.scale[task.layout.index[kind, coefficient]]
+        size = (
+            constants.LEAST_SPREAD
+            * task.layout.scale[task.layout.index[kind, coefficient]]
+        )
         if lost > EVIDENCE_THRESHOLD and size < min(std, getattr(model.scales, scale)):
             own = values[:, scales.PER_FLIGHT.index((kind, coefficient))].tolist()
             found[kind] = Spread(
@@ -201,28 +200,23 @@ def find_peaks(
     """
     block, places = own.block, known.places[own.block.name]
     mix = block.mix * own.is_acting[block.groups]
-    centers, width = block.centers[:, 0], block.widths[0]
-    grid = np.linspace(centers.min(), centers.max(), 401)
+    grid = np.linspace(block.centers.min(), block.centers.max(), 401)
     functions = block.functions(grid[:, None])
     found, [variable] = {}, block.variables
     for term in terms:
-        weights = mix[block.terms.index(term) :: len(block.terms)]  # (M, q)
-        peak = int(np.argmax(np.abs(functions @ weights @ own.coordinates)))
-        scaled = (grid[peak] - centers) / width
-        height, slope, bend = (
-            (factor * functions[peak]) @ weights
-            for factor in (1.0, -scaled / width, (scaled**2 - 1.0) / width**2)
-        )
-        unit = "m/s" if term.startswith("wind") else ("m" if "moment" in term else "-")
-        std, place_std = known.std_along(places, np.stack([height, slope])).tolist()
-        curvature = abs(float(bend @ own.coordinates))
+        rows = functions @ mix[block.terms.index(term) :: len(block.terms)]  # b, (n, q)
+        slopes = np.gradient(rows, grid, axis=0)
+        values, bends = rows @ own.coordinates, np.gradient(slopes, grid, axis=0)
+        peak = int(np.argmax(np.abs(values)))
+        both = np.stack([rows[peak], slopes[peak]])
+        height, place = known.std_along(places, both).tolist()
+        curvature = abs(float(bends[peak] @ own.coordinates))
         is_inside = 0 < peak < len(grid) - 1 and curvature > 0.0
-        found[f"{term}_peak"] = Estimate(float(height @ own.coordinates), std, unit)
-        found[f"{term}_peak_at_{variable}"] = Estimate(
-            float(grid[peak]),
-            place_std / curvature if is_inside else math.nan,
-            FIELD_UNITS[variable],
-        )
+        place = place / curvature if is_inside else math.nan
+        unit = "m/s" if term.startswith("wind") else ("m" if "moment" in term else "-")
+        at = Estimate(float(grid[peak]), place, FIELD_UNITS[variable])
+        found[f"{term}_peak"] = Estimate(float(values[peak]), height, unit)
+        found[f"{term}_peak_at_{variable}"] = at
     return found
 
 

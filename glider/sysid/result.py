@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.checks.masks import ExcludedRows
-from glider.errors import InputError, expect, show
+from glider.errors import InputError, expect
 from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
@@ -29,10 +29,6 @@ MODELS = ("nominal", "refitted", "corrected")
 CALIBRATED, PERFECT = "calibrated", "floor"
 """The refitted baseline without a constant error of the pitch reading, as calibration
 is not physics; what a perfect model would leave on the same flights."""
-
-UNLIKELY = 0.005
-"""Probability, by chance, below which errors are not those of a perfect model, or gusts
-not turbulence."""
 
 LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
 """Whether an effect's formula has the shape that the flights show."""
@@ -102,12 +98,9 @@ class Curve:
     def __post_init__(self) -> None:
         known = f"one of {', '.join(CURVE_TERMS)}"
         expect(self.term in CURVE_TERMS, "field 'term'", self.term, known)
-        columns = self.alpha, self.lack, self.std, self.named
-        if len({*map(np.shape, columns)}) != 1:
-            raise InputError(
-                f"curve {self.term} has columns of different lengths; expected alpha, "
-                "lack, std and named of one length."
-            )
+        shapes = [c.shape for c in (self.alpha, self.lack, self.std, self.named)]
+        what = f"curve {self.term}: the shape of alpha, lack, std and named"
+        expect(len({*shapes}) == 1, what, shapes, "one length")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -246,9 +239,6 @@ class Innovations:
     with_elevator: dict[str, dict[str, np.ndarray]]
 
 
-MOST_COMBINATIONS = 12  # Sets of effects that a result lists.
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EvidenceThreshold:
     """Evidence below which an effect is not taken [nats]."""
@@ -299,10 +289,7 @@ class ResidualTable:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Report:
-    """The part of a result that report.json holds, in its order.
-
-    docs/file_formats.md has all fields.
-    """
+    """The part of a result that report.json holds; docs/file_formats.md has all."""
 
     campaign: str
     flights: FlightNames
@@ -336,12 +323,10 @@ class Report:
     version: str
 
     def __post_init__(self) -> None:
-        known = (*MODELS, CALIBRATED, PERFECT)
-        if unknown := self.errors.keys() - set(known):
-            raise InputError(
-                f"field 'errors' has a model {show(min(unknown))}; expected "
-                f"{', '.join(known)}."
-            )
+        models = *MODELS, CALIBRATED, PERFECT
+        known = f"one of {', '.join(models)}"
+        for name in self.errors:
+            expect(name in models, "a model of 'errors'", name, known)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -375,11 +360,7 @@ class Result(Report):
 
 
 def read_report(path: Path) -> tuple[Report, Path]:
-    """Reads a report: its folder, or its report.json; also returns the file.
-
-    Raises:
-        InputError: it is no report, or one of another version.
-    """
+    """Reads a report: its folder, or its report.json; also returns the file."""
     file = path / "report.json" if path.is_dir() else path
     if not file.exists():
         raise InputError(

@@ -13,6 +13,7 @@ import numpy as np
 
 from glider.campaign.checks.motion import robust_std
 from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
+from glider.sysid import constants
 from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
@@ -20,7 +21,7 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.replayed import logged_elevator
 from glider.sysid.replay.theta import SERVO_LOG
 from glider.sysid.replay.vehicle import BASELINE_KINDS
-from glider.sysid.result import LIBRARY_SHAPE, UNLIKELY, Errors, FoundEffect, Residual
+from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
 
 BOUNDED = {
@@ -30,27 +31,6 @@ BOUNDED = {
     "pitch_zero": "flight-to-flight pitch offsets of {:.2g} rad",
 }
 """Scales whose ceilings no flight of a known glider reaches, and their words."""
-
-NEAR_CEILING = 0.97  # Share of its ceiling above which a scale is at it.
-MOMENT_SHARE = 0.2
-"""Unmodelled pitch acceleration over the RMS pitch acceleration above which the model
-does not explain it. Measured: at most 0.04 in campaigns with the right answer, 0.2 to 1
-where elevator and pose are of different flights or clocks."""
-
-GAIN_ERROR = 0.03
-"""Share by which the elevator may move more or less than commanded. Measured,
-with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than the
-library's among them; 0.04 and 0.05 where one clock is 5 % slow."""
-
-SHIFTED = 0.015
-"""Shift of a servo's log above which its clock is in doubt [s]: three standard errors
-of a clock that an import finds."""
-
-TRAVEL_ERROR = 0.1  # Share by which an elevator may turn farther than its log says.
-GAIN_Z = 4.0  # ... and standard errors over flights above which that is significant.
-WINDOW = 0.1  # Time over which an elevator's travel is measured [s].
-LEAST_TRAVEL = 0.1
-"""Sum of squared travels above which a flight determines a gain [rad²]."""
 
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
@@ -65,14 +45,14 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
     shift, *_ = model.theta[list(task.layout.slots_of(SERVO_LOG.kind))]
-    if abs(shift) > SHIFTED:
+    if abs(shift) > constants.SHIFTED:
         words = "earlier" if shift < 0.0 else "later"
         return (
             f"the servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than "
             "its times say (is 'clock' right in the MAP of its import?)"
         )
     change = float(model.theta[task.layout.index[ELEVATOR_SCALE.kind, "change"]])
-    if abs(change) > TRAVEL_ERROR:
+    if abs(change) > constants.TRAVEL_ERROR:
         return (
             f"the elevator turns {1.0 + change:.2f} times as far as its log says (as "
             "with a wrong 'gain' of its angles and rates in the 'units' of the MAP)"
@@ -83,11 +63,11 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
     found = [
         words.format(scales[name])
         for name, words in BOUNDED.items()
-        if scales[name] > NEAR_CEILING * getattr(CEILING, name)
+        if scales[name] > constants.NEAR_CEILING * getattr(CEILING, name)
     ]
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
-    if scales["moment"] > MOMENT_SHARE * usual:
+    if scales["moment"] > constants.MOMENT_SHARE * usual:
         found.append(
             f"unmodelled pitch accelerations of {scales['moment']:.2g} rad/s² "
             f"(measured ones are {usual:.2g})"
@@ -95,7 +75,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
     if found:
         return f"the model needs {' and '.join(found)}"
     gain, error = elevator_gain(task, model)
-    if abs(gain - 1.0) > max(GAIN_ERROR, GAIN_Z * error):
+    if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.GAIN_Z * error):
         return (
             f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
             "as with a wrong clock or unit"
@@ -113,11 +93,11 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     for record in (record for record in task.records if record.has_servo):
         rows = np.flatnonzero(record.seen[:, 3])
         time, modelled = record.time[rows], logged_elevator(record, model.theta)[rows]
-        ends = np.searchsorted(time, time + WINDOW)
+        ends = np.searchsorted(time, time + constants.TRAVEL_WINDOW)
         first = np.flatnonzero(ends < len(time))
         both = record.elevator[rows], modelled
         travel, ordered = (v[ends[first]] - v[first] for v in both)
-        if (known := float(ordered @ ordered)) > LEAST_TRAVEL:
+        if (known := float(ordered @ ordered)) > constants.LEAST_TRAVEL:
             found.append(float(ordered @ travel) / known)
     if len(found) < 3:
         return 1.0, np.inf
@@ -178,7 +158,7 @@ def judge(
 
 def _beyond_floor(left: Residual) -> str:
     """Clause about what a perfect model would not leave, empty if it may be chance."""
-    if not left.chance < UNLIKELY:
+    if not left.chance < constants.UNLIKELY:
         return ""
     varies = dict.fromkeys((*left.depends_on, *left.air_depends_on))
     return (

@@ -6,6 +6,7 @@ import types
 import numpy as np
 import pytest
 
+from glider.sysid.constants import CURVE_Z
 from glider.sysid.likelihood.blocks import (
     CURVE_TERMS,
     CURVES,
@@ -14,14 +15,7 @@ from glider.sysid.likelihood.blocks import (
 )
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.outcome import (
-    CURVE_Z,
-    carried_of,
-    curves_of,
-    effects_of,
-    model_of,
-    spreads_of,
-)
+from glider.sysid.outcome import carried_of, curves_of, effects_of, model_of, spreads_of
 from glider.sysid.replay.record import Signs
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign

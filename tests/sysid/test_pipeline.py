@@ -9,8 +9,9 @@ from glider.campaign.logs import split_flights
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.progress import Step
+from glider.sysid.constants import UNLIKELY
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.result import PERFECT, UNLIKELY
+from glider.sysid.result import PERFECT
 from tests.campaign.checks.breaking import change, scale
 from tests.helpers.campaigns import campaign_path, first_flights
 from tests.helpers.tasks import fly

@@ -5,12 +5,12 @@ import types
 
 import pytest
 
+from glider.sysid.constants import UNLIKELY
 from glider.sysid.fit.folds import LEAST_UNSEEN_GAIN, WORSE
 from glider.sysid.replay.record import Signs
 from glider.sysid.result import (
     LIBRARY_SHAPE,
     OTHER_SHAPE,
-    UNLIKELY,
     VERDICTS,
     EquationErrors,
     Errors,

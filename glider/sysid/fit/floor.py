@@ -14,6 +14,7 @@ from scipy.special import ndtr, stdtr
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_VARIABLES
+from glider.sysid.constants import UNLIKELY
 from glider.sysid.fit.prediction import RolloutModel, beginning_rows
 from glider.sysid.likelihood.blocks import midpoints
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
@@ -26,13 +27,7 @@ from glider.sysid.likelihood.scales import (
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.smoothing import smoothing_maps
-from glider.sysid.result import (
-    UNLIKELY,
-    EquationErrors,
-    Errors,
-    PathErrors,
-    RolloutErrors,
-)
+from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
 REPLICAS = 100  # Of each flight: its RMS is known to 5 %, less than flights differ.
 ACCURACY = 0.05  # Relative error of a floor, see tests/benchmarks/bench_floor.py.

@@ -3,12 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.sysid.constants import UNLIKELY
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import flown_by
 from glider.sysid.fit.prediction import flight_errors, predict_all
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
-from glider.sysid.result import UNLIKELY, EquationErrors
+from glider.sysid.result import EquationErrors
 from tests.helpers.known_truth import begin, task_of
 from tests.helpers.lifelike import draw_campaign, turbulence_campaign
 
