@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.sysid import constants
-from glider.sysid.fit import floor, folds
-from glider.sysid.likelihood import blocks, outliers, task, uncertainty
+from glider.sysid.likelihood import blocks, outliers, task
 from glider.sysid.search import fits, moves, signs, subsets, support
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
@@ -51,14 +50,14 @@ myst_substitutions = {
     "curves": f"{blocks.COUNT}",
     "doubted": f"{support.DOUBTED:.0f}",
     "flights_of_price": f"{fits.THRESHOLD_FLIGHTS}",
-    "folds": f"{folds.FOLDS}",
+    "folds": f"{constants.FOLDS}",
     "gain_error": f"{constants.GAIN_ERROR:.0%}",
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
-    "allowed": f"{uncertainty.ALLOWED:g}",
+    "allowed": f"{constants.CURVE_ALLOWANCE:g}",
     "least_support": f"{support.LEAST_SUPPORT:.0%}",
-    "floor_accuracy": f"{100 * floor.ACCURACY:g} %",
+    "floor_accuracy": f"{100 * constants.FLOOR_ACCURACY:g} %",
     "unlikely": f"{100 * constants.UNLIKELY:g} %",
-    "least_unseen_gain": f"{folds.LEAST_UNSEEN_GAIN:.1f}",
+    "least_unseen_gain": f"{constants.LEAST_UNSEEN_GAIN:.1f}",
     "moment_share": f"{constants.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",
     "plain_moment": f"{fits.SIMPLE_MOMENT:.1f}",
@@ -72,8 +71,8 @@ myst_substitutions = {
     "rival_gap": f"{support.RIVAL_GAP:.0f}",
     "shape_scales": f"{task.PRIOR_SCALES:g}",
     "stand_in": f"{support.LEAST_STAND_IN:.0%}",
-    "tie": f"{folds.WORSE[0] - 1.0:.1%}",
-    "worse": f"{folds.WORSE[1] - 1.0:.0%}",
+    "tie": f"{constants.WORSE[0] - 1.0:.1%}",
+    "worse": f"{constants.WORSE[1] - 1.0:.0%}",
     "z_apart": f"{outliers.Z_EXTREME:.0f}",
 }
 

@@ -13,7 +13,7 @@ import numpy as np
 from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
-from glider.sysid import constants
+from glider.sysid.constants import UNLIKELY
 from glider.sysid.result import LIBRARY_SHAPE, Estimate, FoundEffect, Result
 
 _MOST_COEFFICIENTS = 8
@@ -212,7 +212,7 @@ TEMPLATES.globals |= {
     "vehicle_rows": vehicle_rows,
     "length": lambda r, value: unit_beside_floor(r, value).text(value),
     "may_be_chance": lambda r: (
-        r.left.ratio_to_floor > 1.0 and not (r.left.chance < constants.UNLIKELY)
+        r.left.ratio_to_floor > 1.0 and not (r.left.chance < UNLIKELY)
     ),
     "metres": numbers.format_length,
     "model_of": _model_of,

@@ -19,7 +19,8 @@ from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.progress import Progress, Step
-from glider.sysid import constants, outcome, result
+from glider.sysid import outcome, result
+from glider.sysid.constants import MOST_LOST
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
@@ -308,7 +309,7 @@ class Analysis:
         if evaluation.folds is not None and verdict != "no_effect":
             gains = evaluation.folds.gain.values
             lost = int(np.sum(gains < 0.0))
-            if lost > constants.MOST_LOST * len(gains):
+            if lost > MOST_LOST * len(gains):
                 yield f"The correction does not improve {lost} of {len(gains)} flights."
 
 

@@ -3,9 +3,49 @@
 Sources are "derived" from a stated probability or error, "measured" by the benchmark
 that is named, or "convention" for a size that was chosen and never calibrated. What is
 physics, or only the step of a numerical derivative, stands where it is used.
-
-Read them as `constants.NAME`: a benchmark may then change one for all modules.
 """
+
+import math
+
+# -------------------------------------------------- predictions of held-out flights
+
+FOLDS = 5  # Parts of the flights, each held out once. Convention.
+
+BEGINNING = 0.2  # Share of a flight on which its launch state is fitted. Convention.
+BEGINNING_WITH_TRIM = 0.4  # The same where a trim of the flight is fitted too.
+BEGINNING_ROWS = 10  # Rows of a beginning at least: a launch has 7 states. Convention.
+
+GAIN_CHANCE = 0.025
+"""Probability that a correction which gains nothing is significant. Convention: one
+side of 95 %."""
+
+LEAST_UNSEEN_GAIN = -math.log(GAIN_CHANCE)
+"""Gain on flights that nothing has seen [nats]. Derived: by Markov's inequality a wrong
+model's likelihood ratio exceeds 1/p with a probability of p at most."""
+
+GAIN_CLIP = 3.0
+"""Standard deviations about the median that flights' gains are held within. Convention:
+one flight may not decide."""
+
+WORSE = 1.001, 1.02
+"""Ratios of errors above which a correction makes flights worse, free and along the
+measured pitch. Convention: a tie, and what chance does where the pitch is given."""
+
+REPLICAS = 100
+"""Replicas of a flight that its floor is drawn from. Derived: its RMS is known to 5 %,
+less than flights differ."""
+
+FLOOR_ACCURACY = 0.05  # Relative error of a floor. Measured (bench_floor).
+FLOOR_FLIGHTS = 40  # Flights that a floor is compared on. Convention: it takes time.
+FLOOR_CLIP = 3.0
+"""Logarithm of a flight's error over its floor that counts at most. Convention: one
+flight may not decide."""
+
+LARGEST_FLOOR = 10.0  # Error of a replica above which it diverged [m]. Convention.
+
+CURVE_ALLOWANCE = 4.5
+"""Evidence that the strength of curves may cost, with which standard errors allow for
+errors of formulas [nats]. Derived: three standard deviations, ½ 3²."""
 
 # ----------------------------------------------------------------- the verdict
 

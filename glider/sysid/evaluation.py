@@ -7,6 +7,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.sysid import result
+from glider.sysid.constants import FLOOR_FLIGHTS
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out, predictable
@@ -25,7 +26,6 @@ from glider.sysid.verdict import AllErrors, changes_baseline_alone
 Models = Mapping[str, prediction.RolloutModel]
 """Models by name; the nominal one only where it is known."""
 
-FLOOR_FLIGHTS = 40  # Flights that the floor is compared on, held-out ones first.
 CHANNELS = ("x", "z", "pitch")
 _LAGS = 25  # Largest lag of innovations [rows], in flights of three times as many.
 _Z95 = 1.96  # Standard deviations that 95 % of normal errors are within.

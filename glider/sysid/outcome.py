@@ -12,7 +12,8 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
 from glider.physics.effects.field import FIELD_UNITS
 from glider.physics.model import GliderModel
-from glider.sysid import constants, result
+from glider.sysid import result
+from glider.sysid.constants import CURVE_Z, LEAST_SPREAD
 from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, CURVES, FittedBlock
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -57,7 +58,7 @@ def carried_of(task: Task, model: FitResult, known: Uncertainty) -> tuple[str, .
     basis = np.stack([curves.values(u, alpha) for u in np.eye(curves.count)], axis=2)
     std = np.maximum(known.std_along(places, basis), 1e-12)
     high_z = np.max(np.abs(values) / std, axis=0)
-    high = high_z > constants.CURVE_Z
+    high = high_z > CURVE_Z
     return tuple(
         term for term, is_high in zip(CURVE_TERMS, high, strict=True) if is_high
     )
@@ -78,10 +79,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
         others = [name for name in scales.NAMES if name != scale]
         lost = scales.fit_scales(flights, least, others)[1] - base
         std = getattr(fitted, scale)
-        size = (
-            constants.LEAST_SPREAD
-            * task.layout.scale[task.layout.index[kind, coefficient]]
-        )
+        size = LEAST_SPREAD * task.layout.scale[task.layout.index[kind, coefficient]]
         if lost > EVIDENCE_THRESHOLD and size < min(std, getattr(model.scales, scale)):
             own = values[:, scales.PER_FLIGHT.index((kind, coefficient))].tolist()
             found[kind] = Spread(

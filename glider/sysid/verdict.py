@@ -14,7 +14,7 @@ import numpy as np
 from glider.campaign.checks.motion import robust_std
 from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
 from glider.sysid import constants
-from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
+from glider.sysid.fit.folds import Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
@@ -217,7 +217,7 @@ def _no_gain(gain: Gains, over: str) -> str | None:
 
 def _worse(ratios: np.ndarray, than: str) -> str | None:
     """Sentence about a correction that makes held-out flights worse."""
-    for words, worse, ratio in zip(FLOWN, WORSE, ratios, strict=False):
+    for words, worse, ratio in zip(FLOWN, constants.WORSE, ratios, strict=False):
         if ratio > worse:
             found = f"{words} {ratio:.4g} times the error of the {than}"
             if not np.isfinite(ratio):

@@ -5,8 +5,7 @@ import types
 
 import pytest
 
-from glider.sysid.constants import UNLIKELY
-from glider.sysid.fit.folds import LEAST_UNSEEN_GAIN, WORSE
+from glider.sysid.constants import LEAST_UNSEEN_GAIN, UNLIKELY, WORSE
 from glider.sysid.replay.record import Signs
 from glider.sysid.result import (
     LIBRARY_SHAPE,

@@ -14,7 +14,13 @@ from scipy.special import ndtr, stdtr
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_VARIABLES
-from glider.sysid.constants import UNLIKELY
+from glider.sysid.constants import (
+    FLOOR_ACCURACY,
+    FLOOR_CLIP,
+    LARGEST_FLOOR,
+    REPLICAS,
+    UNLIKELY,
+)
 from glider.sysid.fit.prediction import RolloutModel, beginning_rows
 from glider.sysid.likelihood.blocks import midpoints
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
@@ -29,11 +35,7 @@ from glider.sysid.replay.record import Record
 from glider.sysid.replay.smoothing import smoothing_maps
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
-REPLICAS = 100  # Of each flight: its RMS is known to 5 %, less than flights differ.
-ACCURACY = 0.05  # Relative error of a floor, see tests/benchmarks/bench_floor.py.
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
-_DIVERGED = 10.0  # Error above which a replica says nothing [m].
-_MOST_APART = 3.0  # Logarithm of a flight's error over its floor that counts.
 _STEP = 0.1  # Of the logarithm of gusts, for slopes of the likelihood.
 _TRANSLATED = [0, 1, 4, 5]  # States that are fitted along the measured pitch,
 _TURNED = [PITCH, PITCH_RATE]  # and those that are measured.
@@ -51,7 +53,7 @@ class Floor:
     @property
     def _is_known(self) -> np.ndarray:
         """(F,) whether flights are linear enough; some pass a model's validity."""
-        return np.all(self.squares.mean(axis=2)[:, :2] < _DIVERGED**2, axis=1)
+        return np.all(self.squares.mean(axis=2)[:, :2] < LARGEST_FLOOR**2, axis=1)
 
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
@@ -82,9 +84,9 @@ class Floor:
             return np.nan
         drawn = 0.5 * np.log(self.squares[known, :2])
         errors = np.nan_to_num(np.log(np.maximum(paths[known], 1e-9)), nan=np.inf)
-        apart = np.clip(errors - drawn.mean(axis=2), -_MOST_APART, _MOST_APART)
+        apart = np.clip(errors - drawn.mean(axis=2), -FLOOR_CLIP, FLOOR_CLIP)
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
-        z = apart.mean(axis=0) / np.hypot(error, ACCURACY)
+        z = apart.mean(axis=0) / np.hypot(error, FLOOR_ACCURACY)
         return min(1.0, 2.0 * float(ndtr(-z).min()))
 
 

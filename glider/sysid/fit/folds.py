@@ -1,26 +1,18 @@
 """Flights held out in folds, baseline and corrected model refitted to the others."""
 
 import dataclasses
-import math
 from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy.special import stdtrit
 
 from glider.campaign.checks.motion import robust_std
+from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP, LEAST_UNSEEN_GAIN
 from glider.sysid.fit import prediction
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
-
-FOLDS = 5
-CLIP = 3.0  # Median deviations about the median that gains are held within.
-CHANCE = 0.025  # Probability that a correction which gains nothing is significant.
-LEAST_UNSEEN_GAIN = -math.log(CHANCE)  # On flights that nothing has seen [nats].
-# Ratios of errors above which a correction makes flights worse, free and along the
-# measured pitch, where an effect on the pitch changes the error only by chance.
-WORSE = 1.001, 1.02
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -37,9 +29,9 @@ class Gains:
 
     @property
     def least_t(self) -> float:
-        """Student's t that so many gains exceed with a probability of CHANCE."""
+        """Student's t that so many gains exceed with a probability of GAIN_CHANCE."""
         count = len(self.values)
-        return float(stdtrit(count - 1, 1.0 - CHANCE)) if count > 1 else np.inf
+        return float(stdtrit(count - 1, 1.0 - GAIN_CHANCE)) if count > 1 else np.inf
 
     @property
     def of_unseen(self) -> float:
@@ -96,7 +88,7 @@ def clipped(gains: np.ndarray) -> np.ndarray:
         return gains
     middle = np.median(gains)
     spread = robust_std(gains - middle) + 1e-12
-    return np.clip(gains, middle - CLIP * spread, middle + CLIP * spread)
+    return np.clip(gains, middle - GAIN_CLIP * spread, middle + GAIN_CLIP * spread)
 
 
 def flown_by(

@@ -14,6 +14,7 @@ from glider.compiled.filter_error import PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import roll_out
 from glider.physics.effects import Field
+from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
 from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, linearize, path_of
 from glider.sysid.likelihood.scales import (
     FLOOR,
@@ -28,9 +29,6 @@ from glider.sysid.replay.replayed import make_table, sensed, true_nodes
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import EquationErrors, Errors, Fit, PathErrors, RolloutErrors
 
-BEGINNING = 0.2  # Share of a flight on which its launch state is fitted,
-BEGINNING_WITH_TRIM = 0.4  # where a trim of the flight is fitted too.
-_FEWEST_ROWS = 10
 _OF_ROLLOUTS = ("position", "pitch")  # Scales that rollouts have errors in.
 
 
@@ -62,7 +60,7 @@ def beginning_rows(record: Record, per_flight_trims: bool) -> int:
     """Number of nodes that the launch state is fitted on."""
     share = BEGINNING_WITH_TRIM if per_flight_trims else BEGINNING
     rows = int(np.searchsorted(record.time, share * record.time[-1]))
-    return min(max(rows, _FEWEST_ROWS), len(record.time))
+    return min(max(rows, BEGINNING_ROWS), len(record.time))
 
 
 def rollout_scales(

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.sysid.constants import CURVE_ALLOWANCE
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import Candidates, saturated_scales
 from glider.sysid.likelihood.information import counted_from, eliminate, solve_scaled
 from glider.sysid.likelihood.linear_flight import slopes
 from glider.sysid.likelihood.task import Task
 
-ALLOWED = 4.5  # Evidence that the curves' strength may cost [nats]: three deviations.
 LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
 STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)  # None to most.
 
@@ -122,8 +122,8 @@ def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.Fit
     coefficients: standard errors are computed with such curves beside the formulas.
 
     The strength s is the largest whose evidence, the coefficients integrated out, is
-    at most ALLOWED below the best, where curves are not mistaken for moving air: with
-    eigenvalues λ of the curves' information, and g of the error along them,
+    at most CURVE_ALLOWANCE below the best, where curves are not mistaken for moving
+    air: with eigenvalues λ of the curves' information, and g of the error along them,
 
         log p(s) = ½ Σ g² / (λ + s⁻²) - ½ Σ log(1 + s² λ).
     """
@@ -156,5 +156,5 @@ def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.Fit
     evidence = 0.5 * np.sum(
         error**2 / (values + 1.0 / squares) - np.log1p(squares * values), axis=1
     )
-    allowed = STRENGTHS_ASKED[evidence >= evidence.max() - ALLOWED]
+    allowed = STRENGTHS_ASKED[evidence >= evidence.max() - CURVE_ALLOWANCE]
     return bent.with_curves(task.curves, float(allowed.max()))

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.fit.folds import (
-    FOLDS,
-    LEAST_UNSEEN_GAIN,
-    Gains,
-    HeldOut,
-    hold_out,
-    robust_t,
-)
+from glider.sysid.constants import FOLDS, LEAST_UNSEEN_GAIN
+from glider.sysid.fit.folds import Gains, HeldOut, hold_out, robust_t
 from glider.sysid.likelihood.model_fit import fit_model
 from tests.helpers.tasks import begin, fly, task_of
 

@@ -9,6 +9,7 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
+from glider.sysid.constants import CURVE_ALLOWANCE
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.model_fit import (
     fit_model,
@@ -17,7 +18,6 @@ from glider.sysid.likelihood.model_fit import (
     prior_of,
 )
 from glider.sysid.likelihood.uncertainty import (
-    ALLOWED,
     STRENGTHS_ASKED,
     Uncertainty,
     jackknife,
@@ -63,8 +63,8 @@ def test_the_curves_are_as_strong_as_the_evidence_lets_them_be(exact):
     allowed = with_allowed_curves(task, model)
     evidence = np.array([log_evidence(task, allowed, s) for s in STRENGTHS_ASKED])
     (place,) = np.flatnonzero(np.isclose(STRENGTHS_ASKED, allowed.strength))
-    assert evidence[place] >= evidence.max() - ALLOWED
-    assert np.all(evidence[place + 1 :] < evidence.max() - ALLOWED)
+    assert evidence[place] >= evidence.max() - CURVE_ALLOWANCE
+    assert np.all(evidence[place + 1 :] < evidence.max() - CURVE_ALLOWANCE)
 
 
 def test_curves_that_act_already_allow_the_same(exact):
