@@ -174,7 +174,8 @@ def _find_contact(track: Track, rows: np.ndarray) -> int:
     the air allow is a contact: the wire, a hand, the floor.
     """
     time, place = track.time[rows], track.pose[rows, :2]
-    half = max(round(_AROUND / float(np.median(np.diff(track.time)))), _STENCIL)
+    step = float(np.median(np.diff(track.time)))
+    half = max(round(_AROUND / step), _STENCIL)
     if len(time) <= 2 * half:
         return len(time)
     last = np.arange(half - 1, len(time) - 2)
@@ -193,7 +194,7 @@ def _find_contact(track: Track, rows: np.ndarray) -> int:
     )
     over = np.hypot(*jump.T) / least
     over[np.sum(jump * velocity, axis=1) > 0.0] = 0.0
-    over[np.ptp(since, axis=1) > _LONG_STEP * _AROUND] = 0.0  # A gap in it.
+    over[np.ptp(since, axis=1) > _LONG_STEP * half * step] = 0.0  # A gap in it.
     begin = int(np.argmax(over > 1.0))
     if over[begin] <= 1.0:
         return len(time)

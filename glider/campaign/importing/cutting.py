@@ -14,7 +14,7 @@ from glider.campaign.checks.masks import find_repeats, stretches
 from glider.campaign.checks.motion import SPAN, Motion, calc_motion, robust_std
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
-from glider.campaign.importing.track import Track, planar_pose, take
+from glider.campaign.importing.track import Track, planar_pose, take, turn_along
 from glider.physics.actuator_replay import latest_command
 
 MOTOR = "the motor runs"
@@ -191,7 +191,7 @@ def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float
 
 def _find_contact(flight: Track) -> float | None:
     """Time at which the velocity jumps [s]; None where it does not."""
-    pose = planar_pose(flight)
+    pose = planar_pose(turn_along(flight))
     differences, _ = fourth_differences(flight.time, pose)
     if not len(differences):
         return None

@@ -81,7 +81,8 @@ def rank_frames(
         for reading, prior, tracks in ways:
             pairs = zip(tracks, spans, strict=True)
             flights = [_turn(t, axes, span) for t, each in pairs for span in each]
-            for body, score in _judge(flights, world["up"], tracks[0].rotation):
+            known = tracks[0].rotation is None or "top" in reading
+            for body, score in _judge(flights, world["up"], known):
                 total = score + float(np.log(prior * habit))
                 found.append((world | reading | body, total))
     total = logsumexp([score for _, score in found]) if found else 0.0
@@ -98,7 +99,7 @@ def rank_rotations(
         tracks = [(make_track(log, claim), spans) for log, spans in logs[:_MOST]]
         cuts = [(t, _rows(t, span)) for t, spans in tracks for span in spans]
         flights = [_turn(track, np.eye(3), rows) for track, rows in cuts[:_MOST]]
-        scores[order] = sum(score for _, score in _judge(flights, "z", None))
+        scores[order] = sum(score for _, score in _judge(flights, "z", True))
     return scores
 
 
@@ -152,11 +153,11 @@ def _turn(track: Track, axes: np.ndarray, rows: slice) -> _Flight:
 
 
 def _judge(
-    flights: Sequence[_Flight], up: str, logged: np.ndarray | None
+    flights: Sequence[_Flight], up: str, known: bool
 ) -> Iterator[tuple[Fields, float]]:
     """Yields axes of the body with their log probabilities (up to a constant).
 
-    Without rotations of the log they are known: the nose is x, the top z.
+    If they are known already the nose is x, the top z.
     """
     flights = flights[:_MOST]
     if not flights:
@@ -167,7 +168,7 @@ def _judge(
     above = np.mean([np.mean(turn[:, 2], axis=0) for _, turn in flights], axis=0)
     forces = _Forces(flights)
     independent = _STEP / _MEMORY / len(flights)
-    pairs = [("x", "z")] if logged is None else itertools.product(AXES, AXES)
+    pairs = [("x", "z")] if known else itertools.product(AXES, AXES)
     for nose, top in pairs:
         if nose[-1] == top[-1]:
             continue
@@ -178,7 +179,7 @@ def _judge(
         score = independent * forces.evidence(np.stack([ahead, left, over]))
         score += _TOWARD * (path @ ahead + above @ over)
         score -= 0.5 * ((path @ left) ** 2 + (above @ left) ** 2) / _SIDEWAYS**2
-        body = {} if logged is None else {"nose": nose, "top": top}
+        body = {} if known else {"nose": nose, "top": top}
         yield body, float(count * score + np.log(usual))
 
 

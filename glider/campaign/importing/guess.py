@@ -24,11 +24,17 @@ from glider.campaign.importing.campaign_import import (
 )
 from glider.campaign.importing.frame_posterior import Fields, rank_frames
 from glider.campaign.importing.readers import read_recordings
-from glider.campaign.importing.recording import UNITS, Recording
+from glider.campaign.importing.recording import UNITS, Recording, split_suffix
 from glider.campaign.importing.sign_checks import SIGNIFICANT, check_signs, fit_elevator
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
-from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
+from glider.campaign.settings import (
+    FRAME_CHOICES,
+    QUANTITIES,
+    Mapping,
+    Settings,
+    Vehicle,
+)
 from glider.errors import InputError, printable
 from glider.files import schema
 from glider.progress import silent
@@ -40,21 +46,24 @@ _NAMES = {  # What names contain, in lower case, words parted by _, without unit
     "time": r"(^|_)(t|time|zeit|timestamp|secs?|seconds|clock|temps|tiempo|tempo)(_|$)",
     "position": r"pos|transl|point|location|(^|\W)p$",
     "attitude": r"quat|orient|rot|att|eul|lage$|(^|\W)q$",
-    "x": r"^(x|px|pos(ition)?_x|n(orth|ord|orte)|range|forward|vorn)$",
-    "y": r"^(y|py|pos(ition)?_y|east|ost|oest|este?)$",
+    "x": r"^(x|px|pos(ition)?_x|n(orth|ord|orte)|range|forward|vorn|"
+    r"l(ä|ae)nge|weite|longueur|largo|lunghezza|dist(ance|anz|ancia))$",
+    "y": r"^(y|py|pos(ition)?_y|east|ost|oest|este?|breite|quer)$",
     "z": r"^(z|pz|pos(ition)?_z|h|height|alt(itude)?|h(ö|oe|o)he|hauteur|altura|quota|"
     r"up|oben|haut|down|unten|bas|abajo)$",
+    "roll": r"(^|_)(roll|phi|bank|roulis|alabeo|rollio)",
     "pitch": r"pitch|theta|nick|assiette|tangage|cabeceo|beccheggio",
+    "yaw": r"yaw|psi$|heading|gier|lacet|gui(ñ|n)ada|imbardata",
     "elevator_rate_command": rf"({_ELEVATOR}).*({_IS_RATE}|{_COMMAND})|^(rate|u)$",
     "elevator_angle_command": rf"({_ELEVATOR}).*({_COMMAND})",
     "elevator": rf"{_ELEVATOR}|angle",
 }
 _NOT_AN_ANGLE = rf"{_COMMAND}|{_IS_RATE}|effort"
-_UNIT = r"_(mm|cm|m|ms|us|ns|s|rad|deg|degrees|(deg|rad|d)_?p?_?s)$"
 _SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
 _RATE, _ANGLE = "elevator_rate_command", "elevator_angle_command"
-_SCALARS = (_RATE, _ANGLE, "x", "z", "y", "pitch", "elevator")
-_INSTEAD = {"x": "position", "y": "position", "z": "position", "pitch": "attitude"}
+_EULER = "roll", "pitch", "yaw"
+_SCALARS = (_RATE, _ANGLE, "x", "z", "y", *_EULER, "elevator")
+_INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(_EULER, "attitude")
 _INSTEAD |= {_ANGLE: _RATE}  # Quantity that makes another needless.
 _IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
 _SAYS_NOTHING = re.compile(r"\.(position|data|value|angle|output)(\[0\])?$").search
@@ -67,6 +76,7 @@ _FOUR = {"xyzw": 0.5, "wxyz": 0.5}
 _RARE = ("YXZ", "ZXY", "YZX", "XZY", "rotation_vector")
 _THREE = {"ZYX": 0.65, "XYZ": 0.3} | dict.fromkeys(_RARE, 0.01)
 """Ways to read four or three numbers of an attitude, each with its prior."""
+_ORDER = "the order in which the software writes rotations"
 _CERTAIN = 0.99  # Probability above which nothing is asked: one wrong in a hundred.
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_FILES = 12  # Recordings that are read.
@@ -100,8 +110,11 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
 
     ranked = [({"axes": "NED"}, 1.0)]
     if not known:
-        ranked = rank_frames(recordings, claim, *_priors(recordings[0], columns))
-    frame, probability = ranked[0] if ranked else ({}, 0.0)
+        readings, usual = _priors(recordings[0], columns)
+        ranked = rank_frames(recordings, claim, readings, usual) or [
+            (readings[0][0], 0.0)
+        ]
+    frame, probability = ranked[0]
     campaign, frame = _make_campaign(recordings, claim(frame)), dict(frame)
     servo = campaign.elevator == "servo"
     servo_why = _guess_elevator(campaign, frame) if servo else ""
@@ -183,7 +196,11 @@ def _priors(log: Recording, columns: Columns) -> tuple[list[tuple[Fields, float]
         usual = "-z" if re.search("down|unten|bas|abajo", z) else "z"
     attitude = columns.get("attitude")
     if attitude is None:
-        return [({"pitch": sign}, 0.5) for sign in ("nose_up", "nose_down")], usual
+        tops = (
+            [{"nose": "x", "top": t} for t in ("z", "-z")] if "yaw" in columns else [{}]
+        )
+        signs = [{"pitch": sign} for sign in ("nose_up", "nose_down")]
+        return [(s | t, 0.5 / len(tops)) for s in signs for t in tops], usual
     axes = next(a for a in _SHAPES["attitude"] if log.find_all(attitude, a, "attitude"))
     if axes == "xyzw" or log.rotation is not None:
         return [({}, 1.0)], usual
@@ -198,9 +215,9 @@ def _explain(ranked: Sequence[tuple[Fields, float]]) -> list[str]:
         return [f"by forces and habits, probability {min(probability, 0.9999):.4g}"]
     differs = [field for field, value in rival.items() if best[field] != value]
     words = ", ".join(f"{field}: {rival[field]}" for field in differs)
-    hint = "which axis is the height?" if "up" in differs else "where are nose and top?"
     odds = f"? probability {probability:.2g}, and {other:.2g} with {words}"
-    return [odds, f"  # {hint} Do the picture's arrows point where the nose did?"]
+    asked = next((FRAME_CHOICES[f][1] for f in differs if f in FRAME_CHOICES), _ORDER)
+    return [odds, f"  # what is {asked}? In the picture, arrows point to the nose."]
 
 
 def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
@@ -230,8 +247,8 @@ def _quoted(value: str | list[str]) -> str:
 def _words(name: str) -> str:
     """The part of an address that says something, parted by _, without its unit."""
     text = name if _SAYS_NOTHING(name) else name.rpartition(".")[2]
-    words = re.sub(r"(?<=[^\W_A-Z])(?=[A-Z])|\W+", "_", text).strip("_").lower()
-    return re.sub(_UNIT, "", words)
+    text = re.sub(r"(?<=[^\W_A-Z])(?=[A-Z])|\W+", "_", text).strip("_").lower()
+    return split_suffix(text)[0]
 
 
 def _addresses(log: Recording) -> list[str]:
@@ -268,7 +285,8 @@ def _find(log: Recording) -> Columns:
         return dict(log.known)
     names = [name for name in _addresses(log) if not _IS_TIME(name)]
     columns: Columns = {}
-    first = (re.fullmatch(r"(.+?)(\[0\]|[._ ]?[xX])", name) for name in names)
+    bare = [split_suffix(name)[0] for name in names]
+    first = (re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", name) for name in bare)
     stems = list(dict.fromkeys(match[1] for match in first if match))
     for quantity, shapes in _SHAPES.items():
         fits = [
@@ -284,23 +302,36 @@ def _find(log: Recording) -> Columns:
     for quantity in _SCALARS:
         if _INSTEAD.get(quantity) not in columns:
             used = "|".join(re.escape(columns[q]) for q in _SHAPES if q in columns)
-            free = [
-                name
-                for name in names
-                if name not in columns.values()
-                and not re.fullmatch(rf"({used or '$'})[._ \[]?[xyzw\d]\]?", name, re.I)
-            ]
-            if quantity == "elevator":
+            is_used = re.compile(rf"({used or '$'})[._ \[]?[xyzw\d]\]?", re.I).fullmatch
+            pairs = zip(names, bare, strict=True)
+            free = [n for n, b in pairs if not is_used(b)]
+            free = [n for n in free if n not in columns.values()]
+            if quantity in ("elevator", *_EULER):
                 free = [n for n in free if not re.search(_NOT_AN_ANGLE, _words(n))]
             fits = [n for n in free if re.search(_NAMES[quantity], _words(n))]
             columns |= {quantity: fits[0]} if fits else {}
-    if _RATE in columns and _values(log, columns[_RATE])[1] in ("deg", "rad"):
+    if not set(_EULER) <= columns.keys():  # Only all three are a rotation.
+        columns = {q: n for q, n in columns.items() if q not in ("roll", "yaw")}
+    if _RATE in columns and _is_angle(log, columns):
         columns[_ANGLE] = columns.pop(_RATE)
     for group in (group for group in log.groups if not group.time):
         times = [n for n in group.columns if re.search(_NAMES["time"], _words(n))]
         if times and times[0] not in columns.get("time", []):
             columns["time"] = [*columns.get("time", []), times[0]]
     return columns
+
+
+def _is_angle(log: Recording, columns: Columns) -> bool:
+    """Whether commands are angles: by their unit, or as the elevator has them."""
+    command, unit = _values(log, columns[_RATE])
+    if unit or "elevator" not in columns:
+        return unit in ("deg", "rad")
+    angle = _values(log, columns["elevator"])[0]
+    if len(angle) != len(command) or re.search(_IS_RATE, _words(columns[_RATE])):
+        return False
+    with np.errstate(invalid="ignore", divide="ignore"):
+        _, to_angle, to_rate = np.corrcoef([command, angle, np.gradient(angle)])[0]
+    return bool(abs(to_angle) > abs(to_rate))
 
 
 def _travel(log: Recording, stem: str) -> float:

@@ -7,6 +7,7 @@ import dataclasses
 import difflib
 import importlib
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -45,6 +46,10 @@ _SPELLINGS = {
     "kn": "kt knot",
     "m/s2": "m/s² m/s^2",
 }
+_SUFFIX = re.compile(
+    r"_(?<=._)([mc]?m|[mun]?s|(deg|rad)_?(p?s)?|(?<=[xyz]_)(in|ft))$", re.IGNORECASE
+)
+"""A unit at the end of a name; `elevator_in` is an input."""
 _UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
 _UNITS |= {unit: unit for units in UNITS.values() for unit in units}
 
@@ -119,14 +124,15 @@ class Recording:
 
         Their axes are letters in the order wanted, or digits for name[0], name[1].
         """
-        known = {full.removeprefix(f"{g.name}.") for full, g, _ in self._all()}
-        known.update(self.names())
-        spellings = ("{name}[{axis}]",) if axes[0].isdigit() else _VECTORS
-        for spelling in spellings:
+        known = {full.removeprefix(f"{g.name}."): full for full, g, _ in self._all()}
+        known |= {full: full for full in self.names()}
+        known = {split_suffix(name)[0]: full for name, full in known.items()} | known
+        spellings = ("{name}[{axis}]", "{name}{axis}")
+        for spelling in spellings if axes[0].isdigit() else _VECTORS:
             for letters in (axes, axes.upper()):
                 names = [spelling.format(name=address, axis=a) for a in letters]
                 if all(name in known for name in names):
-                    return self.find_each(names, field)
+                    return self.find_each([known[name] for name in names], field)
         return None
 
     def find_each(self, names: Sequence[str], field: str) -> Vector:
@@ -188,6 +194,12 @@ def spell(text: str) -> str | None:
     """Usual spelling of a unit, e.g. "mm" of "[Millimeters]"; None of other words."""
     word = text.strip(" []()").lower()
     return _UNITS.get(word) or _UNITS.get(word.removesuffix("s"))
+
+
+def split_suffix(name: str) -> tuple[str, str | None]:
+    """A name without the unit that it ends in, and the unit: "x_mm" is x in mm."""
+    suffix = _SUFFIX.search(name)
+    return (name[: suffix.start()], spell(suffix[1])) if suffix else (name, None)
 
 
 def scale_of(unit: Unit, kind: str, source: str) -> Scale:

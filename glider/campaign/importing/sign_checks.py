@@ -28,7 +28,7 @@ MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
 _ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
 _ASIDE = 0.2  # Of gravity; throws: 0.04 sideways, with y and z exchanged 0.46.
-_STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
+_STEEP = 2.0  # Ratio of height to way above which forces must show what is up.
 _AHEAD = 0.4  # Least mean cosine of the angle of attack: within 66° of the way.
 _ARM = 0.25  # Length of a tail over which an elevator's strength is compared [m].
 _STRONGEST = 7.5
@@ -43,7 +43,9 @@ Motions = dict[str, Motion]  # Of flights, by name.
 def check_signs(campaign: Campaign) -> tuple[str, ...]:
     """Reports what could not be decided; raises InputError where signs are wrong."""
     masks = find_faults(campaign).masks
-    _check_attitude(campaign)
+    motions = {f.name: forces.usable_motion(f, masks) for f in campaign.flights}
+    motion = forces.join(list(motions.values()))
+    _check_attitude(campaign, motion)
     turned, warnings = check_frame(campaign, masks)
     if turned is not campaign:
         axis = "forward" if "'x'" in warnings[0] else "up"
@@ -51,8 +53,6 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
             f"{campaign.path}: frame: '{axis}' has the wrong sign: "
             f"{warnings[0].partition(':')[0]}."
         )
-    motions = {f.name: forces.usable_motion(f, masks) for f in campaign.flights}
-    motion = forces.join(list(motions.values()))
     if len(motion.time) < _MIN_ROWS:
         return ("too few rows to check the signs of the mapping",)
     undecided = _check_pitch(campaign, motions, motion)
@@ -105,7 +105,7 @@ def fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float, fl
     return float(effect), misfit, float(strength)
 
 
-def _check_attitude(campaign: Campaign) -> None:
+def _check_attitude(campaign: Campaign, motion: Motion) -> None:
     """Refuses a body on its side or sideways, flights up or down, falls to a side."""
     tracks = [
         (f.time, np.column_stack([f.attitude, f.pose[:, 1]]))
@@ -132,20 +132,35 @@ def _check_attitude(campaign: Campaign) -> None:
             )
     ways = [f.pose[-1, :2] - f.pose[0, :2] for f in campaign.flights]
     along, up = np.median(np.abs(ways), axis=0)
-    if up > _STEEP * along:
+    if up > _STEEP * along and not _shows_up(campaign, motion):
         raise InputError(
             f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "
-            f"{along:.3g} m along the throw; expected most of the way along the "
-            "throw ('up', 'forward', or a column 'y')."
+            f"{along:.3g} m along the throw, which forces do not confirm; expected "
+            "most of the way along the throw ('up', 'forward', or a column 'y')."
         )
+
+
+def _shows_up(campaign: Campaign, motion: Motion) -> bool:
+    """Whether the forces fit clearly better than with another axis up."""
+    if len(motion.time) < _MIN_ROWS:
+        return False
+    down = np.array([0.0, -campaign.gravity])
+    own = forces.fit_forces(motion, down, signs=(1,)).misfit
+    return own * CLEARLY < min(_with_other_ups(campaign, motion).values())
+
+
+def _with_other_ups(campaign: Campaign, motion: Motion) -> dict[str, float]:
+    """Misfits with other axes of the flights up."""
+    ways = {"-z": [0.0, 1.0], "x": [-1.0, 0.0], "-x": [1.0, 0.0]}
+    downs = {axis: campaign.gravity * np.array(way) for axis, way in ways.items()}
+    return {a: forces.fit_forces(motion, down).misfit for a, down in downs.items()}
 
 
 def _check_pitch(
     campaign: Campaign, motions: Motions, motion: Motion
 ) -> tuple[str, ...]:
     """Refuses a pitch with the wrong sign, or another angle in its place."""
-    gravity = campaign.gravity
-    down = np.array([0.0, -gravity])
+    down = np.array([0.0, -campaign.gravity])
     heading = forces.calc_heading(motion, 1)
     if heading < _AHEAD:
         raise InputError(
@@ -156,8 +171,7 @@ def _check_pitch(
     many = len(campaign.flights) >= MIN_FLIGHTS
     own = forces.fit_forces(motion, down, signs=(1,)).misfit
     turned = forces.fit_forces(motion, down, signs=(-1,)).misfit
-    for axis, toward in (("-z", (0, 1)), ("x", (-1, 0)), ("-x", (1, 0))):
-        misfit = forces.fit_forces(motion, gravity * np.array(toward)).misfit
+    for axis, misfit in _with_other_ups(campaign, motion).items():
         if many and misfit * CLEARLY < min(own, turned):
             raise InputError(
                 f"{campaign.path}: frame: 'up' is wrong: with {axis} of the flights in "

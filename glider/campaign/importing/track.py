@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from glider.campaign.checks.motion import SPAN
 from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.selection import Onboard, Picker, ServoLogs, Stream
 from glider.campaign.settings import Frame, Mapping, unit_vector
@@ -98,12 +99,16 @@ def take(track: Track, rows: np.ndarray | slice) -> Track:
 
 
 def turn_along(track: Track) -> Track:
-    """Turns x along the line that fits the ground track best, where it must be."""
+    """Turns x along the line that fits the ground track best, where it must be.
+
+    It points where the flight goes at first: a loop may end behind its beginning.
+    """
     if not track.along_throw:
         return track
     ground = track.position[:, :2]
     _, _, axes = np.linalg.svd(ground - np.mean(ground, axis=0), full_matrices=False)
-    along = axes[0] * np.sign(axes[0] @ (ground[-1] - ground[0]) or 1.0)
+    first = np.searchsorted(track.time, track.time[0] + SPAN, side="right") - 1
+    along = axes[0] * np.sign(axes[0] @ (ground[first] - ground[0]) or 1.0)
     turn = np.array([[along[0], along[1], 0.0], [-along[1], along[0], 0.0], [0, 0, 1]])
     start = np.append(ground[0], 0.0)
     return dataclasses.replace(

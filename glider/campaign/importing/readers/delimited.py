@@ -15,14 +15,19 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.flight_table import split_rows, to_float
-from glider.campaign.importing.recording import Column, Group, Recording, spell
+from glider.campaign.importing.recording import (
+    Column,
+    Group,
+    Recording,
+    spell,
+    split_suffix,
+)
 from glider.errors import InputError, show
 
 _BLANK = re.compile(
     r"-*|<?na>?|n/a|na[nt]|null|none|-?inf|#(n/a|num!|value!|div/0!)", re.IGNORECASE
 )
 _UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]+?)\s*[\])]$")
-_UNIT_SUFFIX = re.compile(r"_(?<=._)([mc]?m|[mun]?s|(deg|rad)(ps|_s)?)$")
 _MIN_ROWS = 3
 _DAY_ZERO = datetime.datetime(1970, 1, 1)
 
@@ -153,8 +158,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
     match = _UNIT_IN_NAME.match(name)
     if match and spell(match[2]):
         return match[1], spell(match[2])
-    suffix = _UNIT_SUFFIX.search(name)
-    return name, spell(suffix[1]) if suffix else None
+    return name, split_suffix(name)[1]
 
 
 def _find_delimiter(lines: Sequence[str]) -> str:
