@@ -21,6 +21,7 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion, calc_motion, robust_std
 from glider.campaign.logs import Flight
 
+START = 0.3  # Time after its release in which a glider goes where its nose is [s].
 _STRIDE = 3  # Rows from one acceleration to the next: those between add nothing new.
 _ITERATIONS = 7
 _WIND_AT = slice(7, 9)  # Columns of the wind, after forces, offsets and thrust.
@@ -49,6 +50,14 @@ def usable_motion(flight: Flight, masks: Mapping[str, Masks]) -> Motion:
 def join(motions: list[Motion]) -> Motion:
     """Motions of flights one after the other."""
     return Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
+
+
+def at_release(motions: Sequence[Motion]) -> Motion:
+    """The first rows of each motion: later a glider may loop, or slide on its tail."""
+    early = [m.time < m.time[:1] + START for m in motions]
+    return join(
+        [Motion(*(v[e] for v in m)) for m, e in zip(motions, early, strict=True)]
+    )
 
 
 def fit_forces(

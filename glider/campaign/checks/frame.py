@@ -46,7 +46,8 @@ def check_frame(
     campaign: Campaign, masks: dict[str, Masks]
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Corrects axes that are certainly turned, not angles; refuses what cannot be."""
-    motion = forces.join([forces.usable_motion(f, masks) for f in campaign.flights])
+    motions = [forces.usable_motion(f, masks) for f in campaign.flights]
+    motion = forces.join(motions)
     if len(motion.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
         return campaign, ()
     fit = forces.fit_forces(motion)
@@ -55,7 +56,7 @@ def check_frame(
     warnings: list[str] = []
     turned = _check_down(campaign, motion, fit, warnings)
     _check_time(campaign, motion, fit)
-    turned = _check_ahead(turned, motion, fit, warnings)
+    turned = _check_ahead(turned, forces.at_release(motions), fit, warnings)
     _check_force(campaign, fit)
     return turned, tuple(warnings)
 

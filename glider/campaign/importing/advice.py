@@ -10,12 +10,13 @@ moments then fit, and the best is advised: the import accepts it by construction
 import contextlib
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import yaml
 
-from glider.campaign.importing.recording import UNITS, Recording
+from glider.campaign.importing.recording import UNITS, Recording, Scale, scale_of
 from glider.campaign.importing.sign_checks import CLEARLY, MIN_FLIGHTS, misfit_of
 from glider.campaign.settings import AXES, FRAME_CHOICES, QUANTITIES, Mapping
 from glider.errors import InputError
@@ -107,6 +108,12 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
         for unit in UNITS["angle"]:
             servo = {"elevator": unit, "elevator_rate_command": f"{unit}/s"}
             yield "units", servo
+    if "pitch" in angles and "yaw" not in angles:  # Off by half a turn.
+        _, pitch = log.find(str(columns["pitch"]), "pitch")
+        unit = claim.units.get("pitch", claim.units.get("angle", pitch.unit or "rad"))
+        gain, zero = dataclasses.astuple(scale_of(unit, "angle", claim.source))
+        scale = {"gain": round(gain, 12), "zero": round(zero + math.pi / gain, 9)}
+        yield "units", {"pitch": scale}
     frames: list[dict[str, str]] = [{"up": up} for up in AXES]
     if any(name.startswith("elevator") for name in columns):
         frames += [{"elevator": e, "command": c} for e in signs for c in signs]
@@ -133,6 +140,9 @@ def _changed(claim: Mapping, part: str, value: Any) -> Mapping:
     """The mapping with a part changed; InputError where its fields exclude another."""
     if part == "frame":
         value = dataclasses.replace(claim.frame, **value)
+    elif part == "units":
+        read = {k: Scale(**u) if isinstance(u, dict) else u for k, u in value.items()}
+        value = claim.units | read
     elif part != "clock":
         value = getattr(claim, part) | value
     return dataclasses.replace(claim, **{part: value})

@@ -29,6 +29,7 @@ from glider.errors import InputError, printable
 from glider.progress import Progress, announced, silent
 
 _CLEARLY = 14.0  # Log odds above which an order is refused: a million to one.
+_DOUBT = 3.0  # The same for a warning: twenty to one.
 _REASONS = 3  # Why recordings have no flight: as many are listed.
 _ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
 _OFF = 3.0  # Standard errors above which a clock that is specified is in doubt.
@@ -207,7 +208,7 @@ def _checked(
     warnings = dict.fromkeys(words for c in cuts for words in c.warnings)
     sensors = check_sensors(readings, str(settings.path))
     undecided = *warnings, *sensors, *check_signs(campaign)
-    _check_rotation(recordings, cuts, claim)
+    undecided += _check_rotation(recordings, cuts, claim)
     return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
 
 
@@ -376,30 +377,37 @@ def _columns(
 
 
 def _centered(angle: np.ndarray) -> np.ndarray:
-    """An unwrapped angle (n,) without whole turns in its mean [rad]."""
+    """An unwrapped angle (n,) without whole turns in its mean; a spiral's is wrapped.
+
+    A campaign's angles are below one turn [rad].
+    """
     turn = 2.0 * np.pi
-    return angle - turn * np.round(np.mean(angle) / turn)
+    angle = angle - turn * np.round(np.mean(angle) / turn)
+    wound = np.max(np.abs(angle)) > turn
+    return angle - turn * np.round(angle / turn) if wound else angle
 
 
 def _check_rotation(
     recordings: Sequence[Recording], cuts: Sequence[CutRecording], claim: Mapping
-) -> None:
-    """Refuses an order of Euler angles where another makes much likelier flights."""
+) -> tuple[str, ...]:
+    """Warns of an order of Euler angles where another is likelier; refuses others."""
     own, spans = claim.frame.rotation, [[f.span for f in c.flights] for c in cuts]
     if own is None or len(own) != 3 or sum(map(len, spans)) < MIN_FLIGHTS:
-        return
+        return ()
     frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *ORDERS)}
     claims = {o: dataclasses.replace(claim, frame=f) for o, f in frames.items()}
     parts = [p for r in recordings for p in split_flights(r, claim.columns)]
     flown = [pair for pair in zip(parts, spans, strict=True) if pair[1]]
     scores = rank_rotations(flown, claims)
     best = max(scores, key=lambda order: scores[order])
-    if scores[best] > scores[own] + _CLEARLY:
-        odds = f"e^{scores[best] - scores[own]:.0f}"
-        raise InputError(
-            f"{claim.source}: frame: rotation: with {best} in place of {own} forces "
-            f"and the direction of flight are {odds} times as likely."
-        )
+    odds = scores[best] - scores[own]
+    words = (
+        f"frame: rotation: with {best} in place of {own} forces and the direction of "
+        f"flight are {np.exp(min(odds, 99.0)):.3g} times as likely"
+    )
+    if odds > _CLEARLY:
+        raise InputError(f"{claim.source}: {words}.")
+    return (f"{words}: check which it is",) if odds > _DOUBT else ()
 
 
 def _count(things: Sequence, what: str = "flight") -> str:

@@ -41,6 +41,7 @@ _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
 _THROW = 0.5  # Time before its release in which a hand has accelerated the body [s].
 _AFTER_RELEASE = 0.05  # Also cut after the hand lets go: fingers touch the tail [s].
 _BEFORE_CONTACT = 0.06  # Time before a contact that is cut as well [s].
+_STOPPED = 0.75  # Part of its speed that a body keeps at most that slides.
 _SHORTEST = 0.2  # Duration of a flight, at least [s].
 _MIN_ROWS = 20
 
@@ -197,5 +198,17 @@ def _find_contact(flight: Track) -> float | None:
         return None
     rows = Rows(flight.time, pose, robust_std(differences))
     faulty = np.any(find_one_motion(rows, np.ones(len(pose), dtype=bool)), axis=0)
-    touched = np.max(np.flatnonzero(~faulty), initial=-1) + 1
+    same = np.flatnonzero(~faulty)
+    if len(same) and flight.time[same[0]] - flight.time[0] > _SHORTEST:
+        before = take(flight, slice(same[0]))  # What follows may be a longer slide.
+        if _mean_speed(take(flight, same)) < _STOPPED * _mean_speed(before):
+            return _find_contact(before) or float(before.time[-1])
+    touched = np.max(same, initial=-1) + 1
     return float(flight.time[touched]) if 0 < touched < len(pose) else None
+
+
+def _mean_speed(flight: Track) -> float:
+    return float(
+        np.linalg.norm(flight.position[-1] - flight.position[0])
+        / (flight.time[-1] - flight.time[0])
+    )

@@ -47,6 +47,7 @@ _OFFSET = 1.0  # Deviation of b [m/s²].
 _NOISES = np.geomspace(0.3, 8.0, 8)  # Of accelerations, equally likely [m/s²].
 _ANY = 10.0  # Deviation of accelerations in a hand or at a contact [m/s²].
 _ASTRAY = 0.1  # Prior of a row that it is one of these.
+_FAST = 0.8  # Quantile of steps above which a body flies: not in a hand.
 _FAR = 4.0  # Median residuals from which it is; of Gaussian ones 1e-7 are.
 _TOWARD = 3.0
 """Concentration (von Mises-Fisher) of mean paths at the nose and of the vertical at
@@ -76,7 +77,7 @@ def rank_frames(
         tracks = [make_track(log, claim({"up": "z"} | reading)) for log in logs]
         if not any(all(map(_is_same, tracks, others)) for _, _, others in ways):
             ways.append((reading, prior, tracks))
-    for world, axes, habit in _worlds(ways[0][2][0], usual):
+    for world, axes, habit in _worlds(ways[0][2], usual):
         spans = [_find_spans(track, axes) for track in ways[0][2]]
         for reading, prior, tracks in ways:
             pairs = zip(tracks, spans, strict=True)
@@ -108,12 +109,17 @@ def _is_same(one: Track, other: Track) -> bool:
     return a is not None and b is not None and np.allclose(a, b, atol=_SAME)
 
 
-def _worlds(track: Track, usual: str) -> Iterator[tuple[Fields, np.ndarray, float]]:
+def _worlds(
+    tracks: Sequence[Track], usual: str
+) -> Iterator[tuple[Fields, np.ndarray, float]]:
     """Yields frames of the log with their axes (rows forward, left, up) and priors."""
     rest = (1.0 - _USUAL) / (1.0 - _UP[usual]) if usual else 1.0
     priors = {up: _USUAL if up == usual else rest * _UP[up] for up in AXES}
-    if not track.along_throw:  # The columns are x and z.
-        for up, forward in itertools.product(("z", "-z"), ("x", "-x")):
+    if not tracks[0].along_throw:  # The columns are x and z.
+        steps = np.concatenate([[0.0], *(np.diff(t.position[:, 0]) for t in tracks)])
+        fast = np.abs(steps) >= np.quantile(np.abs(steps), _FAST)
+        forward = "x" if np.sum(np.sign(steps[fast])) > 0.0 else "-x"
+        for up in ("z", "-z"):
             axes = np.stack([unit_vector(forward), np.zeros(3), unit_vector(up)])
             yield {"up": up, "forward": forward}, axes, priors[up]
         return

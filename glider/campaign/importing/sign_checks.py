@@ -108,21 +108,22 @@ def fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float, fl
 def _check_attitude(campaign: Campaign, motion: Motion) -> None:
     """Refuses a body on its side or sideways, flights up or down, falls to a side."""
     tracks = [
-        (f.time, np.column_stack([f.attitude, f.pose[:, 1]]))
+        (f.time - f.time[0], np.column_stack([f.attitude, f.pose[:, 1]]))
         for f in campaign.flights
         if f.attitude is not None
     ]
     if tracks:
-        every = np.concatenate([track for _, track in tracks])
-        roll, yaw = np.median(np.abs(every), axis=0)[1:3]
+        early = np.concatenate([track[time < forces.START] for time, track in tracks])
+        roll, yaw = np.median(np.abs(early), axis=0)[1:3]
         for name, angle, field in (("roll", roll, "top"), ("yaw", yaw, "nose")):
             if angle > _ASTRAY:
                 raise InputError(
                     f"{campaign.path}: frame: with these axes the {name} is "
-                    f"{np.degrees(angle):.0f}° in most rows; expected the right "
+                    f"{np.degrees(angle):.0f}° at release; expected the right "
                     f"'{field}' (the axis of the body that points there), 'rotation' "
                     "or 'up'."
                 )
+        roll = np.median(np.abs(np.concatenate([track[:, 1] for _, track in tracks])))
         bends = [2.0 * np.polyfit(time, y[:, [0, 3]], 2)[0] for time, y in tracks]
         aside, fall = np.abs(np.median(bends, axis=0))
         if aside > max(fall, campaign.gravity * (np.tan(roll) + _ASIDE)):
@@ -161,7 +162,7 @@ def _check_pitch(
 ) -> tuple[str, ...]:
     """Refuses a pitch with the wrong sign, or another angle in its place."""
     down = np.array([0.0, -campaign.gravity])
-    heading = forces.calc_heading(motion, 1)
+    heading = forces.calc_heading(forces.at_release(list(motions.values())), 1)
     if heading < _AHEAD:
         raise InputError(
             f"{campaign.path}: the nose is {np.degrees(np.arccos(heading)):.0f}° off "
