@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from glider.campaign.checks.clocks import follow_sign
+from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.forces import usable_motion
 from glider.campaign.importing.campaign_import import (
     campaign_of_cuts,
@@ -42,6 +43,7 @@ from glider.progress import silent
 _ELEVATOR = r"elev|(^|_)de(_|$)|delta|servo|h(ö|oe|o)hen|ruder|prof[ou]nd|flap|joint"
 _COMMAND = r"cmd|command|soll|setp|(^|_)(set|sp|ref)(_|$)|consigne|kommando|comando"
 _IS_RATE = r"rate|dot|vel|d(e)?g?ps|geschw|vitesse"
+_RATE, _ANGLE = "elevator_rate_command", "elevator_angle_command"
 _NAMES = {  # What names contain, in lower case, words parted by _, without units.
     "time": r"(^|_)(t|time|zeit|timestamp|secs?|seconds|clock|temps|tiempo|tempo)(_|$)",
     "position": r"pos|transl|point|location|(^|\W)p$",
@@ -54,13 +56,12 @@ _NAMES = {  # What names contain, in lower case, words parted by _, without unit
     "roll": r"(^|_)(roll|phi|bank|roulis|alabeo|rollio)",
     "pitch": r"pitch|theta|nick|assiette|tangage|cabeceo|beccheggio",
     "yaw": r"yaw|psi$|heading|gier|lacet|gui(ñ|n)ada|imbardata",
-    "elevator_rate_command": rf"({_ELEVATOR}).*({_IS_RATE}|{_COMMAND})|^(rate|u)$",
-    "elevator_angle_command": rf"({_ELEVATOR}).*({_COMMAND})",
+    _RATE: rf"^(?=.*({_ELEVATOR})).*({_IS_RATE}|{_COMMAND})|^(rate|u)$",
+    _ANGLE: rf"^(?=.*({_ELEVATOR})).*({_COMMAND})",
     "elevator": rf"{_ELEVATOR}|angle",
 }
 _NOT_AN_ANGLE = rf"{_COMMAND}|{_IS_RATE}|effort"
 _SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
-_RATE, _ANGLE = "elevator_rate_command", "elevator_angle_command"
 _EULER = "roll", "pitch", "yaw"
 _SCALARS = (_RATE, _ANGLE, "x", "z", "y", *_EULER, "elevator")
 _INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(_EULER, "attitude")
@@ -133,6 +134,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     why, *question = ["by the format"] if known else _explain(ranked)
     try:
         check_signs(campaign)
+        if {"length", "time"} & reasons.keys():  # By their ranges only.
+            doubts = check_fall(campaign, {}, says_unknown=True)
+            question += [f"  # ? {words}" for words in doubts]
     except InputError as error:
         question.append(
             f"  # ? an import refuses it: {str(error).removeprefix('guess: ')}"

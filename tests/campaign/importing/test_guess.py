@@ -1,11 +1,13 @@
 """`--guess` finds columns by their names, and is as certain of axes as it is right."""
 
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.guess import guess_mapping
@@ -179,6 +181,109 @@ def test_a_slide_on_the_floor_decides_nothing():
     slide = bench_guess_foreign.run_one(1, 82)
     assert 'up: "y"' in slide["text"]
     assert slide["end"] == "sure" or "an import refuses it" in slide["text"]
+
+
+def in_space(flight):
+    """Position (n, 3), thrown along a slanted line, and rotation with some roll."""
+    roll, yaw = 0.4 * np.sin(3.0 * flight.time), np.full(len(flight.time), 0.7)
+    turn = Rotation.from_euler("ZYX", np.c_[yaw, flight.pose[:, 2], roll])
+    return Rotation.from_euler("z", 0.7).apply(foreign.position(flight)), turn
+
+
+@pytest.mark.parametrize("names", ["rot_x_deg,rot_y_deg,rot_z_deg", "q0,q1,q2,q3"])
+def test_vectors_with_units_or_numbers_in_their_names(tmp_path, campaign, names):
+    def columns(flight):
+        place, turn = in_space(flight)
+        angles = turn.as_euler("ZYX", degrees=True)[:, ::-1]
+        quaternion = turn.as_quat()[:, [3, 0, 1, 2]]
+        values = angles if names.startswith("rot") else quaternion
+        return [flight.time, *(100.0 * place.T), *values.T]
+
+    head = f"t_s,pos_x_cm,pos_y_cm,pos_z_cm,{names}"
+    files = write_tables(tmp_path, campaign, head, columns)
+    stem = names.partition("_")[0] if names.startswith("rot") else "q"
+    assert_guessed(files, campaign, tmp_path, position="pos", attitude=stem)
+
+
+@pytest.mark.parametrize("words", ["roll,pitch,yaw", "alabeo,cabeceo,guiñada"])
+def test_roll_pitch_and_yaw(tmp_path, campaign, words):
+    """A positive pitch is nose up, though z is up; the rates are no angles."""
+
+    def columns(flight):
+        place, turn = in_space(flight)
+        roll, pitch, yaw = turn.as_euler("ZYX")[:, ::-1].T
+        return [flight.time, *place.T, 0.0 * roll, roll, -pitch, yaw]
+
+    files = write_tables(tmp_path, campaign, f"t,x,y,z,roll_rate,{words}", columns)
+    roll, pitch, yaw = words.split(",")
+    assert_guessed(files, campaign, tmp_path, roll=roll, pitch=pitch, yaw=yaw)
+    assert yaml.safe_load(guess_mapping(files).text)["frame"]["pitch"] == "nose_up"
+
+
+def test_north_east_down_with_roll_pitch_and_yaw(tmp_path, campaign):
+    def columns(flight):
+        place, turn = in_space(flight)
+        yaw, pitch, roll = turn.as_euler("ZYX", degrees=True).T
+        return [flight.time, *(place * [1, -1, -1]).T, roll, -pitch, -yaw]
+
+    files = write_tables(tmp_path, campaign, "t,north,east,down,phi,theta,psi", columns)
+    assert_guessed(files, campaign, tmp_path, roll="phi")
+    frame = yaml.safe_load(guess_mapping(files).text)["frame"]
+    assert frame["up"] == frame["top"] == "-z"
+
+
+def test_commands_without_a_unit_are_what_the_elevator_shows(tmp_path, campaign):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        "temps,px,py,pz,tangage,profondeur,consigne_profondeur",
+        lambda f: [
+            f.time,
+            *foreign.position(f).T,
+            f.pose[:, 2],
+            f.elevator,
+            f.elevator,
+        ],
+    )
+    names = {"elevator": "profondeur", "elevator_angle_command": "consigne_profondeur"}
+    assert_guessed(files, campaign, tmp_path, **names)
+
+
+def test_a_pitch_off_by_half_a_turn_is_a_question_whose_advice_is_right(
+    tmp_path, campaign
+):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        "Zeit,Länge,Höhe,Nick_deg,Höhenruder_deg",
+        lambda f: [
+            f.time,
+            *f.pose[:, :2].T,
+            (360.0 - np.degrees(f.pose[:, 2])) % 360.0 - 180.0,
+            np.degrees(f.elevator),
+        ],
+    )
+    text = guess_mapping(files).text + VEHICLE
+    assert "x: Länge" in text and "? an import refuses it" in text
+    path = tmp_path / "MAP.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match="off by half a turn") as refusal:
+        read_flights(files, path)
+    advised = re.search("with '(.*)' it passes", str(refusal.value))
+    path.write_text(f"{text}\n{advised[1]}\n")
+    imported = read_flights(files, path).campaign
+    for flight, true in zip(imported.flights, campaign.flights, strict=True):
+        assert np.abs(flight.pose[5:25, 2] - true.pose[5:25, 2]).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    "kind, k", [("steep", 0), ("steep", 6), ("loop", 0), ("loop", 1), ("heavy", 3)]
+)
+def test_right_maps_of_steep_flights_and_loops(kind, k):
+    """They go up, over, and slide on their tails; slides on the floor are cut."""
+    wrong, after = bench_guess_foreign.run_right(5, k, kind)
+    assert not wrong
+    assert after < (0.3 if kind == "loop" else 0.02)
 
 
 def test_a_wrong_beginning_of_names_lists_those_that_are_there(tmp_path, campaign):
