@@ -297,7 +297,7 @@ def compare(
                 servo=ServoLogs(),
             )
         )
-        pitch, side = angles_of(true)
+        pitch, _ = angles_of(true)
         near = 3 * way.noise + 0.01
         if time[0] < take.free[0] - 0.15 or time[-1] > take.free[1] + 0.1:
             pass
@@ -313,31 +313,22 @@ def compare(
             > near + 0.1
         ):
             return "x"
-        off = np.median(flight.pose[:, 2] - pitch)
-        off -= 2 * np.pi * np.round(off / (2 * np.pi))
-        if (
-            abs(off) > 0.05
-            or np.median(np.abs(np.diff(flight.pose[:, 2] - pitch))) > 0.1
-        ):
-            return f"pitch by {np.degrees(off):.1f}"
-        if flight.attitude is not None:
-            handed = (
-                [1.0, -1.0] if "left" in way.world or way.attitude == "rpy" else [1.0]
-            )
+        if flight.attitude is None:
+            off = np.median(flight.pose[:, 2] - pitch)
+            off -= 2 * np.pi * np.round(off / (2 * np.pi))
+            steps = np.diff(flight.pose[:, 2] - pitch)
+            if abs(off) > 0.05 or np.median(np.abs(steps)) > 0.1:
+                return f"pitch by {np.degrees(off):.1f}"
+        else:  # Past the vertical two triples of angles are one attitude.
             _, roll, yaw = flight.attitude.T
-            err = min(
-                np.median(
-                    np.abs(
-                        np.r_[
-                            np.exp(1j * s * roll) - np.exp(1j * side[:, 0]),
-                            np.exp(1j * s * yaw) - np.exp(1j * side[:, 1]),
-                        ]
-                    )
-                )
-                for s in handed
-            )
-            if err > 0.05:
-                return f"roll or yaw by {np.degrees(err):.1f}"
+            angles = np.column_stack([yaw, flight.pose[:, 2], roll])
+            mirrored = "left" in way.world or way.attitude == "rpy"
+            ways = [[1, 1, 1], [-1, 1, -1]] if mirrored else [[1, 1, 1]]
+            turns = [Rotation.from_euler("ZYX", angles * w) for w in ways]
+            right = Rotation.from_matrix(true.rotation)
+            off = min(np.median((t.inv() * right).magnitude()) for t in turns)
+            if off > 0.07:
+                return f"attitude by {np.degrees(off):.1f}"
         if servo and not way.attitude.startswith("motive"):
             if imported.campaign.elevator != "servo":
                 return "the elevator is not found"

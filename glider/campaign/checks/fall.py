@@ -7,10 +7,10 @@ accelerations are explained by a constant, which is gravity, and by forces of th
 tracked point off the center of mass, and lift by the pitch rate. Flights rarely show
 which of them is right, so that the scatter over the ways is part of the uncertainty.
 
-Measured (tests/benchmarks/bench_fall.py): of 260 campaigns and parts of campaigns of
+Measured (tests/benchmarks/bench_fall.py): of 164 campaigns and parts of campaigns of
 three flights or more, simulated with strong effects or thrown by hand, the logarithm
-of gravity is off by 0.5 standard deviations (RMS), and by at most 1.4 in any. The
-standard deviation is 0.05 to 0.08 of a campaign, 0.11 of three throws.
+of gravity is off by 0.5 standard deviations (RMS), and by at most 2.0 in any. The
+standard deviation is 0.06 to 0.08 of a campaign, 0.09 of three throws.
 """
 
 import itertools

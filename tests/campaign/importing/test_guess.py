@@ -29,12 +29,12 @@ def frame_of(guess):
     return guess.text.partition("frame:")[2].partition("vehicle:")[0]
 
 
-def assert_guessed(files, campaign, tmp_path, **columns):
+def assert_guessed(files, campaign, tmp_path, sure=True, **columns):
     """The guess makes the flights of a campaign, from these columns, and is certain."""
     guess = guess_mapping(files)
     found = yaml.safe_load(guess.text)
     assert found["columns"] | columns == found["columns"]
-    assert guess.probability > 0.99 and "?" not in frame_of(guess)
+    assert not sure or guess.probability > 0.99 and "?" not in frame_of(guess)
     path = tmp_path / "MAP.yaml"
     path.write_text(guess.text + VEHICLE)
     imported = read_flights(files, path).campaign
@@ -185,7 +185,7 @@ def test_a_slide_on_the_floor_decides_nothing():
 
 def in_space(flight):
     """Position (n, 3), thrown along a slanted line, and rotation with some roll."""
-    roll, yaw = 0.4 * np.sin(3.0 * flight.time), np.full(len(flight.time), 0.7)
+    roll, yaw = 0.2 * np.sin(3.0 * flight.time), np.full(len(flight.time), 0.7)
     turn = Rotation.from_euler("ZYX", np.c_[yaw, flight.pose[:, 2], roll])
     return Rotation.from_euler("z", 0.7).apply(foreign.position(flight)), turn
 
@@ -202,7 +202,8 @@ def test_vectors_with_units_or_numbers_in_their_names(tmp_path, campaign, names)
     head = f"t_s,pos_x_cm,pos_y_cm,pos_z_cm,{names}"
     files = write_tables(tmp_path, campaign, head, columns)
     stem = names.partition("_")[0] if names.startswith("rot") else "q"
-    assert_guessed(files, campaign, tmp_path, position="pos", attitude=stem)
+    sure = stem == "q"  # Little roll leaves a question: in which order?
+    assert_guessed(files, campaign, tmp_path, sure, position="pos", attitude=stem)
 
 
 @pytest.mark.parametrize("words", ["roll,pitch,yaw", "alabeo,cabeceo,guiñada"])
