@@ -34,7 +34,7 @@ def assert_guessed(files, campaign, tmp_path, sure=True, **columns):
     guess = guess_mapping(files)
     found = yaml.safe_load(guess.text)
     assert found["columns"] | columns == found["columns"]
-    assert not sure or guess.probability > 0.99 and "?" not in frame_of(guess)
+    assert not sure or (guess.probability > 0.99 and "?" not in frame_of(guess))
     path = tmp_path / "MAP.yaml"
     path.write_text(guess.text + VEHICLE)
     imported = read_flights(files, path).campaign
