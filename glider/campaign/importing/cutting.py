@@ -200,15 +200,10 @@ def _find_contact(flight: Track) -> float | None:
     faulty = np.any(find_one_motion(rows, np.ones(len(pose), dtype=bool)), axis=0)
     same = np.flatnonzero(~faulty)
     if len(same) and flight.time[same[0]] - flight.time[0] > _SHORTEST:
-        before = take(flight, slice(same[0]))  # What follows may be a longer slide.
-        if _mean_speed(take(flight, same)) < _STOPPED * _mean_speed(before):
+        steps = np.linalg.norm(np.diff(flight.position, axis=0), axis=1)
+        speed, before = steps / np.diff(flight.time), take(flight, slice(same[0]))
+        # What follows may be a slide, and longer.
+        if np.median(speed[same[0] :]) < _STOPPED * np.median(speed[: same[0]]):
             return _find_contact(before) or float(before.time[-1])
     touched = np.max(same, initial=-1) + 1
     return float(flight.time[touched]) if 0 < touched < len(pose) else None
-
-
-def _mean_speed(flight: Track) -> float:
-    return float(
-        np.linalg.norm(flight.position[-1] - flight.position[0])
-        / (flight.time[-1] - flight.time[0])
-    )

@@ -200,11 +200,10 @@ def _priors(log: Recording, columns: Columns) -> tuple[list[tuple[Fields, float]
         usual = "-z" if re.search("down|unten|bas|abajo", z) else "z"
     attitude = columns.get("attitude")
     if attitude is None:
-        tops = (
-            [{"nose": "x", "top": t} for t in ("z", "-z")] if "yaw" in columns else [{}]
-        )
+        tops = [{"nose": "x", "top": top} for top in ("z", "-z")]
         signs = [{"pitch": sign} for sign in ("nose_up", "nose_down")]
-        return [(s | t, 0.5 / len(tops)) for s in signs for t in tops], usual
+        known = tops if "yaw" in columns else [{}]
+        return [(sign | top, 0.5) for sign in signs for top in known], usual
     axes = next(a for a in _SHAPES["attitude"] if log.find_all(attitude, a, "attitude"))
     if axes == "xyzw" or log.rotation is not None:
         return [({}, 1.0)], usual
