@@ -110,8 +110,8 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
             yield "units", servo
     if "pitch" in angles and "yaw" not in angles:  # Off by half a turn.
         _, pitch = log.find(str(columns["pitch"]), "pitch")
-        unit = claim.units.get("pitch", claim.units.get("angle", pitch.unit or "rad"))
-        gain, zero = dataclasses.astuple(scale_of(unit, "angle", claim.source))
+        logged = claim.units.get("pitch", claim.units.get("angle", pitch.unit or "rad"))
+        gain, zero = dataclasses.astuple(scale_of(logged, "angle", claim.source))
         scale = {"gain": round(gain, 12), "zero": round(zero + math.pi / gain, 9)}
         yield "units", {"pitch": scale}
     frames: list[dict[str, str]] = [{"up": up} for up in AXES]
