@@ -141,6 +141,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         question.append(
             f"  # ? an import refuses it: {str(error).removeprefix('guess: ')}"
         )
+    east = re.search("east|ost|est", _words(columns.get("y", "")))
+    if "roll" in columns and east and frame.get("up") == "z":
+        question.append("  # ? north, east and up are left-handed: check roll's sign")
     lines += [f"frame:  # {why}", *question]
     lines += [f"  {k}: {_quoted(v)}" for k, v in frame.items() if k != "elevator"]
     if servo:
