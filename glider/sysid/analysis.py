@@ -98,7 +98,12 @@ class Analysis:
         flights = self._smooth(with_signs)
         found = self._search(flights, kinds)
         with self.stage("refit", "refitting the flat plate alone"):
-            baseline = self._baseline(flights, found)
+            baseline = found.traced.bare
+            if found.traced.forces is None:  # To the log as it is, signs and all.
+                free = self.vehicle.baseline_slots
+                baseline = dataclasses.replace(baseline, blocks=(), free=free)
+                fitted = flights.among([r.name for r in found.task.records])
+                baseline = fit_model(found.task.on(fitted.logged), baseline)
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(found.task, found.traced.model)
             evaluation = evaluate(
@@ -178,14 +183,6 @@ class Analysis:
                 "and to hold out."
             )
         return everything.on(kept), everything.on(fitted)
-
-    def _baseline(self, flights: SmoothedFlights, found: Searched) -> FitResult:
-        """Refits the flat plate to the log as it is, signs and all."""
-        bare, names = found.traced.bare, [r.name for r in found.task.records]
-        if found.traced.forces is not None:
-            return bare
-        bare = dataclasses.replace(bare, blocks=(), free=self.vehicle.baseline_slots)
-        return fit_model(found.task.on(flights.among(names).logged), bare)
 
     def _result(
         self,

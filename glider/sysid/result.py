@@ -1,7 +1,7 @@
 """The result of closing the loop: inert data, as the report and the caller read it.
 
-`Report` is report.json, key by key, and NaN is null there; `Result` adds what only the
-program needs: the model, and arrays of figures.
+`Report` is report.json, key by key, NaN being null; `Result` adds what the program
+needs: the model, and arrays of figures.
 """
 
 import dataclasses
@@ -49,12 +49,10 @@ class ReportedEffect:
 
     kind: str  #: Of the library, a user effect, or "unexplained".
     coefficients: dict[str, Estimate]  #: By name.
-    #: Log-likelihood lost without it, all else refitted [nats]; NaN where only
-    #: flight-to-flight variation was found.
-    evidence: Number = math.nan
+    evidence: Number = math.nan  #: Log-likelihood lost without it, if any [nats].
     share_of_residual: Number = math.nan  #: Of all the evidence, 0 to 1.
     inclusion: Number = 1.0  #: Share of resampled flights that choose it, 0 to 1.
-    #: Coefficient to its flight-to-flight standard deviation; only those that vary.
+    #: Flight-to-flight standard deviations of coefficients that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: With OTHER_SHAPE the model carries a curve beside it.
     #: Link of the force chain that a free function acts in: "air", "wing_force",
@@ -158,10 +156,7 @@ class PathErrors:
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """100 (1 - |y - ŷ| / |y - mean y|) [%] of free rollouts, as MATLAB's `compare`.
-
-    Over all flights, with the mean of each.
-    """
+    """100 (1 - |y - ŷ| / |y - mean y|) [%] of free rollouts, as MATLAB's `compare`."""
 
     x: Number = math.nan
     z: Number = math.nan
@@ -210,32 +205,26 @@ class MeasurementNoise:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Derivatives:
-    """Stability and control derivatives, see `glider.sysid.derivatives`.
+    """Stability and control derivatives, see `glider.sysid.derivatives`."""
 
-    `condition` and `length` are in words, `values` from C_L, C_L_alpha to C_m_delta_e.
-    """
-
-    condition: str
+    condition: str  #: In words.
     airspeed_m_s: Number
     alpha_rad: Number
     delta_e_rad: Number
     area_m2: Number
     length_m: Number
-    length: str
-    values: dict[str, Estimate]
+    length: str  #: In words.
+    values: dict[str, Estimate]  #: C_L, C_L_alpha to C_m_delta_e.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Innovations:
-    """Correlations of innovations on held-out flights, by model and channel.
-
-    `with_elevator` has the elevator earlier by the lag; it is empty without a servo. Of
-    white noise 95 % of them are within ± `band`.
-    """
+    """Correlations of innovations on held-out flights, by model and channel."""
 
     lag_s: np.ndarray
-    band: Number
+    band: Number  #: Of white noise 95 % of them are within ± this.
     autocorrelation: dict[str, dict[str, np.ndarray]]
+    #: With the elevator earlier by the lag; empty without a servo.
     with_elevator: dict[str, dict[str, np.ndarray]]
 
 
@@ -263,8 +252,7 @@ class HeldOutFlight:
     name: str  #: Of its file.
     time: np.ndarray  #: (n,) from the first row [s].
     measured: np.ndarray  #: (n, 3) x [m], z [m], pitch [rad].
-    #: Model name (of MODELS) to (n, 3) the same from its free rollout.
-    flown: dict[str, np.ndarray]
+    flown: dict[str, np.ndarray]  #: The same from rollouts of models (of MODELS).
     fitted_until: float  #: The launch state was fitted on the rows up to here [s].
 
 
@@ -273,18 +261,15 @@ class ResidualTable:
     """The article's residual data set of one model, all flights stacked."""
 
     variables: dict[str, np.ndarray]  #: Of FIELD_VARIABLES and "alphadot", (N,) each.
-    #: (N, 3) measured minus modelled acceleration: along the wing, normal to it [m/s²],
-    #: pitch [rad/s²].
+    #: (N, 3) measured minus modelled: along the wing, normal [m/s²], pitch [rad/s²].
     residual: np.ndarray
-    #: Name ("c_lift", "c_drag", "c_moment") to (N,) measured, referred to ½ρV²S_w.
+    #: Measured "c_lift", "c_drag" and "c_moment", referred to ½ρV²S_w, (N,) each.
     coefficients: dict[str, np.ndarray]
     modelled: dict[str, np.ndarray]  #: The same of the model.
     flight: np.ndarray  #: (N,) index of `names` of each row.
     names: tuple[str, ...]  #: Of the flights.
     noise: np.ndarray  #: (N, 3) deviation of `residual` by smoothed noise alone.
-    #: (N, 2) accelerations that coefficients of one stand for: ½ρV²S_w over the mass
-    #: [m/s²] and over the moment of inertia [rad/s²/m].
-    unit: np.ndarray
+    unit: np.ndarray  #: (N, 2) ½ρV²S_w over mass [m/s²] and over inertia [rad/s²/m].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -296,8 +281,7 @@ class Report:
     verdict: str
     reason: str
     effects: Sequence[ReportedEffect]
-    #: Model name (of MODELS, CALIBRATED, PERFECT) to its errors; nominal is None where
-    #: the vehicle is not known.
+    #: By model: MODELS (nominal is None for an unknown vehicle), CALIBRATED, PERFECT.
     errors: dict[str, Errors | None]
     outlying: OutlyingFlights | None = None  #: Not in `errors`; None without any.
     evidence_threshold: EvidenceThreshold
@@ -335,17 +319,14 @@ class Result(Report):
 
     effects: Sequence[FoundEffect]
     path: Path  #: Of the campaign's folder.
-    #: Whether mass and areas are specified: sets of effects are then judged by the
-    #: fitted flights, else by predictions of held-out flights.
+    #: Whether mass and areas are specified; else held-out flights judge effects.
     knows_forces: bool
     model: GliderModel  #: The corrected glider.
     held_out: tuple[HeldOutFlight, ...]  #: Held-out flights, measured and flown.
     residual_before: ResidualTable  #: Of the nominal model, else of the baseline.
     residual_after: ResidualTable  #: Of the corrected model.
     own_effects: tuple[EffectKind, ...] = ()  #: User effects that were tried.
-    #: Of the errors of its coefficients and of the fitted parameters of the vehicle;
-    #: None where nothing was fitted.
-    covariance: Covariance | None = None
+    covariance: Covariance | None = None  #: Of all fitted parameters, if any.
 
     @property
     def report(self) -> Report:
@@ -362,11 +343,6 @@ class Result(Report):
 def read_report(path: Path) -> tuple[Report, Path]:
     """Reads a report: its folder, or its report.json; also returns the file."""
     file = path / "report.json" if path.is_dir() else path
-    if not file.exists():
-        raise InputError(
-            f"{file}: there is no such file; expected a folder that close-the-loop "
-            "wrote, or its report.json."
-        )
     data = parse_json(read_text(file, "a report.json of close-the-loop"), str(file))
     try:
         return convert(data, Report, str(file)), file

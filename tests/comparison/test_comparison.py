@@ -177,7 +177,7 @@ def test_a_fault_of_a_report_is_named(tmp_path, change, message):
 
 
 def test_what_is_no_report_is_told(tmp_path):
-    with pytest.raises(InputError, match="there is no such file"):
+    with pytest.raises(InputError, match="of close-the-loop: No such file"):
         load_report(tmp_path)
     (tmp_path / "report.json").write_text("no")
     with pytest.raises(InputError, match="not readable as JSON"):
@@ -200,7 +200,9 @@ def test_the_command_prints_and_writes(tmp_path, capsys):
     assert wind["change"] == {"value": pytest.approx(0.1), "std": pytest.approx(0.005)}
     assert wind["is_significant"] is True
     assert main(["compare", str(first), str(tmp_path / "none")]) == 2
-    assert "there is no such file" in capsys.readouterr().err
+    assert (
+        "not a report.json of close-the-loop: No such file" in capsys.readouterr().err
+    )
 
 
 def test_the_command_checks_its_output_before_it_compares(
