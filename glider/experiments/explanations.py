@@ -312,7 +312,7 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
         [d for d in columns if d.slot in sizes]
         for columns in starts_of(layout, layout.kinds[kind], model.theta)
     ]
-    directions = slopes(layout, model.theta, [*sizes, *beside])
+    directions = slopes(layout, [*sizes, *beside])
     directions += [d for columns in starts for d in columns]
     flights, wild = tamed(task, directions, linear_flights(task, model, directions))
 

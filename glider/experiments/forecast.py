@@ -52,7 +52,6 @@ class Forecast:
         noise: of its sensors.
         explanations: the most probable first.
         place: where throws are flown.
-        maps: smoothing matrices by the times of a log, kept between calls.
     """
 
     campaign: Campaign
@@ -60,18 +59,13 @@ class Forecast:
     noise: Noise
     explanations: tuple[Explanation, ...]
     place: Range
-    maps: dict[bytes, list[np.ndarray]] = dataclasses.field(
-        default_factory=dict, repr=False
-    )
 
     @functools.cached_property
     def _filters(self) -> list[tuple[np.ndarray, Field, list[Direction]]]:
         """Parameters, field and directions of each explanation."""
         task = self.task
         models = [e.model for e in self.explanations]
-        return [
-            (m.theta, field_of(m), slopes(task.layout, m.theta, m.free)) for m in models
-        ]
+        return [(m.theta, field_of(m), slopes(task.layout, m.free)) for m in models]
 
     @property
     def probabilities(self) -> np.ndarray:
@@ -101,7 +95,7 @@ class Forecast:
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
         whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
-        made = iter(prepare(whole, self.campaign, self.noise, layout, maps=self.maps))
+        made = iter(prepare(whole, self.campaign, self.noise, layout))
         return [next(made) if ok else None for ok in finite]
 
     def safe(self, throws: Sequence[Throw], logs: Sequence[list[Record]]) -> list[bool]:

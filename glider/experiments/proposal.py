@@ -253,7 +253,7 @@ def _stds(
     found = {}
     stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
     for slot, (now, then) in zip(explanation.model.free, stds, strict=True):
-        coefficient = task.coefficient(slot)
+        coefficient = task.layout.coefficients.get(slot)
         unit = "" if coefficient is None else coefficient.unit
         found[".".join(task.layout.slots[slot])] = now, then, unit
     return found

@@ -72,7 +72,7 @@ def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
     innovation.
     """
     model = explanation.model
-    directions = slopes(task.layout, model.theta, model.free)
+    directions = slopes(task.layout, model.free)
     field = field_of(model)
 
     def scatter(record: Record) -> tuple[float, np.ndarray]:

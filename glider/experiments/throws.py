@@ -14,7 +14,7 @@ from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
 from glider.simulation.campaigns import fly_commands, fly_path, measured
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import pose_signals
+from glider.sysid.replay.replayed import signals
 from glider.sysid.replay.theta import Layout, layout_for, theta_of
 
 MOVES = 9
@@ -220,7 +220,7 @@ def is_safe(
 
     `record` is the throw as the model (theta, field) predicts it.
     """
-    elevator, rate = pose_signals(record, theta)
+    elevator, rate, _ = signals(record, theta)
     flights = (
         fly_path(record.layout, theta, launch, record.time, elevator, rate, field)
         for launch in launches(throw, limits)

@@ -25,7 +25,7 @@ from glider.sysid.likelihood.scales import (
     typical_flights,
 )
 from glider.sysid.replay.record import Record, prepare, signs_of, turn, turn_campaign
-from glider.sysid.replay.replayed import flow_along, logged_elevator, node_signals
+from glider.sysid.replay.replayed import flow_along, signals
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
@@ -102,7 +102,7 @@ def refly(
     for label, model in models.items():
         signs = signs_of(model)
         record, predicted = _predicted(campaign, flight, model, scales)
-        elevator = logged_elevator(record, theta_of(model)) + predicted.trim
+        elevator = signals(record, theta_of(model)).logged + predicted.trim
         poses = np.column_stack([predicted.pose, elevator])
         poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
         near = np.max(np.abs(poses), axis=1) < _LARGEST_POSITION
@@ -170,7 +170,7 @@ def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:
     """Returns the model's forces of the plates along the smoothed flight, (n, 2)."""
     theta, field = theta_of(model), model.residual_field
     nodes, _ = flow_along(record, theta, field, trim)
-    path, rate = node_signals(record, theta)
+    path, rate = signals(record, theta).at_nodes
     chain = compose(record.layout.compiled_kinds, True)
     numbers = chain.theta_of(record.layout.dynamics(theta), field)
     forces = []

@@ -16,7 +16,7 @@ from glider.sysid.likelihood.scales import FLOOR, NAMES, Scales, whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Record, Signs
-from glider.sysid.replay.replayed import logged_elevator, make_table
+from glider.sysid.replay.replayed import make_table, signals
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.result import CALIBRATED, MODELS, PERFECT, ResidualTable
 from glider.sysid.search.force_search import OF_FORCES, forces_alone
@@ -268,7 +268,7 @@ def _innovations(
         lags = min(_LAGS, min(map(len, left)) // 3)
         own[name] = correlations(left, left, lags)
         if all(record.has_servo for record in records):
-            elevator = [logged_elevator(record, model.theta) for record in records]
+            elevator = [signals(record, model.theta).logged for record in records]
             turned = [(angle - angle.mean())[:, None] for angle in elevator]
             moved[name] = correlations(left, turned, lags)
     rows = sum(np.sum(record.seen[:, 0]) for record in records)

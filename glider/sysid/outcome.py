@@ -264,7 +264,10 @@ def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Es
     units["pitch_inertia"] = "m²" if is_per_mass else "kg m²"
     found = {}
     for slot in task.vehicle.unknown:
-        coefficient, (_, name) = task.coefficient(slot), task.layout.slots[slot]
+        coefficient, (_, name) = (
+            task.layout.coefficients.get(slot),
+            task.layout.slots[slot],
+        )
         unit = units.get(name, "m²/kg" if is_per_mass else "m²")
         unit = coefficient.unit if coefficient else unit
         estimate = Estimate(float(model.theta[slot]), known.std(slot), unit)

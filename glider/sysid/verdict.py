@@ -18,7 +18,7 @@ from glider.sysid.fit.folds import Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.replayed import logged_elevator
+from glider.sysid.replay.replayed import signals
 from glider.sysid.replay.theta import SERVO_LOG
 from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
@@ -92,7 +92,7 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     found = []
     for record in (record for record in task.records if record.has_servo):
         rows = np.flatnonzero(record.seen[:, 3])
-        time, modelled = record.time[rows], logged_elevator(record, model.theta)[rows]
+        time, modelled = record.time[rows], signals(record, model.theta).logged[rows]
         ends = np.searchsorted(time, time + constants.TRAVEL_WINDOW)
         first = np.flatnonzero(ends < len(time))
         both = record.elevator[rows], modelled

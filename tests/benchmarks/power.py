@@ -93,7 +93,7 @@ def limits_of(
             candidates.
     """
     candidates, is_usual = _candidates(task, model)
-    always = slopes(task.layout, model.theta, task.vehicle.nuisance)
+    always = slopes(task.layout, task.vehicle.nuisance)
     columns = [*candidates, *always]
     flights, _ = tamed(task, columns, linear_flights(task, model, columns))
     steps, known = _beside(task, model, flights, len(candidates))
@@ -111,7 +111,7 @@ def limits_of(
     found = []
     for place, j in enumerate(shows):
         direction = candidates[j]
-        coefficient = task.coefficient(direction.slot)
+        coefficient = task.layout.coefficients.get(direction.slot)
         if kinds is not None and direction.kind not in kinds:
             continue
         if coefficient is None or not is_usual[j]:
@@ -223,7 +223,7 @@ def _candidates(task: Task, model: FitResult) -> tuple[list[Direction], list[boo
         slots = list(layout.slots_of(name))
         allowed = set(task.free((name,))) - own
         if all(c.is_shape for c in kind.coefficients):
-            starts, usual = [slopes(layout, model.theta, slots)], 0
+            starts, usual = [slopes(layout, slots)], 0
         else:
             starts = starts_of(layout, kind, model.theta)
             defaults = model.theta.copy()

@@ -19,7 +19,7 @@ from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.replayed import pose_signals, replayed_path, true_nodes
+from glider.sysid.replay.replayed import replayed_path, signals, true_nodes
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, SERVO_LOG, layout_of, theta_of
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error
@@ -112,7 +112,7 @@ def test_flights_are_those_of_the_plant():
     )
     start = find_launch(known, record, len(record.time))[0]
     start[7:] = 0.0
-    path = log_path(record.time, *pose_signals(record, theta))
+    path = log_path(record.time, *signals(record, theta)[:2])
     kinds, dynamics = LAYOUT.compiled_kinds, LAYOUT.dynamics(theta)
     flown = roll_out(kinds, path, start, dynamics, model.residual_field)
     present = tuple(e for e in model.effects if e.kind is BOOM)
@@ -153,7 +153,7 @@ def test_a_flight_begins_near_rest():
     task, _ = task_of(campaign, LAYOUT)
     record, theta = task.records[0], theta_of(model)
     start = true_nodes(record, theta)[0]
-    elevator, rate = pose_signals(record, theta)
+    elevator, rate, _ = signals(record, theta)
     launch = start + np.eye(len(start))[3] * elevator[0, 0]
     rest = LAYOUT.steady_states(0.0, launch, rate[0], theta)
     assert np.all(rest != 0.0)

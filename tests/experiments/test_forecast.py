@@ -72,7 +72,7 @@ def test_predicted_evidence_is_the_mean_of_noisy_flights(late):
         )
         angle = clean.elevator + scales.elevator * rng.normal(size=len(clean.time))
         noisy = dataclasses.replace(clean, pose=pose, elevator=angle)
-        [record] = prepare([noisy], campaign, noise, task.layout, maps=forecast.maps)
+        [record] = prepare([noisy], campaign, noise, task.layout)
         costs = [
             whiten(linearize(record, e.model.theta, NO_FIELD), scales).cost
             for e in pair

@@ -28,7 +28,7 @@ def column_error(record: Record, theta: np.ndarray, direction: Direction) -> flo
     flight = linearize(record, theta, NO_FIELD, [direction])
     column = whitened(flight)[:, 0]
     size = FARTHER * direction.size
-    ahead, behind = direction.base.copy(), direction.base.copy()
+    ahead, behind = direction.base(theta), direction.base(theta)
     ahead[direction.slot] += size
     behind[direction.slot] -= size
     numeric = (error_at(behind) - error_at(ahead)) / (2.0 * size)

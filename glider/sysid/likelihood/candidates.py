@@ -117,7 +117,7 @@ def gather(
     Blocks that act in the model are candidates too.
     """
     layout = task.layout
-    directions = slopes(layout, model.theta, model.free)
+    directions = slopes(layout, model.free)
     own = set(task.vehicle.nuisance)
     variants: dict[str, list[Variant]] = {}
     for kind in model.kinds:

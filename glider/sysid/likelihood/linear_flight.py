@@ -5,8 +5,8 @@ A direction is one way in which a model may be wrong: a column of the flight's e
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -23,9 +23,9 @@ from glider.physics.effects import FIELD_TERMS, EffectKind, Field
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import (
-    logged_elevator,
-    pose_signals,
+    nodes_at_rest,
     sensed,
+    signals,
     trimmed,
     true_nodes,
 )
@@ -38,26 +38,33 @@ SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
 Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and values.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Direction:
+class Direction(NamedTuple):
     """One coefficient moved, the shapes of its effect set to some start."""
 
     kind: str  #: Of the effect, or "parameters".
     slot: int  #: Of the coefficient in theta.
-    base: np.ndarray  #: Theta with the effect's shapes set.
-    moved: np.ndarray  #: Base with the coefficient moved.
     size: float  #: By how much.
     shapes: Shapes = ()  #: Starting ones; empty where the effect acts already.
 
+    def base(self, theta: np.ndarray) -> np.ndarray:
+        """Returns theta with the shapes set."""
+        base = theta.copy()
+        for slot, value in self.shapes:
+            base[slot] = value
+        return base
 
-def slopes(
-    layout: Layout, theta: np.ndarray, free: Sequence[int], shapes: Shapes = ()
-) -> list[Direction]:
+    def moved(self, theta: np.ndarray) -> np.ndarray:
+        """Returns theta with the shapes set and the coefficient moved."""
+        moved = self.base(theta)
+        moved[self.slot] += self.size
+        return moved
+
+
+def slopes(layout: Layout, free: Iterable[int], shapes: Shapes = ()) -> list[Direction]:
     """Returns the directions of slots as they are, for a fit."""
-    small = np.where(np.array(free) < layout.num_compiled, SMALL, SMALL_SIGNAL)
-    sizes = small * layout.scale[list(free)]
-    moves = zip(free, sizes.tolist(), strict=True)
-    return [_direction(layout, theta, slot, size, shapes) for slot, size in moves]
+    scale, first = layout.scale.tolist(), layout.num_compiled
+    sizes = {i: scale[i] * (SMALL if i < first else SMALL_SIGNAL) for i in free}
+    return [Direction(layout.slots[i][0], i, s, shapes) for i, s in sizes.items()]
 
 
 def starts_of(
@@ -70,27 +77,11 @@ def starts_of(
     """
     slots = dict(zip(layout.slots_of(kind.kind), kind.coefficients, strict=True))
     sizes = [i for i, c in slots.items() if not c.is_shape]
-    grids = {i: c.grid for i, c in slots.items() if c.is_shape}
+    grids = [[(i, v) for v in c.grid] for i, c in slots.items() if c.is_shape]
     if not sizes:
-        starts = [(i, value) for i, grid in grids.items() for value in grid]
-        return [[_direction(layout, theta, i, v - theta[i])] for i, v in starts]
-    found = []
-    for values in itertools.product(*grids.values()):
-        base = theta.copy()
-        base[list(grids)] = values
-        shapes = tuple(zip(grids, values, strict=True))
-        found.append(slopes(layout, base, sizes, shapes))
-    return found
-
-
-def _direction(
-    layout: Layout, theta: np.ndarray, slot: int, size: float, shapes: Shapes = ()
-) -> Direction:
-    moved, (kind, _) = theta.copy(), layout.slots[slot]
-    moved[slot] += size
-    return Direction(
-        kind=kind, slot=slot, base=theta, moved=moved, size=size, shapes=shapes
-    )
+        starts = itertools.chain.from_iterable(grids)
+        return [[Direction(kind.kind, i, v - float(theta[i]))] for i, v in starts]
+    return [slopes(layout, sizes, shapes) for shapes in itertools.product(*grids)]
 
 
 def nearest_start(
@@ -129,9 +120,9 @@ class LinearFlight:
         return dataclasses.replace(
             self,
             by_term=self.by_term[..., :0],
-            inputs=np.ascontiguousarray((self.inputs @ mix)[..., None]),
-            outputs=np.ascontiguousarray((self.outputs @ mix)[..., None]),
-            start=(self.start @ mix)[:, None],
+            inputs=(self.inputs @ mix)[..., None],
+            outputs=(self.outputs @ mix)[..., None],
+            start=(self.start @ mix)[..., None],
         )
 
     def error_only(self) -> "LinearFlight":
@@ -171,7 +162,7 @@ class LinearFlight:
             old = getattr(self, other)
             more = np.zeros((*old.shape[:-1], columns.shape[-1]))
             parts = [old[..., :-1], columns if other == name else more, old[..., -1:]]
-            wider[other] = np.ascontiguousarray(np.concatenate(parts, axis=-1))
+            wider[other] = np.concatenate(parts, axis=-1)
         return dataclasses.replace(self, **wider)
 
 
@@ -179,7 +170,7 @@ def path_of(
     record: Record, theta: np.ndarray, constants: np.ndarray
 ) -> tuple[LogPath, np.ndarray]:
     """Returns a flight's path and dynamics under a model, with its constants."""
-    elevator, rate = pose_signals(record, theta)
+    elevator, rate, _ = signals(record, theta)
     flown, shift = trimmed(record, theta, constants[2])
     wind = constants[:2] + record.side_wind
     path = log_path(record.time, elevator + shift, rate, wind, record.bank)
@@ -194,54 +185,46 @@ def linearize(
     constants: np.ndarray = NO_CONSTANTS,
 ) -> LinearFlight:
     """Makes a flight linear about its smoothed measurement and its constants (4,)."""
-    layout = record.layout
-    if constants[3]:
-        theta, directions = _as_read(layout, theta, directions, constants[3])
-    kinds, intervals = layout.compiled_kinds, len(record.time) - 1
+    layout, theta = record.layout, theta.copy()
+    theta[layout.index["pitch_offset", "angle"]] += constants[3]  # It reads too much.
+    kinds, nodes = layout.compiled_kinds, true_nodes(record, theta, field)
+    (_, n), columns = nodes.shape, len(directions) + 1
+    path, dynamics = path_of(record, theta, constants)
+    plain = [  # Those that leave the log's signals and the nodes as they are.
+        j
+        for j, d in enumerate(directions)
+        if d.slot < layout.num_compiled and not (d.shapes and d.kind in layout.moving)
+    ]
+    moved = np.empty((len(plain), len(dynamics)))
+    for row, j in zip(moved, plain, strict=True):
+        other, _ = trimmed(record, directions[j].moved(theta), constants[2])
+        row[:] = layout.dynamics(other)
+    sizes = np.array([directions[j].size for j in plain])
+    ends, by_x, by_term, by_plain = slopes_along(
+        kinds, path, nodes, dynamics, moved, sizes, field
+    )
+    inputs = np.zeros((*ends.shape, columns))
+    inputs[:, :, plain], inputs[:, :, -1] = -by_plain, ends - nodes[1:]
+    start = np.zeros((n + OWN_STATES, columns))
+    start[n + PROCESSES :, -1] = -constants
 
     def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
         path, dynamics = path_of(record, theta, constants)
         return advance_nodes(kinds, path, nodes, dynamics, field)
 
-    path, dynamics = path_of(record, theta, constants)
-    nodes = true_nodes(record, theta, field)
-    plain = [j for j, d in enumerate(directions) if _is_plain(record, d)]
-    flown = [trimmed(record, directions[j].moved, constants[2])[0] for j in plain]
-    moved = np.array([layout.dynamics(own) for own in flown])
-    ends, by_x, by_term, by_plain = slopes_along(
-        kinds,
-        path,
-        nodes,
-        dynamics,
-        moved.reshape(len(plain), len(dynamics)),
-        np.array([directions[j].size for j in plain]),
-        field,
-    )
-    n = nodes.shape[1]
-    inputs = np.zeros((intervals, n, len(directions) + 1))
-    inputs[:, :, plain] = -by_plain
-    others: dict[tuple, tuple] = {(): (nodes, ends)}  # Of the model itself.
+    bases: dict[Shapes, tuple[np.ndarray, np.ndarray]] = {(): (nodes, ends)}
     for j, direction in enumerate(directions):
-        if j in plain:
-            continue
-        if direction.shapes not in others:
-            base_nodes = true_nodes(record, direction.base, field)
-            base_ends = ends_from(base_nodes, direction.base)
-            others[direction.shapes] = base_nodes, base_ends
-        base_nodes, base_ends = others[direction.shapes]
-        moved_ends = ends_from(base_nodes, direction.moved)
-        inputs[:, :, j] = -(moved_ends - base_ends) / direction.size
-    inputs[:, :, -1] = ends - nodes[1:]
-    pose, pose_by_x = measure_nodes(kinds, nodes, dynamics)
-    start = np.zeros((n + OWN_STATES, len(directions) + 1))
-    start[n + PROCESSES :, -1] = -constants
-    for j in plain:
-        if (
-            directions[j].kind in layout.kinds
-            and layout.kinds[directions[j].kind].states
-        ):
-            rest = true_nodes(record, directions[j].moved, field)[0, NUM_STATES:]
-            start[NUM_STATES:n, j] = (nodes[0, NUM_STATES:] - rest) / directions[j].size
+        other, size, shapes = direction.moved(theta), direction.size, direction.shapes
+        if j not in plain:
+            if shapes not in bases:
+                base = direction.base(theta)
+                own = true_nodes(record, base, field)
+                bases[shapes] = own, ends_from(own, base)
+            own, own_ends = bases[shapes]
+            inputs[:, :, j] = (own_ends - ends_from(own, other)) / size
+        elif direction.kind in layout.moving:
+            at_rest = nodes_at_rest(record, other)[0]
+            start[NUM_STATES:n, j] = (nodes[0] - at_rest)[NUM_STATES:] / size
     return LinearFlight(
         record=record,
         nodes=nodes,
@@ -250,8 +233,8 @@ def linearize(
         by_trim=_by_trim(record, theta, by_x, by_term),
         by_term=by_term,
         inputs=inputs,
-        pose_by_x=pose_by_x,
-        outputs=_outputs(record, theta, directions, nodes, pose),
+        pose_by_x=measure_nodes(kinds, nodes, dynamics)[1],
+        outputs=_outputs(record, theta, directions, nodes),
         start=start,
     )
 
@@ -261,48 +244,29 @@ def _outputs(
     theta: np.ndarray,
     directions: Sequence[Direction],
     nodes: np.ndarray,
-    pose: np.ndarray,
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
-    layout, has_gyro = record.layout, record.seen.shape[1] > 4
-    outputs = np.zeros((*record.seen.shape, len(directions) + 1))
-    rate = _unbiased_rate(record, theta) if has_gyro else nodes[:, PITCH_RATE]
-    path = logged_elevator(record, theta)
-    for j, direction in enumerate(directions):
-        if direction.slot in layout.sensor_slots:
-            shown = sensed(layout, nodes, direction.moved)
-            outputs[:, :3, j] = (shown - pose) / direction.size
-        if record.has_servo and direction.slot >= layout.num_compiled:
-            moved_path = logged_elevator(record, direction.moved)
-            outputs[:, 3, j] = (moved_path - path) / direction.size
-        if has_gyro and direction.slot >= layout.num_compiled:
-            moved_rate = _unbiased_rate(record, direction.moved)
-            outputs[:, 4, j] = (rate - moved_rate) / direction.size
-    outputs[:, :3, -1] = record.pose - pose
-    if record.has_servo:
-        outputs[:, 3, -1] = record.elevator - path - nodes[:, OFFSET]
-    outputs[:, 4:, -1] = (rate - nodes[:, PITCH_RATE])[:, None]
+    layout, shown = record.layout, _shown(record, nodes, theta)
+    outputs = np.zeros((*shown.shape, len(directions) + 1))
+    for j, d in enumerate(directions):
+        if d.slot in layout.sensor_slots or d.slot >= layout.num_compiled:
+            outputs[:, :, j] = (_shown(record, nodes, d.moved(theta)) - shown) / d.size
+    measured = [*record.pose.T, record.elevator, record.pitch_rate]
+    outputs[:, :, -1] = np.stack(measured[: shown.shape[1]], axis=1) - shown
     return outputs
 
 
-def _unbiased_rate(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Pitch rates that a gyro measured when the poses were those of nodes, (K + 1,)."""
-    late = record.time - record.layout.replay(theta).latency
-    late = np.clip(late, 0.0, record.time[-1])
-    rate = CubicSpline(record.time, record.pitch_rate)(late)
-    return rate - theta[record.layout.index[SERVO_LOG.kind, "pitch_rate"]]
-
-
-def _as_read(
-    layout: Layout, theta: np.ndarray, directions: Sequence[Direction], zero: float
-) -> tuple[np.ndarray, list[Direction]]:
-    """Returns model and directions of a flight whose pitch reads too much [rad]."""
-    own = np.zeros_like(theta)
-    own[layout.index["pitch_offset", "angle"]] = zero
-    return theta + own, [
-        dataclasses.replace(d, base=d.base + own, moved=d.moved + own)
-        for d in directions
-    ]
+def _shown(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """What a model shows of states, (K + 1, C): pose, elevator and, of a gyro, rate."""
+    layout = record.layout
+    path = signals(record, theta).logged + nodes[:, OFFSET]
+    columns = [*sensed(layout, nodes, theta).T, path]
+    if record.seen.shape[1] > 4:
+        late = np.clip(record.time - layout.replay(theta).latency, 0.0, record.time[-1])
+        bias = theta[layout.index[SERVO_LOG.kind, "pitch_rate"]]
+        then = CubicSpline(record.time, record.pitch_rate)(late)
+        columns.append(nodes[:, PITCH_RATE] + bias + record.pitch_rate - then)
+    return np.stack(columns, axis=1)
 
 
 def _by_trim(
@@ -316,12 +280,3 @@ def _by_trim(
     slot = record.layout.index["pitch_moment", "coefficient"]
     per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
     return per_radian * by_term[:, :, FIELD_TERMS.index("c_moment")]
-
-
-def _is_plain(record: Record, direction: Direction) -> bool:
-    """Whether the direction leaves the log's signals and the nodes as they are."""
-    layout = record.layout
-    if direction.slot >= layout.num_compiled:
-        return False
-    kind = layout.kinds.get(direction.kind)
-    return kind is None or not (kind.states and direction.shapes)

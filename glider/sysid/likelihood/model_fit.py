@@ -146,7 +146,7 @@ def linear_flights(
     """
     field = field_of(model)
     if directions is None:
-        directions = slopes(task.layout, model.theta, model.free)
+        directions = slopes(task.layout, model.free)
 
     def one(record: Record) -> LinearFlight:  # It holds one flight only.
         own = model.constants.get(record.name, NO_CONSTANTS)

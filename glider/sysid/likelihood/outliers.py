@@ -37,9 +37,8 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
     if len(task.records) < FEWEST:
         return {}
     squares = mean_squares(task, noise)
-    ratios = (squares / np.median(squares)).tolist()
-    flights = zip(task.records, ratios, stand_out(squares), strict=True)
-    return {record.name: ratio for record, ratio, outlying in flights if outlying}
+    ratios, places = squares / np.median(squares), np.flatnonzero(stand_out(squares))
+    return {task.records[i].name: float(ratios[i]) for i in places}
 
 
 def mean_squares(task: Task, noise: Noise) -> np.ndarray:
@@ -80,16 +79,13 @@ def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
     """
     if not task.vehicle.knows_forces or len(task.records) < FEWEST:
         return {}
-    flights = model_fit.error_flights(task, model)
-    own = flight_values(flights, model.scales)
+    own = flight_values(model_fit.error_flights(task, model), model.scales)
     found: dict[str, str] = {}
     for (kind, name), values in zip(PER_FLIGHT, own.T, strict=True):
-        slot = task.layout.index[kind, name]
-        units = {c.name: c.unit for c in task.layout.kinds[kind].coefficients}
+        coefficient = task.layout.coefficients[task.layout.index[kind, name]]
         apart = np.abs(values - np.median(values))
-        scale = LEAST_EXTREME * task.layout.scale[slot]
-        least = max(Z_EXTREME * float(robust_std(apart)), scale)
-        for i in np.flatnonzero(apart > least).tolist():
+        usual = Z_EXTREME * float(robust_std(apart))
+        for i in np.flatnonzero(apart > max(usual, LEAST_EXTREME * coefficient.scale)):
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
-            found.setdefault(task.records[i].name, f"{words} {units[name]}")
+            found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
     return found if len(found) <= MOST * len(task.records) else {}

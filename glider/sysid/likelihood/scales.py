@@ -2,14 +2,14 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from glider.compiled.filter_error import PROCESSES, filter_flight
 from glider.compiled.parallel import in_parallel
-from glider.sysid.likelihood.information import solve
-from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, LinearFlight
+from glider.sysid.likelihood.information import solve, solve_scaled
+from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import OFFSET
 
@@ -18,8 +18,8 @@ SERVO_TIME = 0.05  # The same of an elevator's departure from its path [s].
 # Spread of a launch about its smoothed measurement, as the state [m, rad, s].
 _LAUNCH = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
 _EXTRA = 0.05  # Spread of effects' states about rest, in their scales.
-# Mean and spread of log(air_time), which flights in nearly still air do not determine.
-_TIME_PRIOR = (np.log(0.25), 0.7)
+# Prior spread of log(air_time), which flights in nearly still air do not determine.
+_TIME_SPREAD = 0.7
 STILL = 2.0  # Strength of the air over its least, below which there is none.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
@@ -80,6 +80,9 @@ FLOOR, CEILING = (
     Scales(**{f.name: f.metadata["range"][end] for f in dataclasses.fields(Scales)})
     for end in (0, 1)
 )
+# Prior of the logarithms; the others have none.
+_USUAL = Scales().logs
+_PRECISION = np.where(np.array(NAMES) == "air_time", _TIME_SPREAD**-2.0, 0.0)
 
 
 def start_scales(noise: Noise) -> Scales:
@@ -91,8 +94,7 @@ def start_scales(noise: Noise) -> Scales:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class WhitenedFlight:
+class WhitenedFlight(NamedTuple):
     """A flight whitened."""
 
     innovations: np.ndarray  #: (K + 1, C, m) over their standard deviations.
@@ -128,21 +130,13 @@ def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
 ) -> WhitenedFlight:
     """Filters a flight."""
-    record = flight.record
-    n, rows = flight.by_x.shape[1], len(record.time)
-    usual = start_variances(flight, scales)
-    channels = record.seen.shape[1]
-    innovations = np.empty((rows, channels, flight.inputs.shape[2]))
-    variances = np.empty((rows, channels))
+    record, n = flight.record, flight.by_x.shape[1]
+    usual, channels = start_variances(flight, scales), record.seen.shape[1]
+    innovations, variances = np.empty(flight.outputs.shape), np.empty(record.seen.shape)
     filter_flight(
         record.time,
-        flight.by_x,
-        flight.by_air,
-        flight.by_trim,
-        flight.inputs,
-        flight.pose_by_x,
-        flight.outputs,
-        record.seen,
+        *(flight.by_x, flight.by_air, flight.by_trim, flight.inputs),
+        *(flight.pose_by_x, flight.outputs, record.seen),
         np.square(scales.sensors[:channels]),
         usual if start is None else start,
         flight.start.copy(),
@@ -151,7 +145,7 @@ def whiten(
         innovations,
         variances,
     )
-    return WhitenedFlight(innovations=innovations, log_variances=np.log(variances))
+    return WhitenedFlight(innovations, np.log(variances))
 
 
 def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
@@ -161,17 +155,17 @@ def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
     return solve(gram, 1.0 / np.maximum(variances, 1e-16))
 
 
-def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
-    """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
-    starts = in_parallel(lambda f: smoothed_start(f, scales), flights)
-    return np.array(starts)[:, -len(NO_CONSTANTS) :]
-
-
 PER_FLIGHT = (
     *(("wind", "x"), ("wind", "z")),
     *(("elevator_trim", "angle"), ("pitch_offset", "angle")),
 )
 """Coefficients that may vary from flight to flight, as columns of `flight_values`."""
+
+
+def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
+    """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
+    starts = in_parallel(lambda f: smoothed_start(f, scales), flights)
+    return np.array(starts)[:, -len(PER_FLIGHT) :]
 
 
 def flight_constants(
@@ -181,16 +175,6 @@ def flight_constants(
     largest = 3.0 * np.array([scales.wind, scales.wind, scales.trim, scales.pitch_zero])
     values = np.clip(flight_values(flights, scales), -largest, largest)
     return {f.record.name: own for f, own in zip(flights, values, strict=True)}
-
-
-def _prior(logs: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Returns -log prior of the scales, its gradient and its curvature."""
-    mean, spread = _TIME_PRIOR
-    k = NAMES.index("air_time")
-    apart = (logs[k] - mean) / spread
-    gradient, curvature = np.zeros(len(logs)), np.zeros(len(logs))
-    gradient[k], curvature[k] = apart / spread, 1.0 / spread**2
-    return 0.5 * apart**2, gradient, curvature
 
 
 def negative_log_likelihood(
@@ -212,7 +196,7 @@ def fit_scales(
     iterations: int = 8,
     tolerance: float = 0.05,
 ) -> tuple[Scales, float]:
-    """Maximises the likelihood of the scales by Fisher scoring.
+    """Maximises the likelihood of the scales by Fisher scoring, damped.
 
     Those in `free` are fitted to flights with one column, their error, until less than
     `tolerance` would be gained [nats].
@@ -220,34 +204,32 @@ def fit_scales(
     Returns:
         the scales and the negative log-likelihood there [nats].
     """
-    shown = max((flight.record.seen.shape[1] for flight in flights), default=4) > 4
-    names = [name for name in free if shown or name != "rate"]
-    index = np.array([NAMES.index(name) for name in names], dtype=int)
+    has_gyro = any(flight.record.seen.shape[1] > 4 for flight in flights)
+    shown = [name for name in free if has_gyro or name != "rate"]
+    index = np.array([NAMES.index(name) for name in shown], dtype=int)
     low, high = FLOOR.logs, CEILING.logs
-    logs = np.clip(scales.logs, low, high)
-    damping = 0.0
-    bases, value = _likelihood(flights, logs)
+    logs, damping = np.clip(scales.logs, low, high), 0.0
+    whitened, value = _likelihood(flights, logs)
     for _ in range(iterations if np.isfinite(value) else 0):  # Else it diverges.
-        gradient, fisher = _slopes(flights, bases, logs, index)
-        at_floor = (logs[index] <= low[index]) & (gradient > 0.0)
-        at_ceiling = (logs[index] >= high[index]) & (gradient < 0.0)
-        loose = np.flatnonzero(~(at_floor | at_ceiling))
-        if len(loose) == 0:
+        gradient, fisher = _slopes(flights, whitened, logs, index)
+        own = logs[index]
+        is_free = np.where(gradient > 0.0, own > low[index], own < high[index])
+        loose = np.flatnonzero(is_free)
+        if not len(loose) or not np.all(np.isfinite(fisher)):
             break
-        corner = fisher[np.ix_(loose, loose)]
+        corner = fisher[np.ix_(loose, loose)] + 1e-3 * np.eye(len(loose))
         gained = 0.0
         while damping <= _MOST_DAMPING:
-            heavier = np.diag((damping + 1e-6) * np.diag(corner) + 1e-3)
-            step = np.zeros(len(logs))
-            solved = -np.linalg.solve(corner + heavier, gradient[loose])
-            step[index[loose]] = np.clip(solved, -0.7, 0.7)
-            moved = np.clip(logs + step, low, high)
-            promised = -float(gradient @ (moved - logs)[index])
+            step = solve_scaled(corner, gradient[loose], damping + 1e-6)
+            moved = logs.copy()
+            moved[index[loose]] -= np.clip(step, -0.7, 0.7)
+            moved = np.clip(moved, low, high)
+            promised = float(gradient @ (logs - moved)[index])
             if promised < tolerance:
                 break
             there, lower = _likelihood(flights, moved)
             if lower < value:
-                gained, bases, logs, value = value - lower, there, moved, lower
+                gained, whitened, logs, value = value - lower, there, moved, lower
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
             damping = max(10.0 * damping, 0.1)
@@ -262,37 +244,34 @@ def _likelihood(
     """Returns the flights whitened by scales, and their cost with the prior [nats]."""
     scales = Scales.from_logs(logs)
     found = in_parallel(lambda f: whiten(f, scales), flights)
-    return found, _prior(logs)[0] + sum(f.cost for f in found)
+    prior = 0.5 * float(_PRECISION @ (logs - _USUAL) ** 2)
+    return found, prior + sum(f.cost for f in found)
 
 
 def _slopes(
     flights: Sequence[LinearFlight],
-    bases: Sequence[WhitenedFlight],
+    whitened: Sequence[WhitenedFlight],
     logs: np.ndarray,
     index: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the cost's slopes over logarithms of scales, and Fisher's information."""
+    steps = _STEP_OF_LOG * np.eye(len(logs))[index]
+    moved = [Scales.from_logs(logs + step) for step in steps]
 
     def one(pair: tuple[LinearFlight, WhitenedFlight]) -> tuple[np.ndarray, np.ndarray]:
         flight, base = pair
-        w, v = base.innovations[..., 0], base.log_variances
-        by_w, by_v = [], []
-        for j in index:
-            moved = logs.copy()
-            moved[j] += _STEP_OF_LOG
-            other = whiten(flight, Scales.from_logs(moved))
-            by_w.append((other.innovations[..., 0] - w).ravel())
-            by_v.append((other.log_variances - v).ravel())
+        others = [whiten(flight, scales) for scales in moved]
+        w = base.innovations.ravel()
         with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-            dw, dv = np.array(by_w) / _STEP_OF_LOG, np.array(by_v) / _STEP_OF_LOG
-            gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
-            mean = dw + 0.5 * dv * w.ravel()
-            fisher = mean @ mean.T + 0.5 * dv @ dv.T
-        return gradient, fisher
+            by_w = np.array([f.innovations.ravel() - w for f in others]) / _STEP_OF_LOG
+            by_v = [(f.log_variances - base.log_variances).ravel() for f in others]
+            half = 0.5 * np.array(by_v) / _STEP_OF_LOG
+            mean = by_w + half * w
+            fisher = mean @ mean.T + 2.0 * half @ half.T
+            return by_w @ w + half.sum(axis=1), fisher
 
-    parts = in_parallel(one, zip(flights, bases, strict=True))
-    _, gradient, curvature = _prior(logs)
+    parts = in_parallel(one, zip(flights, whitened, strict=True))
     return (
-        gradient[index] + sum(p[0] for p in parts),
-        np.diag(curvature[index]) + sum(p[1] for p in parts),
+        (_PRECISION * (logs - _USUAL))[index] + sum(p[0] for p in parts),
+        np.diag(_PRECISION[index]) + sum(p[1] for p in parts),
     )

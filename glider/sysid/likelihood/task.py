@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glider.physics.effects import SERVO_LAG, Coefficient
+from glider.physics.effects import SERVO_LAG
 from glider.sysid.likelihood.blocks import (
     Block,
     Curves,
@@ -49,35 +49,20 @@ class Task:
         index = self.layout.index
         if index["parameters", "wing_offset"] in self.vehicle.nuisance:
             slots.discard(index["center_of_pressure", "shift"])
-        return tuple(sorted(slots | set(self.vehicle.nuisance)))
-
-    def coefficient(self, slot: int) -> Coefficient | None:
-        """Returns the coefficient in a slot of theta; None for a vehicle parameter."""
-        kind, name = self.layout.slots[slot]
-        if kind == "parameters":
-            return None
-        return next(c for c in self.layout.kinds[kind].coefficients if c.name == name)
+        return tuple(sorted({*slots, *self.vehicle.nuisance}))
 
     def is_shape(self, slot: int) -> bool:
         """Whether a slot only shapes an effect that has another for its size."""
-        coefficient = self.coefficient(slot)
-        if coefficient is None or not coefficient.is_shape:
-            return False
-        kind, _ = self.layout.slots[slot]
-        return not all(c.is_shape for c in self.layout.kinds[kind].coefficients)
+        return slot in self.layout.shapes
 
     def priors(
         self, slots: Sequence[int], theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Returns prior means and precisions of slots; shapes are where they are."""
-        slots, vehicle = list(slots), self.vehicle
-        is_shape = np.array([self.is_shape(i) for i in slots], dtype=bool)
-        mean = np.where(is_shape, theta[slots], vehicle.theta[slots])
-        spread = PRIOR_SCALES * self.layout.scale[slots]
-        if vehicle.prior_spread is not None:
-            is_nuisance = np.isin(slots, vehicle.nuisance)
-            spread = np.where(is_nuisance, vehicle.prior_spread[slots], spread)
-        return mean, 1.0 / spread**2
+        vehicle, scale = self.vehicle, PRIOR_SCALES * self.layout.scale
+        means = [theta[i] if self.is_shape(i) else vehicle.theta[i] for i in slots]
+        spreads = [vehicle.nuisance.get(i, scale[i]) for i in slots]
+        return np.array(means), np.array(spreads) ** -2.0
 
     def bounds(self, slots: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Returns the least and the largest values of slots that are possible."""

@@ -133,7 +133,7 @@ def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.Fit
     columns = Candidates(
         task=task,
         model=bent,
-        directions=tuple(slopes(task.layout, model.theta, model.free)),
+        directions=tuple(slopes(task.layout, model.free)),
         variants={},
         flights=model_fit.linear_flights(task, bent),
         columns=(),

@@ -11,29 +11,21 @@ from glider.campaign.checks.planarity import normal
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps, elevator_path
-from glider.physics.effects import ANGLE_SIGN, Effect, Replay
+from glider.physics.effects import ANGLE_SIGN, Effect
 from glider.physics.model import GliderModel
 from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
-_OF_NODES = (
-    *("time", "pose", "elevator", "pitch_rate", "seen", "nodes"),
-    *("acceleration", "acceleration_std"),
-)
-_OF_INTERVALS = ("pitch", "bank", "side_wind")
-"""Arrays of a record with a row for each node, and for each interval."""
-
 _GAP = 1.6  # Time between two rows, over the usual one, above which nodes are inserted.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
     """A flight, cleaned and smoothed, at nodes: its rows, and more in its gaps."""
 
     name: str  #: Of the flight's file.
-    has_servo: bool  #: Whether the elevator was commanded and measured.
-    time: np.ndarray  #: (n,) of the nodes, from the first row that counts [s].
     layout: Layout  #: Of the models that fly it.
+    time: np.ndarray  #: (n,) of the nodes, from the first row that counts [s].
     pose: np.ndarray  #: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
     elevator: np.ndarray  #: (n,) measured [rad]; zero where not seen.
     pitch_rate: np.ndarray  #: (n,) that a gyro measured [rad/s]; else interpolated.
@@ -43,30 +35,24 @@ class Record:
     pitch: np.ndarray  #: (n - 1, 3, 2) smoothed, and its rate: start, middle, end.
     acceleration: np.ndarray  #: (n, 3) smoothed ẍ, z̈, θ̈.
     acceleration_std: np.ndarray  #: (n, 3) of them, from the measurement noise alone.
+    bank: np.ndarray  #: (n - 1,) factor of the wing's force where it is rolled, or one.
+    side_wind: np.ndarray  #: (n - 1, 2) air that a sideways motion is like [m/s].
+    has_servo: bool  #: Whether the elevator was commanded and measured.
     switch_times: np.ndarray  #: (k,) of the commands, on the same clock [s].
     commands: np.ndarray  #: (k,) [rad/s].
     limits: tuple[float, float] | None  #: Where the elevator stops [rad], or None.
     rest: float  #: Where the elevator stood before the first command [rad].
     trim_is_moment: bool  #: Whether a trim makes no force, see `replayed.trimmed`.
-    bank: np.ndarray  #: (n - 1,) factor of the wing's force where it is rolled, or one.
-    side_wind: np.ndarray  #: (n - 1, 2) air that a sideways motion is like [m/s].
-    #: Caches of `replayed`: by replay settings, by parameters of vehicle and sensors.
-    replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
-        default_factory=dict, repr=False, compare=False
-    )
-    undone: dict[bytes, np.ndarray] = dataclasses.field(
-        default_factory=dict, repr=False, compare=False
-    )
-
-    def __getstate__(self) -> dict:
-        """The state for another process, without caches."""
-        return {**self.__dict__, "replays": {}, "undone": {}}
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
-        cut = {name: getattr(self, name)[:count] for name in _OF_NODES}
-        cut |= {name: getattr(self, name)[: count - 1] for name in _OF_INTERVALS}
-        return dataclasses.replace(self, **cut, replays={}, undone={})
+        last = len(self.time) - 1
+        of_nodes = "time pose elevator pitch_rate seen nodes"
+        of_nodes += " acceleration acceleration_std"
+        ends = dict.fromkeys(of_nodes.split(), count)
+        ends |= dict.fromkeys(("pitch", "bank", "side_wind"), min(count - 1, last))
+        cut = {name: getattr(self, name)[:end] for name, end in ends.items()}
+        return dataclasses.replace(self, **cut)
 
 
 def prepare(
@@ -75,59 +61,46 @@ def prepare(
     noise: Noise,
     layout: Layout = LIBRARY_LAYOUT,
     masks: Mapping[str, Masks] | None = None,
-    maps: dict[bytes, list[np.ndarray]] | None = None,
 ) -> list[Record]:
-    """Smooths flights; the maps of equal time grids are shared."""
-    maps, masks = {} if maps is None else maps, masks or {}
-    stops = None
+    """Smooths flights."""
+    masks, stops = masks or {}, None
     if campaign.elevator == "servo":
         stops = find_stops(campaign, masks, noise.elevator)
-    of_campaign = stops, maps, campaign, noise, layout
-    return [_record(f, masks.get(f.name) or no_masks(f), *of_campaign) for f in flights]
+    return [
+        _record(f, masks.get(f.name) or no_masks(f), campaign, noise, layout, stops)
+        for f in flights
+    ]
 
 
 def _record(
     flight: Flight,
     mask: Masks,
-    stops: tuple[float, float] | None,
-    kept: dict[bytes, list[np.ndarray]],
     campaign: Campaign,
     noise: Noise,
     layout: Layout,
+    stops: tuple[float, float] | None,
 ) -> Record:
-    turned = ~mask.elevator
     good = np.flatnonzero(mask.usable)
     rows = slice(good[0], good[-1] + 1)
     clock = flight.time - flight.time[good[0]]
     time, place = _with_gaps_filled(clock[rows])
-    n = len(time)
-    known = clock[good]
-    key = np.round(np.concatenate([known, [np.inf], time]), 7).tobytes()
-    if key not in kept:
-        query = np.concatenate([time, 0.5 * (time[1:] + time[:-1])])
-        kept[key] = [smoothing_maps(known, query, s.ratio) for s in noise.smoothing]
-    maps = kept[key]
-    bank, side_wind = np.ones(n - 1), np.zeros((n - 1, 2))
-    pose = flight.pose[good]
+    n, at = len(time), place[good - good[0]]
+    query = np.concatenate([time, 0.5 * (time[1:] + time[:-1])])
+    maps = [smoothing_maps(clock[good], query, s.ratio) for s in noise.smoothing]
+    pose, bank, side_wind = flight.pose[good], np.ones(n - 1), np.zeros((n - 1, 2))
     if flight.attitude is not None:
         turned_by = maps[1][0, :n] @ np.unwrap(flight.attitude[good, 1:], axis=0)
         sideways = maps[0][1, :n] @ flight.attitude[good, 0]
-        pitch = maps[2][0, :n] @ pose[:, 2]
-        bank, side_wind = in_plane(pitch, turned_by, sideways)
+        bank, side_wind = in_plane(maps[2][0, :n] @ pose[:, 2], turned_by, sideways)
         pose = np.column_stack([pose[:, :2], planar_pitch(flight, good)])
     curves = np.stack([maps[j] @ pose[:, j] for j in range(3)], axis=2)
     nodes = np.zeros((n, layout.num_states))
-    nodes[:, 0:3] = curves[0, :n]
-    nodes[:, 4:7] = curves[1, :n]
+    nodes[:, 0:3], nodes[:, 4:7] = curves[:2, :n]
     pitch = curves[:2, :, 2].T
-    pitch = np.stack([pitch[: n - 1], pitch[n:], pitch[1:n]], axis=1)
     levels = (noise.smoothing[0].noise, noise.smoothing[1].noise, noise.pitch)
-    deviation = np.linalg.norm([m[2, :n] for m in maps], axis=2).T * levels
     measured, seen = curves[0, :n].copy(), np.zeros((n, 4), dtype=bool)
-    at = place[good - good[0]]
     measured[at], seen[at, :3] = pose, True
     pitch_rate, by_gyro = _pitch_rates(flight, good, time, at)
-    seen = np.hstack([seen, by_gyro])
     elevator, switches, commands, rest = np.zeros(n), np.zeros(1), np.zeros(1), 0.0
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.command is not None and flight.elevator is not None:
@@ -137,33 +110,32 @@ def _record(
         switches, commands = command_steps(
             clock[commanded], flight.command[commanded], campaign.switch_rate
         )
-        trusted = commanded[turned[commanded]]
-        for first in trusted[:1]:  # Its noise is what x[3] is for.
-            travel = elevator_path(switches, commands, clock[[first]])
-            rest = float(flight.elevator[first] - travel[0])
+        for first in commanded[~mask.elevator[commanded]][:1]:  # x[3] is its noise.
+            [travel] = elevator_path(switches, commands, clock[[first]])
+            rest = float(flight.elevator[first] - travel)
         elevator[place] = flight.elevator[rows]
-        seen[place, 3] = turned[rows] & (campaign.servo.angle == "measured")
+        seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
     return Record(
         name=flight.name,
-        has_servo=has_servo,
-        time=time,
         layout=layout,
+        time=time,
         pose=measured,
         elevator=elevator,
         pitch_rate=pitch_rate,
-        seen=seen,
+        seen=np.hstack([seen, by_gyro]),
         nodes=nodes,
-        pitch=pitch,
+        pitch=np.stack([pitch[: n - 1], pitch[n:], pitch[1:n]], axis=1),
         acceleration=curves[2, :n],
-        acceleration_std=deviation,
+        acceleration_std=np.linalg.norm([m[2, :n] for m in maps], axis=2).T * levels,
+        bank=bank,
+        side_wind=side_wind,
+        has_servo=has_servo,
         switch_times=switches,
         commands=commands,
         limits=stops if has_servo else None,
         rest=rest,
         trim_is_moment=campaign.elevator == "fixed_per_flight"
         and "elevator_area" not in campaign.vehicle,
-        bank=bank,
-        side_wind=side_wind,
     )
 
 
@@ -171,15 +143,15 @@ def _pitch_rates(
     flight: Flight, good: np.ndarray, time: np.ndarray, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pitch rates of a gyro (n,) [rad/s]; which count, (n, 1), without one (n, 0)."""
-    rates = np.zeros(len(time))
-    if flight.pitch_rate is None:
-        return rates, np.zeros((len(time), 0), dtype=bool)
-    own, seen = flight.pitch_rate[good], np.zeros((len(time), 1), dtype=bool)
-    shown = np.isfinite(own)
-    shown[[0, -1]] = False  # With late poses, other times are compared.
-    seen[at[shown]] = True
-    if shown.any():
-        rates = np.interp(time, time[at[shown]], own[shown])
+    rates, has_gyro = np.zeros(len(time)), flight.pitch_rate is not None
+    seen = np.zeros((len(time), int(has_gyro)), dtype=bool)
+    if flight.pitch_rate is not None:
+        own = flight.pitch_rate[good]
+        shown = np.isfinite(own)
+        shown[[0, -1]] = False  # With late poses, other times are compared.
+        seen[at[shown]] = True
+        if shown.any():
+            rates = np.interp(time, time[at[shown]], own[shown])
     return rates, seen
 
 
@@ -231,13 +203,15 @@ class Signs:
 
 def turn(flight: Flight, signs: Signs) -> Flight:
     """Returns the flight with wrong signs undone."""
-    pose, rate = flight.pose * np.array([1.0, 1.0, signs.pitch]), flight.pitch_rate
-    rate = None if rate is None else rate * signs.pitch
-    turned = dataclasses.replace(flight, pose=pose, pitch_rate=rate)
-    if flight.elevator is None or flight.command is None:
-        return turned
-    elevator, command = flight.elevator * signs.elevator, flight.command * signs.command
-    return dataclasses.replace(turned, elevator=elevator, command=command)
+    factors = {
+        "pose": np.array([1.0, 1.0, signs.pitch]),
+        "pitch_rate": signs.pitch,
+        "elevator": signs.elevator,
+        "command": signs.command,
+    }
+    logged = {name: getattr(flight, name) for name in factors}
+    turned = {n: v * factors[n] for n, v in logged.items() if v is not None}
+    return dataclasses.replace(flight, **turned)
 
 
 def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:

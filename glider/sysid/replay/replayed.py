@@ -6,7 +6,9 @@ without a chord) and come with the variables that they may depend on: the articl
 data set.
 """
 
+import functools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,72 +18,56 @@ from glider.compiled.actuators import turn_elevator
 from glider.physics.actuator_replay import elevator_path
 from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, SERVO_LAG, Field, Replay
 from glider.physics.effects.field import COEFFICIENTS
-from glider.physics.parameters import NUM_PARAMETERS, GliderParameters
+from glider.physics.parameters import GliderParameters
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, OFFSET, Layout
 from glider.sysid.result import ResidualTable
 
 _EDGE = 3  # Rows at both ends of a flight where an acceleration is not known well.
+_REPLAYS = 4096  # Replays of elevators that are kept: eight of each of 500 flights.
 
 
-def pose_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the elevator's path over each interval and its mean rate there.
+class Signals(NamedTuple):
+    """An elevator along a log."""
 
-    Shapes (n - 1, 3) at start, middle, end [rad], and (n - 1,) [rad/s]. With a pose
-    latency the row of time t shows the flight at t - latency.
+    elevator: np.ndarray  #: (n - 1, 3) at start, middle, end of intervals [rad].
+    rate: np.ndarray  #: (n - 1,) mean of each interval [rad/s].
+    logged: np.ndarray  #: (n,) at the times of the log's rows [rad].
+
+    @property
+    def at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angle and rate at the rows of the pose, (n,) each."""
+        path = np.append(self.elevator[:, 0], self.elevator[-1, 2])
+        return path, np.append(self.rate, self.rate[-1:])
+
+
+def signals(record: Record, theta: np.ndarray) -> Signals:
+    """Replays a log's elevator.
+
+    With a pose latency the row of time t shows the flight at t - latency.
     """
-    elevator, rate, _ = _signals(record, theta)
-    return elevator, rate
+    return _replayed(record, record.layout.replay(theta))
 
 
-def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
-    """Returns a flight's model and the shift of its elevator [rad] for its trim.
-
-    A tail of unknown size at an unknown angle, and ballast, which moves the center of
-    mass, are a moment first: their effect on the forces is too small to determine.
-    Such a trim is one of the moment alone, that of a tail of the model's size at a
-    small angle of attack, 2 S_e (l_h + l_e) / S_w per radian.
-    """
-    if not record.trim_is_moment:
-        return theta, trim
-    index = record.layout.index
-    area, tail, hinge, offset = (
-        theta[index["parameters", name]]
-        for name in ("wing_area", "elevator_area", "hinge_offset", "elevator_offset")
-    )
-    moved = theta.copy()
-    slot = index["pitch_moment", "coefficient"]
-    moved[slot] -= 2.0 * tail * (hinge + offset) / area * trim  # Up lifts the nose.
-    return moved, 0.0
-
-
-def logged_elevator(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Returns the elevator's path at the times of the log's rows, (n,)."""
-    return _signals(record, theta)[2]
-
-
-def _signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Replays the actuator; a record caches the last results."""
-    replay = record.layout.replay(theta)
-    if replay in record.replays:
-        return record.replays[replay]
+@functools.lru_cache(_REPLAYS)
+def _replayed(record: Record, replay: Replay) -> Signals:
     n = len(record.time)
-    if record.has_servo:
-        middle = 0.5 * (record.time[1:] + record.time[:-1])
-        query = np.concatenate([record.time, middle]) - replay.latency
-        query = np.concatenate([query, record.time])
-        tape, rest = (record.switch_times, record.commands), record.rest
-        path = replayed_path(replay, *tape, query, start=rest, limits=record.limits)
-        here, middle, logged = path[:n], path[n : 2 * n - 1], path[2 * n - 1 :]
-        elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
-        rate = np.diff(here) / np.diff(record.time)
-    else:
-        elevator, rate, logged = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
-    if len(record.replays) > 32:
-        record.replays.clear()
-    record.replays[replay] = elevator, rate, logged
-    return elevator, rate, logged
+    if not record.has_servo:
+        return Signals(np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n))
+    middle = 0.5 * (record.time[1:] + record.time[:-1])
+    query = np.concatenate([record.time, middle]) - replay.latency
+    path = replayed_path(
+        replay,
+        record.switch_times,
+        record.commands,
+        np.concatenate([query, record.time]),
+        start=record.rest,
+        limits=record.limits,
+    )
+    here, middle, logged = np.split(path, [n, 2 * n - 1])
+    elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
+    return Signals(elevator, np.diff(here) / np.diff(record.time), logged)
 
 
 def replayed_path(
@@ -107,11 +93,24 @@ def replayed_path(
     return turn_elevator(actuators, times, commands, query, start, stops)
 
 
-def node_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the elevator's path and rate at the rows of the pose, (n,) each."""
-    elevator, rate = pose_signals(record, theta)
-    path = np.append(elevator[:, 0], elevator[-1, 2])
-    return path, np.append(rate, rate[-1:])
+def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
+    """Returns a flight's model and the shift of its elevator [rad] for its trim.
+
+    A tail of unknown size at an unknown angle, and ballast, which moves the center of
+    mass, are a moment first: their effect on the forces is too small to determine.
+    Such a trim is one of the moment alone, that of a tail of the model's size at a
+    small angle of attack, 2 S_e (l_h + l_e) / S_w per radian.
+    """
+    if not record.trim_is_moment:
+        return theta, trim
+    index, moved = record.layout.index, theta.copy()
+    area, tail, hinge, offset = (
+        theta[index["parameters", name]]
+        for name in ("wing_area", "elevator_area", "hinge_offset", "elevator_offset")
+    )
+    slot = index["pitch_moment", "coefficient"]
+    moved[slot] -= 2.0 * tail * (hinge + offset) / area * trim  # Up lifts the nose.
+    return moved, 0.0
 
 
 def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
@@ -128,52 +127,45 @@ def true_nodes(
     The model's sensor effects are undone, and the effects' states follow from
     their equations along the flight, at rest where it begins.
     """
-    layout = record.layout
-    nodes = _without_sensors(record, theta).copy()
-    if record.has_servo:
-        seen = record.seen[:, 3]
-        if seen.any():  # Else the offset is unknown.
-            path = logged_elevator(record, theta)
-            nodes[:, OFFSET] = np.mean((record.elevator - path)[seen])
-    elevator, rate = pose_signals(record, theta)
-    start = nodes[0].copy()
-    start[OFFSET] += elevator[0, 0]
-    first = record.time[0], start, rate[0]
-    nodes[0, NUM_STATES:] = layout.steady_states(*first, theta)
+    elevator, rate, _ = signals(record, theta)
     along = compiled.log_path(record.time, elevator, rate)
-    kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
+    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
+    nodes = nodes_at_rest(record, theta)
     return compiled.with_extras(kinds, along, nodes, dynamics, field)
 
 
+def nodes_at_rest(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns the same, (n, num_states), the effects' states only where it begins."""
+    nodes, seen = _without_sensors(record, theta), record.seen[:, 3]
+    elevator, rate, logged = signals(record, theta)
+    if record.has_servo and seen.any():  # Else the offset is unknown.
+        nodes[:, OFFSET] = np.mean((record.elevator - logged)[seen])
+    start = nodes[0].copy()
+    start[OFFSET] += elevator[0, 0]
+    first = record.time[0], start, rate[0]
+    nodes[0, NUM_STATES:] = record.layout.steady_states(*first, theta)
+    return nodes
+
+
 def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Undoes the sensor effects; a record caches the last results."""
-    layout = record.layout
-    settings = theta[list(layout.sensor_slots)]
-    if not np.any(settings):
-        return record.nodes
-    key = np.concatenate([theta[:NUM_PARAMETERS], settings]).tobytes()
-    if key in record.undone:
-        return record.undone[key]
-    step = 1e-4
-    nodes, later = record.nodes.copy(), record.nodes.copy()
-    later[:, :3] += step * nodes[:, 4:7]
-    for states in (nodes, later):
-        shown = states[:, :3].copy()
-        for _ in range(6):
-            states[:, :3] += shown - sensed(layout, states, theta)
+    """Undoes the sensor effects, also of the nodes a short time later."""
+    layout, n, step = record.layout, len(record.time), 1e-4
+    if not np.any(theta[list(layout.sensor_slots)]):
+        return record.nodes.copy()
+    states = np.tile(record.nodes, (2, 1))
+    states[n:, :3] += step * states[n:, 4:7]
+    shown = states[:, :3].copy()
+    for _ in range(6):
+        states[:, :3] += shown - sensed(layout, states, theta)
+    nodes, later = states[:n], states[n:]
     nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
-    if len(record.undone) > 4:
-        record.undone.clear()
-    record.undone[key] = nodes
     return nodes
 
 
 def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
     """Returns FIELD_VARIABLES along a flight, (n, 10), at its smoothed states."""
-    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
-    nodes, signals = true_nodes(record, theta), node_signals(record, theta)
-    flow = compiled.flow_at(kinds, record.time, nodes, *signals, dynamics, NO_FIELD)
-    return flow[:, -len(FIELD_VARIABLES) :]
+    nodes = true_nodes(record, theta)
+    return _flow(record, nodes, theta, NO_FIELD)[:, -len(FIELD_VARIABLES) :]
 
 
 def flow_along(
@@ -184,11 +176,17 @@ def flow_along(
     The flow's columns are those of `compiled.replay.log_flow`.
     """
     theta, shift = trimmed(record, theta, trim)
-    nodes = true_nodes(record, theta).copy()
+    nodes = true_nodes(record, theta)
     nodes[:, OFFSET] = shift
-    signals, dynamics = node_signals(record, theta), record.layout.dynamics(theta)
-    kinds, time = record.layout.compiled_kinds, record.time
-    return nodes, compiled.flow_at(kinds, time, nodes, *signals, dynamics, field)
+    return nodes, _flow(record, nodes, theta, field)
+
+
+def _flow(
+    record: Record, nodes: np.ndarray, theta: np.ndarray, field: Field
+) -> np.ndarray:
+    layout, at_nodes = record.layout, signals(record, theta).at_nodes
+    kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
+    return compiled.flow_at(kinds, record.time, nodes, *at_nodes, dynamics, field)
 
 
 def make_table(
@@ -205,13 +203,11 @@ def make_table(
     stacked = {name: np.concatenate([f[name] for f in flights]) for name in flights[0]}
     return ResidualTable(
         variables={name: stacked[name] for name in (*FIELD_VARIABLES, "alphadot")},
-        residual=stacked["residual"],
         coefficients={name: stacked[f"{name} measured"] for name in COEFFICIENTS},
         modelled={name: stacked[f"{name} modelled"] for name in COEFFICIENTS},
         flight=np.repeat(np.arange(len(flights)), [len(f["t"]) for f in flights]),
         names=tuple(record.name for record in records),
-        noise=stacked["noise"],
-        unit=stacked["unit"],
+        **{name: stacked[name] for name in ("residual", "noise", "unit")},
     )
 
 
@@ -219,19 +215,17 @@ def _columns(
     record: Record, theta: np.ndarray, trim: float, field: Field
 ) -> dict[str, np.ndarray]:
     """The columns of a table along one flight, without its ends."""
-    index = record.layout.index
     mass, area, inertia, density, gravity = (
-        theta[index["parameters", name]]
+        theta[record.layout.index["parameters", name]]
         for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
     )
     nodes, flow = flow_along(record, theta, field, trim)
-    air_x, air_z = flow[:, 3:5].T
+    modelled, (air_x, air_z) = flow[:, :3], flow[:, 3:5].T
     columns = dict(zip(FIELD_VARIABLES, flow[:, 5:].T, strict=True))
-    speed = columns["V"]
     columns["alpha"] = np.unwrap(columns["alpha"])
     columns["alphadot"] = np.gradient(columns["alpha"], record.time)
     sine, cosine = np.sin(nodes[:, 2]), np.cos(nodes[:, 2])
-    x, z, angular = (record.acceleration - flow[:, :3]).T
+    x, z, angular = (record.acceleration - modelled).T
     columns["residual"] = np.column_stack(
         [x * cosine - z * sine, x * sine + z * cosine, angular]
     )
@@ -239,14 +233,13 @@ def _columns(
     columns["noise"] = np.column_stack(
         [np.hypot(x * cosine, z * sine), np.hypot(x * sine, z * cosine), angular]
     )
-    pressure = 0.5 * density * speed**2 * area
+    pressure = 0.5 * density * columns["V"] ** 2 * area
     columns["unit"] = np.column_stack([pressure / mass, pressure / inertia])
-    for label, a in (("measured", record.acceleration), ("modelled", flow[:, :3])):
+    for label, a in (("measured", record.acceleration), ("modelled", modelled)):
         force_x, force_z = mass * a[:, 0], mass * (a[:, 1] + gravity)
-        lift = (force_z * air_x - force_x * air_z) / speed
-        drag = -(force_x * air_x + force_z * air_z) / speed
-        columns[f"c_lift {label}"] = lift / pressure
-        columns[f"c_drag {label}"] = drag / pressure
+        along = pressure * columns["V"]
+        columns[f"c_lift {label}"] = (force_z * air_x - force_x * air_z) / along
+        columns[f"c_drag {label}"] = -(force_x * air_x + force_z * air_z) / along
         columns[f"c_moment {label}"] = inertia * a[:, 2] / pressure
     return {name: values[_EDGE:-_EDGE] for name, values in columns.items()}
 
@@ -254,14 +247,13 @@ def _columns(
 def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
     """Compiles the loops, or loads them where they have been compiled before."""
     filter_error.filter_flight(*filter_error.no_flight())
-    kinds, n = layout.compiled_kinds, layout.num_states
+    kinds, none = layout.compiled_kinds, np.zeros(3)
     theta = layout.dynamics(layout.default_theta(GliderParameters()))
-    times = np.array([0.0, 0.01, 0.02])
-    nodes = np.zeros((3, n))
+    nodes = np.zeros((3, layout.num_states))
     nodes[:, 4] = 7.0
-    path = compiled.log_path(times, np.zeros((2, 3)), np.zeros(2))
+    path = compiled.log_path(0.01 * np.arange(3.0), np.zeros((2, 3)), np.zeros(2))
     compiled.with_extras(kinds, path, nodes, theta, NO_FIELD)
     compiled.advance_nodes(kinds, path, nodes, theta, NO_FIELD)
     compiled.measure_nodes(kinds, nodes, theta)
     compiled.roll_out(kinds, path, nodes[0], theta, NO_FIELD)
-    compiled.flow_at(kinds, times, nodes, np.zeros(3), np.zeros(3), theta, NO_FIELD)
+    compiled.flow_at(kinds, path.times, nodes, none, none, theta, NO_FIELD)

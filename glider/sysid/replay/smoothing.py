@@ -8,7 +8,8 @@ likelihood. Times may be irregular and rows may be missing.
 """
 
 import dataclasses
-from collections.abc import Mapping
+import functools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -17,7 +18,11 @@ from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.logs import Campaign
 from glider.physics.actuator_replay import command_steps, elevator_path
 
-_NUM_POLYNOMIAL = 3
+_FEWEST_ROWS = 10  # Rows of an elevator below which a flight shows none of its noise.
+# Least noise of a log [m, rad]; a computed column has no noise at all.
+_LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
+_NANOSECONDS = 9  # Decimals of times [s] within which two grids are the same.
+_GRIDS = 32  # Grids of times whose maps are kept.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -28,34 +33,46 @@ class Smoothing:
     ratio: float  #: Power of the third derivative over noise² [1/s⁵].
 
 
-def _covariance(s: np.ndarray, t: np.ndarray, derivative: int = 0) -> np.ndarray:
-    """Covariance of a derivative at s and the value at t (unit power).
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Standard deviation of the measurements, and what smooths them."""
 
-    ∫₀^min(s,t) (s-u)^(2-i)/(2-i)! · (t-u)²/2 du, for the i-th derivative.
-    """
-    low = np.minimum.outer(s, t)
-    at_s, at_t = _power(s[:, None] - low, 2 - derivative), _power(t - low, 2)
-    total = np.zeros_like(low)
-    for m, u in enumerate(at_s):
-        for n, v in enumerate(at_t):
-            total += u * v * low ** (m + n + 1) / (m + n + 1)
-    return total
+    position: float  #: Of x and z [m].
+    pitch: float  #: [rad].
+    elevator: float  #: [rad]; 0 without a servo.
+    smoothing: tuple[Smoothing, ...]  #: Of the channels x, z, pitch.
 
 
-def _power(a: np.ndarray, order: int) -> list[np.ndarray]:
-    """Coefficients in w of (a + w)^order / order!, with w = low - u."""
-    one = np.ones_like(a)
-    return [[one], [a, one], [0.5 * a * a, a, 0.5 * one]][order]
-
-
-def _polynomial(t: np.ndarray, derivative: int = 0) -> np.ndarray:
-    zero = np.zeros_like(t)
-    columns = [zero, zero, np.ones_like(t), t, 0.5 * t * t]
-    return np.stack(columns[2 - derivative : 5 - derivative], axis=1)
+def measure_noise(
+    campaign: Campaign, masks: Mapping[str, Masks] | None = None
+) -> Noise:
+    """Finds the noise of a campaign's channels from all its flights."""
+    masks = masks or {}
+    pairs = [(f, masks.get(f.name) or no_masks(f)) for f in campaign.flights]
+    times = [f.time[m.usable] for f, m in pairs]
+    smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
+    elevator, times, errors = 0.0, [], []
+    for flight, mask in pairs if campaign.elevator == "servo" else ():
+        seen = ~mask.elevator
+        if np.count_nonzero(seen) >= _FEWEST_ROWS:
+            assert flight.command is not None and flight.elevator is not None
+            tape = command_steps(flight.time, flight.command, campaign.switch_rate)
+            error = flight.elevator - elevator_path(*tape, flight.time)
+            times.append(flight.time[seen])
+            errors.append(error[seen, None])
+    if errors:
+        elevator = estimate_noise(times, errors)[0].noise
+    position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
+    return Noise(
+        position=max(position, _LEAST_POSITION),
+        pitch=max(smoothing[2].noise, _LEAST_ANGLE),
+        elevator=max(elevator, _LEAST_ANGLE),
+        smoothing=smoothing,
+    )
 
 
 def estimate_noise(
-    times: list[np.ndarray], values: list[np.ndarray]
+    times: Sequence[np.ndarray], values: Sequence[np.ndarray]
 ) -> tuple[Smoothing, ...]:
     """Finds noise and smoothness of each channel over the flights of a campaign.
 
@@ -63,22 +80,20 @@ def estimate_noise(
         times: one array (n,) a flight [s].
         values: one array (n, channels) a flight.
     """
-    spectra, data = [], []
-    grids: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-    for time, value in zip(times, values, strict=True):
-        t = time - time[0]
-        key = np.round(t, 7).tobytes()
-        if key not in grids:
-            q, _ = np.linalg.qr(_polynomial(t), mode="complete")
-            null = q[:, _NUM_POLYNOMIAL:]
-            covariance = null.T @ _covariance(t, t) @ null
-            eigenvalues, vectors = np.linalg.eigh(covariance)
-            grids[key] = np.maximum(eigenvalues, 0.0), null @ vectors
-        eigenvalues, basis = grids[key]
-        spectra.append(eigenvalues)
-        data.append(basis.T @ value)
-    spectrum, projections = np.concatenate(spectra), np.concatenate(data)
-    return tuple(_restricted_likelihood(spectrum, z) for z in projections.T)
+    spectra = [_spectrum(_grid(time, time[0])) for time in times]
+    eigenvalues = np.concatenate([own for own, _ in spectra])
+    pairs = zip(spectra, values, strict=True)
+    projections = np.concatenate([basis.T @ value for (_, basis), value in pairs])
+    return tuple(_restricted_likelihood(eigenvalues, z) for z in projections.T)
+
+
+@functools.lru_cache(_GRIDS)
+def _spectrum(grid: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (n - 3,) and vectors (n, n - 3) of the covariance but parabolas."""
+    t = np.frombuffer(grid)
+    null = np.linalg.qr(_parabola(t), mode="complete")[0][:, 3:]
+    eigenvalues, vectors = np.linalg.eigh(null.T @ _covariance(t, t) @ null)
+    return np.maximum(eigenvalues, 0.0), null @ vectors
 
 
 def _restricted_likelihood(eigenvalues: np.ndarray, z: np.ndarray) -> Smoothing:
@@ -103,65 +118,44 @@ def smoothing_maps(time: np.ndarray, query: np.ndarray, ratio: float) -> np.ndar
 
     They give the value and the first and second derivative at the query times.
     White noise in the samples has the variance noise² · (sum of squares of a
-    map's row) in the curve.
+    map's row) in the curve. Equal grids of times share their maps.
 
     Args:
         time: (n,) of the samples [s].
         query: (m,) of the curves [s].
         ratio: as in Smoothing.
     """
-    t, s = time - time[0], query - time[0]
-    n = len(t)
-    system = np.zeros((n + _NUM_POLYNOMIAL, n + _NUM_POLYNOMIAL))
-    system[:n, :n] = ratio * _covariance(t, t) + np.eye(n)
-    system[:n, n:] = _polynomial(t)
-    system[n:, :n] = system[:n, n:].T
-    inverse = np.linalg.inv(system)[:, :n]
-    curves = [[ratio * _covariance(s, t, d), _polynomial(s, d)] for d in range(3)]
-    return np.stack([np.hstack(curve) @ inverse for curve in curves])
+    return _maps(_grid(time, time[0]), _grid(query, time[0]), ratio)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Noise:
-    """Standard deviation of the measurements, and what smooths them."""
-
-    position: float  #: Of x and z [m].
-    pitch: float  #: [rad].
-    elevator: float  #: [rad]; 0 without a servo.
-    smoothing: tuple[Smoothing, ...]  #: Of the channels x, z, pitch.
-
-
-def measure_noise(
-    campaign: Campaign, masks: Mapping[str, Masks] | None = None
-) -> Noise:
-    """Finds the noise of a campaign's channels from all its flights."""
-    masks = masks or {}
-    pairs = [(f, masks.get(f.name) or no_masks(f)) for f in campaign.flights]
-    times = [f.time[m.usable] for f, m in pairs]
-    smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
-    position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
-    elevator, times, errors = 0.0, [], []
-    for flight, mask in pairs if campaign.elevator == "servo" else ():
-        seen = ~mask.elevator
-        if np.count_nonzero(seen) >= _FEWEST_ROWS:
-            assert flight.command is not None and flight.elevator is not None
-            tape = command_steps(flight.time, flight.command, campaign.switch_rate)
-            error = flight.elevator - elevator_path(*tape, flight.time)
-            times.append(flight.time[seen])
-            errors.append(error[seen, None])
-    if errors:
-        elevator = estimate_noise(times, errors)[0].noise
-    return Noise(
-        position=max(position, _LEAST_POSITION),
-        pitch=max(smoothing[2].noise, _LEAST_ANGLE),
-        elevator=max(elevator, _LEAST_ANGLE),
-        smoothing=smoothing,
-    )
+@functools.lru_cache(3 * _GRIDS)
+def _maps(time: bytes, query: bytes, ratio: float) -> np.ndarray:
+    t, s = np.frombuffer(time), np.frombuffer(query)
+    eigenvalues, basis = _spectrum(time)
+    weights = basis / (1.0 + ratio * eigenvalues) @ basis.T
+    left = np.eye(len(t)) - weights - ratio * _covariance(t, t) @ weights
+    free = np.linalg.lstsq(_parabola(t), left, rcond=None)[0]
+    curves = [[ratio * _covariance(s, t, d), _parabola(s, d)] for d in range(3)]
+    return np.stack([curve @ weights + parabola @ free for curve, parabola in curves])
 
 
-_FEWEST_ROWS = 10
-"""Rows of an elevator below which a flight shows nothing of its noise."""
+def _grid(time: np.ndarray, start: float) -> bytes:
+    return np.round(time - start, _NANOSECONDS).tobytes()
 
-_LEAST_POSITION = 1e-6
-_LEAST_ANGLE = 1e-5
-"""Least noise of a log [m, rad]; a computed column has no noise at all."""
+
+def _covariance(s: np.ndarray, t: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """Covariance of a derivative at s and the value at t (unit power).
+
+    Up to parabolas, which are free: that of the value is -|s - t|⁵ / (2 · 5!).
+    """
+    apart = s[:, None] - t
+    square = apart * apart
+    cube = np.abs(apart) * square
+    return (-square * cube / 240.0, -apart * cube / 48.0, -cube / 12.0)[derivative]
+
+
+def _parabola(t: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """Columns (n, 3) of a derivative of a free parabola."""
+    zero, one = np.zeros_like(t), np.ones_like(t)
+    columns = [zero, zero, one, t, 0.5 * t * t]
+    return np.stack(columns[2 - derivative : 5 - derivative], axis=1)

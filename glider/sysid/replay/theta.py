@@ -52,57 +52,55 @@ not show them."""
 
 
 class Layout:
-    """Meaning of each entry of theta and of a flown state; see the module.
-
-    Attributes:
-        user_kinds: user effects, beside the library's.
-        kinds: name to kind, of both.
-        compiled_kinds: effects that the compiled dynamics hold.
-        replayed_kinds: effects on clocks and paths of the log's signals.
-        slots: kind and coefficient of each entry of theta; a parameter of the vehicle
-            is of the kind "parameters".
-        index: the other way round.
-        num_compiled: entries of theta that the compiled dynamics take, the first.
-        num_states: of the compiled dynamics: 7, then those of the effects.
-        lower: smallest physical theta.
-        upper: largest.
-        scale: typical sizes of theta's entries.
-        state_scale: typical sizes of the effects' states.
-        sensor_slots: indices into theta of the compiled sensor effects.
-    """
+    """Meaning of each entry of theta and of a flown state; see the module."""
 
     def __init__(self, user_kinds: tuple[EffectKind, ...]) -> None:
         check_user_effects(user_kinds)
         kinds = (*LIBRARY, *user_kinds, SERVO_LOG)
         flown = [e for e in kinds if e.stage != "log"]
-        self.user_kinds = user_kinds
-        self.kinds = {e.kind: e for e in kinds}
+        self.user_kinds = user_kinds  #: User effects, beside the library's.
+        self.kinds = {e.kind: e for e in kinds}  #: By name.
+        #: Effects that the compiled dynamics hold.
         self.compiled_kinds = tuple(e for e in flown if not e.is_replayed)
+        #: Effects on clocks and paths of the log's signals.
         self.replayed_kinds = tuple(e for e in flown if e.is_replayed)
-        self._coefficients = [
-            (e.kind, c)
+        entries = [
+            (e, c)
             for e in (*self.compiled_kinds, *self.replayed_kinds)
             for c in e.coefficients
         ]
+        #: Kind and coefficient of each entry; a vehicle's are of the kind "parameters".
         self.slots = (
             *(("parameters", name) for name in PARAMETER_NAMES),
-            *((kind, c.name) for kind, c in self._coefficients),
+            *((e.kind, c.name) for e, c in entries),
         )
         self.index = {slot: i for i, slot in enumerate(self.slots)}
+        self.coefficients = {self.index[e.kind, c.name]: c for e, c in entries}
+        #: Entries that only shape an effect that has another for its size.
+        self.shapes = {
+            self.index[e.kind, c.name]
+            for e, c in entries
+            if c.is_shape and not all(other.is_shape for other in e.coefficients)
+        }
         self._places: dict[str, tuple[int, ...]] = {}
         for i, (kind, _) in enumerate(self.slots):
             self._places[kind] = (*self._places.get(kind, ()), i)
         bounds = [
             (-0.1, 0.1, 0.01) if name == "wing_offset" else (1e-6, 1e4, 0.01)
             for name in PARAMETER_NAMES
-        ] + [(c.lower, c.upper, c.scale) for _, c in self._coefficients]
+        ] + [(c.lower, c.upper, c.scale) for _, c in entries]
+        #: Smallest and largest physical values, and typical sizes.
         self.lower, self.upper, self.scale = np.array(bounds).T.copy()
+        self._defaults = [c.default for _, c in entries]
         held = self.compiled_kinds
-        scales = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
-        self.state_scale = np.array(scales)
+        #: Entries of theta that the compiled dynamics take, the first.
         self.num_compiled = NUM_PARAMETERS + sum(len(e.coefficients) for e in held)
+        scales = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
+        self.state_scale = np.array(scales)  #: Typical sizes of the effects' states.
         self.num_states = NUM_STATES + len(scales)
+        self.moving = {e.kind for e in held if e.states}  #: Effects with states.
         sensors = (e.kind for e in held if e.stage == "sensor")
+        #: Entries of the compiled sensor effects.
         self.sensor_slots = tuple(i for kind in sensors for i in self.slots_of(kind))
 
     def __reduce__(self):
@@ -115,8 +113,7 @@ class Layout:
 
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
         """Returns theta of a nominal model: parameters, and effects that do nothing."""
-        defaults = [c.default for _, c in self._coefficients]
-        return np.concatenate([parameters.numbers, defaults])
+        return np.concatenate([parameters.numbers, self._defaults])
 
     def dynamics(self, theta: np.ndarray) -> np.ndarray:
         """Returns the part of theta that the compiled dynamics take."""

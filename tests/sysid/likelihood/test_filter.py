@@ -35,7 +35,7 @@ def flight(request):
     theta = task.vehicle.theta.copy()
     theta[list(layout.slots_of("servo_lag"))] = 0.02
     theta[layout.slots_of("dynamic_stall")[0]] = 0.3
-    return linearize(record, theta, NO_FIELD, slopes(layout, theta, free))
+    return linearize(record, theta, NO_FIELD, slopes(layout, free))
 
 
 def unseen(flight, *entries):

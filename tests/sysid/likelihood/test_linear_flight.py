@@ -37,7 +37,7 @@ def test_columns_of_an_effect_that_acts_are_derivatives(kind):
     layout, theta = task.layout, task.vehicle.theta.copy()
     slots = layout.slots_of(kind)
     theta[list(slots)] = list(values.values())
-    for direction in slopes(layout, theta, slots):
+    for direction in slopes(layout, slots):
         assert column_error(task.records[0], theta, direction) < 0.03
 
 
@@ -47,7 +47,7 @@ def test_columns_of_an_effect_that_is_absent_are_derivatives(task, kind):
     layout, theta = task.layout, task.vehicle.theta
     if all(c.is_shape for c in KINDS[kind].coefficients):
         for (secant,) in starts_of(layout, KINDS[kind], theta):
-            assert secant.moved[secant.slot] == theta[secant.slot] + secant.size
+            assert secant.moved(theta)[secant.slot] == theta[secant.slot] + secant.size
             assert secant.size in KINDS[kind].coefficients[0].grid
         return
     for columns in starts_of(layout, KINDS[kind], theta):
@@ -62,7 +62,7 @@ def test_columns_with_a_gyro_are_derivatives(kind):
     """A pose that is late is one against the gyro, and its bias is a column."""
     sensed = task_of(with_gyro(fly(flights=2, duration=0.4, capture=FINE)))[0]
     layout, theta = sensed.layout, sensed.vehicle.theta
-    for direction in slopes(layout, theta, layout.slots_of(kind)):
+    for direction in slopes(layout, layout.slots_of(kind)):
         error = column_error(sensed.records[0], theta, direction)
         assert error < (0.1 if kind == "servo_log" else 0.03)  # A path has kinks.
 

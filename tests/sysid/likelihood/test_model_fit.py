@@ -138,11 +138,7 @@ def test_what_is_known_beforehand_pulls(windy):
     slot = task.layout.index["parameters", "wing_area"]
     told = task.vehicle.theta[slot]
     for spread, lowest, highest in ((1e-8, 0.999, 1.001), (0.05, 0.85, 0.95)):
-        spreads = np.full(len(task.vehicle.theta), 1.0)
-        spreads[slot] = spread
-        vehicle = dataclasses.replace(
-            task.vehicle, nuisance=(slot,), prior_spread=spreads
-        )
+        vehicle = dataclasses.replace(task.vehicle, nuisance={slot: spread})
         held = dataclasses.replace(task, vehicle=vehicle)
         model = fit_model(held, begin(held, noise, ["wind"]))
         assert lowest < model.theta[slot] / told < highest

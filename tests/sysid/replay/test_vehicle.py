@@ -43,7 +43,7 @@ UNKNOWN = ("mass", "pitch_inertia", "wing_area", "elevator_area", "wing_offset")
 
 def test_a_full_nominal_model_leaves_nothing_to_guess(campaign):
     vehicle = make_vehicle(campaign)
-    assert vehicle.is_known and not vehicle.nuisance and vehicle.prior_spread is None
+    assert vehicle.is_known and not vehicle.nuisance
     assert not vehicle.notes
 
 
