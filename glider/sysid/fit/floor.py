@@ -124,25 +124,23 @@ def _squares(
     """Mean squares of a flight's replicas (4, R), as in `Floor`."""
     flight = linearize(record, model.theta, model.field)
     moves, shows = _transitions(flight, truth)
-    n, total = flight.by_x.shape[1], shows.shape[2]
-    rows, seen = beginning_rows(record, model.per_flight_trims), record.seen
+    (nodes, channels, total), n = shows.shape, len(flight.states)
+    seen, sensors = record.seen, np.array(model.scales.sensors[:channels])
+    first = np.arange(nodes) < beginning_rows(record, model.per_flight_trims)
     stds = np.sqrt(start_variances(flight, truth))
     stds[[*range(n), n + 2]] = 0.0  # The launch; unmodelled pitch accelerations.
-    shocks = rng.normal(size=(len(record.time), total, REPLICAS)) * stds[:, None]
+    shocks = rng.normal(size=(nodes, total, REPLICAS)) * stds[:, None]
     keep = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
     shocks[1:, :n], shocks[1:, n:] = 0.0, np.sqrt(1.0 - keep**2) * shocks[1:, n:]
     measured = shows @ _flown(moves, shocks)
-    channels = seen.shape[1]
     noise = np.array(truth.sensors[:channels])[:, None]
     measured += rng.normal(size=measured.shape) * noise
 
     # Rollouts have next to no process noise: their filter is a regression.
-    start = np.zeros((len(record.time), total, total))
-    start[0] = np.eye(total)
-    shown = shows @ _flown(moves, start)
-    weights = (seen[:rows] / np.array(model.scales.sensors[:channels]))[..., None]
-    columns = (weights * shown[:rows]).reshape(-1, total)
-    values = (weights * measured[:rows]).reshape(-1, REPLICAS)
+    shown = shows @ _flown(moves, _from_start(nodes, np.eye(total)))
+    weights = (seen & first[:, None])[..., None] / sensors[:, None]
+    columns = (weights * shown).reshape(-1, total)
+    values = (weights * measured).reshape(-1, REPLICAS)
     prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
     known = np.linalg.solve(columns.T @ columns + prior, columns.T @ values)
     known[n : n + PROCESSES] = 0.0
@@ -151,15 +149,15 @@ def _squares(
 
     maps = smoothing_maps(record.time[seen[:, 2]], record.time, pitch_ratio)[:2]
     known[_TRANSLATED] = 0.0
-    start = np.zeros((len(record.time), total, REPLICAS + len(_TRANSLATED)))
-    start[0] = np.hstack([known, np.eye(total)[:, _TRANSLATED]])
+    units = np.eye(total)[:, _TRANSLATED]
+    start = _from_start(nodes, np.hstack([known, units]))
     moves[:, _TURNED] = 0.0  # They are imposed.
     start[:, _TURNED, :REPLICAS] = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
     start[:, PITCH, :REPLICAS] -= known[-1]
     guided = (shows @ _flown(moves, start))[:, :2]
     left, columns = measured[:, :2] - guided[..., :REPLICAS], guided[..., REPLICAS:]
-    first = seen[:rows, :2]
-    step = np.linalg.lstsq(columns[:rows][first], left[:rows][first], rcond=None)[0]
+    fitted = seen[:, :2] & first[:, None]
+    step = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]
     along = np.sum((left - columns @ step)[seen[:, 0]] ** 2, axis=1)
     pitch = error[:, PITCH] ** 2
     return np.stack([*(v.mean(axis=0) for v in (free, along, pitch)), free[-1]])
@@ -167,7 +165,7 @@ def _squares(
 
 def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.ndarray]:
     """How deviations move, (K, n + 8, n + 8), and show, (K + 1, C, n + 8)."""
-    n, total = flight.by_x.shape[1], len(flight.start)
+    n, total = len(flight.states), len(flight.start)
     steps = np.diff(flight.record.time)[:, None]
     moves = np.tile(np.eye(total), (len(steps), 1, 1))
     moves[:, :n, :n] = flight.by_x
@@ -182,6 +180,13 @@ def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.n
     shows[:, PITCH, -1] = shows[:, ELEVATOR, ELEVATOR] = shows[:, ELEVATOR, n + 3] = 1.0
     shows[:, 4:, PITCH_RATE] = 1.0  # With a gyro.
     return moves, shows
+
+
+def _from_start(nodes: int, start: np.ndarray) -> np.ndarray:
+    """Shocks that are deviations at the first node alone, (K + 1, n + 8, R)."""
+    shocks = np.zeros((nodes, *start.shape))
+    shocks[0] = start
+    return shocks
 
 
 def _flown(moves: np.ndarray, shocks: np.ndarray) -> np.ndarray:
@@ -209,33 +214,26 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
         for flight in error_flights(task, model)
     ]
 
-    def slopes(logs: Sequence[np.ndarray]) -> np.ndarray:
-        less, more = (
-            [
-                dataclasses.replace(
-                    f, by_air=f.by_air * np.exp(step * own)[:, None, None]
-                )
-                for f, own in zip(flights, logs, strict=True)
+    def slopes(ranks: np.ndarray) -> np.ndarray:
+        """Of each flight's log-likelihood over b, (F,)."""
+        logs = np.split(ranks, np.cumsum([len(f.by_air) for f in flights])[:-1])
+        costs = []
+        for step in (-_STEP, _STEP):
+            moved = [
+                dataclasses.replace(f, by_air=f.by_air * np.exp(own)[:, None, None])
+                for f, own in zip(flights, [step * log for log in logs], strict=True)
             ]
-            for step in (-_STEP, _STEP)
-        )
-        costs = [negative_log_likelihood(moved, scales) for moved in (less, more)]
+            costs.append(negative_log_likelihood(moved, scales))
         return (costs[0] - costs[1]) / (2.0 * _STEP)
 
-    ones = [np.ones(len(flight.by_air)) for flight in flights]
-    overall, found = slopes(ones), {}
-    variables = [np.abs(midpoints(r, model.theta)) for r in task.records]
+    sizes = np.abs(np.concatenate([midpoints(r, model.theta) for r in task.records]))
+    overall, found = slopes(np.ones(len(sizes))), {}
     for variable in STATES:
-        column = FIELD_VARIABLES.index(variable)
-        sizes = [values[:, column] for values in variables]
-        every = np.concatenate(sizes)
-        if np.ptp(every) > 0.0:
-            ranks = np.argsort(np.argsort(every)) * (2.0 / len(every)) - 1.0
-            own = slopes(np.split(ranks, np.cumsum([*map(len, sizes)])[:-1]))
-            own -= (own @ overall) / (overall @ overall) * overall
-            found[variable] = abs(own.mean()) / own.std(ddof=1) * np.sqrt(count)
-    return tuple(
-        variable
-        for variable in sorted(found, key=lambda name: -found[name])
-        if 2.0 * len(found) * stdtr(count - 1, -found[variable]) < UNLIKELY
-    )
+        own = sizes[:, FIELD_VARIABLES.index(variable)]
+        if np.ptp(own) > 0.0:
+            gains = slopes(np.argsort(np.argsort(own)) * (2.0 / len(own)) - 1.0)
+            gains -= (gains @ overall) / (overall @ overall) * overall
+            found[variable] = abs(gains.mean()) / gains.std(ddof=1) * np.sqrt(count)
+    names = sorted(found, key=lambda name: -found[name])
+    chances = 2.0 * len(found) * stdtr(count - 1, [-found[name] for name in names])
+    return tuple(n for n, p in zip(names, chances, strict=True) if p < UNLIKELY)

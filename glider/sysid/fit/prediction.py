@@ -90,12 +90,13 @@ def find_launch(
     beginning, constants = record.first(rows), NO_CONSTANTS
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.field, (), constants)
-        n = len(flight.nodes[0])
+        launch, n = flight.nodes[0].copy(), len(flight.states)
         own = smoothed_start(flight, model.scales)
         if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
-            return flight.nodes[0], constants
+            return launch, constants
+        launch[flight.states] += own[:n]
         constants = own[n + PROCESSES :]
-    return flight.nodes[0] + own[:n], constants
+    return launch, constants
 
 
 def predict(model: RolloutModel, record: Record, whole: bool = False) -> Prediction:

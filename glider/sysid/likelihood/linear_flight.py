@@ -5,7 +5,7 @@ A direction is one way in which a model may be wrong: a column of the flight's e
 
 import dataclasses
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,6 +105,7 @@ class LinearFlight:
 
     record: Record
     nodes: np.ndarray
+    states: list[int]  #: Of the nodes that the other arrays have.
     by_x: np.ndarray
     by_air: np.ndarray
     by_trim: np.ndarray
@@ -188,55 +189,74 @@ def linearize(
     layout, theta = record.layout, theta.copy()
     theta[layout.index["pitch_offset", "angle"]] += constants[3]  # It reads too much.
     kinds, nodes = layout.compiled_kinds, true_nodes(record, theta, field)
-    (_, n), columns = nodes.shape, len(directions) + 1
+    states, columns = layout.active_states(theta), len(directions) + 1
     path, dynamics = path_of(record, theta, constants)
     plain = [  # Those that leave the log's signals and the nodes as they are.
         j
         for j, d in enumerate(directions)
-        if d.slot < layout.num_compiled and not (d.shapes and d.kind in layout.moving)
+        if d.slot < layout.num_compiled and not (d.shapes and d.kind in layout.states)
     ]
-    moved = np.empty((len(plain), len(dynamics)))
-    for row, j in zip(moved, plain, strict=True):
-        other, _ = trimmed(record, directions[j].moved(theta), constants[2])
-        row[:] = layout.dynamics(other)
-    sizes = np.array([directions[j].size for j in plain])
+    moved, sizes = np.empty((len(plain), len(dynamics))), np.empty(len(plain))
+    start = np.zeros((len(states) + OWN_STATES, columns))
+    start[len(states) + PROCESSES :, -1] = -constants
+    for i, j in enumerate(plain):
+        other, sizes[i] = directions[j].moved(theta), directions[j].size
+        moved[i] = layout.dynamics(trimmed(record, other, constants[2])[0])
+        if directions[j].kind in layout.states:
+            begins = (nodes - nodes_at_rest(record, other))[0, states] / sizes[i]
+            start[NUM_STATES : len(states), j] = begins[NUM_STATES:]
     ends, by_x, by_term, by_plain = slopes_along(
         kinds, path, nodes, dynamics, moved, sizes, field
     )
     inputs = np.zeros((*ends.shape, columns))
     inputs[:, :, plain], inputs[:, :, -1] = -by_plain, ends - nodes[1:]
-    start = np.zeros((n + OWN_STATES, columns))
-    start[n + PROCESSES :, -1] = -constants
-
-    def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        path, dynamics = path_of(record, theta, constants)
-        return advance_nodes(kinds, path, nodes, dynamics, field)
-
-    bases: dict[Shapes, tuple[np.ndarray, np.ndarray]] = {(): (nodes, ends)}
-    for j, direction in enumerate(directions):
-        other, size, shapes = direction.moved(theta), direction.size, direction.shapes
-        if j not in plain:
-            if shapes not in bases:
-                base = direction.base(theta)
-                own = true_nodes(record, base, field)
-                bases[shapes] = own, ends_from(own, base)
-            own, own_ends = bases[shapes]
-            inputs[:, :, j] = (own_ends - ends_from(own, other)) / size
-        elif direction.kind in layout.moving:
-            at_rest = nodes_at_rest(record, other)[0]
-            start[NUM_STATES:n, j] = (nodes[0] - at_rest)[NUM_STATES:] / size
+    others = [j for j in range(len(directions)) if j not in plain]
+    secants = _secants(record, theta, field, [directions[j] for j in others], constants)
+    for j, secant in zip(others, secants, strict=True):
+        inputs[:, :, j] = -secant
+    by_x, by_term = by_x.take(states, 1).take(states, 2), by_term.take(states, 1)
+    by_trim = by_x[:, :, OFFSET].copy()
+    by_trim[:, OFFSET] = 0.0
+    if record.trim_is_moment:
+        slot = layout.index["pitch_moment", "coefficient"]
+        per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
+        by_trim = per_radian * by_term[:, :, FIELD_TERMS.index("c_moment")]
     return LinearFlight(
         record=record,
         nodes=nodes,
+        states=states,
         by_x=by_x,
-        by_air=np.ascontiguousarray(by_term[:, :, :2]),
-        by_trim=_by_trim(record, theta, by_x, by_term),
+        by_air=by_term[:, :, :2].copy(),
+        by_trim=by_trim,
         by_term=by_term,
-        inputs=inputs,
-        pose_by_x=measure_nodes(kinds, nodes, dynamics)[1],
+        inputs=inputs.take(states, 1),
+        pose_by_x=measure_nodes(kinds, nodes, dynamics)[1].take(states, 2),
         outputs=_outputs(record, theta, directions, nodes),
         start=start,
     )
+
+
+def _secants(
+    record: Record,
+    theta: np.ndarray,
+    field: Field,
+    directions: Sequence[Direction],
+    constants: np.ndarray,
+) -> Iterator[np.ndarray]:
+    """Yields the slopes (K, n) of intervals' ends where signals or nodes change."""
+
+    def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        path, dynamics = path_of(record, theta, constants)
+        return advance_nodes(record.layout.compiled_kinds, path, nodes, dynamics, field)
+
+    bases: dict[Shapes, tuple[np.ndarray, np.ndarray]] = {}
+    for direction in directions:
+        base = direction.base(theta)
+        if direction.shapes not in bases:
+            nodes = true_nodes(record, base, field)
+            bases[direction.shapes] = nodes, ends_from(nodes, base)
+        nodes, ends = bases[direction.shapes]
+        yield (ends_from(nodes, direction.moved(theta)) - ends) / direction.size
 
 
 def _outputs(
@@ -267,16 +287,3 @@ def _shown(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
         then = CubicSpline(record.time, record.pitch_rate)(late)
         columns.append(nodes[:, PITCH_RATE] + bias + record.pitch_rate - then)
     return np.stack(columns, axis=1)
-
-
-def _by_trim(
-    record: Record, theta: np.ndarray, by_x: np.ndarray, by_term: np.ndarray
-) -> np.ndarray:
-    """Returns the derivative of each interval's end over the flight's trim, (K, n)."""
-    if not record.trim_is_moment:
-        by_trim = by_x[:, :, OFFSET].copy()
-        by_trim[:, OFFSET] = 0.0
-        return by_trim
-    slot = record.layout.index["pitch_moment", "coefficient"]
-    per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
-    return per_radian * by_term[:, :, FIELD_TERMS.index("c_moment")]

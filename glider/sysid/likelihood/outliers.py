@@ -37,7 +37,8 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
     if len(task.records) < FEWEST:
         return {}
     squares = mean_squares(task, noise)
-    ratios, places = squares / np.median(squares), np.flatnonzero(stand_out(squares))
+    ratios = squares / np.median(squares)
+    places = np.flatnonzero(stand_out(squares)).tolist()
     return {task.records[i].name: float(ratios[i]) for i in places}
 
 
@@ -84,8 +85,9 @@ def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
     for (kind, name), values in zip(PER_FLIGHT, own.T, strict=True):
         coefficient = task.layout.coefficients[task.layout.index[kind, name]]
         apart = np.abs(values - np.median(values))
-        usual = Z_EXTREME * float(robust_std(apart))
-        for i in np.flatnonzero(apart > max(usual, LEAST_EXTREME * coefficient.scale)):
+        least = LEAST_EXTREME * coefficient.scale
+        largest = max(Z_EXTREME * float(robust_std(apart)), least)
+        for i in np.flatnonzero(apart > largest).tolist():
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
             found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
     return found if len(found) <= MOST * len(task.records) else {}

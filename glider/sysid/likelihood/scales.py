@@ -8,6 +8,7 @@ import numpy as np
 
 from glider.compiled.filter_error import PROCESSES, filter_flight
 from glider.compiled.parallel import in_parallel
+from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.information import solve, solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.smoothing import Noise
@@ -24,6 +25,8 @@ STILL = 2.0  # Strength of the air over its least, below which there is none.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
+_LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
+_LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
 
 Flight = TypeVar("Flight")
 
@@ -122,7 +125,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
-    extra = _EXTRA * record.layout.state_scale
+    extra = _EXTRA * record.layout.state_scale[flight.states[NUM_STATES:]]
     return np.square(np.concatenate([launch, extra, own]))
 
 
@@ -213,16 +216,15 @@ def fit_scales(
     for _ in range(iterations if np.isfinite(value) else 0):  # Else it diverges.
         gradient, fisher = _slopes(flights, whitened, logs, index)
         own = logs[index]
-        is_free = np.where(gradient > 0.0, own > low[index], own < high[index])
-        loose = np.flatnonzero(is_free)
-        if not len(loose) or not np.all(np.isfinite(fisher)):
+        loose = np.where(gradient > 0.0, own > low[index], own < high[index])
+        if not loose.any() or not np.all(np.isfinite(fisher)):
             break
-        corner = fisher[np.ix_(loose, loose)] + 1e-3 * np.eye(len(loose))
+        corner = fisher[loose][:, loose] + _LEAST_FISHER * np.eye(loose.sum())
         gained = 0.0
         while damping <= _MOST_DAMPING:
             step = solve_scaled(corner, gradient[loose], damping + 1e-6)
             moved = logs.copy()
-            moved[index[loose]] -= np.clip(step, -0.7, 0.7)
+            moved[index[loose]] -= np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
             moved = np.clip(moved, low, high)
             promised = float(gradient @ (logs - moved)[index])
             if promised < tolerance:

@@ -162,31 +162,32 @@ def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
     return nodes
 
 
-def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES along a flight, (n, 10), at its smoothed states."""
-    nodes = true_nodes(record, theta)
-    return _flow(record, nodes, theta, NO_FIELD)[:, -len(FIELD_VARIABLES) :]
-
-
 def flow_along(
-    record: Record, theta: np.ndarray, field: Field, trim: float
+    record: Record,
+    theta: np.ndarray,
+    field: Field = NO_FIELD,
+    trim: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns smoothed true states (n, num_states) and the model's flow there (n, 15).
 
-    The flow's columns are those of `compiled.replay.log_flow`.
+    The flow's columns are those of `compiled.replay.log_flow`, FIELD_VARIABLES last.
+    With a trim, the elevator is off its path by that much, else as it was measured.
     """
-    theta, shift = trimmed(record, theta, trim)
-    nodes = true_nodes(record, theta)
-    nodes[:, OFFSET] = shift
-    return nodes, _flow(record, nodes, theta, field)
-
-
-def _flow(
-    record: Record, nodes: np.ndarray, theta: np.ndarray, field: Field
-) -> np.ndarray:
-    layout, at_nodes = record.layout, signals(record, theta).at_nodes
+    if trim is None:
+        nodes = true_nodes(record, theta)
+    else:
+        theta, shift = trimmed(record, theta, trim)
+        nodes = true_nodes(record, theta)
+        nodes[:, OFFSET] = shift
+    at_nodes, layout = signals(record, theta).at_nodes, record.layout
     kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
-    return compiled.flow_at(kinds, record.time, nodes, *at_nodes, dynamics, field)
+    flow = compiled.flow_at(kinds, record.time, nodes, *at_nodes, dynamics, field)
+    return nodes, flow
+
+
+def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns FIELD_VARIABLES along a flight, (n, 10), at its smoothed states."""
+    return flow_along(record, theta)[1][:, -len(FIELD_VARIABLES) :]
 
 
 def make_table(
@@ -196,52 +197,48 @@ def make_table(
     field: Field = NO_FIELD,
 ) -> ResidualTable:
     """Stacks the residual of flights, each with its elevator trim [rad]."""
-    flights = [
-        _columns(record, theta, trim, field)
-        for record, trim in zip(records, trims, strict=True)
-    ]
-    stacked = {name: np.concatenate([f[name] for f in flights]) for name in flights[0]}
-    return ResidualTable(
-        variables={name: stacked[name] for name in (*FIELD_VARIABLES, "alphadot")},
-        coefficients={name: stacked[f"{name} measured"] for name in COEFFICIENTS},
-        modelled={name: stacked[f"{name} modelled"] for name in COEFFICIENTS},
-        flight=np.repeat(np.arange(len(flights)), [len(f["t"]) for f in flights]),
-        names=tuple(record.name for record in records),
-        **{name: stacked[name] for name in ("residual", "noise", "unit")},
-    )
-
-
-def _columns(
-    record: Record, theta: np.ndarray, trim: float, field: Field
-) -> dict[str, np.ndarray]:
-    """The columns of a table along one flight, without its ends."""
+    flights = []
+    for record, trim in zip(records, trims, strict=True):
+        nodes, flow = flow_along(record, theta, field, trim)
+        alpha = np.unwrap(flow[:, 5 + FIELD_VARIABLES.index("alpha")])
+        turning = np.gradient(alpha, record.time)
+        own = nodes[:, 2], flow, alpha, turning
+        accelerations = record.acceleration, record.acceleration_std
+        flights.append([values[_EDGE:-_EDGE] for values in (*own, *accelerations)])
+    stacked = map(np.concatenate, zip(*flights, strict=True))
+    pitch, flow, alpha, turning, measured, std = stacked
+    modelled, (air_x, air_z), variables = flow[:, :3], flow[:, 3:5].T, flow[:, 5:].T
+    of_flow = dict(zip(FIELD_VARIABLES, variables, strict=True))
     mass, area, inertia, density, gravity = (
-        theta[record.layout.index["parameters", name]]
+        theta[records[0].layout.index["parameters", name]]
         for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
     )
-    nodes, flow = flow_along(record, theta, field, trim)
-    modelled, (air_x, air_z) = flow[:, :3], flow[:, 3:5].T
-    columns = dict(zip(FIELD_VARIABLES, flow[:, 5:].T, strict=True))
-    columns["alpha"] = np.unwrap(columns["alpha"])
-    columns["alphadot"] = np.gradient(columns["alpha"], record.time)
-    sine, cosine = np.sin(nodes[:, 2]), np.cos(nodes[:, 2])
-    x, z, angular = (record.acceleration - modelled).T
-    columns["residual"] = np.column_stack(
-        [x * cosine - z * sine, x * sine + z * cosine, angular]
+    pressure = 0.5 * density * of_flow["V"] ** 2 * area
+    sine, cosine = np.sin(pitch), np.cos(pitch)
+
+    def coefficients(accelerations: np.ndarray) -> dict[str, np.ndarray]:
+        x, z, angular = accelerations.T
+        along, z = pressure * of_flow["V"] / mass, z + gravity
+        lift, drag = (z * air_x - x * air_z) / along, -(x * air_x + z * air_z) / along
+        moment = inertia * angular / pressure
+        return dict(zip(COEFFICIENTS, (lift, drag, moment), strict=True))
+
+    (x, z, angular), (std_x, std_z, std_angular) = (measured - modelled).T, std.T
+    along, normal = x * cosine - z * sine, x * sine + z * cosine
+    noise = (
+        np.hypot(std_x * cosine, std_z * sine),
+        np.hypot(std_x * sine, std_z * cosine),
     )
-    x, z, angular = record.acceleration_std.T
-    columns["noise"] = np.column_stack(
-        [np.hypot(x * cosine, z * sine), np.hypot(x * sine, z * cosine), angular]
+    return ResidualTable(
+        variables={**of_flow, "alpha": alpha, "alphadot": turning},
+        residual=np.column_stack([along, normal, angular]),
+        coefficients=coefficients(measured),
+        modelled=coefficients(modelled),
+        flight=np.repeat(np.arange(len(flights)), [len(own[0]) for own in flights]),
+        names=tuple(record.name for record in records),
+        noise=np.column_stack([*noise, std_angular]),
+        unit=np.column_stack([pressure / mass, pressure / inertia]),
     )
-    pressure = 0.5 * density * columns["V"] ** 2 * area
-    columns["unit"] = np.column_stack([pressure / mass, pressure / inertia])
-    for label, a in (("measured", record.acceleration), ("modelled", modelled)):
-        force_x, force_z = mass * a[:, 0], mass * (a[:, 1] + gravity)
-        along = pressure * columns["V"]
-        columns[f"c_lift {label}"] = (force_z * air_x - force_x * air_z) / along
-        columns[f"c_drag {label}"] = -(force_x * air_x + force_z * air_z) / along
-        columns[f"c_moment {label}"] = inertia * a[:, 2] / pressure
-    return {name: values[_EDGE:-_EDGE] for name, values in columns.items()}
 
 
 def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:

@@ -95,10 +95,13 @@ class Layout:
         held = self.compiled_kinds
         #: Entries of theta that the compiled dynamics take, the first.
         self.num_compiled = NUM_PARAMETERS + sum(len(e.coefficients) for e in held)
-        scales = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
-        self.state_scale = np.array(scales)  #: Typical sizes of the effects' states.
-        self.num_states = NUM_STATES + len(scales)
-        self.moving = {e.kind for e in held if e.states}  #: Effects with states.
+        #: States of the effects that have some, by their names; and typical sizes.
+        self.states, scales = dict[str, list[int]](), [1.0] * NUM_STATES
+        for e in held:
+            if e.states:
+                self.states[e.kind] = [len(scales) + k for k in range(len(e.states))]
+                scales += e.state_scales or [1.0] * len(e.states)
+        self.state_scale, self.num_states = np.array(scales), len(scales)
         sensors = (e.kind for e in held if e.stage == "sensor")
         #: Entries of the compiled sensor effects.
         self.sensor_slots = tuple(i for kind in sensors for i in self.slots_of(kind))
@@ -114,6 +117,15 @@ class Layout:
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
         """Returns theta of a nominal model: parameters, and effects that do nothing."""
         return np.concatenate([parameters.numbers, self._defaults])
+
+    def active_states(self, theta: np.ndarray) -> list[int]:
+        """Indices of the states that move a glider: of effects that do something."""
+        found = list(range(NUM_STATES))
+        for kind, states in self.states.items():
+            slots = self.slots_of(kind)
+            if any(theta[i] != self.coefficients[i].default for i in slots):
+                found += states
+        return found
 
     def dynamics(self, theta: np.ndarray) -> np.ndarray:
         """Returns the part of theta that the compiled dynamics take."""

@@ -179,3 +179,18 @@ def test_every_flight_takes_the_filter_that_is_compiled_first(flight, monkeypatc
     for asked in (flight, flight.error_only(), flight.with_launch()):
         whiten(asked, SCALES)
     assert set(types) == {tuple(map(numba.typeof, no_flight()))}
+
+
+def test_states_of_effects_that_do_nothing_are_left_out():
+    """With one that does next to nothing, they are in the filter, to no effect."""
+    task, _ = task_of(fly(flights=1, duration=0.3))
+    layout, theta = task.layout, task.vehicle.theta.copy()
+    columns = slopes(layout, layout.slots_of("profile_drag"))
+    found = []
+    for strength in (0.0, 1e-12):
+        theta[layout.slots_of("dynamic_stall")[0]] = strength
+        linear = linearize(task.records[0], theta, NO_FIELD, columns)
+        found.append((len(linear.states), whiten(linear, SCALES).gram))
+    (fewer, expected), (more, gram) = found
+    assert (fewer, more) == (7, 8)
+    np.testing.assert_allclose(gram, expected, rtol=1e-6)
