@@ -213,20 +213,21 @@ def fit_scales(
     low, high = FLOOR.logs, CEILING.logs
     logs, damping = np.clip(scales.logs, low, high), 0.0
     whitened, value = _likelihood(flights, logs)
-    for _ in range(iterations if np.isfinite(value) else 0):  # Else it diverges.
+    for k in range(iterations if np.isfinite(value) else 0):  # Else it diverges.
         gradient, fisher = _slopes(flights, whitened, logs, index)
-        own = logs[index]
-        loose = np.where(gradient > 0.0, own > low[index], own < high[index])
-        if not loose.any() or not np.all(np.isfinite(fisher)):
+        has_room = np.where(gradient > 0.0, (logs > low)[index], (logs < high)[index])
+        if not has_room.any() or not np.all(np.isfinite(fisher)):
             break
-        corner = fisher[loose][:, loose] + _LEAST_FISHER * np.eye(loose.sum())
+        own, gradient = index[has_room], gradient[has_room]
+        fisher = fisher[has_room][:, has_room] + _LEAST_FISHER * np.eye(len(own))
+        if k == 0:  # Others stay at the end of their range, where they began.
+            index = own
         gained = 0.0
         while damping <= _MOST_DAMPING:
-            step = solve_scaled(corner, gradient[loose], damping + 1e-6)
-            moved = logs.copy()
-            moved[index[loose]] -= np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
+            step, moved = solve_scaled(fisher, gradient, damping + 1e-6), logs.copy()
+            moved[own] -= np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
             moved = np.clip(moved, low, high)
-            promised = float(gradient @ (logs - moved)[index])
+            promised = float(gradient @ (logs - moved)[own])
             if promised < tolerance:
                 break
             there, lower = _likelihood(flights, moved)

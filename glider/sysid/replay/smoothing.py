@@ -74,11 +74,9 @@ def measure_noise(
 def estimate_noise(
     times: Sequence[np.ndarray], values: Sequence[np.ndarray]
 ) -> tuple[Smoothing, ...]:
-    """Finds noise and smoothness of each channel over the flights of a campaign.
+    """Finds noise and smoothness of each channel over flights.
 
-    Args:
-        times: one array (n,) a flight [s].
-        values: one array (n, channels) a flight.
+    Of each flight, times (n,) [s] and values (n, channels).
     """
     spectra = [_spectrum(_grid(time, time[0])) for time in times]
     eigenvalues = np.concatenate([own for own, _ in spectra])
@@ -116,14 +114,9 @@ def _restricted_likelihood(eigenvalues: np.ndarray, z: np.ndarray) -> Smoothing:
 def smoothing_maps(time: np.ndarray, query: np.ndarray, ratio: float) -> np.ndarray:
     """Returns the linear maps from samples to smoothed curves, shape (3, m, n).
 
-    They give the value and the first and second derivative at the query times.
-    White noise in the samples has the variance noise² · (sum of squares of a
-    map's row) in the curve. Equal grids of times share their maps.
-
-    Args:
-        time: (n,) of the samples [s].
-        query: (m,) of the curves [s].
-        ratio: as in Smoothing.
+    From samples at times (n,) to the value and its first and second derivative at
+    the query times (m,) [s]; the ratio is that of Smoothing. White noise in the samples
+    has the variance noise² · (sum of squares of a map's row) in the curve.
     """
     return _maps(_grid(time, time[0]), _grid(query, time[0]), ratio)
 

@@ -65,22 +65,23 @@ class Layout:
         #: Effects on clocks and paths of the log's signals.
         self.replayed_kinds = tuple(e for e in flown if e.is_replayed)
         entries = [
-            (e, c)
+            (e.kind, c)
             for e in (*self.compiled_kinds, *self.replayed_kinds)
             for c in e.coefficients
         ]
         #: Kind and coefficient of each entry; a vehicle's are of the kind "parameters".
         self.slots = (
             *(("parameters", name) for name in PARAMETER_NAMES),
-            *((e.kind, c.name) for e, c in entries),
+            *((kind, c.name) for kind, c in entries),
         )
         self.index = {slot: i for i, slot in enumerate(self.slots)}
-        self.coefficients = {self.index[e.kind, c.name]: c for e, c in entries}
+        self.coefficients = {self.index[kind, c.name]: c for kind, c in entries}
+        sized = {kind for kind, c in entries if not c.is_shape}
         #: Entries that only shape an effect that has another for its size.
         self.shapes = {
-            self.index[e.kind, c.name]
-            for e, c in entries
-            if c.is_shape and not all(other.is_shape for other in e.coefficients)
+            i
+            for i, c in self.coefficients.items()
+            if c.is_shape and self.slots[i][0] in sized
         }
         self._places: dict[str, tuple[int, ...]] = {}
         for i, (kind, _) in enumerate(self.slots):
@@ -91,7 +92,6 @@ class Layout:
         ] + [(c.lower, c.upper, c.scale) for _, c in entries]
         #: Smallest and largest physical values, and typical sizes.
         self.lower, self.upper, self.scale = np.array(bounds).T.copy()
-        self._defaults = [c.default for _, c in entries]
         held = self.compiled_kinds
         #: Entries of theta that the compiled dynamics take, the first.
         self.num_compiled = NUM_PARAMETERS + sum(len(e.coefficients) for e in held)
@@ -116,7 +116,8 @@ class Layout:
 
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
         """Returns theta of a nominal model: parameters, and effects that do nothing."""
-        return np.concatenate([parameters.numbers, self._defaults])
+        defaults = [c.default for c in self.coefficients.values()]
+        return np.concatenate([parameters.numbers, defaults])
 
     def active_states(self, theta: np.ndarray) -> list[int]:
         """Indices of the states that move a glider: of effects that do something."""
