@@ -172,7 +172,7 @@ def test_columns_are_derivatives_of_the_errors(kind):
     task, _ = task_of(campaign, LAYOUT)
     theta = theta_of(model)
     tolerance = 0.1 if kind.is_replayed else 0.03  # A path has kinks.
-    for direction in slopes(LAYOUT, theta, LAYOUT.slots_of(kind.kind)):
+    for direction in slopes(LAYOUT, LAYOUT.slots_of(kind.kind)):
         assert column_error(task.records[0], theta, direction) < tolerance
 
 

@@ -103,16 +103,8 @@ def _record(
     pitch_rate, by_gyro = _pitch_rates(flight, good, time, at)
     elevator, switches, commands, rest = np.zeros(n), np.zeros(1), np.zeros(1), 0.0
     has_servo = flight.command is not None and flight.elevator is not None
-    if flight.command is not None and flight.elevator is not None:
-        piece = pieces_with_commands(flight.time)
-        # What was commanded before a gap that hides commands does not count.
-        commanded = np.flatnonzero(piece == piece[good[0]])
-        switches, commands = command_steps(
-            clock[commanded], flight.command[commanded], campaign.switch_rate
-        )
-        for first in commanded[~mask.elevator[commanded]][:1]:  # x[3] is its noise.
-            [travel] = elevator_path(switches, commands, clock[[first]])
-            rest = float(flight.elevator[first] - travel)
+    if flight.elevator is not None and has_servo:
+        switches, commands, rest = _tape(flight, mask, clock, campaign.switch_rate)
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
     return Record(
@@ -137,6 +129,21 @@ def _record(
         trim_is_moment=campaign.elevator == "fixed_per_flight"
         and "elevator_area" not in campaign.vehicle,
     )
+
+
+def _tape(
+    flight: Flight, mask: Masks, clock: np.ndarray, switch_rate: float | None
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """When commands switch [s], to what [rad/s], and where the elevator was [rad]."""
+    assert flight.command is not None and flight.elevator is not None
+    # What was commanded before a gap that hides commands does not count.
+    piece = pieces_with_commands(flight.time)
+    rows = np.flatnonzero(piece == piece[np.argmax(mask.usable)])
+    tape = command_steps(clock[rows], flight.command[rows], switch_rate)
+    for first in rows[~mask.elevator[rows]][:1]:  # Its noise is what x[3] is for.
+        [travel] = elevator_path(*tape, clock[[first]])
+        return *tape, float(flight.elevator[first] - travel)
+    return *tape, 0.0
 
 
 def _pitch_rates(
