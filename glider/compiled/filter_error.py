@@ -15,7 +15,10 @@ pitch zero.
 
 import numpy as np
 
-from glider.compiled.kernel import machine_code
+from glider.compiled.kernel import inlined_code, machine_code
+
+MOTION = 7
+"""States of a glider's motion, without those of effects."""
 
 OWN_STATES = 8
 """Deviations after the motion's: gusts x, z, pitch acceleration, elevator, wind x, z,
@@ -29,15 +32,14 @@ PITCH = 2
 PITCH_RATE = 6
 
 
-@machine_code
-def sum_up(deviations, summed):
+@inlined_code
+def sum_up(n, m, deviations, summed):
     """Writes the sums of deviations (n + 8, m) that move the motion, (n + 5, m).
 
     The motion's own; gust and wind in x; in z; pitch acceleration; elevator's
     departure; trim.
     """
-    n = deviations.shape[0] - OWN_STATES
-    for j in range(deviations.shape[1]):
+    for j in range(m):
         for i in range(n):
             summed[i, j] = deviations[i, j]
         summed[n, j] = deviations[n, j] + deviations[n + 4, j]
@@ -47,8 +49,10 @@ def sum_up(deviations, summed):
         summed[n + 4, j] = deviations[n + 6, j]
 
 
-@machine_code
-def filter_flight(
+@inlined_code
+def filter_columns(
+    n,
+    m,
     times,
     by_x,
     by_air,
@@ -68,6 +72,7 @@ def filter_flight(
     """Whitens a flight's errors; every column of them is filtered at once.
 
     Args:
+        n, m: numbers of states and columns.
         times: (K + 1,) of the nodes [s].
         by_x: (K, n, n) how each interval's end moves with its node.
         by_air: (K, n, 2) how it moves with a constant velocity of the air.
@@ -85,7 +90,6 @@ def filter_flight(
         innovations: (K + 1, C, m), written: over their standard deviations.
         variances: (K + 1, C), written: of the innovations; 1 where nothing was seen.
     """
-    n, m = by_x.shape[1], inputs.shape[2]
     total = n + OWN_STATES
     servo, zero = n + 3, n + 7
     keep = np.ones(OWN_STATES)
@@ -161,7 +165,7 @@ def filter_flight(
             for r in range(sums):
                 moved_by[r, i] = moves[i, r]
 
-        sum_up(mean, summed_mean)
+        sum_up(n, m, mean, summed_mean)
         for i in range(n):
             for j in range(m):
                 mean[i, j] = inputs[k, i, j]
@@ -174,7 +178,7 @@ def filter_flight(
             for j in range(m):
                 mean[n + p, j] *= keep[p]
 
-        sum_up(covariance, summed)
+        sum_up(n, total, covariance, summed)
         for i in range(n):
             half[i] = 0.0
             for r in range(sums):
@@ -182,7 +186,7 @@ def filter_flight(
                 if part != 0.0:
                     for j in range(total):
                         half[i, j] += part * summed[r, j]
-        sum_up(half.T, twice_summed.T)
+        sum_up(n, n, half.T, twice_summed.T)
         for i in range(n):
             for j in range(n):
                 covariance[i, j] = 0.0
@@ -200,6 +204,20 @@ def filter_flight(
                 covariance[i, j] *= keep[i - n] * keep[j - n]
         for p in range(PROCESSES):
             covariance[n + p, n + p] += powers[p] * (1.0 - keep[p] * keep[p])
+
+
+@machine_code
+def filter_flight(*flight):
+    """Whitens a flight's errors, see `filter_columns`.
+
+    Loops whose length the compiler knows take two thirds of the time: there is a copy
+    for one column and a glider without states of effects, which fits of scales filter.
+    """
+    n, m = flight[1].shape[1], flight[4].shape[2]
+    if n == MOTION and m == 1:
+        filter_columns(MOTION, 1, *flight)
+    else:
+        filter_columns(n, m, *flight)
 
 
 def no_flight() -> tuple[np.ndarray, ...]:

@@ -89,6 +89,9 @@ own module and NumPy."""
 called_code = numba.njit(nogil=True, error_model="numpy", **_INNER)
 """Compiles what only functions of `machine_code` of the same module call."""
 
+inlined_code = numba.njit(nogil=True, error_model="numpy", forceinline=True, **_INNER)
+"""The same, once for each call: constants among the arguments are known inside."""
+
 
 CompileError = numba.core.errors.NumbaError
 """Numba's, of a formula that does not compile."""

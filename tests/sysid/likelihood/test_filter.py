@@ -194,3 +194,17 @@ def test_states_of_effects_that_do_nothing_are_left_out():
     (fewer, expected), (more, gram) = found
     assert (fewer, more) == (7, 8)
     np.testing.assert_allclose(gram, expected, rtol=1e-6)
+
+
+def test_one_column_alone_is_filtered_as_among_others():
+    """There is a copy of the filter for it, as for a glider without more states."""
+    task, _ = task_of(fly(flights=1, duration=0.3))
+    columns = slopes(task.layout, task.layout.slots_of("profile_drag"))
+    wide = linearize(task.records[0], task.vehicle.theta, NO_FIELD, columns)
+    assert len(wide.states) == 7
+    alone = whiten(wide.error_only(), SCALES)
+    expected = whiten(wide, SCALES)
+    np.testing.assert_allclose(
+        alone.innovations[..., 0], expected.innovations[..., -1], rtol=1e-10
+    )
+    np.testing.assert_allclose(alone.log_variances, expected.log_variances, rtol=1e-12)
