@@ -18,6 +18,7 @@ from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
+from glider.physics.effects import ANGLE_SIGN
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
 from glider.sysid.constants import MOST_LOST
@@ -72,6 +73,7 @@ class Analysis:
     progress: Progress
     seconds: dict[str, float]  #: Stage to wall-clock time; each stage adds its own.
     inspection: Inspection  #: The campaign as it was read and checked.
+    warnings: tuple[str, ...]  #: Sentences about it and what is tried.
     vehicle: Vehicle  #: Of the campaign.
     fitted: tuple[str, ...]  #: Names of the flights to fit.
     held_out: tuple[str, ...]  #: Names of those that errors are measured on.
@@ -86,16 +88,11 @@ class Analysis:
         yield
         self.seconds[name] = time.perf_counter() - begin
 
-    def run(self, kinds: tuple[str, ...], with_signs: bool) -> result.Result:
-        """Runs all stages.
-
-        Args:
-            kinds: of the effects to try.
-            with_signs: whether angles may be logged with the other sign.
-        """
+    def run(self, kinds: tuple[str, ...]) -> result.Result:
+        """Runs all stages, with these kinds of effects to try."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.layout)
-        flights = self._smooth(with_signs)
+        flights = self._smooth()
         found = self._search(flights, kinds)
         with self.stage("refit", "refitting the flat plate alone"):
             baseline = found.traced.bare
@@ -119,8 +116,9 @@ class Analysis:
             )
         return self._result(flights, found, spreads, evaluation)
 
-    def _smooth(self, with_signs: bool) -> SmoothedFlights:
+    def _smooth(self) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""
+        effects = self.settings["effects"]
         logged, masks = self.inspection.campaign, self.inspection.masks
 
         def smoothed(campaign: Campaign) -> tuple[Noise, list[Record]]:
@@ -129,7 +127,7 @@ class Analysis:
 
         signs = Signs()
         with self.stage("signs"):
-            if with_signs:
+            if effects is None or ANGLE_SIGN.kind in effects:
                 few = tuple(f for f in logged.flights if f.name in self.fitted)
                 signs = find_signs(logged, few, masks, self.vehicle)
         campaign = turn_campaign(logged, signs)
@@ -202,10 +200,10 @@ class Analysis:
         effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
         covariance = outcome.covariance_of(task, known)
         left = _left(task, traced.judged, evaluation)
-        scale = [w.rstrip(".") for w in self.inspection.warnings if w.startswith(SCALE)]
-        if "position_scale" in model.kinds:
-            scale = []
-        doubt = next(filter(None, [find_doubt(task, model), *scale]), None)
+        doubt = find_doubt(task, model)
+        for warning in self.warnings:
+            if warning.startswith(SCALE) and "position_scale" not in model.kinds:
+                doubt = doubt or warning.rstrip(".")
         verdict, reason = judge(traced, folds, evaluation.errors, effects, left, doubt)
         return with_derivatives(
             result.Result(
@@ -248,11 +246,8 @@ class Analysis:
         verdict: str,
     ) -> dict[str, Any]:
         """Fields of a result about the campaign and the run."""
-        logged, noise, outlying = (
-            self.inspection.campaign,
-            flights.noise,
-            found.outlying,
-        )
+        logged, noise = self.inspection.campaign, flights.noise
+        outlying = found.outlying
         rolling = {f.name: describe_planarity(f) for f in logged.flights}
         rows = [s for s in self.inspection.excluded if s.file not in outlying]
         rows += [ExcludedRows(file=n, rows=ALL, why=w) for n, w in outlying.items()]
@@ -281,7 +276,7 @@ class Analysis:
         self, flights: SmoothedFlights, evaluation: Evaluation, verdict: str
     ) -> Iterator[str]:
         """Yields sentences about the campaign and the result."""
-        yield from self.inspection.warnings
+        yield from self.warnings
         limits, stops = flights.campaign.elevator_limits, flights.corrected[0].limits
         if limits is not None and stops is not None and stops != limits:
             yield (

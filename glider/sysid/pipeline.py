@@ -4,7 +4,6 @@
 that a fault in the input is reported at once.
 """
 
-import dataclasses
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 from glider.progress import Progress, Step, silent
 
 if TYPE_CHECKING:
+    from glider.campaign.checks.inspection import Inspection
     from glider.sysid.replay.vehicle import Vehicle
     from glider.sysid.result import Result
 
@@ -43,64 +43,62 @@ def close_the_loop(
         grades: grades of `index.csv` to use; all by default.
         held_out: share of the flights that errors are measured on.
         seed: of the split into fitted and held-out flights.
-        effects: names of the kinds to try; by default the whole library and
-            `own_effects`.
+        effects: names of the kinds to try; by default the library and `own_effects`.
         own_effects: kinds that the library lacks, of any stage but the log.
-            They are traced and carried by the model like those of the library.
         progress: called with a line of text as the work goes on.
-
-    Returns:
-        The verdict, the effects, the corrected model, the errors before and after.
 
     Raises:
         InputError: the campaign or an argument cannot be used.
     """
-    is_share = 0.0 < held_out < 1.0
-    expect(is_share, "the held-out fraction", held_out, "one between 0 and 1")
+    expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
     own = tuple(own_effects)
     _check_names(effects, own)
     progress(Step("read", 0.0))
     begin = time.perf_counter()
+    inspection = _inspected(campaign, flights, grades)
+    split = split_flights(inspection.campaign, held_out, seed)
+    seconds = {"read": time.perf_counter() - begin}
+
+    from glider.sysid.analysis import Analysis
+    from glider.sysid.replay.theta import layout_of
+    from glider.sysid.replay.vehicle import make_vehicle
+
+    vehicle = make_vehicle(inspection.campaign, layout_of(own))
+    kinds, warnings = _kinds_to_try(vehicle, effects)
+    given = {"flights": flights, "grades": grades, "effects": effects}
+    analysis = Analysis(
+        progress=progress,
+        seconds=seconds,
+        inspection=inspection,
+        warnings=(*inspection.warnings, *warnings),
+        vehicle=vehicle,
+        fitted=tuple(f.name for f in split[0]),
+        held_out=tuple(f.name for f in split[1]),
+        rng=np.random.default_rng(seed),
+        settings={
+            "seed": seed,
+            "held_out": held_out,
+            **{k: None if v is None else list(v) for k, v in given.items()},
+            "own_effects": [e.kind for e in own],
+            "notes": list(vehicle.notes),
+        },
+    )
+    with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
+        return analysis.run(kinds)
+
+
+def _inspected(
+    campaign: Path | str | Campaign,
+    flights: Sequence[str] | None,
+    grades: Sequence[str] | None,
+) -> "Inspection":
+    """Reads and checks a campaign."""
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(Path(campaign), flights=flights, grades=grades)
     from glider.campaign.checks.inspection import inspect
 
     with threadpool_limits(limits=1, user_api="blas"):  # Its matrices are small.
-        inspection = inspect(campaign)
-    campaign = inspection.campaign
-    fitted, unseen = split_flights(campaign, held_out, seed)
-    seconds = {"read": time.perf_counter() - begin}
-
-    from glider.sysid.replay.theta import layout_of
-    from glider.sysid.replay.vehicle import make_vehicle
-
-    vehicle = make_vehicle(campaign, layout_of(own))
-    kinds, warnings = _kinds_to_try(vehicle, effects)
-    chosen = {"flights": flights, "grades": grades, "effects": effects}
-
-    from glider.sysid.analysis import Analysis
-
-    analysis = Analysis(
-        progress=progress,
-        seconds=seconds,
-        inspection=dataclasses.replace(
-            inspection, warnings=(*inspection.warnings, *warnings)
-        ),
-        vehicle=vehicle,
-        fitted=tuple(f.name for f in fitted),
-        held_out=tuple(f.name for f in unseen),
-        rng=np.random.default_rng(seed),
-        settings={
-            "seed": seed,
-            "held_out": held_out,
-            **{k: None if v is None else list(v) for k, v in chosen.items()},
-            "own_effects": [e.kind for e in own],
-            "notes": list(vehicle.notes),
-        },
-    )
-    with_signs = effects is None or ANGLE_SIGN.kind in effects
-    with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
-        return analysis.run(kinds, with_signs)
+        return inspect(campaign)
 
 
 def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:

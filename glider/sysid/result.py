@@ -319,8 +319,7 @@ class Result(Report):
 
     effects: Sequence[FoundEffect]
     path: Path  #: Of the campaign's folder.
-    #: Whether mass and areas are specified; else held-out flights judge effects.
-    knows_forces: bool
+    knows_forces: bool  #: Whether mass and areas are specified.
     model: GliderModel  #: The corrected glider.
     held_out: tuple[HeldOutFlight, ...]  #: Held-out flights, measured and flown.
     residual_before: ResidualTable  #: Of the nominal model, else of the baseline.
