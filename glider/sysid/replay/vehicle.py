@@ -68,18 +68,13 @@ class Vehicle:
     theta: np.ndarray  #: The nominal model, unknown entries at a start value.
     #: Slots of theta that are unknown, fitted with all else, and their prior spread.
     nuisance: Mapping[int, float]
+    of_log: Mapping[int, float]  #: Those of the log, and their standard errors.
     kinds: tuple[str, ...]  #: Effects that these logs could show.
     trim_is_known: bool  #: Whether the elevator's angle is the same in each flight.
     is_known: bool  #: Whether the nominal model is complete, with the elevator's angle.
     knows_forces: bool  #: Whether mass and areas are known: forces can be compared.
     notes: tuple[str, ...]  #: What was assumed, for the report.
     is_per_mass: bool  #: Whether areas and inertia are per kilogram.
-
-    @property
-    def of_log(self) -> dict[int, float]:
-        """Nuisances that are of the servo's log, and their standard errors."""
-        slots = _log_slots(self.layout)
-        return {i: self.nuisance[i] for i in slots if i in self.nuisance}
 
     @property
     def unknown(self) -> list[int]:
@@ -102,7 +97,9 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     if "mass" not in known and not is_per_mass:
         unknown.append("mass")
     slots = [("parameters", name) for name in unknown]
+    of_log = _of_log(campaign, layout)
     dropped, notes = _hidden(campaign, layout)
+    dropped |= {layout.slots[slot][0] for slot in of_log}
     if elevator == "fixed" or (elevator != "servo" and "elevator_area" in known):
         slots.append(("elevator_trim", "angle"))
     elif elevator != "servo":
@@ -113,7 +110,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     if "pitch_inertia" in unknown:
         slots.append(("pitch_damping", "coefficient"))
     theta = layout.default_theta(_parameters(campaign, is_per_mass))
-    spreads = _log_spreads(campaign, layout)
+    spreads = dict(of_log)
     for slot in slots:
         i, relative = layout.index[slot], _RELATIVE_SPREAD.get(slot[1], 0.5)
         spreads[i] = _SPREAD.get(slot, relative * float(theta[i]))
@@ -133,6 +130,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         theta=theta,
         knows_forces={"mass", "wing_area", "elevator_area"} <= known,
         nuisance=dict(sorted(spreads.items())),
+        of_log=of_log,
         kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
         trim_is_known=elevator != "fixed_per_flight",
         is_known="mass" in known and not unknown and elevator != "fixed",
@@ -146,8 +144,7 @@ def _hidden(campaign: Campaign, layout: Layout) -> tuple[set[str], list[str]]:
     unknown, servo, notes = _CONFOUNDED.keys() - campaign.vehicle, campaign.servo, []
     dropped = {kind for name in unknown for kind in _CONFOUNDED[name]}
     dropped |= {name for name, kind in layout.kinds.items() if kind.stage == "log"}
-    of_log = _log_spreads(campaign, layout)
-    dropped |= {SERVO_LOG.kind, *(layout.slots[slot][0] for slot in of_log)}
+    dropped.add(SERVO_LOG.kind)
     if campaign.elevator != "servo":
         dropped |= {kind.kind for kind in layout.replayed_kinds}
         dropped |= {"elevator_trim", "elevator_scale", "elevator_blowback"}
@@ -180,19 +177,14 @@ def _parameters(campaign: Campaign, is_per_mass: bool) -> GliderParameters:
     return GliderParameters(**{**assumed, **campaign.vehicle})
 
 
-def _log_slots(layout: Layout) -> tuple[int, ...]:
-    """Slots of theta that a log may leave open."""
-    return *layout.slots_of(SERVO_LOG.kind), *layout.slots_of("elevator_scale")
-
-
-def _log_spreads(campaign: Campaign, layout: Layout) -> dict[int, float]:
+def _of_log(campaign: Campaign, layout: Layout) -> dict[int, float]:
     """Slots of theta that a log leaves open, and their spread."""
     servo = campaign.servo
     has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
     travel = _TRAVEL_SPREAD * (servo.angle == "reconstructed")
     spreads = servo.clock_std, servo.command_std, _GYRO_BIAS * has_gyro, travel
-    pairs = zip(_log_slots(layout), spreads, strict=True)
-    return {slot: spread for slot, spread in pairs if spread}
+    slots = *layout.slots_of(SERVO_LOG.kind), *layout.slots_of("elevator_scale")
+    return {slot: spread for slot, spread in zip(slots, spreads, strict=True) if spread}
 
 
 def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
