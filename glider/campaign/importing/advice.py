@@ -4,7 +4,8 @@ One symptom has several causes: an elevator that seems to turn the glider the wr
 may have the wrong sign or the wrong clock; flights that go straight up, the wrong axis
 or a column that is missing. So single changes of the mapping are tried on some of the
 recordings. Those that pass all checks of an import are ranked by how well forces and
-moments then fit, and the best is advised: the import accepts it by construction.
+moments then fit, and the best is advised: the import accepts it by construction. Where
+none passes, there may be two errors: changes are tried beside the one that fits best.
 """
 
 import contextlib
@@ -18,73 +19,91 @@ import yaml
 
 from glider.campaign.importing.recording import UNITS, Recording, Scale, scale_of
 from glider.campaign.importing.sign_checks import CLEARLY, MIN_FLIGHTS, misfit_of
+from glider.campaign.logs import Campaign
 from glider.campaign.settings import AXES, FRAME_CHOICES, QUANTITIES, Mapping
 from glider.errors import InputError
 
 _MOST_RECORDINGS = 6  # That changes are tried on.
 _MOST_ROWS = 20_000  # Of these: a hundred trials of them take 20 s.
 _MOST_COLUMNS = 12  # That are tried as y.
+_STARTS = 2  # Changes beside which others are tried: radians of all angles, or one.
 ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 _SCALARS = ("x", "y", "z", "roll", "pitch", "yaw", "elevator", "elevator_rate_command")
 
-Check = Callable[[Sequence[Recording], Mapping], Any]
-"""Makes an `ImportResult` of recordings; InputError if they are refused."""
+Change = dict[str, Any]  # Parts of a mapping, with a new value or new fields.
+Made = tuple[Campaign, Callable[[], Any]]
+"""A campaign, and what makes an `ImportResult` of it, or refuses it."""
+
+Make = Callable[[Sequence[Recording], Mapping], Made]  # InputError without flights.
 
 
 class _Trial(NamedTuple):
     """What a change makes of recordings."""
 
+    fails: bool  #: Whether a check refuses it.
     undecided: int  #: Warnings.
     exchanges: bool  #: Whether columns are exchanged: other changes are likelier.
     misfit: float  #: Of forces and moments.
     rows: int  #: Of the flights.
-    words: str  #: The change as in a MAP file.
+    change: Change
     mapping: Mapping
 
 
 def advise(
-    error: InputError, recordings: Sequence[Recording], claim: Mapping, check: Check
+    error: InputError, recordings: Sequence[Recording], claim: Mapping, make: Make
 ) -> InputError:
-    """Adds to a refusal which change of the mapping passes all checks, if one does."""
+    """Adds to a refusal which changes of the mapping pass all checks, if any do."""
     some = _some(recordings)
-    if not some or _try("", claim, some, check):
+    if not some or ((own := _try({}, claim, some, make)) and not own.fails):
         return error  # It is about other recordings.
-    trials = []
-    for part, value in _changes(claim, some[0]):
-        with contextlib.suppress(InputError):
-            if (changed := _changed(claim, part, value)) != claim:
-                text = yaml.safe_dump({part: value}, default_flow_style=True, width=999)
-                trials.append(_try(text.strip()[1:-1], changed, some, check))
-    passed = sorted(filter(None, trials))
-    most = max((trial.rows for trial in passed), default=0)
-    # `up` and `top` may have the same result: only another one is a rival.
-    likely = {t[:3]: t for t in reversed(passed) if 2 * t.rows > most}.values()
-    sure: Iterator[_Trial] = reversed(likely)
-    if len(some) < len(recordings):  # Few flights may not show what is wrong.
-        sure = (t for t in sure if _try(t.words, t.mapping, recordings, check))
-    advised = list(itertools.islice(sure, 2))
+    advised, failed = _search({}, claim, recordings, make)
+    for first in failed[:_STARTS]:
+        if not advised and first.misfit < CLEARLY * failed[0].misfit:
+            advised, _ = _search(first.change, first.mapping, recordings, make)
     if not advised:
         return error
-    near = [t.words for t in advised if t.misfit < CLEARLY * advised[0].misfit]
-    words = " or ".join(f"'{choice}'" for choice in near)
+    near = [t.change for t in advised if t.misfit < CLEARLY * advised[0].misfit]
+    texts = (yaml.safe_dump(c, default_flow_style=True, width=999) for c in near)
+    words = " or ".join(f"'{text.strip()[1:-1]}'" for text in texts)
     return InputError(f"{str(error).rstrip('.')}; with {words} it passes all checks.")
 
 
+def _search(
+    first: Change, claim: Mapping, recordings: Sequence[Recording], make: Make
+) -> tuple[list[_Trial], list[_Trial]]:
+    """Tries changes beside a first one; the best two that pass, and those that fail."""
+    trials, some = [], _some(recordings)
+    for part, value in _changes(claim, some[0]):
+        with contextlib.suppress(InputError):
+            if (changed := _changed(claim, part, value)) != claim:
+                fields = isinstance(value, dict)
+                new = first.get(part, {}) | value if fields else value
+                trials.append(_try({**first, part: new}, changed, some, make))
+    made = sorted(filter(None, trials), key=lambda trial: trial[:5])
+    most = max((trial.rows for trial in made), default=0)
+    full = [trial for trial in made if 2 * trial.rows > most]
+    # `up` and `top` may have the same result: only another one is a rival.
+    likely = {t[:4]: t for t in reversed(full) if not t.fails}.values()
+    # Few flights may not show what is wrong.
+    every = (_try(t.change, t.mapping, recordings, make) for t in reversed(likely))
+    passed = itertools.islice((t for t in every if t and not t.fails), 2)
+    return list(passed), [trial for trial in full if trial.fails]
+
+
 def _try(
-    words: str, mapping: Mapping, recordings: Sequence[Recording], check: Check
+    change: Change, mapping: Mapping, recordings: Sequence[Recording], make: Make
 ) -> _Trial | None:
-    """What a mapping makes of recordings; None where a check refuses it."""
-    try:
-        imported = check(recordings, mapping)
-    except InputError:
-        return None
-    flights = imported.campaign.flights
-    if len(flights) < MIN_FLIGHTS:
-        return None
-    misfit = round(misfit_of(imported.campaign), 6)
-    rows = sum(len(flight.time) for flight in flights)
-    doubts, exchanges = len(imported.undecided), words.startswith("columns")
-    return _Trial(doubts, exchanges, misfit, rows, words, mapping)
+    """What a mapping makes of recordings; None where that is no campaign."""
+    with contextlib.suppress(InputError):
+        campaign, check = make(recordings, mapping)
+        fails, doubts, exchanges = True, 0, "columns" in change
+        with contextlib.suppress(InputError):
+            doubts, fails = len(check().undecided), False
+        misfit = round(misfit_of(campaign), 6)
+        rows = sum(len(flight.time) for flight in campaign.flights)
+        if len(campaign.flights) >= MIN_FLIGHTS:
+            return _Trial(fails, doubts, exchanges, misfit, rows, change, mapping)
+    return None
 
 
 def _some(recordings: Sequence[Recording]) -> list[Recording]:

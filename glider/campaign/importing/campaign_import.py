@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from glider.campaign.flight_table import Table, with_flights
-from glider.campaign.importing.advice import ORDERS, advise
+from glider.campaign.importing.advice import ORDERS, Made, advise
 from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
 from glider.campaign.importing.cutting import MOTOR, Cut, cut
 from glider.campaign.importing.frame_posterior import rank_rotations
@@ -172,9 +172,8 @@ def read_flights(
     progress("cutting the flights out, checking their axes and signs")
     settings = dataclasses.replace(settings, path=Path(mapping))
 
-    def check(some: Sequence[Recording], claim: Mapping) -> ImportResult:
-        cuts = cut_recordings(some, claim, settings)
-        return _checked(some, cuts, claim, settings)
+    def make(some: Sequence[Recording], claim: Mapping) -> Made:
+        return _prepare(some, cut_recordings(some, claim, settings), claim, settings)
 
     cuts = cut_recordings(recordings, claim, settings)
     if all(any(MOTOR in note for note in c.notes) and not c.flights for c in cuts):
@@ -184,18 +183,18 @@ def read_flights(
             "with the motor off: only gliding flight can be traced."
         )
     try:
-        return _checked(recordings, cuts, claim, settings)
+        return _prepare(recordings, cuts, claim, settings)[1]()
     except InputError as error:
-        raise advise(error, recordings, claim, check) from None
+        raise advise(error, recordings, claim, make) from None
 
 
-def _checked(
+def _prepare(
     recordings: Sequence[Recording],
     cuts: tuple[CutRecording, ...],
     claim: Mapping,
     settings: Campaign,
-) -> ImportResult:
-    """The flights of recordings; InputError where they contradict the mapping."""
+) -> Made:
+    """A campaign of recordings, and what refuses it if it contradicts the mapping."""
     if not any(cut.flights for cut in cuts):
         reasons = list(dict.fromkeys(note for c in cuts for note in c.notes))
         listed = "; ".join(reasons[:_REASONS])
@@ -203,13 +202,17 @@ def _checked(
             f"{settings.path}: no flight was found in {_count(cuts, 'recording')}: "
             f"{listed}{'; ...' if len(reasons) > _REASONS else ''}."
         )
-    readings = [flight.readings for cut in cuts for flight in cut.flights]
     campaign = campaign_of_cuts(settings, cuts)
-    warnings = dict.fromkeys(words for c in cuts for words in c.warnings)
-    sensors = check_sensors(readings, str(settings.path))
-    undecided = *warnings, *sensors, *check_signs(campaign)
-    undecided += _check_rotation(recordings, cuts, claim)
-    return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
+
+    def check() -> ImportResult:
+        readings = [flight.readings for cut in cuts for flight in cut.flights]
+        warnings = dict.fromkeys(words for c in cuts for words in c.warnings)
+        sensors = check_sensors(readings, str(settings.path))
+        undecided = *warnings, *sensors, *check_signs(campaign)
+        undecided += _check_rotation(recordings, cuts, claim)
+        return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
+
+    return campaign, check
 
 
 def map_flight(

@@ -98,8 +98,7 @@ def rank_rotations(
     scores: dict[str, float] = {}
     for order, claim in claims.items():
         tracks = [(make_track(log, claim), spans) for log, spans in logs[:_MOST]]
-        cuts = [(t, _rows(t, span)) for t, spans in tracks for span in spans]
-        flights = [_turn(track, np.eye(3), rows) for track, rows in cuts[:_MOST]]
+        flights = [_turn(t, np.eye(3), span) for t, each in tracks for span in each]
         scores[order] = sum(score for _, score in _judge(flights, "z", True))
     return scores
 
@@ -129,24 +128,20 @@ def _worlds(
         yield {"up": up}, np.stack([ahead, np.cross(above, ahead), above]), priors[up]
 
 
-def _find_spans(track: Track, axes: np.ndarray) -> list[slice]:
-    """Rows of the flights of a recording in some axes."""
+def _find_spans(track: Track, axes: np.ndarray) -> Spans:
+    """The flights of a recording in some axes."""
     position = track.position @ axes.T
     # Which axis is the nose is unknown: contacts are found by y, not by the pitch.
     pitch = track.pitch if track.rotation is None else position[:, 1]
     turned = dataclasses.replace(track, position=position, rotation=None, pitch=pitch)
     found, _ = cut(turned, _GRAVITY)
-    return [_rows(track, (c.track.time[0], c.track.time[-1])) for c in found]
+    return [(c.track.time[0], c.track.time[-1]) for c in found]
 
 
-def _rows(track: Track, span: tuple[float, float]) -> slice:
-    first, last = np.searchsorted(track.time, span)
-    return slice(first, last + 1)
-
-
-def _turn(track: Track, axes: np.ndarray, rows: slice) -> _Flight:
+def _turn(track: Track, axes: np.ndarray, span: tuple[float, float]) -> _Flight:
     """A flight of a recording in some axes."""
-    part = take(track, rows)
+    first, last = np.searchsorted(track.time, span)
+    part = take(track, slice(first, last + 1))
     turns = None if part.rotation is None else axes @ part.rotation
     part = dataclasses.replace(part, position=part.position @ axes.T, rotation=turns)
     part = turn_along(part)

@@ -64,12 +64,14 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
 
 
 def misfit_of(campaign: Campaign) -> float:
-    """Misfit of forces, gravity given, times that of moments if there is a servo."""
+    """Misfit of forces [m/s²], times the share of moments that is left if a servo."""
     motions = {f.name: forces.usable_motion(f, {}) for f in campaign.flights}
     motion, down = forces.join(list(motions.values())), [0.0, -campaign.gravity]
     misfit = forces.fit_forces(motion, np.array(down), signs=(1,)).misfit
-    servo = campaign.elevator == "servo"
-    return misfit * fit_elevator(campaign, motions)[1] if servo else misfit
+    if campaign.elevator != "servo":
+        return misfit
+    turning = float(np.sqrt(np.mean(motion.acceleration[:, 2] ** 2)))
+    return misfit * fit_elevator(campaign, motions)[1] / max(turning, 1e-12)
 
 
 def fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float, float]:

@@ -49,11 +49,12 @@ def refusal_and_advice(files, path, wrong):
         return message, wrong | {"clock": "find"}
     advised = re.search("; with '(.*?)'.* passes all checks", message)
     assert advised, message
-    [(part, fields)] = yaml.safe_load(advised[1]).items()
-    old = wrong.get(part)
-    old = {"axes": old} if part == "frame" and isinstance(old, str) else old
-    better = {**(old or {}), **fields} if isinstance(fields, dict) else fields
-    return message, wrong | {part: better}
+    better = dict(wrong)
+    for part, fields in yaml.safe_load("{" + advised[1] + "}").items():
+        old = wrong.get(part)
+        old = {"axes": old} if part == "frame" and isinstance(old, str) else old
+        better[part] = {**(old or {}), **fields} if isinstance(fields, dict) else fields
+    return message, better
 
 
 def assert_advice_is_right(files, path, wrong, campaign, slack=0.0):
@@ -90,6 +91,19 @@ def test_the_advice_makes_the_right_campaign(tmp_path, campaign, wrong):
 def test_flights_along_y_need_its_column(tmp_path, campaign):
     files = write_tables(tmp_path, campaign, forward="-y")
     assert_advice_is_right(files, tmp_path / "MAP.yaml", RIGHT, campaign)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"frame": {"up": "-z"}, "units": {"time": "ms"}},
+        {"frame": {"pitch": "nose_up", "elevator": DOWN}},
+    ],
+    ids=str,
+)
+def test_the_advice_corrects_two_errors(tmp_path, campaign, wrong):
+    files = write_tables(tmp_path, campaign)
+    assert_advice_is_right(files, tmp_path / "MAP.yaml", RIGHT | wrong, campaign)
 
 
 @pytest.mark.nightly
