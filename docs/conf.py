@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.sysid import constants
-from glider.sysid.likelihood import blocks, outliers, task
+from glider.sysid.likelihood import blocks
 from glider.sysid.search import fits, moves, signs, subsets, support
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
@@ -66,14 +66,14 @@ myst_substitutions = {
     "plain_support": f"{support.SIMPLE_SUPPORT:.0%}",
     "price": f"{fits.EVIDENCE_THRESHOLD:.0f}",
     "price_of_more": f"{fits.COEFFICIENT_THRESHOLD:.0f}",
-    "prior_scales": f"{task.PRIOR_SCALES:g}",
+    "prior_scales": f"{constants.PRIOR_SCALES:g}",
     "resamples": f"{support.RESAMPLES[0]} to {support.RESAMPLES[1]}",
     "rival_gap": f"{support.RIVAL_GAP:.0f}",
-    "shape_scales": f"{task.PRIOR_SCALES:g}",
+    "shape_scales": f"{constants.PRIOR_SCALES:g}",
     "stand_in": f"{support.LEAST_STAND_IN:.0%}",
     "tie": f"{constants.WORSE[0] - 1.0:.1%}",
     "worse": f"{constants.WORSE[1] - 1.0:.0%}",
-    "z_apart": f"{outliers.Z_EXTREME:.0f}",
+    "z_apart": f"{constants.Z_EXTREME:.0f}",
 }
 
 autodoc_member_order = "bysource"

@@ -1,94 +1,122 @@
 """The numbers that steer the analysis of a campaign, each with its reason and source.
 
-Sources are "derived" from a stated probability or error, "measured" by the benchmark
-that is named, or "convention" for a size that was chosen and never calibrated. What is
-physics, or only the step of a numerical derivative, stands where it is used.
+Sources are (d) derived from a stated probability or error, (m) measured, by the
+benchmark or page that is named, or (c) a convention: chosen, and never calibrated. What
+is physics, or the step of a numerical method, stands where it is used.
 """
 
 import math
 
-# -------------------------------------------------- predictions of held-out flights
+# ------------------------------------------------------------------- noise
+# Standard deviations, see `Scales` for units: where a fit starts, the least that a log
+# shows, the most that a flight of a glider has (c).
+NOISE = {
+    "position": (1e-3, 1e-6, 0.2),
+    "pitch": (5e-3, 1e-5, 0.3),
+    "elevator": (1e-2, 1e-5, 0.3),
+    "air": (0.05, 1e-3, 0.6),
+    "air_time": (0.25, 0.04, 1.0),
+    "moment": (1.0, 1e-2, 200.0),
+    "servo": (5e-3, 1e-4, 0.3),
+    "wind": (0.05, 1e-3, 0.5),
+    "trim": (5e-3, 1e-4, 0.1),
+    "pitch_zero": (5e-3, 1e-4, 0.03),
+    "rate": (1e-2, 1e-4, 5.0),
+}
+# Prior spread of the logarithm of the gusts' correlation time, which flights in nearly
+# still air do not determine: a factor of two (c).
+AIR_TIME_SPREAD = 0.7
+STILL = 2.0  # Gusts over their least, below which there are none (c).
+MOMENT_TIME = 0.1  # Correlation time of unmodelled pitch accelerations [s] (c).
+SERVO_TIME = 0.05  # The same of an elevator's departure from its path [s] (c).
+# Prior spread of a launch about its smoothed measurement, as the state [m, rad, s] (c).
+LAUNCH_SPREAD = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
+STATE_SPREAD = 0.05  # The same of effects' states about rest, in their scales (c).
 
-FOLDS = 5  # Parts of the flights, each held out once. Convention.
+# ------------------------------------------------- coefficients and unknowns
+PRIOR_SCALES = 3.0  # Prior spread of effects' coefficients, in their scales (c).
+# Prior spread of unknown parameters over the default glider's, if not a half (c). A
+# tail's area shows in the moment only over the inertia.
+RELATIVE_SPREAD = {"elevator_area": 0.1}
+UNKNOWN_SPREAD = {  # That of other unknowns [m, rad, m, m²] (c).
+    ("parameters", "wing_offset"): 0.03,  # Of an unknown wing from the center of mass.
+    ("elevator_trim", "angle"): 0.09,  # Of an elevator without a servo.
+    ("pitch_moment", "coefficient"): 0.02,  # That an unknown tail may make.
+    ("pitch_damping", "coefficient"): 0.016,  # Four times that of a usual glider.
+}
+TRAVEL_SPREAD = 0.2  # Of an elevator's travel over the commanded one (c).
+GYRO_BIAS = 0.05  # Prior spread of the bias of a gyro [rad/s] (c).
+CLOCK_REACH = 2.0  # Standard errors by which clocks differ at most (m: bench_clock).
+HIDDEN_LAG = 0.015  # Lag that samples of an elevator do not hide, at most [s] (c).
 
-BEGINNING = 0.2  # Share of a flight on which its launch state is fitted. Convention.
-BEGINNING_WITH_TRIM = 0.4  # The same where a trim of the flight is fitted too.
-BEGINNING_ROWS = 10  # Rows of a beginning at least: a launch has 7 states. Convention.
+# -------------------------------------------------------------- rows of logs
+GAP = 1.6  # Time between rows, over the usual one, above which nodes are inserted (c).
+FEWEST_ELEVATOR_ROWS = 10  # Below, a flight shows none of the elevator's noise (c).
 
-GAIN_CHANCE = 0.025
-"""Probability that a correction which gains nothing is significant. Convention: one
-side of 95 %."""
+# ---------------------------------------------------------- outlying flights
+# Noise under which flights are compared: errors of any one model count little (c).
+COARSE_NOISE = {
+    **{"position": 0.01, "pitch": 0.02, "elevator": 0.05},
+    **{"air": 0.3, "moment": 5.0, "servo": 0.02},
+}
+# Deviations of a log mean square that make an outlier, and the least deviation: both
+# are twice the median (m: docs/how_it_works.md). Right flights are at 4.3 at most.
+Z_OUTLYING, LEAST_DEVIATION = 5.0, 0.15
+HEAVY_FLIGHT = 2.0  # Mean square over the median above which a flight counts less (c).
+FEWEST_COMPARED = 5  # Flights below which none can be an outlier (c).
+MOST_OUTLYING = 0.3  # Share of the flights that may be: more are no exceptions (c).
+# Deviations of a flight's wind, trim or pitch offset that are no variation: no normal
+# one is as large (d), and the least one, in a coefficient's scale (c).
+Z_EXTREME, LEAST_EXTREME = 10.0, 0.3
 
+# --------------------------------------------- predictions of held-out flights
+FOLDS = 5  # Parts of the flights, each held out once (c).
+BEGINNING = 0.2  # Share of a flight on which its launch state is fitted (c),
+BEGINNING_WITH_TRIM = 0.4  # where a trim of the flight is fitted too (c).
+BEGINNING_ROWS = 10  # Its rows at least: a launch has seven states (c).
+GAIN_CHANCE = 0.025  # That a gain of nothing is significant: one side of 95 % (c).
+# Gain on flights that nothing has seen [nats] (d): by Markov's inequality a wrong
+# model's likelihood ratio exceeds 1/p with a probability of p at most.
 LEAST_UNSEEN_GAIN = -math.log(GAIN_CHANCE)
-"""Gain on flights that nothing has seen [nats]. Derived: by Markov's inequality a wrong
-model's likelihood ratio exceeds 1/p with a probability of p at most."""
-
+# Standard deviations about the median that gains of flights are held within: one flight
+# may not decide (c).
 GAIN_CLIP = 3.0
-"""Standard deviations about the median that flights' gains are held within. Convention:
-one flight may not decide."""
-
+# Ratios of errors above which a correction makes flights worse, free and along the
+# measured pitch: a tie, and what chance does where the pitch is given (c).
 WORSE = 1.001, 1.02
-"""Ratios of errors above which a correction makes flights worse, free and along the
-measured pitch. Convention: a tie, and what chance does where the pitch is given."""
-
-REPLICAS = 100
-"""Replicas of a flight that its floor is drawn from. Derived: its RMS is known to 5 %,
-less than flights differ."""
-
-FLOOR_ACCURACY = 0.05  # Relative error of a floor. Measured (bench_floor).
-FLOOR_FLIGHTS = 40  # Flights that a floor is compared on. Convention: it takes time.
-FLOOR_CLIP = 3.0
-"""Logarithm of a flight's error over its floor that counts at most. Convention: one
-flight may not decide."""
-
-LARGEST_FLOOR = 10.0  # Error of a replica above which it diverged [m]. Convention.
-
+REPLICAS = 100  # Of a flight: the RMS of its floor is known to 5 % (d).
+FLOOR_ACCURACY = 0.05  # Relative error of a floor (m: bench_floor).
+FLOOR_FLIGHTS = 40  # Flights that a floor is compared on; it takes time (c).
+FLOOR_CLIP = 3.0  # Log of an error over its floor that counts: no flight decides (c).
+LARGEST_FLOOR = 10.0  # Error above which a replica says nothing [m] (c).
+# Evidence that the strength of curves may cost, with which standard errors allow for
+# errors of formulas [nats] (d): three standard deviations, ½ 3².
 CURVE_ALLOWANCE = 4.5
-"""Evidence that the strength of curves may cost, with which standard errors allow for
-errors of formulas [nats]. Derived: three standard deviations, ½ 3²."""
 
-# ----------------------------------------------------------------- the verdict
-
+# ---------------------------------------------------------------- the verdict
+# Probability below which errors are not those of a perfect model, or gusts not
+# turbulence (d): one faultless campaign of 200 is claimed to have a fault.
 UNLIKELY = 0.005
-"""Probability, by chance, below which errors are not those of a perfect model, or gusts
-not turbulence. Derived: one of 200 campaigns without a fault is claimed to have one."""
-
+# Unmodelled pitch acceleration over the RMS one above which the model does not explain
+# it (m: bench_broken): at most 0.04 in campaigns with the right answer, 0.2 to 1 where
+# elevator and pose are of different flights or clocks.
 MOMENT_SHARE = 0.2
-"""Unmodelled pitch acceleration over the RMS pitch acceleration above which the model
-does not explain it. Measured (bench_broken): at most 0.04 in campaigns with the right
-answer, 0.2 to 1 where elevator and pose are of different flights or clocks."""
-
-NEAR_CEILING = 0.97
-"""Share of its ceiling above which a scale is at it. Convention: a fit stops there."""
-
+NEAR_CEILING = 0.97  # Share of its ceiling above which a scale is at it (c).
+# Share by which the elevator may move more or less than commanded (m: bench_broken),
+# with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than
+# the library's among them; 0.04 and 0.05 where one clock is 5 % slow.
 GAIN_ERROR = 0.03
-"""Share by which the elevator may move more or less than commanded. Measured, with lag
-and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than the
-library's among them; 0.04 and 0.05 where one clock is 5 % slow (bench_broken)."""
-
-GAIN_Z = 4.0
-"""Standard errors over flights above which that share is significant. Derived: of
-normal errors one in 16,000 is as large."""
-
-TRAVEL_WINDOW = 0.1  # Time over which an elevator's travel counts [s]. Convention.
-LEAST_TRAVEL = 0.1
-"""Sum of squared travels above which a flight determines a gain [rad²]. Convention."""
-
+GAIN_Z = 4.0  # Standard errors above which that is significant (d): one in 16,000.
+TRAVEL_WINDOW = 0.1  # Time over which an elevator's travel counts [s] (c).
+LEAST_TRAVEL = 0.1  # Sum of squared travels that determines a gain [rad²] (c).
+# Shift of a servo's log above which its clock is in doubt [s] (d): three standard
+# errors of a clock that an import finds.
 SHIFTED = 0.015
-"""Shift of a servo's log above which its clock is in doubt [s]. Derived: three standard
-errors of a clock that an import finds."""
+TRAVEL_ERROR = 0.1  # Share by which an elevator may turn farther than its log says (c).
+MOST_LOST = 0.25  # Share of flights that may lose by a correction unwarned (c).
 
-TRAVEL_ERROR = 0.1
-"""Share by which an elevator may turn farther than its log says. Convention."""
-
-MOST_LOST = 0.25
-"""Share of flights that a correction may make worse without a warning. Convention."""
-
-# -------------------------------------------------------- what a result reports
-
-LEAST_SPREAD = 0.1
-"""Least flight-to-flight variation to report, in a coefficient's scale. Convention."""
-
+# --------------------------------------------------------- what results report
+LEAST_SPREAD = 0.1  # Flight-to-flight variation, in a coefficient's scale (c).
+# Standard errors by which a curve must differ from zero, somewhere in the central 90 %
+# of the flown angles (d): at its ten independent places none does so by chance.
 CURVE_Z = 5.0
-"""Standard errors by which a curve must differ from zero, somewhere in the central 90 %
-of the flown angles. Derived: at its ten independent places none does so by chance."""

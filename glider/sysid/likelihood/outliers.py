@@ -10,6 +10,16 @@ squares (Huber, Robust Statistics, 1981).
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
+from glider.sysid.constants import (
+    COARSE_NOISE,
+    FEWEST_COMPARED,
+    HEAVY_FLIGHT,
+    LEAST_DEVIATION,
+    LEAST_EXTREME,
+    MOST_OUTLYING,
+    Z_EXTREME,
+    Z_OUTLYING,
+)
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.information import solve
@@ -17,24 +27,14 @@ from glider.sysid.likelihood.scales import PER_FLIGHT, Scales, flight_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 
-# Scales under which flights are compared: errors of any one model count little.
-COARSE_SCALES = Scales(
-    position=0.01, pitch=0.02, elevator=0.05, air=0.3, moment=5.0, servo=0.02
-)
-Z_OUTLYING = 5.0  # Deviations of a log mean square above which a flight is an outlier,
-LEAST_DEVIATION = 0.15  # and least deviation of these: together twice the median.
-Z_EXTREME = 10.0  # Deviations of constants beyond flight-to-flight variation,
-LEAST_EXTREME = 0.3  # and least deviation, in the coefficient's scale.
-MOST = 0.3  # Share of the flights that may be outliers: more are no exceptions.
-FEWEST = 5  # Flights below which none can be an outlier.
+COARSE_SCALES = Scales(**COARSE_NOISE)
 _ROUNDS = 12  # Of reweighting.
-_HEAVY = 2.0  # Mean square over the median above which a flight counts less.
 _LEAST_SQUARE = 1e-6  # Mean square that is rounding, as of logs without noise.
 
 
 def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
     """Returns the outliers and their mean square over the median."""
-    if len(task.records) < FEWEST:
+    if len(task.records) < FEWEST_COMPARED:
         return {}
     squares = mean_squares(task, noise)
     ratios = squares / np.median(squares)
@@ -55,7 +55,7 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
         left = np.append(-solve(total), 1.0)
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
         squares = np.maximum(squares, _LEAST_SQUARE)
-        weights = 1.0 / np.maximum(squares / (_HEAVY * np.median(squares)), 1.0)
+        weights = 1.0 / np.maximum(squares / (HEAVY_FLIGHT * np.median(squares)), 1.0)
     return squares
 
 
@@ -69,7 +69,7 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     apart = logs - np.median(logs)
     deviation = max(float(robust_std(apart)), LEAST_DEVIATION)
     outlying = apart > Z_OUTLYING * (1.0 + 4.0 / len(logs)) * deviation
-    return outlying & (np.mean(outlying) <= MOST)
+    return outlying & (np.mean(outlying) <= MOST_OUTLYING)
 
 
 def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
@@ -78,7 +78,7 @@ def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
     A flight's constants may absorb that it has another unit or glider; the variation
     then grows to include it and hides the effects of all others.
     """
-    if not task.vehicle.knows_forces or len(task.records) < FEWEST:
+    if not task.vehicle.knows_forces or len(task.records) < FEWEST_COMPARED:
         return {}
     own = flight_values(model_fit.error_flights(task, model), model.scales)
     found: dict[str, str] = {}
@@ -90,4 +90,4 @@ def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
         for i in np.flatnonzero(apart > largest).tolist():
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
             found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
-    return found if len(found) <= MOST * len(task.records) else {}
+    return found if len(found) <= MOST_OUTLYING * len(task.records) else {}

@@ -9,19 +9,20 @@ import numpy as np
 from glider.compiled.filter_error import PROCESSES, filter_flight
 from glider.compiled.parallel import in_parallel
 from glider.physics.state import NUM_STATES
+from glider.sysid.constants import (
+    AIR_TIME_SPREAD,
+    LAUNCH_SPREAD,
+    MOMENT_TIME,
+    NOISE,
+    SERVO_TIME,
+    STATE_SPREAD,
+    STILL,
+)
 from glider.sysid.likelihood.information import solve, solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import OFFSET
 
-MOMENT_TIME = 0.1  # Correlation time of unmodelled pitch accelerations [s].
-SERVO_TIME = 0.05  # The same of an elevator's departure from its path [s].
-# Spread of a launch about its smoothed measurement, as the state [m, rad, s].
-_LAUNCH = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
-_EXTRA = 0.05  # Spread of effects' states about rest, in their scales.
-# Prior spread of log(air_time), which flights in nearly still air do not determine.
-_TIME_SPREAD = 0.7
-STILL = 2.0  # Strength of the air over its least, below which there is none.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
@@ -31,8 +32,9 @@ _LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
 Flight = TypeVar("Flight")
 
 
-def _scale(usual: float, least: float, most: float) -> Any:
-    """A scale where it starts, and its range: no log shows less, no flight has more."""
+def _scale(name: str) -> Any:
+    """A scale where it starts, and its range."""
+    usual, least, most = NOISE[name]
     return dataclasses.field(default=usual, metadata={"range": (least, most)})
 
 
@@ -40,17 +42,17 @@ def _scale(usual: float, least: float, most: float) -> Any:
 class Scales:
     """Standard deviations of all noise."""
 
-    position: float = _scale(1e-3, 1e-6, 0.2)  #: Of measured x and z [m].
-    pitch: float = _scale(5e-3, 1e-5, 0.3)  #: Of measured pitch [rad].
-    elevator: float = _scale(1e-2, 1e-5, 0.3)  #: Of the measured elevator [rad].
-    air: float = _scale(0.05, 1e-3, 0.6)  #: Of the moving air, in x and in z [m/s].
-    air_time: float = _scale(0.25, 0.04, 1.0)  #: Its correlation time [s].
-    moment: float = _scale(1.0, 1e-2, 200.0)  #: Of unmodelled accelerations [rad/s²].
-    servo: float = _scale(5e-3, 1e-4, 0.3)  #: Of the elevator off its path [rad].
-    wind: float = _scale(0.05, 1e-3, 0.5)  #: Of flights' steady winds, x and z [m/s].
-    trim: float = _scale(5e-3, 1e-4, 0.1)  #: Of their elevator trims [rad].
-    pitch_zero: float = _scale(5e-3, 1e-4, 0.03)  #: Of their pitch readings [rad].
-    rate: float = _scale(1e-2, 1e-4, 5.0)  #: Of the pitch rate of a gyro [rad/s].
+    position: float = _scale("position")  #: Of measured x and z [m].
+    pitch: float = _scale("pitch")  #: Of measured pitch [rad].
+    elevator: float = _scale("elevator")  #: Of the measured elevator [rad].
+    air: float = _scale("air")  #: Of the moving air, in x and in z [m/s].
+    air_time: float = _scale("air_time")  #: Its correlation time [s].
+    moment: float = _scale("moment")  #: Of unmodelled accelerations [rad/s²].
+    servo: float = _scale("servo")  #: Of the elevator off its path [rad].
+    wind: float = _scale("wind")  #: Of flights' steady winds, x and z [m/s].
+    trim: float = _scale("trim")  #: Of their elevator trims [rad].
+    pitch_zero: float = _scale("pitch_zero")  #: Of their pitch readings [rad].
+    rate: float = _scale("rate")  #: Of the pitch rate of a gyro [rad/s].
 
     @property
     def logs(self) -> np.ndarray:
@@ -85,7 +87,7 @@ FLOOR, CEILING = (
 )
 # Prior of the logarithms; the others have none.
 _USUAL = Scales().logs
-_PRECISION = np.where(np.array(NAMES) == "air_time", _TIME_SPREAD**-2.0, 0.0)
+_PRECISION = np.where(np.array(NAMES) == "air_time", AIR_TIME_SPREAD**-2.0, 0.0)
 
 
 def start_scales(noise: Noise) -> Scales:
@@ -121,11 +123,11 @@ class WhitenedFlight(NamedTuple):
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
     s, record = scales, flight.record
-    launch, servo = np.array(_LAUNCH), s.servo
+    launch, servo = np.array(LAUNCH_SPREAD), s.servo
     if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
-    extra = _EXTRA * record.layout.state_scale[flight.states[NUM_STATES:]]
+    extra = STATE_SPREAD * record.layout.state_scale[flight.states[NUM_STATES:]]
     return np.square(np.concatenate([launch, extra, own]))
 
 

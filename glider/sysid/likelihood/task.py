@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.physics.effects import SERVO_LAG
+from glider.sysid.constants import CLOCK_REACH, HIDDEN_LAG, PRIOR_SCALES
 from glider.sysid.likelihood.blocks import (
     Block,
     Curves,
@@ -16,11 +17,6 @@ from glider.sysid.likelihood.blocks import (
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import SERVO_LOG, Layout
 from glider.sysid.replay.vehicle import Vehicle
-
-PRIOR_SCALES = 3.0  # Prior spread of an effect's coefficients, in their scales.
-
-CLOCK_REACH = 2.0  # Standard errors by which clocks differ at most, see bench_clock.
-_HIDDEN_LAG = 0.015  # Lag above which samples of an elevator show one, at most [s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -74,7 +70,7 @@ class Task:
             lower[slot] = -upper[slot]
         if commands in of_log:  # Samples as far apart smooth an elevator like a lag.
             [lag] = self.layout.slots_of(SERVO_LAG.kind)
-            lower[lag] = min(upper[commands], _HIDDEN_LAG)
+            lower[lag] = min(upper[commands], HIDDEN_LAG)
         return lower[slots], upper[slots]
 
     def on(self, records: Sequence[Record]) -> "Task":

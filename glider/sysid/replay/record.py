@@ -13,10 +13,9 @@ from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.physics.effects import ANGLE_SIGN, Effect
 from glider.physics.model import GliderModel
+from glider.sysid.constants import GAP
 from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
-
-_GAP = 1.6  # Time between two rows, over the usual one, above which nodes are inserted.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,7 +165,7 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Times with more in the gaps, and where the given ones are in them."""
     steps = np.diff(time)
     usual = np.median(steps)
-    more = np.where(steps > _GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
+    more = np.where(steps > GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
     place = np.concatenate([[0], np.cumsum(more)])
     return np.interp(np.arange(place[-1] + 1), place, time), place
 

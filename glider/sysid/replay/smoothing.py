@@ -17,8 +17,8 @@ from scipy.optimize import minimize_scalar
 from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.logs import Campaign
 from glider.physics.actuator_replay import command_steps, elevator_path
+from glider.sysid.constants import FEWEST_ELEVATOR_ROWS
 
-_FEWEST_ROWS = 10  # Rows of an elevator below which a flight shows none of its noise.
 # Least noise of a log [m, rad]; a computed column has no noise at all.
 _LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
 _NANOSECONDS = 9  # Decimals of times [s] within which two grids are the same.
@@ -54,7 +54,7 @@ def measure_noise(
     elevator, times, errors = 0.0, [], []
     for flight, mask in pairs if campaign.elevator == "servo" else ():
         seen = ~mask.elevator
-        if np.count_nonzero(seen) >= _FEWEST_ROWS:
+        if np.count_nonzero(seen) >= FEWEST_ELEVATOR_ROWS:
             assert flight.command is not None and flight.elevator is not None
             tape = command_steps(flight.time, flight.command, campaign.switch_rate)
             error = flight.elevator - elevator_path(*tape, flight.time)

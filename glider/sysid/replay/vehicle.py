@@ -14,6 +14,12 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
+from glider.sysid.constants import (
+    GYRO_BIAS,
+    RELATIVE_SPREAD,
+    TRAVEL_SPREAD,
+    UNKNOWN_SPREAD,
+)
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, SERVO_LOG, Layout
 
 _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
@@ -43,21 +49,6 @@ _CONFOUNDED = {
     "pitch_inertia": ("inertia", "pitch_damping"),
 }
 """Effects that flights do not distinguish from a parameter that is unknown."""
-
-_RELATIVE_SPREAD = {"elevator_area": 0.1}
-"""Prior spread of unknown parameters over the default glider's, if not a half. A tail's
-area shows in the moment only over the inertia."""
-
-_SPREAD = {
-    ("parameters", "wing_offset"): 0.03,  # Of an unknown wing from the center of mass.
-    ("elevator_trim", "angle"): 0.09,  # Of an elevator without a servo.
-    ("pitch_moment", "coefficient"): 0.02,  # That an unknown tail may make.
-    ("pitch_damping", "coefficient"): 0.016,  # Four times that of a usual glider.
-}
-"""Prior spread of other unknowns [m, rad, m, m²]."""
-
-_TRAVEL_SPREAD = 0.2  # Of an elevator's travel over the commanded one.
-_GYRO_BIAS = 0.05  # Spread of the bias of a gyro [rad/s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -112,8 +103,8 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     theta = layout.default_theta(_parameters(campaign, is_per_mass))
     spreads = dict(of_log)
     for slot in slots:
-        i, relative = layout.index[slot], _RELATIVE_SPREAD.get(slot[1], 0.5)
-        spreads[i] = _SPREAD.get(slot, relative * float(theta[i]))
+        i, relative = layout.index[slot], RELATIVE_SPREAD.get(slot[1], 0.5)
+        spreads[i] = UNKNOWN_SPREAD.get(slot, relative * float(theta[i]))
     if is_per_mass:
         notes.append(
             "No mass or area is specified: the mass is set to 1 kg, "
@@ -181,8 +172,8 @@ def _of_log(campaign: Campaign, layout: Layout) -> dict[int, float]:
     """Slots of theta that a log leaves open, and their spread."""
     servo = campaign.servo
     has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
-    travel = _TRAVEL_SPREAD * (servo.angle == "reconstructed")
-    spreads = servo.clock_std, servo.command_std, _GYRO_BIAS * has_gyro, travel
+    travel = TRAVEL_SPREAD * (servo.angle == "reconstructed")
+    spreads = servo.clock_std, servo.command_std, GYRO_BIAS * has_gyro, travel
     slots = *layout.slots_of(SERVO_LOG.kind), *layout.slots_of("elevator_scale")
     return {slot: spread for slot, spread in zip(slots, spreads, strict=True) if spread}
 
