@@ -133,7 +133,7 @@ def log_slopes(
         sizes: (m,) how far they are moved.
         field: the residual Field, whose last basis function is a constant.
         ends: (K, n), written: the state that each interval ends in.
-        by_x: (K, n, n), written: its slopes by the node; or (K, n, 0).
+        by_x: (K, n, w), written: its slopes by the node's first w states.
         by_term: (K, n, 7), written: by each constant of FIELD_TERMS; or (K, n, 0).
         by_theta: (K, n, m), written: along each direction.
     """
@@ -309,6 +309,7 @@ def slopes_along(
     moved: np.ndarray,
     sizes: np.ndarray,
     field: Field,
+    width: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Flies each interval of a log from its own node (K + 1, n), with slopes.
 
@@ -316,8 +317,8 @@ def slopes_along(
     `sizes` (m,).
 
     Returns:
-        the ends (K, n), and their slopes by the node (K, n, n), by a constant of each
-        of FIELD_TERMS (K, n, 7) and along the directions (K, n, m).
+        the ends (K, n), and their slopes by the node's first states (K, n, width), by a
+        constant of each of FIELD_TERMS (K, n, 7) and along the directions (K, n, m).
     """
     shape, terms = nodes[1:].shape, field.weights.shape[1]
     nothing = np.zeros((1, field.centers.shape[1]))
@@ -326,7 +327,7 @@ def slopes_along(
         np.vstack([field.inverse_widths, nothing]),
         np.vstack([field.weights, np.zeros((1, terms))]),
     )
-    ends, by_x = np.empty(shape), np.empty((*shape, shape[1]))
+    ends, by_x = np.empty(shape), np.empty((*shape, width))
     by_term, by_theta = np.empty((*shape, terms)), np.empty((*shape, len(sizes)))
     found = ends, by_x, by_term, by_theta
     loop = LOOPS.over(kinds, True).log_slopes

@@ -206,7 +206,7 @@ def linearize(
             begins = (nodes - nodes_at_rest(record, other))[0, states] / sizes[i]
             start[NUM_STATES : len(states), j] = begins[NUM_STATES:]
     ends, by_x, by_term, by_plain = slopes_along(
-        kinds, path, nodes, dynamics, moved, sizes, field
+        kinds, path, nodes, dynamics, moved, sizes, field, states[-1] + 1
     )
     inputs = np.zeros((*ends.shape, columns))
     inputs[:, :, plain], inputs[:, :, -1] = -by_plain, ends - nodes[1:]

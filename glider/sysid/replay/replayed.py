@@ -47,12 +47,14 @@ def signals(record: Record, theta: np.ndarray) -> Signals:
 
     With a pose latency the row of time t shows the flight at t - latency.
     """
-    return _replayed(record, record.layout.replay(theta))
+    return _replayed(record, theta[record.layout.num_compiled :].tobytes())
 
 
 @functools.lru_cache(_REPLAYS)
-def _replayed(record: Record, replay: Replay) -> Signals:
-    n = len(record.time)
+def _replayed(record: Record, last: bytes) -> Signals:
+    """The same by the last entries of theta, which replay a log's signals."""
+    n, layout = len(record.time), record.layout
+    replay = layout.replay(np.pad(np.frombuffer(last), (layout.num_compiled, 0)))
     if not record.has_servo:
         return Signals(np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n))
     middle = 0.5 * (record.time[1:] + record.time[:-1])

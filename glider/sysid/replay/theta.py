@@ -7,6 +7,7 @@ the effects on the log's signals, which are replayed instead.
 """
 
 import functools
+import itertools
 
 import numpy as np
 
@@ -133,11 +134,11 @@ class Layout:
         return theta[: self.num_compiled]
 
     def replay(self, theta: np.ndarray) -> Replay:
-        """Settings for the replay of a log's signals."""
-        replay = Replay()
+        """Settings for the replay of a log's signals, of the last entries."""
+        values, replay = iter(theta[self.num_compiled :].tolist()), Replay()
         for kind in self.replayed_kinds:
-            values = theta[list(self.slots_of(kind.kind))].tolist()
-            replay = kind.replayed(replay, tuple(values))
+            own = itertools.islice(values, len(kind.coefficients))
+            replay = kind.replayed(replay, tuple(own))
         return replay
 
     def steady_states(
