@@ -57,7 +57,6 @@ myst_substitutions = {
     "least_support": f"{support.LEAST_SUPPORT:.0%}",
     "floor_accuracy": f"{100 * constants.FLOOR_ACCURACY:g} %",
     "unlikely": f"{100 * constants.UNLIKELY:g} %",
-    "least_unseen_gain": f"{constants.LEAST_UNSEEN_GAIN:.1f}",
     "moment_share": f"{constants.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",
     "plain_moment": f"{fits.SIMPLE_MOMENT:.1f}",

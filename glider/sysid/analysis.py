@@ -23,7 +23,7 @@ from glider.progress import Progress, Step
 from glider.sysid import outcome, result
 from glider.sysid.constants import MOST_LOST
 from glider.sysid.derivatives import with_derivatives
-from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
+from glider.sysid.evaluation import Evaluation, Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.candidates import survey
@@ -37,7 +37,6 @@ from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.search.fits import BLOCK_THRESHOLD
 from glider.sysid.search.signs import find_signs
-from glider.sysid.search.support import SearchResult
 from glider.sysid.search.tracing import trace
 from glider.sysid.verdict import find_doubt, judge
 
@@ -54,16 +53,6 @@ _UNLIKE = (
     "median (another clock, axis, unit or glider, or a hit?)"
 )
 """Why a flight that stands out is excluded."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Searched:
-    """A search, and its flights without those that stand out."""
-
-    everything: Task  #: On all flights.
-    task: Task  #: On those to fit.
-    traced: SearchResult
-    outlying: Mapping[str, str]  #: Names of flights that stand out, and why.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -104,15 +93,7 @@ class Analysis:
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(found.task, found.traced.model)
             evaluation = evaluate(
-                flights,
-                [name for name in self.held_out if name not in found.outlying],
-                [name for name in self.held_out if name in found.outlying],
-                found.everything,
-                found.task,
-                found.traced,
-                baseline,
-                spreads,
-                self.rng,
+                flights, self.held_out, found, baseline, spreads, self.rng
             )
         return self._result(flights, found, spreads, evaluation)
 
@@ -165,7 +146,11 @@ class Analysis:
                     self.progress(f"again without {', '.join(again)}")
                     traced = trace(task, noise, self.rng, self.progress)
         return Searched(
-            everything=everything, task=task, traced=traced, outlying=outlying
+            everything=everything,
+            task=task,
+            traced=traced,
+            outlying=outlying,
+            extreme=extreme,
         )
 
     def _without(

@@ -5,8 +5,6 @@ benchmark or page that is named, or (c) a convention: chosen, and never calibrat
 is physics, or the step of a numerical method, stands where it is used.
 """
 
-import math
-
 # ------------------------------------------------------------------- noise
 # Standard deviations, see `Scales` for units: where a fit starts, the least that a log
 # shows, the most that a flight of a glider has (c).
@@ -75,9 +73,6 @@ BEGINNING = 0.2  # Share of a flight on which its launch state is fitted (c),
 BEGINNING_WITH_TRIM = 0.4  # where a trim of the flight is fitted too (c).
 BEGINNING_ROWS = 10  # Its rows at least: a launch has seven states (c).
 GAIN_CHANCE = 0.025  # That a gain of nothing is significant: one side of 95 % (c).
-# Gain on flights that nothing has seen [nats] (d): by Markov's inequality a wrong
-# model's likelihood ratio exceeds 1/p with a probability of p at most.
-LEAST_UNSEEN_GAIN = -math.log(GAIN_CHANCE)
 # Standard deviations about the median that gains of flights are held within: one flight
 # may not decide (c).
 GAIN_CLIP = 3.0

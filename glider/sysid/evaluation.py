@@ -8,9 +8,17 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.sysid import result
 from glider.sysid.constants import FLOOR_FLIGHTS
-from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import air_depends_on, find_floor
-from glider.sysid.fit.folds import HeldOut, flown_by, hold_out, predictable
+from glider.sysid.fit.folds import HeldOut, hold_out
+from glider.sysid.fit.prediction import (
+    Prediction,
+    RolloutModel,
+    beginning_rows,
+    compare,
+    flown_by,
+    measure_errors,
+    predict_all,
+)
 from glider.sysid.likelihood.model_fit import FitResult, error_flights, fit_model
 from glider.sysid.likelihood.scales import FLOOR, NAMES, Scales, whiten
 from glider.sysid.likelihood.task import Task
@@ -23,15 +31,12 @@ from glider.sysid.search.force_search import OF_FORCES, forces_alone
 from glider.sysid.search.support import SearchResult
 from glider.sysid.verdict import AllErrors, changes_baseline_alone
 
-Models = Mapping[str, prediction.RolloutModel]
+Models = Mapping[str, RolloutModel]
 """Models by name; the nominal one only where it is known."""
 
 CHANNELS = ("x", "z", "pitch")
 _LAGS = 25  # Largest lag of innovations [rows], in flights of three times as many.
 _Z95 = 1.96  # Standard deviations that 95 % of normal errors are within.
-
-Tables = tuple[ResidualTable, ResidualTable, ResidualTable]
-"""Residual of the nominal model, of the named effects and of the corrected model."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -66,6 +71,17 @@ class SmoothedFlights:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Searched:
+    """What a search found, and on which flights; without those that stand out."""
+
+    everything: Task  #: On all flights.
+    task: Task  #: On those to fit.
+    traced: SearchResult
+    outlying: Mapping[str, str]  #: Names of flights that stand out, and why.
+    extreme: Collection[str]  #: Those of them that only the corrected model excludes.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Evaluation:
     """Errors of models, by name; None of a model that there is not."""
 
@@ -75,7 +91,8 @@ class Evaluation:
     outlying: result.OutlyingFlights | None  #: Errors on those that stand out, if any.
     folds: HeldOut | None  #: Each flight held out once; None where signs are wrong.
     innovations: result.Innovations  #: Of the held-out flights.
-    tables: Tables
+    #: Residual of the nominal model, of named effects and of the corrected model.
+    tables: tuple[ResidualTable, ResidualTable, ResidualTable]
     chance: float  #: Probability that a perfect model leaves as much.
     air_depends_on: tuple[str, ...]  #: States that the gusts of the model depend on.
 
@@ -83,71 +100,60 @@ class Evaluation:
 def evaluate(
     flights: SmoothedFlights,
     held_out: Collection[str],
-    outlying: Collection[str],
-    everything: Task,
-    task: Task,
-    traced: SearchResult,
+    searched: Searched,
     baseline: FitResult,
     spreads: Mapping[str, result.Spread],
     rng: np.random.Generator,
 ) -> Evaluation:
-    """Predicts held-out flights by all models.
+    """Predicts held-out flights, whose names are given, by all models.
 
-    Args:
-        flights: all of them.
-        held_out: names of those that errors are measured on.
-        outlying: names of held-out flights that stand out.
-        everything: task on all flights that do not stand out.
-        task: on the flights that were fitted.
-        traced: the corrected model.
-        baseline: refitted to those flights.
-        spreads: flight-to-flight variation that is reported.
-        rng: of the folds and of the floor.
+    The folds score flights that only the corrected model takes for outlying, but fit
+    none to them.
     """
-    fitted = _fitted_models(task, traced, baseline)
-    scales = traced.model.scales
+    task, traced = searched.task, searched.traced
+    fitted, scales = _fitted_models(task, traced, baseline), traced.model.scales
     models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
-    unseen, apart = flights.among(held_out), flights.among(outlying)
-    predictions = {
-        name: prediction.predict_all(model, unseen.of(name))
-        for name, model in models.items()
-    }
-    keep = predictable(list(predictions.values())) or range(len(unseen.names))
-    kept = unseen.among([unseen.names[i] for i in keep])
-    errors: AllErrors = dict.fromkeys((*MODELS, CALIBRATED))
-    of_outlying: AllErrors = {}
-    for name, model in models.items():
-        predictions[name] = [predictions[name][i] for i in keep]
-        errors[name] = prediction.errors_of(model, kept.of(name), predictions[name])
-        if apart.names:
-            of_outlying[name] = prediction.measure_errors(model, apart.of(name))
+    usual = flights.among([record.name for record in searched.everything.records])
+    unseen = usual.among(held_out)
+    found = compare([*models.values()], [unseen.of(name) for name in models])
+    kept = unseen.among([unseen.names[i] for i in found.kept])
+    predictions = dict(zip(models, found.predictions, strict=True))
     folds = None
     if flights.signs.are_right:
-        folds = _hold_out(everything, task, traced, baseline, rng)
-    explained = flights.among([record.name for record in everything.records])
-    tables = _residual_tables(task, traced.model, models, explained)
+        scored = flights.among({*usual.names, *searched.extreme}).corrected
+        folds = _hold_out(task.on(scored), traced, baseline, searched.extreme, rng)
+    tables = _residual_tables(task, traced.model, models, usual)
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
     smoothing = flights.noise.smoothing[2].ratio
-    is_other = [record.name not in kept.names for record in everything.records]
-    order = np.argsort(is_other, kind="stable")[:FLOOR_FLIGHTS]
-    records = [everything.records[i] for i in order]
-    floor = find_floor(models["corrected"], records, truth, smoothing, rng)
-    noise = _noise_of(tables[-1], kept.names)
-    errors[PERFECT] = floor.errors(noise, len(kept.names))
+    first = sorted(usual.corrected, key=lambda record: record.name not in kept.names)
+    first = first[:FLOOR_FLIGHTS]
+    floor = find_floor(models["corrected"], first, truth, smoothing, rng)
+    perfect = floor.errors(_noise_of(tables[-1], kept.names), len(kept.names))
+    found_errors = dict(zip(models, found.errors, strict=True))
     return Evaluation(
-        errors=errors,
-        held_out=_flights(kept, predictions, models["corrected"].per_flight_trims),
+        errors=dict.fromkeys((*MODELS, CALIBRATED)) | found_errors | {PERFECT: perfect},
+        held_out=_flights(unseen, found.kept, predictions, models["corrected"]),
         unpredicted=tuple(n for n in unseen.names if n not in kept.names),
-        outlying=result.OutlyingFlights(flights=apart.names, errors=of_outlying)
-        if of_outlying
-        else None,
+        outlying=_outlying(models, flights.among(set(held_out) - set(usual.names))),
         folds=folds,
         innovations=_innovations(task, fitted, kept),
         tables=tables,
-        chance=np.nan if folds is None else floor.chance(folds.paths[order, 1]),
+        chance=np.nan
+        if folds is None
+        else floor.chance(np.array([folds.paths[record.name][1] for record in first])),
         air_depends_on=gusts,
     )
+
+
+def _outlying(
+    models: Models, flights: SmoothedFlights
+) -> result.OutlyingFlights | None:
+    """Errors on flights that stand out, if any."""
+    if not flights.names:
+        return None
+    errors: AllErrors = {n: measure_errors(m, flights.of(n)) for n, m in models.items()}
+    return result.OutlyingFlights(flights=flights.names, errors=errors)
 
 
 def without_model_errors(
@@ -193,10 +199,10 @@ def _fitted_models(
 
 
 def _hold_out(
-    everything: Task,
     task: Task,
     traced: SearchResult,
     baseline: FitResult,
+    extreme: Collection[str],
     rng: np.random.Generator,
 ) -> HeldOut:
     """Holds out each flight once, baseline and corrected model refitted."""
@@ -206,14 +212,13 @@ def _hold_out(
         corrected = forces_alone(task, corrected, traced.forces)
     elif task.vehicle.is_known and changes_baseline_alone(traced.model):
         nominal = traced.bare
-    searched = {record.name for record in task.records}
     scales = traced.model.scales
-    return hold_out(everything, baseline, corrected, scales, rng, searched, nominal)
+    return hold_out(task, baseline, corrected, scales, rng, extreme, nominal)
 
 
 def _residual_tables(
     task: Task, model: FitResult, models: Models, flights: SmoothedFlights
-) -> Tables:
+) -> tuple[ResidualTable, ResidualTable, ResidualTable]:
     before = models.get("nominal", models["refitted"])
     after = _table(models["corrected"], flights.corrected)
     named = after
@@ -223,22 +228,23 @@ def _residual_tables(
     return _table(before, flights.logged), named, after
 
 
-def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
+def _table(flown: RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """A model's residual over flights, each with the trim that it has."""
-    trims = [own.trim for own in prediction.predict_all(flown, records)]
+    trims = [own.trim for own in predict_all(flown, records)]
     return make_table(records, flown.theta, trims, flown.field)
 
 
 def _flights(
     flights: SmoothedFlights,
-    predictions: Mapping[str, list[prediction.Prediction]],
-    per_flight_trims: bool,
+    kept: Collection[int],
+    predictions: Mapping[str, list[Prediction]],
+    corrected: RolloutModel,
 ) -> tuple[result.HeldOutFlight, ...]:
-    """Held-out flights as logged, beside what each model predicted."""
-    found = []
-    turned = np.array([1.0, 1.0, flights.signs.pitch])
-    for i, record in enumerate(flights.corrected):
-        rows = prediction.beginning_rows(record, per_flight_trims)
+    """Held-out flights that are kept as logged, beside what each model predicted."""
+    found, turned = [], np.array([1.0, 1.0, flights.signs.pitch])
+    for i in kept:
+        record = flights.corrected[i]
+        rows = beginning_rows(record, corrected.per_flight_trims)
         flown = {
             name: predictions[name][i].pose for name in MODELS if name in predictions
         }
@@ -284,11 +290,9 @@ def correlations(
     late: Sequence[np.ndarray], early: Sequence[np.ndarray], lags: int
 ) -> dict[str, np.ndarray]:
     """Correlations of columns (n, 3) with earlier ones: by channel, (lags + 1,)."""
+    pairs = list(zip(late, early, strict=True))
     sums = [
-        sum(
-            np.sum(a[k:] * b[: len(b) - k], axis=0)
-            for a, b in zip(late, early, strict=True)
-        )
+        sum(np.sum(a[k:] * b[: len(b) - k], axis=0) for a, b in pairs)
         for k in range(lags + 1)
     ]
     squares = [sum(np.sum(c**2, axis=0) for c in columns) for columns in (late, early)]

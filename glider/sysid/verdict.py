@@ -204,11 +204,6 @@ def _no_gain(gain: Gains, over: str) -> str | None:
     """Sentence about a correction that gains too little on held-out flights."""
     if gain.are_significant:
         return None
-    if gain.t >= gain.least_t:
-        return (
-            "On the flights that neither the search nor a fit has seen, the correction "
-            f"gains {gain.of_unseen:.1f} nats over the {over}: that may be chance."
-        )
     return (
         "On flights held out in folds the correction does not gain significantly over "
         f"the {over} (t = {gain.t:.1f}, expected {gain.least_t:.1f})."

@@ -18,8 +18,7 @@ import numpy as np
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit.floor import air_depends_on, find_floor
-from glider.sysid.fit.folds import flown_by
-from glider.sysid.fit.prediction import flight_errors, predict_all
+from glider.sysid.fit.prediction import flight_errors, flown_by, predict_all
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.outcome import spreads_of
 from tests.helpers.known_truth import starts_of, task_of

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign
 from glider.physics.effects.field import FieldData
-from glider.sysid.fit.folds import flown_by
-from glider.sysid.fit.prediction import measure_errors
+from glider.sysid.fit.prediction import flown_by, measure_errors
 from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, start_of
 from glider.sysid.likelihood.task import Task, make_task

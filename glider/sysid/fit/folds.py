@@ -1,31 +1,40 @@
-"""Flights held out in folds, baseline and corrected model refitted to the others."""
+"""Flights held out in folds: effects searched and all models refitted without them."""
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 import numpy as np
 from scipy.special import stdtrit
 
 from glider.campaign.checks.motion import robust_std
-from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP, LEAST_UNSEEN_GAIN
+from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP
 from glider.sysid.fit import prediction
 from glider.sysid.likelihood import model_fit
+from glider.sysid.likelihood.blocks import CURVES
+from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
+from glider.sysid.search.tracing import search_about, without_late
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Gains:
-    """Log-likelihood that a correction gains on flights that it was not fitted to."""
+    """Log-likelihood that a correction gains on flights that played no part in it."""
 
     values: np.ndarray  #: (flights,) of each [nats].
-    unseen: np.ndarray  #: (flights,) which of them the search has not seen either.
 
     @property
     def t(self) -> float:
-        """Student's t of the mean over all flights."""
-        return robust_t(self.values)
+        """Student's t of the mean over all flights, each held near the median."""
+        held = np.nan_to_num(self.values)  # Of no model where it is NaN.
+        if len(held) < 2:
+            return 0.0
+        median = np.median(held)
+        most = GAIN_CLIP * (robust_std(held - median) + 1e-12)
+        held = np.clip(held, median - most, median + most)
+        error = np.std(held, ddof=1) / np.sqrt(len(held))
+        return float(np.mean(held) / max(error, 1e-12))
 
     @property
     def least_t(self) -> float:
@@ -34,31 +43,27 @@ class Gains:
         return float(stdtrit(count - 1, 1.0 - GAIN_CHANCE)) if count > 1 else np.inf
 
     @property
-    def of_unseen(self) -> float:
-        """Sum over the flights that the search has not seen either [nats]."""
-        return float(np.sum(clipped(self.values[self.unseen])))
-
-    @property
     def are_significant(self) -> bool:
-        """Whether the correction gains beyond chance, on unseen flights too."""
-        return self.t >= self.least_t and self.of_unseen >= LEAST_UNSEEN_GAIN
+        """Whether the correction gains beyond chance."""
+        return self.t >= self.least_t
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HeldOut:
-    """Two models on flights that they were fitted without."""
+    """Two models on flights that they were made without."""
 
     folds: tuple[Fold, ...]  #: Their errors.
     gain: Gains  #: Of the corrected model over the baseline.
-    #: (flights, 2, 2) position RMS of baseline and corrected model, of free rollouts
-    #: and along the measured pitch [m].
-    paths: np.ndarray
+    #: Name of a flight to position RMS (2, 2) of baseline and corrected model, of free
+    #: rollouts and along the measured pitch [m].
+    paths: dict[str, np.ndarray]
     over_nominal: Gains | None = None  #: Over the nominal model, where computed.
 
     @property
     def ratios(self) -> tuple[float, float]:
         """Corrected over baseline errors, free and along the measured pitch."""
-        return _ratio_over(self.paths[..., 0]), _ratio_over(self.paths[..., 1])
+        free, along = np.moveaxis(np.array(list(self.paths.values())), 2, 0)
+        return _ratio_over(free), _ratio_over(along)
 
 
 def _ratio_over(errors: np.ndarray) -> float:
@@ -74,100 +79,91 @@ def ratio_of(before: float, after: float) -> float:
     return float(after / before) if np.isfinite(before) else 0.0
 
 
-def robust_t(gains: np.ndarray) -> float:
-    """Returns the mean over its standard error, each gain held near the median."""
-    held = clipped(gains)
-    error = np.std(held, ddof=1) / np.sqrt(len(held)) if len(held) > 1 else np.inf
-    return float(np.mean(held) / max(error, 1e-12))
-
-
-def clipped(gains: np.ndarray) -> np.ndarray:
-    """Returns gains held near their median; those of no model (NaN) are zero."""
-    gains = np.nan_to_num(gains)
-    if not len(gains):
-        return gains
-    middle = np.median(gains)
-    spread = robust_std(gains - middle) + 1e-12
-    return np.clip(gains, middle - GAIN_CLIP * spread, middle + GAIN_CLIP * spread)
-
-
-def flown_by(
-    task: Task, model: model_fit.FitResult, scales: Scales
-) -> prediction.RolloutModel:
-    """Returns a fitted model as one that flies logs again."""
-    flown = prediction.RolloutModel(
-        theta=model.theta,
-        field=model_fit.field_of(model),
-        scales=scales,
-        per_flight_trims=task.per_flight_trims,
-    )
-    scales = prediction.rollout_scales(flown, task.records, scales)
-    return dataclasses.replace(flown, scales=scales)
-
-
 def hold_out(
     task: Task,
     baseline: model_fit.FitResult,
     corrected: model_fit.FitResult,
     scales: Scales,
     rng: np.random.Generator,
-    searched: Collection[str] = (),
+    apart: Collection[str] = (),
     nominal: model_fit.FitResult | None = None,
 ) -> HeldOut:
-    """Holds out each flight once."""
+    """Holds out each flight once, the effects of the corrected model searched again.
+
+    Those whose names are apart are scored and never fitted.
+    """
     count = len(task.records)
-    is_new = np.array([record.name not in searched for record in task.records])
+    is_fitted = np.array([record.name not in apart for record in task.records])
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
     models = [baseline, corrected] + ([] if nominal is None else [nominal])
-    refits = [_Refits(task, model) for model in models]
-    costs, paths, folds = np.zeros((len(models), count)), np.zeros((count, 2, 2)), []
+    refits = [_Refits(task, model, model is corrected) for model in models]
+    costs, paths, folds = np.zeros((len(models), count)), dict[str, np.ndarray](), []
     for part in parts:
-        unseen = [task.records[i] for i in part]
-        fitted = [refit.without(part) for refit in refits]
-        costs[:, part] = [cost for _, cost in fitted]
-        flown = [flown_by(task, model, scales) for model, _ in fitted[:2]]
-        predictions = [prediction.predict_all(model, unseen) for model in flown]
-        for j, own in enumerate(predictions):
-            pairs = zip(unseen, own, strict=True)
-            paths[part, j] = [prediction.flight_errors(*pair) for pair in pairs]
-        keep = predictable(predictions) or range(len(part))
-        kept = [unseen[k] for k in keep]
-        errors = [
-            prediction.errors_of(model, kept, [own[k] for k in keep])
-            for model, own in zip(flown, predictions, strict=True)
-        ]
+        unseen, rest = [task.records[i] for i in part], is_fitted.astype(float)
+        rest[part] = 0.0
+        fitted = [refit.on(rest) for refit in refits]
+        costs[:, part] = [cost[part] for _, cost in fitted]
+        flown = [prediction.flown_by(task, model, scales) for model, _ in fitted[:2]]
+        found = prediction.compare(flown, [unseen, unseen])
+        for record, *own in zip(unseen, *found.predictions, strict=True):
+            each = [prediction.flight_errors(record, one) for one in own]
+            paths[record.name] = np.array(each)
         names = tuple(record.name for record in unseen)
-        folds.append(Fold(held_out=names, refitted=errors[0], corrected=errors[1]))
-    over_nominal = None
-    if nominal is not None:
-        over_nominal = Gains(values=costs[2] - costs[1], unseen=is_new)
+        refitted, after = found.errors
+        folds.append(Fold(held_out=names, refitted=refitted, corrected=after))
     return HeldOut(
         folds=tuple(folds),
-        gain=Gains(values=costs[0] - costs[1], unseen=is_new),
+        gain=Gains(values=costs[0] - costs[1]),
         paths=paths,
-        over_nominal=over_nominal,
+        over_nominal=None if nominal is None else Gains(values=costs[2] - costs[1]),
     )
 
 
-def predictable(predictions: Sequence[Sequence[prediction.Prediction]]) -> list[int]:
-    """Finds the flights that at least one model flies to the end."""
-    by_flight = zip(*predictions, strict=True)
-    return [i for i, own in enumerate(by_flight) if any(p.is_finite for p in own)]
-
-
 class _Refits:
-    """A model, refitted to all flights but some by one step from the fit to all."""
+    """A model, made again from some flights by one step from the fit to all."""
 
-    def __init__(self, task: Task, model: model_fit.FitResult):
-        self.task, self.model = task, model_fit.with_constants(task, model)
-        self.flights = model_fit.linear_flights(task, self.model)
-        self.grams = model_fit.grams_of(self.flights, model.scales)
+    def __init__(self, task: Task, model: model_fit.FitResult, is_searched: bool):
+        self.task, self.is_searched = task, is_searched
+        self.model = model = model_fit.with_constants(task, model)
+        if is_searched:
+            self.candidates = gather(without_late(task, model.kinds), model)
+            flights, self.given = (
+                self.candidates.flights,
+                self.candidates.grams(model.scales),
+            )
+            self.grams, self.prior = self.candidates.from_nothing(self.given)
+        else:
+            flights = model_fit.linear_flights(task, model)
+            self.grams = self.given = model_fit.grams_of(flights, model.scales)
+            self.prior = model_fit.prior_of(task, model)
+        # The likelihood is a square of changes and what depends on the scales alone.
+        now = negative_log_likelihood([f.error_only() for f in flights], model.scales)
+        self.constant = now - 0.5 * self.given[:, -1, -1]
 
-    def without(self, part: np.ndarray) -> tuple[model_fit.FitResult, np.ndarray]:
-        """Returns the model without some flights, and their costs under it [nats]."""
-        rest = self.grams.sum(axis=0) - self.grams[part].sum(axis=0)
-        step = model_fit.prior_of(self.task, self.model).best_step(rest)
-        unseen = [self.flights[i].combined(step) for i in part]
-        costs = negative_log_likelihood(unseen, self.model.scales)
-        return model_fit.moved(self.task, self.model, step), costs
+    def on(self, counts: np.ndarray) -> tuple[model_fit.FitResult, np.ndarray]:
+        """Returns the model of flights that count so often, and all flights' costs."""
+        model, columns = self.model, list(range(len(self.prior.mean)))
+        if self.is_searched:
+            model, found = search_about(self.candidates, self.given, counts)
+            columns = [*self.candidates.always, *found]
+        keep = [*columns, len(self.prior.mean)]
+        total = np.tensordot(counts, self.grams[:, keep][:, :, keep], 1)
+        change = self.prior.among(columns).best_step(total)
+        left = np.zeros(len(self.prior.mean) + 1)
+        left[columns], left[-1] = -change, 1.0
+        costs = self.constant + 0.5 * np.einsum("i,fij,j->f", left, self.grams, left)
+        step = -left[:-1]
+        if self.is_searched:
+            step = self._of_unknown(model, step)
+        return model_fit.moved(self.task, model, step), costs
+
+    def _of_unknown(self, model: model_fit.FitResult, step: np.ndarray) -> np.ndarray:
+        """A step of all candidates along what always acts in a model with a set."""
+        slots, always = self.candidates.slots, set(self.candidates.always)
+        own = {slot: step[j] for j, slot in enumerate(slots) if j in always}
+        found = np.zeros(len(model.free) + len(model.coordinates))
+        found[: len(model.free)] = [own.get(slot, 0.0) for slot in model.free]
+        if places := model.places().get(CURVES):
+            found[list(places)] = step[list(self.model.places(len(slots))[CURVES])]
+        return found

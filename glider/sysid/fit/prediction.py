@@ -16,6 +16,7 @@ from glider.compiled.replay import roll_out
 from glider.physics.effects import Field
 from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
 from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, linearize, path_of
+from glider.sysid.likelihood.model_fit import FitResult, field_of
 from glider.sysid.likelihood.scales import (
     FLOOR,
     Scales,
@@ -24,6 +25,7 @@ from glider.sysid.likelihood.scales import (
     smoothed_start,
     typical_flights,
 )
+from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, sensed, true_nodes
 from glider.sysid.replay.theta import OFFSET
@@ -54,6 +56,18 @@ class Prediction:
     def is_finite(self) -> bool:
         """Whether the model flew to the end; else it diverged."""
         return bool(np.isfinite(self.pose).all() and np.isfinite(self.translated).all())
+
+
+def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
+    """Returns a fitted model as one that flies logs again."""
+    flown = RolloutModel(
+        theta=model.theta,
+        field=field_of(model),
+        scales=scales,
+        per_flight_trims=task.per_flight_trims,
+    )
+    scales = rollout_scales(flown, task.records, scales)
+    return dataclasses.replace(flown, scales=scales)
 
 
 def beginning_rows(record: Record, per_flight_trims: bool) -> int:
@@ -99,9 +113,9 @@ def find_launch(
     return launch, constants
 
 
-def predict(model: RolloutModel, record: Record, whole: bool = False) -> Prediction:
-    """Predicts one flight from its beginning, or fits the whole of it."""
-    rows = len(record.time) if whole else beginning_rows(record, model.per_flight_trims)
+def predict(model: RolloutModel, record: Record) -> Prediction:
+    """Predicts one flight from its beginning."""
+    rows = beginning_rows(record, model.per_flight_trims)
     launch, constants = find_launch(model, record, rows)
     layout, (*_, trim, pitch_zero) = record.layout, constants
     path, dynamics = path_of(record, model.theta, constants)
@@ -148,9 +162,32 @@ def predict_all(model: RolloutModel, records: Sequence[Record]) -> list[Predicti
     return in_parallel(functools.partial(predict, model), records)
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Compared:
+    """Predictions of the same flights by several models."""
+
+    predictions: list[list[Prediction]]  #: Of each model.
+    kept: list[int]  #: Flights that at least one model flies to the end, or all.
+    errors: list[Errors]  #: Of each model on these.
+
+
+def compare(
+    models: Sequence[RolloutModel], records: Sequence[Sequence[Record]]
+) -> Compared:
+    """Predicts flights by models, each with its records of them."""
+    found = [predict_all(m, own) for m, own in zip(models, records, strict=True)]
+    finite = [any(p.is_finite for p in own) for own in zip(*found, strict=True)]
+    kept = [i for i, is_flown in enumerate(finite) if is_flown or not any(finite)]
+    errors = [
+        errors_of(model, [own[i] for i in kept], [flown[i] for i in kept])
+        for model, own, flown in zip(models, records, found, strict=True)
+    ]
+    return Compared(predictions=found, kept=kept, errors=errors)
+
+
 def measure_errors(model: RolloutModel, records: Sequence[Record]) -> Errors:
     """Returns a model's errors on flights, each predicted from its beginning."""
-    return errors_of(model, records, predict_all(model, records))
+    return compare([model], [records]).errors[0]
 
 
 def errors_of(

@@ -185,6 +185,12 @@ class Prior:
     lower: np.ndarray  #: (m,) least changes that are physical.
     upper: np.ndarray  #: (m,) largest.
 
+    def among(self, columns: Sequence[int]) -> "Prior":
+        """Returns the prior of some of the columns."""
+        parts = (self.mean, self.precision, self.lower, self.upper)
+        mean, precision, lower, upper = (part[columns] for part in parts)
+        return Prior(mean=mean, precision=precision, lower=lower, upper=upper)
+
     def added_to(self, gram: np.ndarray) -> np.ndarray:
         """Returns a Gram matrix with the prior added as one more flight."""
         total = gram.copy()

@@ -10,11 +10,12 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from glider.progress import Progress, Step
+from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.search import fits, moves
-from glider.sysid.search.force_search import search_forces
+from glider.sysid.search.force_search import held_out_scorer, search_forces
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
 
@@ -30,8 +31,7 @@ def trace(
     """Finds the effects that the flights show."""
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
-    usual = tuple(kind for kind in task.kinds if kind not in LATE)
-    search = fits.Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
+    search = fits.Search(without_late(task), progress)
     start = start_of(task, noise, with_curves=True)
     model = by_sets(search, start)
     progress(Step("weighing each effect", 0.4))
@@ -147,3 +147,25 @@ def best_members(
     outstanding = best_set(score.for_newcomers(haste, start), start)
     is_new = frozenset(kind for kind, _ in outstanding) not in tried
     return outstanding if is_new else best
+
+
+def without_late(task: Task, kept: Collection[str] = ()) -> Task:
+    """Returns the task with the effects that are tried first, and those kept."""
+    kinds = tuple(kind for kind in task.kinds if kind not in LATE or kind in kept)
+    return dataclasses.replace(task, kinds=kinds or task.kinds)
+
+
+def search_about(
+    candidates: Candidates, grams: np.ndarray, counts: np.ndarray
+) -> tuple[FitResult, list[int]]:
+    """Searches the effects of flights that count so often, in closed form.
+
+    Returns:
+        the model with their coefficients, all else as it is, and their columns.
+    """
+    is_of_forces = candidates.model.has_force_errors
+    scorer = held_out_scorer if is_of_forces else fits.marginal_scorer
+    score, scales = scorer(candidates, grams, counts), candidates.model.scales
+    members = best_set(score)
+    near = fits.FirstOrder(candidates=candidates, scales=scales, score=score)
+    return near.begin(members), [c for _, variant in members for c in variant]

@@ -5,8 +5,7 @@ import pytest
 
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.fit.floor import air_depends_on, find_floor
-from glider.sysid.fit.folds import flown_by
-from glider.sysid.fit.prediction import flight_errors, predict_all
+from glider.sysid.fit.prediction import flight_errors, flown_by, predict_all
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.result import EquationErrors

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.constants import FOLDS, LEAST_UNSEEN_GAIN
-from glider.sysid.fit.folds import Gains, HeldOut, hold_out, robust_t
+from glider.sysid.constants import FOLDS
+from glider.sysid.fit import folds
+from glider.sysid.fit.folds import Gains, HeldOut, hold_out
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.search.tracing import search_about
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -42,15 +44,19 @@ def test_of_one_flight_nothing_is_known():
 def test_ratios_are_of_root_mean_squares_over_all_flights():
     free = np.array([[3.0, 1.0], [4.0, 2.0]])
     along = np.array([[1.0, 2.0], [1.0, 2.0]])
-    gain = Gains(values=np.zeros(2), unseen=np.ones(2, dtype=bool))
+    gain = Gains(values=np.zeros(2))
     paths = np.stack([free, along], axis=2)
-    held = HeldOut(folds=(), gain=gain, paths=paths)
+    held = HeldOut(folds=(), gain=gain, paths=by_name(paths))
     assert held.ratios == pytest.approx((np.sqrt(5.0 / 25.0), 2.0))
     # A flight on which both diverge counts for neither; one alone, for that one.
-    lost = dataclasses.replace(held, paths=with_flight(paths, np.nan, np.inf))
+    lost = dataclasses.replace(held, paths=by_name(with_flight(paths, np.nan, np.inf)))
     assert lost.ratios == held.ratios
-    lost = dataclasses.replace(held, paths=with_flight(paths, 1.0, np.nan))
+    lost = dataclasses.replace(held, paths=by_name(with_flight(paths, 1.0, np.nan)))
     assert lost.ratios[0] == np.inf
+
+
+def by_name(paths):
+    return dict(enumerate(paths))
 
 
 def with_flight(paths, baseline, corrected):
@@ -58,44 +64,25 @@ def with_flight(paths, baseline, corrected):
     return np.vstack([paths, [[[baseline, 1.0], [corrected, 2.0]]]])
 
 
-def gains(count, each=1.0, unseen=None):
-    values = each + 0.1 * np.sin(np.arange(count))
-    mask = np.zeros(count, dtype=bool)
-    mask[: count // 3 if unseen is None else unseen] = True
-    return Gains(values=values, unseen=mask)
+def robust_t(values):
+    return Gains(values=values).t
 
 
 def test_few_flights_need_a_larger_t():
     """Student's t of so many flights, not of infinitely many."""
-    assert gains(3).least_t == pytest.approx(4.303, abs=1e-3)
-    assert gains(40).least_t == pytest.approx(2.023, abs=1e-3)
-    assert gains(1).least_t == np.inf
+    assert Gains(values=np.ones(3)).least_t == pytest.approx(4.303, abs=1e-3)
+    assert Gains(values=np.ones(40)).least_t == pytest.approx(2.023, abs=1e-3)
+    assert Gains(values=np.ones(1)).least_t == np.inf
     rng = np.random.default_rng(3)
     passed = [
-        Gains(values=values, unseen=np.ones(4, dtype=bool)).t > gains(4).least_t
-        for values in rng.normal(size=(2000, 4))
+        Gains(values=values).are_significant for values in rng.normal(size=(2000, 4))
     ]
     assert np.mean(passed) < 0.05
 
 
-def test_a_gain_must_show_on_flights_that_the_search_has_not_seen():
-    """The set of effects was chosen on the others: there it gains by the choice."""
-    assert gains(12, each=5.0).are_significant
-    chosen = gains(12, each=5.0)
-    values = np.where(chosen.unseen, 0.1, chosen.values)
-    assert Gains(values=values, unseen=np.zeros(12, dtype=bool)).t > chosen.least_t
-    chosen = Gains(values=values, unseen=chosen.unseen)
-    assert chosen.of_unseen < LEAST_UNSEEN_GAIN
-    assert not chosen.are_significant
-
-
 def test_a_flight_that_no_model_flies_changes_no_gain():
-    flown = gains(9, each=5.0)
-    lost = Gains(
-        values=np.append(flown.values, np.nan), unseen=np.append(flown.unseen, True)
-    )
-    assert lost.are_significant
-    assert lost.of_unseen == pytest.approx(flown.of_unseen, rel=0.35)
+    values = 5.0 + 0.1 * np.sin(np.arange(9))
+    assert Gains(values=np.append(values, np.nan)).are_significant
 
 
 def held_out(campaign, *kinds):
@@ -127,7 +114,7 @@ def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone()
     )
     model = fit_model(task, begin(task, noise, ("mass",)))
     rng = np.random.default_rng(0)
-    held = hold_out(task, plate, model, model.scales, rng, (), drawn)
+    held = hold_out(task, plate, model, model.scales, rng, nominal=drawn)
     assert held.over_nominal.are_significant
     assert held.gain.t > -held.gain.least_t  # Of four parameters it needs one.
     assert held.over_nominal.values.mean() > 10.0 * held.gain.values.mean()
@@ -139,3 +126,39 @@ def test_an_idle_effect_does_not():
     assert not held.gain.are_significant
     assert np.abs(held.gain.values).max() < 20.0
     assert min(held.ratios) > 0.9 and max(held.ratios) < 1.3
+
+
+def test_effects_are_searched_again_in_each_fold(monkeypatch):
+    """A set that was chosen by chance is not there; one that is real is, each time."""
+    found = []
+
+    def watched(*arguments):
+        found.append(search_about(*arguments))
+        return found[-1]
+
+    monkeypatch.setattr(folds, "search_about", watched)
+    held_out(fly(flights=8), "pitch_moment")
+    assert [model.kinds for model, _ in found] == FOLDS * [()]
+    found.clear()
+    held_out(fly(KINDS["profile_drag"](cd0=0.05), flights=8), "profile_drag", "camber")
+    assert all("profile_drag" in model.kinds for model, _ in found)
+    assert not any("camber" in model.kinds for model, _ in found)
+
+
+def test_flights_apart_are_scored_but_not_fitted():
+    drag = KINDS["profile_drag"](cd0=0.05)
+    campaign = fly(drag, flights=7)
+    task, noise = task_of(campaign)
+    plate = fit_model(task, begin(task, noise))
+    model = fit_model(task, begin(task, noise, ("profile_drag",)))
+    names = [record.name for record in task.records]
+
+    def found(apart):
+        rng = np.random.default_rng(0)
+        return hold_out(task, plate, model, model.scales, rng, apart)
+
+    alone = found(names[1:])  # Nothing to search on but one flight at a time.
+    assert sorted(alone.paths) == sorted(names)
+    every = found(())
+    assert not np.allclose(alone.gain.values, every.gain.values, rtol=0.01)
+    assert np.all(np.isfinite(alone.gain.values))
