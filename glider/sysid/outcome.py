@@ -259,19 +259,12 @@ def model_of(
 
 def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Estimate]:
     """The unknown parameters of the vehicle, by name."""
-    is_per_mass = task.vehicle.is_per_mass
-    units = {"wing_offset": "m", "mass": "kg"}
-    units["pitch_inertia"] = "m²" if is_per_mass else "kg m²"
-    found = {}
+    area, inertia = ("m²/kg", "m²") if task.vehicle.is_per_mass else ("m²", "kg m²")
+    units, found = {"wing_offset": "m", "mass": "kg", "pitch_inertia": inertia}, {}
     for slot in task.vehicle.unknown:
-        coefficient, (_, name) = (
-            task.layout.coefficients.get(slot),
-            task.layout.slots[slot],
-        )
-        unit = units.get(name, "m²/kg" if is_per_mass else "m²")
-        unit = coefficient.unit if coefficient else unit
-        estimate = Estimate(float(model.theta[slot]), known.std(slot), unit)
-        found[_label(task, slot)] = estimate
+        label, coefficient = _label(task, slot), task.layout.coefficients.get(slot)
+        unit = coefficient.unit if coefficient else units.get(label, area)
+        found[label] = Estimate(float(model.theta[slot]), known.std(slot), unit)
     return found
 
 
@@ -297,13 +290,12 @@ def correlations_of(
     covariance: Covariance | None, kinds: Collection[str]
 ) -> dict[str, dict[str, float]]:
     """Correlations of the errors of effects' coefficients, each with the others."""
-    names = () if covariance is None else covariance.names
-    index = [k for k, name in enumerate(names) if name.partition(".")[0] in kinds]
-    if covariance is None or not index:
+    if covariance is None:
         return {}
+    labels = [n for n in covariance.names if n.partition(".")[0] in kinds]
+    index = [covariance.names.index(name) for name in labels]
     corner = covariance.matrix[np.ix_(index, index)]
     std = np.sqrt(np.diag(corner))
-    labels = [names[k] for k in index]
     return {
         a: {b: r for b, r in zip(labels, row, strict=True) if b != a}
         for a, row in zip(labels, (corner / std[:, None] / std).tolist(), strict=True)
@@ -321,16 +313,15 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[result.Curve
     lack = _lack_of(before)
     # Effects change airspeed and areas too: the rest in units of the flat plate.
     explained = lack - (named.unit / before.unit)[:, [0, 0, 1]] * _lack_of(named)
-    bins = []
+    both, bins = np.hstack([lack, explained]), []
     for here in (place == b for b in np.unique(place)):
         rows_of = [here & (before.flight == f) for f in np.unique(before.flight[here])]
         if len(rows_of) < 2:
             continue
-        means = np.array([lack[rows].mean(axis=0) for rows in rows_of])
-        parts = np.array([explained[rows].mean(axis=0) for rows in rows_of])
-        std = means.std(axis=0, ddof=1) / np.sqrt(len(rows_of))
+        means = np.array([both[rows].mean(axis=0) for rows in rows_of])
+        (mean, part), std = np.split(means.mean(axis=0), 2), means[:, :3].std(0, ddof=1)
         middle = np.full(3, alpha[here].mean())
-        bins.append([middle, means.mean(axis=0), std, parts.mean(axis=0)])
+        bins.append([middle, mean, std / np.sqrt(len(rows_of)), part])
     columns = np.array(bins).reshape(-1, 4, 3).T  # Terms, columns, bins.
     fields = "alpha", "lack", "std", "named"
     return tuple(
