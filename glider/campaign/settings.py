@@ -4,6 +4,7 @@ A mapping: which columns of a log are which quantities, in which units and axes.
 """
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -316,6 +317,11 @@ class Settings:
         for field, why in _without_effect(columns, units, frame):
             words = f"{field} has no effect {why}; expected no such field."
             raise InputError(f"{source}: {words}")
+        for one, other in itertools.combinations(columns, 2):
+            kinds = {QUANTITIES.get(name) for name in (one, other)}
+            if columns[one] == columns[other] and len(kinds) > 1:
+                words = f"columns: '{one}' and '{other}' are both {columns[one]!r}"
+                raise InputError(f"{source}: {words}; expected two columns.")
         return Mapping(source, columns, units, frame, self.clock, join)
 
 

@@ -83,7 +83,8 @@ def _search(
     most = max((trial.rows for trial in made), default=0)
     full = [trial for trial in made if 2 * trial.rows > most]
     # `up` and `top` may have the same result: only another one is a rival.
-    likely = {t[:4]: t for t in reversed(full) if not t.fails}.values()
+    sure = (t for t in full if not t.fails and not (first and t.undecided))
+    likely = {t[:4]: t for t in reversed(list(sure))}.values()
     # Few flights may not show what is wrong.
     every = (_try(t.change, t.mapping, recordings, make) for t in reversed(likely))
     passed = itertools.islice((t for t in every if t and not t.fails), 2)
@@ -124,9 +125,9 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
         for unit in UNITS[QUANTITIES.get(name, name)]:
             yield "units", {name: unit}
     if "elevator" in angles and "elevator_rate_command" in columns:
-        for unit in UNITS["angle"]:
-            servo = {"elevator": unit, "elevator_rate_command": f"{unit}/s"}
-            yield "units", servo
+        pairs = ("angle", "rate"), ("elevator", "elevator_rate_command")
+        for (angle, rate), unit in itertools.product(pairs, UNITS["angle"]):
+            yield "units", {angle: unit, rate: f"{unit}/s"}
     if "pitch" in angles and "yaw" not in angles:  # Off by half a turn.
         _, pitch = log.find(str(columns["pitch"]), "pitch")
         logged = claim.units.get("pitch", claim.units.get("angle", pitch.unit or "rad"))
@@ -137,8 +138,8 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
     if any(name.startswith("elevator") for name in columns):
         frames += [{"elevator": e, "command": c} for e in signs for c in signs]
     if "attitude" in columns or "yaw" in columns:
-        pairs = itertools.permutations(AXES, 2)
-        frames += [{"nose": nose, "top": top} for nose, top in pairs]
+        axes = itertools.permutations(AXES, 2)
+        frames += [{"nose": nose, "top": top} for nose, top in axes]
         frames += [{"rotation": order} for order in (*ORDERS, "wxyz", "xyzw")]
     if "pitch" in columns or "attitude" in columns:
         frames += [{"pitch": pitch} for pitch in FRAME_CHOICES["pitch"][0]]
