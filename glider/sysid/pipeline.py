@@ -51,8 +51,7 @@ def close_the_loop(
         InputError: the campaign or an argument cannot be used.
     """
     expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
-    own = tuple(own_effects)
-    _check_names(effects, own)
+    own = _checked(effects, tuple(own_effects))
     progress(Step("read", 0.0))
     begin = time.perf_counter()
     inspection = _inspected(campaign, flights, grades)
@@ -101,8 +100,10 @@ def _inspected(
         return inspect(campaign)
 
 
-def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:
-    """Raises InputError unless all effects are known, user effects among them."""
+def _checked(
+    effects: Sequence[str] | None, own: tuple[EffectKind, ...]
+) -> tuple[EffectKind, ...]:
+    """The user effects; InputError unless these and all names of effects are known."""
     if effects is not None and not effects:
         raise InputError("found no effect to try; expected the name of at least one.")
     if own:
@@ -113,6 +114,7 @@ def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> 
     for name in effects or ():
         if name not in known:
             raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
+    return own
 
 
 def _kinds_to_try(
