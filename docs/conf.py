@@ -66,6 +66,7 @@ myst_substitutions = {
     "price": f"{fits.EVIDENCE_THRESHOLD:.0f}",
     "price_of_more": f"{fits.COEFFICIENT_THRESHOLD:.0f}",
     "prior_scales": f"{constants.PRIOR_SCALES:g}",
+    "most_averaged": f"{constants.MOST_AVERAGED}",
     "resamples": f"{support.RESAMPLES[0]} to {support.RESAMPLES[1]}",
     "rival_gap": f"{support.RIVAL_GAP:.0f}",
     "shape_scales": f"{constants.PRIOR_SCALES:g}",

@@ -30,7 +30,11 @@ from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
-from glider.sysid.likelihood.uncertainty import uncertainty_of, with_allowed_curves
+from glider.sysid.likelihood.uncertainty import (
+    alternatives_of,
+    averaged,
+    uncertainty_of,
+)
 from glider.sysid.replay.record import Record, Signs, prepare, turn_campaign
 from glider.sysid.replay.replayed import warm_up
 from glider.sysid.replay.smoothing import Noise, measure_noise
@@ -181,7 +185,8 @@ class Analysis:
         with self.stage("weigh", "standard errors"):
             certain = uncertainty_of(task, traced.judged)
             carried = outcome.carried_of(task, model, certain)
-            known = uncertainty_of(task, with_allowed_curves(task, traced.judged))
+            sets = alternatives_of(task, traced.judged, traced.rivals)
+            known = averaged(task, sets)
         effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
         covariance = outcome.covariance_of(task, known)
         left = _left(task, traced.judged, evaluation)
@@ -217,6 +222,16 @@ class Analysis:
                 vehicle=outcome.vehicle_of(task, model, known),
                 model=outcome.model_of(task, model, signs, flights.campaign),
                 covariance=covariance,
+                alternatives=tuple(
+                    result.Alternative(
+                        probability=own.probability,
+                        model=outcome.model_of(task, fit, signs, flights.campaign),
+                        covariance=outcome.covariance_of(task, own.known),
+                    )
+                    for own, fit in zip(
+                        sets, [model, *(fit for fit, _ in traced.rivals)], strict=True
+                    )
+                ),
                 held_out=evaluation.held_out,
                 residual_before=before,
                 residual_after=after,

@@ -87,6 +87,7 @@ LARGEST_FLOOR = 10.0  # Error above which a replica says nothing [m] (c).
 # Evidence that the strength of curves may cost, with which standard errors allow for
 # errors of formulas [nats] (d): three standard deviations, ½ 3².
 CURVE_ALLOWANCE = 4.5
+MOST_AVERAGED = 4  # Rivals that standard errors average over: each costs two fits (c).
 
 # ---------------------------------------------------------------- the verdict
 # Probability below which errors are not those of a perfect model, or gusts not

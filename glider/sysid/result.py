@@ -314,6 +314,15 @@ class Report:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """A glider that may be the right one, of another set of effects than others."""
+
+    probability: float  #: Of those that are nearly as likely.
+    model: GliderModel
+    covariance: Covariance | None  #: Given that the set is right; None where all is.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Result(Report):
     """Result of `close_the_loop`."""
 
@@ -326,6 +335,8 @@ class Result(Report):
     residual_after: ResidualTable  #: Of the corrected model.
     own_effects: tuple[EffectKind, ...] = ()  #: User effects that were tried.
     covariance: Covariance | None = None  #: Of all fitted parameters, if any.
+    #: The corrected glider and those of sets that are nearly as likely.
+    alternatives: tuple[Alternative, ...] = ()
 
     @property
     def report(self) -> Report:

@@ -13,7 +13,7 @@ from glider.sysid.likelihood.information import counted_from, eliminate, solve_s
 from glider.sysid.likelihood.linear_flight import slopes
 from glider.sysid.likelihood.task import Task
 
-LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
+_LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
 STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)  # None to most.
 
 
@@ -31,6 +31,7 @@ class Uncertainty:
     likelihood: np.ndarray  #: (m + q, m + q) inverse of the information.
     places: dict[str, range]  #: Name of a block to its columns.
     changes: np.ndarray  #: (flights, m + q) their squares sum to the jackknife's.
+    average: np.ndarray | None = None  #: Covariance of the named slots over rivals.
 
     def of(self, places: Sequence[int]) -> tuple[np.ndarray, float]:
         """Returns the covariance of some columns and its degrees of freedom."""
@@ -39,8 +40,9 @@ class Uncertainty:
 
     @functools.cached_property
     def covariance(self) -> tuple[np.ndarray, float]:
-        """Of the named slots, see `of`."""
-        return self.of([self.free.index(slot) for slot in self.named])
+        """Of the named slots, see `of`; with rivals where these are averaged."""
+        matrix, freedom = self.of([self.free.index(slot) for slot in self.named])
+        return matrix if self.average is None else self.average, freedom
 
     def std(self, slot: int) -> float:
         """Returns the standard error of a named slot of theta; else NaN."""
@@ -70,6 +72,57 @@ def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
         likelihood=likelihood,
         changes=changes,
     )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """A set of effects that may be the right one."""
+
+    probability: float  #: Of those that are nearly as likely.
+    model: model_fit.FitResult
+    known: Uncertainty  #: Given that the set is right.
+
+
+def alternatives_of(
+    task: Task,
+    model: model_fit.FitResult,
+    rivals: Sequence[tuple[model_fit.FitResult, float]],
+) -> list[Alternative]:
+    """Returns a model and its rivals, by the evidence that these lack [nats]."""
+    odds = np.exp([0.0, *(-lack for _, lack in rivals)])
+    models = [model, *(rival for rival, _ in rivals)]
+    return [
+        Alternative(
+            probability=float(p),
+            model=own,
+            known=uncertainty_of(task, with_allowed_curves(task, own)),
+        )
+        for own, p in zip(models, odds / odds.sum(), strict=True)
+    ]
+
+
+def averaged(task: Task, alternatives: Sequence[Alternative]) -> Uncertainty:
+    """Returns the errors of the first of sets, averaged over all.
+
+    The mean of their covariances and of the squares of what they differ by: where an
+    effect is absent, by all of its size.
+    """
+    first, own = alternatives[0], alternatives[0].known
+    matrix, _ = own.covariance
+    total, slots = first.probability * matrix, list(own.named)
+    for other in alternatives[1:]:
+        there = [k for k, slot in enumerate(slots) if slot in other.known.named]
+        places = [other.known.named.index(slots[k]) for k in there]
+        shapes = [k for k, s in enumerate(slots) if k not in there and task.is_shape(s)]
+        covariance = np.zeros_like(matrix)
+        covariance[np.ix_(shapes, shapes)] = matrix[np.ix_(shapes, shapes)]
+        covariance[np.ix_(there, there)] = other.known.covariance[0][
+            np.ix_(places, places)
+        ]
+        change = other.model.theta[slots] - first.model.theta[slots]
+        change[shapes] = 0.0
+        total = total + other.probability * (covariance + np.outer(change, change))
+    return dataclasses.replace(own, average=total)
 
 
 def jackknife(
@@ -111,7 +164,7 @@ def larger_of(likelihood: np.ndarray, changes: np.ndarray) -> tuple[np.ndarray, 
     total = max(float(np.sum(squares**2)), 1e-300)
     effective = (1.0 + 2.0 / max(r, 1)) * float(np.sum(squares)) ** 2 / total
     share = float(np.sum(larger - 1.0) / max(np.sum(larger), 1e-300))
-    freedom = max(min(effective, flights) - 1.0, r) / max(share, LEAST_SHARE)
+    freedom = max(min(effective, flights) - 1.0, r) / max(share, _LEAST_SHARE)
     return root @ root.T, freedom
 
 

@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from glider.progress import Progress, Step
+from glider.sysid.constants import MOST_AVERAGED
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
@@ -17,7 +18,13 @@ from glider.sysid.replay.smoothing import Noise
 from glider.sysid.search import fits, moves
 from glider.sysid.search.force_search import held_out_scorer, search_forces
 from glider.sysid.search.subsets import Members, Scorer, best_set
-from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
+from glider.sysid.search.support import (
+    RIVAL_GAP,
+    EffectSupport,
+    SearchResult,
+    weakest,
+    weigh,
+)
 
 ROUNDS = 8  # At most.
 # Tried last: scales are seldom wrong, and to first order they imitate many effects.
@@ -73,8 +80,20 @@ def trace(
         alone=search.alone,
         combinations=tuple(sorted(gains.items(), key=lambda item: -item[1])),
         families=moves.families_of(search, model),
+        rivals=rivals_of(search, model),
         threshold=fits.threshold_of(task, model),
     )
+
+
+def rivals_of(
+    search: fits.Search, model: FitResult
+) -> tuple[tuple[FitResult, float], ...]:
+    """Returns the fitted sets that lack little evidence, and how much [nats]."""
+    best = search.penalized_cost(model)
+    others = [m for m in search.fitted.values() if set(m.kinds) != set(model.kinds)]
+    lacks = [(other, search.penalized_cost(other) - best) for other in others]
+    near = [own for own in lacks if 0.0 <= own[1] < RIVAL_GAP]
+    return tuple(sorted(near, key=lambda own: own[1])[:MOST_AVERAGED])
 
 
 def supported(

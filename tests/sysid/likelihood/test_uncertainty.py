@@ -19,7 +19,9 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.uncertainty import (
     STRENGTHS_ASKED,
+    Alternative,
     Uncertainty,
+    averaged,
     jackknife,
     larger_of,
     uncertainty_of,
@@ -211,3 +213,38 @@ def test_the_joint_set_holds_correlated_coefficients(count, flights, variation):
         each.append(half.holds(error[:1]))
     assert np.mean(joint) > 0.9  # Of 95 %, 2.8 standard errors less.
     assert np.mean(each) > 0.9
+
+
+def test_sets_that_are_nearly_as_likely_add_what_they_differ_by(exact):
+    """Total variance: of a drag that is 0.05 ± 0.001, and absent in one set of five."""
+    task, model = exact
+    slots = task.layout.slots_of("profile_drag")
+
+    def alternative(probability, theta, stds):
+        return Alternative(
+            probability=probability,
+            model=dataclasses.replace(model, theta=theta),
+            known=Uncertainty(
+                free=slots if stds else (),
+                named=slots if stds else (),
+                places={},
+                likelihood=np.diag(np.square(stds)),
+                changes=np.zeros((5, len(stds))),
+            ),
+        )
+
+    there = model.theta.copy()
+    there[list(slots)] = 0.05
+    first = alternative(0.8, there, [0.001] * len(slots))
+    absent = alternative(0.2, task.vehicle.theta, [])
+    known = averaged(task, [first, absent])
+    variance = 0.8 * 0.001**2 + 0.2 * 0.05**2
+    assert known.std(slots[0]) == pytest.approx(np.sqrt(variance))
+    alone = dataclasses.replace(first, probability=1.0)
+    assert averaged(task, [alone]).std(slots[0]) == pytest.approx(0.001)
+    other = there.copy()
+    other[list(slots)] = 0.053
+    rival = alternative(0.2, other, [0.002] * len(slots))
+    variance = 0.8 * 0.001**2 + 0.2 * (0.002**2 + 0.003**2)
+    found = averaged(task, [first, rival]).std(slots[0])
+    assert found == pytest.approx(np.sqrt(variance))
