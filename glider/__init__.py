@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from glider.planning.dircol import plan
     from glider.planning.plan import Plan
     from glider.planning.problem import PerchingProblem
+    from glider.propagation import propagate
     from glider.report.folder import write_report
     from glider.report.terminal import print_summary
     from glider.simulation.campaigns import CampaignPlan

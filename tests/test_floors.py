@@ -36,6 +36,7 @@ FLOORS = [
     "glider.verification.proof",
     "glider.verification.trials",
     "glider.verification",
+    "glider.propagation",
     "glider.experiments",
     "glider.report.plots",
     "glider.report",
