@@ -10,9 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.errors import expect
-from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from glider.sysid.result import Result
+from glider.sysid.result import Alternative, Result
 from glider.verification.dynamics.confidence import glider_at, physical
 
 LEVELS = 0.025, 0.5, 0.975
@@ -68,20 +67,19 @@ def propagate(
     rng, alternatives = np.random.default_rng(seed), result.alternatives
     chances = [alternative.probability for alternative in alternatives]
     places = rng.choice(len(alternatives), size=draws, p=chances)
-    values = np.empty(draws)
-    for k, place in enumerate(places):
-        alternative = alternatives[place]
-        model = alternative.model
-        if alternative.covariance is not None:
-            model = _drawn(model, alternative.covariance, rng)
-        values[k] = metric(model)
-    return Propagated(estimate=metric(result.model), values=values, places=places)
+    gliders = (_drawn(alternatives[place], rng) for place in places)
+    return Propagated(
+        estimate=metric(result.model),
+        values=np.array([metric(glider) for glider in gliders], dtype=float),
+        places=places,
+    )
 
 
-def _drawn(
-    model: GliderModel, known: Covariance, rng: np.random.Generator
-) -> GliderModel:
+def _drawn(alternative: Alternative, rng: np.random.Generator) -> GliderModel:
     """A glider of other numbers, as probable as they are."""
+    model, known = alternative.model, alternative.covariance
+    if known is None:
+        return model
     none = np.zeros(len(known.names))
     change = rng.multivariate_normal(none, known.matrix, method="eigh")
     if (freedom := known.degrees_of_freedom) is not None:

@@ -186,7 +186,7 @@ class Analysis:
             certain = uncertainty_of(task, traced.judged)
             carried = outcome.carried_of(task, model, certain)
             sets = alternatives_of(task, traced.judged, traced.rivals)
-            known = averaged(task, sets)
+            known = averaged(sets)
         effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
         covariance = outcome.covariance_of(task, known)
         left = _left(task, traced.judged, evaluation)

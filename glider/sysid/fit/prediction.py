@@ -7,6 +7,7 @@ flies on alone to the end.
 import dataclasses
 import functools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -162,8 +163,7 @@ def predict_all(model: RolloutModel, records: Sequence[Record]) -> list[Predicti
     return in_parallel(functools.partial(predict, model), records)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Compared:
+class Compared(NamedTuple):
     """Predictions of the same flights by several models."""
 
     predictions: list[list[Prediction]]  #: Of each model.
@@ -182,7 +182,7 @@ def compare(
         errors_of(model, [own[i] for i in kept], [flown[i] for i in kept])
         for model, own, flown in zip(models, records, found, strict=True)
     ]
-    return Compared(predictions=found, kept=kept, errors=errors)
+    return Compared(found, kept, errors)
 
 
 def measure_errors(model: RolloutModel, records: Sequence[Record]) -> Errors:

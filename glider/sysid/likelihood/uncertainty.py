@@ -101,28 +101,21 @@ def alternatives_of(
     ]
 
 
-def averaged(task: Task, alternatives: Sequence[Alternative]) -> Uncertainty:
+def averaged(alternatives: Sequence[Alternative]) -> Uncertainty:
     """Returns the errors of the first of sets, averaged over all.
 
     The mean of their covariances and of the squares of what they differ by: where an
     effect is absent, by all of its size.
     """
-    first, own = alternatives[0], alternatives[0].known
-    matrix, _ = own.covariance
-    total, slots = first.probability * matrix, list(own.named)
-    for other in alternatives[1:]:
-        there = [k for k, slot in enumerate(slots) if slot in other.known.named]
-        places = [other.known.named.index(slots[k]) for k in there]
-        shapes = [k for k, s in enumerate(slots) if k not in there and task.is_shape(s)]
-        covariance = np.zeros_like(matrix)
-        covariance[np.ix_(shapes, shapes)] = matrix[np.ix_(shapes, shapes)]
-        covariance[np.ix_(there, there)] = other.known.covariance[0][
-            np.ix_(places, places)
-        ]
-        change = other.model.theta[slots] - first.model.theta[slots]
-        change[shapes] = 0.0
-        total = total + other.probability * (covariance + np.outer(change, change))
-    return dataclasses.replace(own, average=total)
+    first = alternatives[0]
+    total = np.zeros(2 * first.model.theta.shape)
+    for own in alternatives:
+        change = own.model.theta - first.model.theta
+        named, spread = list(own.known.named), np.outer(change, change)
+        spread[np.ix_(named, named)] += own.known.covariance[0]
+        total += own.probability * spread
+    slots = list(first.known.named)
+    return dataclasses.replace(first.known, average=total[np.ix_(slots, slots)])
 
 
 def jackknife(

@@ -237,14 +237,14 @@ def test_sets_that_are_nearly_as_likely_add_what_they_differ_by(exact):
     there[list(slots)] = 0.05
     first = alternative(0.8, there, [0.001] * len(slots))
     absent = alternative(0.2, task.vehicle.theta, [])
-    known = averaged(task, [first, absent])
+    known = averaged([first, absent])
     variance = 0.8 * 0.001**2 + 0.2 * 0.05**2
     assert known.std(slots[0]) == pytest.approx(np.sqrt(variance))
     alone = dataclasses.replace(first, probability=1.0)
-    assert averaged(task, [alone]).std(slots[0]) == pytest.approx(0.001)
+    assert averaged([alone]).std(slots[0]) == pytest.approx(0.001)
     other = there.copy()
     other[list(slots)] = 0.053
     rival = alternative(0.2, other, [0.002] * len(slots))
     variance = 0.8 * 0.001**2 + 0.2 * (0.002**2 + 0.003**2)
-    found = averaged(task, [first, rival]).std(slots[0])
+    found = averaged([first, rival]).std(slots[0])
     assert found == pytest.approx(np.sqrt(variance))
