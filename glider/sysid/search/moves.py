@@ -273,13 +273,16 @@ def with_another(
 
 
 def with_a_rival(
-    search: Search, model: FitResult, weighed: Mapping[str, EffectSupport]
+    search: Search,
+    model: FitResult,
+    weighed: Mapping[str, EffectSupport],
+    sure: float = SURE,
 ) -> FitResult | None:
     """Returns a model worth more with a rival in an effect's place, or None.
 
     The nearest rivals are refitted, of effects that draws do not always choose.
     """
-    doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < SURE]
+    doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < sure]
 
     def rivals(score: Scorer, own: Members) -> Iterable[Members]:
         for kind in doubtful:

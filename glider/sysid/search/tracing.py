@@ -5,7 +5,7 @@ everything acting, the best set searched in closed form and fitted, until one re
 """
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -80,20 +80,30 @@ def trace(
         alone=search.alone,
         combinations=tuple(sorted(gains.items(), key=lambda item: -item[1])),
         families=moves.families_of(search, model),
-        rivals=rivals_of(search, model),
+        rivals=rivals_of(search, model, weighed),
         threshold=fits.threshold_of(task, model),
     )
 
 
 def rivals_of(
-    search: fits.Search, model: FitResult
+    search: fits.Search, model: FitResult, weighed: Mapping[str, EffectSupport]
 ) -> tuple[tuple[FitResult, float], ...]:
-    """Returns the fitted sets that lack little evidence, and how much [nats]."""
-    best = search.penalized_cost(model)
-    others = [m for m in search.fitted.values() if set(m.kinds) != set(model.kinds)]
-    lacks = [(other, search.penalized_cost(other) - best) for other in others]
-    near = [own for own in lacks if 0.0 <= own[1] < RIVAL_GAP]
-    return tuple(sorted(near, key=lambda own: own[1])[:MOST_AVERAGED])
+    """Returns the fitted sets that lack little evidence, and how much [nats].
+
+    Those with a rival in an effect's place are fitted now, if not yet.
+    """
+    if not model.free_kinds:
+        moves.with_a_rival(search, model, weighed, sure=np.inf)
+    own, best = set(model.kinds), search.penalized_cost(model)
+    swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
+    near = []
+    for other in search.fitted.values():
+        lack = search.penalized_cost(other) - best
+        if set(other.kinds) in swapped:
+            lack = max(lack, 0.0)
+        if set(other.kinds) != own and 0.0 <= lack < RIVAL_GAP:
+            near.append((other, lack))
+    return tuple(sorted(near, key=lambda pair: pair[1])[:MOST_AVERAGED])
 
 
 def supported(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
+from glider.progress import silent
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
@@ -22,11 +23,13 @@ from glider.sysid.search.subsets import Scorer
 from glider.sysid.search.support import (
     DOUBTED,
     LEAST_SUPPORT,
+    RIVAL_GAP,
     SIMPLE_SUPPORT,
     EffectSupport,
     weakest,
     weigh,
 )
+from glider.sysid.search.tracing import rivals_of
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -65,6 +68,17 @@ def test_what_can_hardly_be_told_apart_is_a_rival():
     drag = KINDS["profile_drag"](cd0=0.0008)
     found, *_ = weighed(drag, "profile_drag", offered=offered, flights=3)
     assert found["profile_drag"].rivals == ("axial_drag",)
+
+
+def test_a_rival_is_fitted_in_an_effects_place():
+    """Not only named: errors are averaged over its model too."""
+    offered = ("profile_drag", "axial_drag", "servo_lag")
+    drag = KINDS["profile_drag"](cd0=0.0008)
+    found, task, model = weighed(drag, "profile_drag", offered=offered, flights=3)
+    ((rival, lack),) = rivals_of(Search(task, silent), model, found)
+    assert rival.kinds == ("axial_drag",) and 0.0 <= lack < RIVAL_GAP
+    none = {"profile_drag": dataclasses.replace(found["profile_drag"], rivals=())}
+    assert rivals_of(Search(task, silent), model, none) == ()
 
 
 def test_what_flights_drawn_again_choose_is_a_rival_and_backs_it():
