@@ -44,7 +44,7 @@ myst_heading_anchors = 3
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
     "beam": f"{subsets.BEAM}",
-    "curve_price": f"{moves.CURVE_THRESHOLD:.0f}",
+    "curve_price": f"{fits.CURVE_THRESHOLD:.0f}",
     "bend_threshold": f"{np.log(len(blocks.BLOCKS)):.1f}",
     "block_threshold": f"{fits.BLOCK_THRESHOLD:.0f}",
     "curves": f"{blocks.COUNT}",
@@ -56,6 +56,8 @@ myst_substitutions = {
     "allowed": f"{constants.CURVE_ALLOWANCE:g}",
     "least_support": f"{support.LEAST_SUPPORT:.0%}",
     "floor_accuracy": f"{100 * constants.FLOOR_ACCURACY:g} %",
+    "undervalued": f"{moves.UNDERVALUED:.0f}",
+    "most_tried": f"{moves.MOST_TRIED}",
     "unlikely": f"{100 * constants.UNLIKELY:g} %",
     "moment_share": f"{constants.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",

@@ -134,7 +134,7 @@ def log_slopes(
         field: the residual Field, whose last basis function is a constant.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, n, w), written: its slopes by the node's first w states.
-        by_term: (K, n, 7), written: by each constant of FIELD_TERMS; or (K, n, 0).
+        by_term: (K, n, 8), written: by each constant of FIELD_TERMS; or (K, n, 0).
         by_theta: (K, n, m), written: along each direction.
     """
     n, width = nodes.shape[1], by_x.shape[2]
@@ -318,7 +318,7 @@ def slopes_along(
 
     Returns:
         the ends (K, n), and their slopes by the node's first states (K, n, width), by a
-        constant of each of FIELD_TERMS (K, n, 7) and along the directions (K, n, m).
+        constant of each of FIELD_TERMS (K, n, 8) and along the directions (K, n, m).
     """
     shape, terms = nodes[1:].shape, field.weights.shape[1]
     nothing = np.zeros((1, field.centers.shape[1]))

@@ -60,7 +60,7 @@ def sensor_terms(flow, x, c):
 
 def residual_terms(flow, field):
     """The residual field's FIELD_TERMS."""
-    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 def effect_rates(flow, xdd, zdd, x, c):
@@ -171,7 +171,7 @@ def wrench(flow, terms, x, c):
     deflection = flow.elevator + trim
     wing_plate, tail_plate = turned(flow, incidence), turned(flow, deflection)
     wing, wing_moment = wing_force(
-        flow, wing_plate, incidence, shift, normal, wing_factor
+        flow, wing_plate, incidence, shift, normal, wing_factor + terms[7]
     )
     downwash = downwash + terms[6] * flow.speed
     tail, tail_moment = elevator_force(

@@ -312,7 +312,7 @@ def _left(task: Task, model: FitResult, evaluation: Evaluation) -> result.Residu
     gains = survey(task, model)
     real = [name for name, gain in gains.items() if gain > BLOCK_THRESHOLD]
     real.sort(key=lambda name: -gains[name])
-    variables = [v for name in real[:3] for v in BLOCKS[name].variables]
+    variables = [BLOCKS[name].variable for name in real[:3]]
     return result.Residual(
         position_m=corrected.position_rms_m,
         ratio_to_floor=corrected.position_rms_m / floor.position_rms_m,

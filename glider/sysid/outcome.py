@@ -162,14 +162,14 @@ def _block_entry(
 ) -> FoundEffect:
     """A free function as an effect of its family, or of none."""
     kind, own = BLOCKS[name], traced.model.by_name[name]
-    family, terms = traced.families.get(name), list(own.data.weights)
+    family = traced.families.get(name)
     return FoundEffect(
         kind=family or "unexplained",
         words=kind.words if family else f"no effect of the library: {kind.words}",
-        coefficients=find_peaks(own, known, terms),
+        coefficients=find_peaks(own, known, [kind.term]),
         shape=result.OTHER_SHAPE if family else result.LIBRARY_SHAPE,
-        family="moment" if terms == ["c_moment"] else kind.link,
-        depends_on=kind.variables,
+        family=kind.link,
+        depends_on=(kind.variable,),
         **of_search,
     )
 
@@ -197,12 +197,13 @@ def find_peaks(
     the flown range is not one of the function: its place has no error (NaN).
     """
     block, places = own.block, known.places[own.block.name]
-    mix = block.mix * own.is_acting[block.groups]
     grid = np.linspace(block.centers.min(), block.centers.max(), 401)
     functions = block.functions(grid[:, None])
     found, [variable] = {}, block.variables
     for term in terms:
-        rows = functions @ mix[block.terms.index(term) :: len(block.terms)]  # b, (n, q)
+        rows = (
+            functions @ block.mix[block.terms.index(term) :: len(block.terms)]
+        )  # b, (n, q)
         slopes = np.gradient(rows, grid, axis=0)
         values, bends = rows @ own.coordinates, np.gradient(slopes, grid, axis=0)
         peak = int(np.argmax(np.abs(values)))

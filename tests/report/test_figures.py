@@ -3,19 +3,22 @@
 import dataclasses
 import json
 import math
+import types
 
 import numpy as np
 import pytest
 
 from glider.files.schema import json_text
+from glider.physics.effects.field import FieldData
 from glider.report.as_page import page_data, rounded
 from glider.report.error_table import distance
 from glider.report.flight_figures import MOST_FLIGHTS, flights_in_page
 from glider.report.folder import FIGURES, make_figures, to_html
-from glider.report.model_figures import BAND
+from glider.report.model_figures import BAND, carried_figure
 from glider.report.plots.binning import binned_quantiles
 from glider.report.plots.figure import Band, Bars, Ground, Level, Line, Points
 from glider.report.plots.style import INKS
+from glider.sysid.likelihood.blocks import BLOCKS
 from tests.report.results import VARIANTS, make_curve, make_flight, make_result
 
 NORMAL = "equation.normal"
@@ -241,3 +244,18 @@ def test_binned_quantiles_are_those_of_each_bin():
     centers, lines = binned_quantiles(x[:3], y[:3], (0.1, 0.5))
     assert centers.shape == (0,)
     assert lines.shape == (2, 0)
+
+
+def test_every_free_function_can_be_drawn():
+    """Terms and variables have names: a report of any family can be written."""
+    for name, kind in BLOCKS.items():
+        data = FieldData(
+            kind="unexplained",
+            variables=[kind.variable],
+            centers=[[0.0], [0.1]],
+            widths=[0.1],
+            weights={kind.term: [0.1, 0.2]},
+        )
+        model = types.SimpleNamespace(field=data)
+        figure = carried_figure(types.SimpleNamespace(model=model))
+        assert figure is not None and len(figure.panels) == 1, name

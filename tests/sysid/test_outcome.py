@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 
 from glider.sysid.constants import CURVE_Z
-from glider.sysid.likelihood.blocks import (
-    CURVE_TERMS,
-    CURVES,
-    LEAST_STRENGTH,
-    FittedBlock,
-)
+from glider.sysid.likelihood.blocks import CURVE_TERMS, CURVES, FittedBlock
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import carried_of, curves_of, effects_of, model_of, spreads_of
@@ -130,13 +125,11 @@ def test_curves_show_what_is_lacking_along_and_across_the_wing():
 # ------------------------------------------------------------------------ blocks
 
 
-def with_block(task, model, name, *strengths):
-    """Returns a trace of a model with a free function of these strengths."""
+def with_block(task, model, name):
+    """Returns a trace of a model with a free function."""
     block = task.blocks[name]
     values = np.linspace(2.0, 1.0, block.count)  # So that peaks are near the start.
-    own = FittedBlock(
-        block=block, coordinates=values, strengths=np.array(strengths, dtype=float)
-    )
+    own = FittedBlock(block=block, coordinates=values, strength=1.0)
     model = dataclasses.replace(model, kinds=(name,), blocks=(own,))
     return types.SimpleNamespace(
         model=model,
@@ -149,8 +142,8 @@ def with_block(task, model, name, *strengths):
 def test_a_free_functions_errors_are_its_own(plain):
     """Standard errors allow for curves, which the model need not have."""
     task, model = plain
-    traced = with_block(task, model, "air over x", 1.0, 1.0)
-    block, curves = task.blocks["air over x"], task.curves.count
+    traced = with_block(task, model, "air along x over x")
+    block, curves = task.blocks["air along x over x"], task.curves.count
     free, end = len(model.free), len(model.free) + task.curves.count
     std = np.concatenate([np.full(free + curves, 9.0), np.full(block.count, 0.1)])
     places = {CURVES: range(free, end), block.name: range(end, len(std))}
@@ -166,20 +159,6 @@ def test_a_free_functions_errors_are_its_own(plain):
     peak = effect.coefficients["wind_x_peak"]
     # A Gaussian beside its neighbours, each 0.5 m/s times 0.1.
     assert 0.05 < peak.std < 0.15
-
-
-def test_a_free_force_normal_to_the_wing_is_lift_and_drag(plain):
-    """Its function along the wing is off: both coefficients have a peak."""
-    task, model = plain
-    name = "forces over alpha"
-    traced = with_block(task, model, name, 1.0, LEAST_STRENGTH, LEAST_STRENGTH)
-    known = known_within(traced.model, 0.1)
-    (effect,) = effects_of(task, traced, known, (), {}, Signs())
-    peaks = effect.coefficients
-    assert set(peaks) == {
-        f"{c}_peak{at}" for c in ("c_lift", "c_drag") for at in ("", "_at_alpha")
-    }
-    assert all(e.std > 0.0 for n, e in peaks.items() if n.endswith("peak"))
 
 
 # ----------------------------------------------------------------------- spreads

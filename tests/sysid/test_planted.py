@@ -1,14 +1,11 @@
 """Effects planted in a campaign are traced, each with its coefficients."""
 
-import dataclasses
-
 import pytest
 
 from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.search.fits import Search
-from glider.sysid.search.moves import prune
-from glider.sysid.search.tracing import LATE, by_sets
+from glider.sysid.search.tracing import improved
 from tests.helpers.tasks import fly, task_of, typical
 
 SEARCHED = (
@@ -25,10 +22,8 @@ WHOLE = ("tail_wake", "inertia")  # Which added_mass holds too.
 def test_the_search_finds_planted_effects(kind):
     effect = typical(kind)
     task, noise = task_of(fly(effect, flights=5))
-    usual = tuple(k for k in task.kinds if k not in LATE)
-    search = Search(dataclasses.replace(task, kinds=usual), lambda text: None)
-    start = start_of(task, noise, with_curves=True)
-    model, _ = prune(search, by_sets(search, start))
+    search = Search(task, lambda text: None)
+    model = improved(search, start_of(task, noise, with_curves=True))
     assert model.kinds == (kind,)
     for name, truth in effect.to_dict().items():
         found = model.theta[task.layout.index[kind, name]]

@@ -35,7 +35,10 @@ TAIL_TERMS = ("elevator_factor", "tail_downwash")
 """Relative change of the elevator's force [-]; angle by which the stream at the tail is
 turned down, as by the wing's downwash [rad]."""
 
-FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS)
+WING_TERM = "wing_factor"
+"""Relative change of the wing's force [-]."""
+
+FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, WING_TERM)
 
 
 class Field(NamedTuple):
@@ -48,7 +51,7 @@ class Field(NamedTuple):
     #: (M, 10), zero where the function does not depend on the variable; a row of zeros
     #: is a constant.
     inverse_widths: np.ndarray
-    #: (M, 7), in the order of FIELD_TERMS.
+    #: (M, 8), in the order of FIELD_TERMS.
     weights: np.ndarray
 
 
@@ -79,7 +82,7 @@ def field_variables(flow):
 @scalar
 def field_terms(flow, field):
     """Returns the values of FIELD_TERMS in a flow."""
-    wind_x = wind_z = lift = drag = moment = tail = turn = 0.0 * flow.speed
+    wind_x = wind_z = lift = drag = moment = tail = turn = wing = 0.0 * flow.speed
     if field.weights.shape[0] > 0:
         variables = field_variables(flow)
         for m in range(field.weights.shape[0]):
@@ -97,7 +100,8 @@ def field_terms(flow, field):
             moment = moment + basis * field.weights[m, 4]
             tail = tail + basis * field.weights[m, 5]
             turn = turn + basis * field.weights[m, 6]
-    return wind_x, wind_z, lift, drag, moment, tail, turn
+            wing = wing + basis * field.weights[m, 7]
+    return wind_x, wind_z, lift, drag, moment, tail, turn, wing
 
 
 @dataclasses.dataclass(kw_only=True)

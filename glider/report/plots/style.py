@@ -67,7 +67,9 @@ TERMS = {
     "c_normal": "normal force $C_n$",
     "c_axial": "axial force $C_a$",
     "c_moment": "moment $C_M$ [m]",
-    "elevator_factor": "force of the tail, factor",
+    "elevator_factor": "force of the tail, relative change",
+    "tail_downwash": "downwash at the tail [rad]",
+    "wing_factor": "force of the wing, relative change",
     "c_lift": "lift $C_L$",
     "c_drag": "drag $C_D$",
     "wind_x": "air moving forward [m/s]",
@@ -86,6 +88,7 @@ VARIABLES = {
     "pitchdot": ("pitch rate [°/s]", math.degrees(1.0)),
     "elevator": ("elevator, up > 0 [°]", math.degrees(1.0)),
     "elevator_rate": ("elevator rate [°/s]", math.degrees(1.0)),
+    "tail_load": ("load of the elevator [Pa]", 1.0),
 }
 """Variable to its axis label and the factor from SI."""
 

@@ -13,14 +13,13 @@ formulas can express is excluded from them.
 
 import dataclasses
 import functools
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
 
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
-from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, FieldData
+from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, WING_TERM, FieldData
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_variables
@@ -28,13 +27,15 @@ from glider.sysid.replay.replayed import flow_variables
 SPREADS = {
     **dict.fromkeys(AIR_TERMS, 0.5),
     **dict(zip(COEFFICIENTS, (0.2, 0.2, 0.01), strict=True)),
-    **{"elevator_factor": 0.5, "tail_downwash": 0.2},
+    **{"elevator_factor": 0.5, "tail_downwash": 0.2, WING_TERM: 0.2},
 }
-"""Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad]: a
-tenth of a flat plate's largest coefficients, half of a tail's force."""
+"""Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad; -]: a
+tenth of a flat plate's largest coefficients, half of a tail's force, a fifth of a
+wing's."""
 
-COUNTS = {"x": 24, "z": 16, "t": 16, "tail_load": 16}  # Gaussians; others have 12.
-LEAST_STRENGTH = 0.02  # Of a term: below, it has none.
+# Gaussians over a variable; over the others there are 8.
+COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 12, "tail_load": 16}
+LEAST_STRENGTH = 0.02  # Of a block: below, it has none.
 _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 
@@ -43,45 +44,60 @@ class BlockKind:
     """A family of effects: a link of the force chain, and what it varies with."""
 
     link: str  #: Of the force chain, as reports have it.
-    terms: tuple[str, ...]  #: Of FIELD_TERMS.
-    variables: tuple[str, ...]  #: Of FIELD_VARIABLES.
+    term: str  #: Of FIELD_TERMS.
+    variable: str  #: Of FIELD_VARIABLES.
     words: str  #: A short phrase for people.
     formulas: tuple[str, ...]  #: Effects of the library that are of the family.
     bends: frozenset[str]  #: Effects whose formula it may bend.
 
 
+_DRAGS = "profile_drag axial_drag induced_drag"
+_LAGGED = "dynamic_stall lagged_separation"
 _OF_TAIL = "tail_wake elevator_area downwash stalled_downwash elevator_blowback"
 _LINKS = {
-    "air": ("air", AIR_TERMS, "the air moves", ""),
-    "forces": ("wing_force", COEFFICIENTS, "the forces change", ""),
-    "tail force": (
-        *("tail_pressure", ("elevator_factor",), "the tail's force changes"),
+    "air along x": ("air", "wind_x", "the air moves along x", ""),
+    "air along z": ("air", "wind_z", "the air moves along z", ""),
+    "lift": ("wing_force", "c_lift", "the lift changes", ""),
+    "drag": ("wing_force", "c_drag", "the drag changes", _DRAGS),
+    "moment": ("moment", "c_moment", "the moment changes", ""),
+    "wing's force": ("wing_force", WING_TERM, "the wing's force changes", ""),
+    "tail's force": (
+        *("tail_pressure", "elevator_factor", "the tail's force changes"),
         _OF_TAIL,
     ),
     "stream at the tail": (
-        *("tail_angle", ("tail_downwash",), "the stream there turns"),
+        *("tail_angle", "tail_downwash", "the stream at the tail turns"),
         _OF_TAIL,
     ),
 }
-"""Links of the force chain: their name in reports, terms, what happens there, and which
+"""Links of the force chain: their name in reports, term, what happens there, and which
 formulas of other variables a function may bend: only the deflection distinguishes a
 change of the tail's angle from one of its force."""
 
-_OF_WING = "attached_lift camber profile_drag axial_drag induced_drag"
-_LAGGED = "dynamic_stall lagged_separation"
 _FAMILIES = (
-    ("air", "x", ""),
-    ("air", "z", "wind_shear"),
-    ("air", "t", ""),
-    ("forces", "z", "ground_effect"),
-    ("forces", "V", "airspeed_dependence"),
-    ("forces", "alpha", f"{_OF_WING} {_LAGGED} center_of_pressure pitch_moment"),
-    ("forces", "pitchdot", f"pitch_rate_lift pitch_damping added_mass {_LAGGED}"),
-    ("forces", "elevator", ""),
-    ("forces", "elevator_rate", ""),
-    ("tail force", "V", ""),
-    ("tail force", "alpha", "tail_wake"),
-    ("tail force", "elevator", ""),
+    ("air along x", "x", ""),
+    ("air along x", "z", "wind_shear"),
+    ("air along x", "t", ""),
+    ("air along z", "x", ""),
+    ("air along z", "z", ""),
+    ("air along z", "t", ""),
+    ("lift", "alpha", f"attached_lift camber {_LAGGED}"),
+    ("lift", "pitchdot", f"pitch_rate_lift {_LAGGED}"),
+    ("lift", "elevator_rate", ""),
+    ("drag", "alpha", _DRAGS),
+    ("drag", "V", ""),
+    ("drag", "z", ""),
+    ("drag", "elevator", ""),
+    ("moment", "alpha", "center_of_pressure pitch_moment"),
+    ("moment", "V", ""),
+    ("moment", "pitchdot", "pitch_damping added_mass"),
+    ("moment", "elevator", ""),
+    ("moment", "elevator_rate", ""),
+    ("wing's force", "V", "airspeed_dependence"),
+    ("wing's force", "z", "ground_effect"),
+    ("tail's force", "V", ""),
+    ("tail's force", "alpha", "tail_wake"),
+    ("tail's force", "elevator", ""),
     ("stream at the tail", "alpha", "downwash stalled_downwash"),
     ("stream at the tail", "tail_load", "elevator_blowback"),
     ("stream at the tail", "elevator", ""),
@@ -91,14 +107,14 @@ _FAMILIES = (
 BLOCKS = {
     f"{link} over {variable}": BlockKind(
         link=reported,
-        terms=terms,
-        variables=(variable,),
+        term=term,
+        variable=variable,
         words=f"{happens} with {variable}",
         formulas=tuple(formulas.split()),
         bends=frozenset(f"{formulas} {bent}".split()),
     )
     for link, variable, formulas in _FAMILIES
-    for reported, terms, happens, bent in [_LINKS[link]]
+    for reported, term, happens, bent in [_LINKS[link]]
 }
 """Families of effects that are searched without a formula, by name."""
 
@@ -108,7 +124,7 @@ class Block:
     """Gaussians over variables, with a weight for each of some terms.
 
     Weights (M T,) go by functions first and then by terms; they are mixtures of
-    coordinates whose prior spread is the strength of their group.
+    coordinates with a common prior spread, the block's strength.
     """
 
     name: str  #: Of BLOCKS, or CURVES.
@@ -117,7 +133,6 @@ class Block:
     centers: np.ndarray  #: (M, d)
     widths: np.ndarray  #: (d,)
     mix: np.ndarray  #: (M T, q) weights of coordinates.
-    groups: np.ndarray  #: (q,) number of the group of each coordinate.
 
     @property
     def count(self) -> int:
@@ -131,8 +146,7 @@ class Block:
 
     def functions(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (n, M) at values of the variables (n, d)."""
-        scaled = (values[:, None, :] - self.centers) / self.widths
-        return np.exp(-0.5 * np.sum(scaled**2, axis=2))
+        return gaussian(values, self.centers, self.widths)
 
     def values(self, coordinates: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Returns the terms (n, T) at values of the variables (n, d)."""
@@ -161,29 +175,29 @@ class Block:
         return flight.with_forces(functions, terms, self.mix)
 
 
+def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """Returns Gaussians (n, M) about centers (M, d) at values (n, d)."""
+    scaled = (values[:, None, :] - centers) / widths
+    return np.exp(-0.5 * np.sum(scaled**2, axis=2))
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FittedBlock:
     """A block that acts in a model."""
 
     block: Block
     coordinates: np.ndarray  #: (q,)
-    strengths: np.ndarray  #: (G,) prior spread of the coordinates of each group.
+    strength: float  #: Prior spread of the coordinates.
 
     @property
     def precision(self) -> np.ndarray:
         """Prior precision of each coordinate (q,)."""
-        return self.strengths[self.block.groups] ** -2.0
-
-    @property
-    def is_acting(self) -> np.ndarray:
-        """Which groups are not as weak as none (G,)."""
-        return self.strengths > 1.01 * LEAST_STRENGTH
+        return np.full(self.block.count, self.strength**-2.0)
 
     @property
     def data(self) -> FieldData:
-        """The function as a model file has it, of what acts."""
-        acting = self.is_acting[self.block.groups]
-        return self.block.data(np.where(acting, self.coordinates, 0.0))
+        """The function as a model file has it."""
+        return self.block.data(self.coordinates)
 
 
 def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
@@ -198,10 +212,8 @@ def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
             centers=np.array(part.centers),
             widths=np.array(part.widths),
             mix=weights,
-            groups=np.zeros(1, dtype=int),
         )
-        one = np.ones(1)
-        found.append(FittedBlock(block=block, coordinates=one, strengths=one))
+        found.append(FittedBlock(block=block, coordinates=np.ones(1), strength=1.0))
     return tuple(found)
 
 
@@ -216,45 +228,43 @@ def midpoints(record: Record, theta: np.ndarray) -> np.ndarray:
     return 0.5 * (values[1:] + values[:-1])
 
 
-def make_blocks(flown: np.ndarray) -> dict[str, Block]:
-    """Spreads the bases of BLOCKS over `flown_values`; a point has none."""
+def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
+    """Spreads the bases of BLOCKS over `flown_values`; a point has none.
+
+    A drag and a moment vary about their means, which `profile_drag` and `pitch_moment`
+    are for.
+    """
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     found = {}
     for name, kind in BLOCKS.items():
-        columns = [FIELD_VARIABLES.index(v) for v in kind.variables]
-        if np.any(high[columns] - low[columns] < _LEAST_RANGE):
+        column = FIELD_VARIABLES.index(kind.variable)
+        if high[column] - low[column] < _LEAST_RANGE:
             continue
-        counts = [COUNTS.get(v, 12) for v in kind.variables]
-        ranges = zip(low[columns], high[columns], counts, strict=True)
-        axes = [np.linspace(*ends) for ends in ranges]
-        spreads = np.array([SPREADS[term] for term in kind.terms])
-        centers = np.array(list(itertools.product(*axes)))
-        mix = np.diag(np.tile(spreads, len(centers)))
-        if name == "forces over alpha":
-            mix = _turned(centers[:, 0]) @ mix
+        count = COUNTS.get(kind.variable, 8)
+        centers = np.linspace(low[column], high[column], count)[:, None]
+        widths = centers[1] - centers[0]
+        adds = {kind.term: np.ones((count, 1))}
+        basis = np.eye(count)
+        if kind.term in ("c_drag", "c_moment"):
+            values = flown[:: max(1, len(flown) // 2000), [column]]
+            along = np.cos(values) if name == "drag over alpha" else 1.0
+            mean = np.mean(along * gaussian(values, centers, widths), axis=0)
+            basis = scipy.linalg.null_space(mean[None])
+        s, c = np.sin(centers), np.cos(centers)
+        if name == "lift over alpha":  # Normal to the wing, and at its place.
+            adds = {"c_lift": c, "c_drag": s, "c_moment": np.full_like(c, -wing_offset)}
+        elif name == "drag over alpha":  # Along the wing.
+            adds = {"c_lift": -s, "c_drag": c}
+        weights = SPREADS[kind.term] * np.hstack(list(adds.values()))
         found[name] = Block(
             name=name,
-            terms=kind.terms,
-            variables=kind.variables,
+            terms=tuple(adds),
+            variables=(kind.variable,),
             centers=centers,
-            widths=np.array([axis[1] - axis[0] for axis in axes]),
-            mix=mix,
-            groups=np.tile(np.arange(len(spreads)), len(centers)),
+            widths=widths,
+            mix=(weights[:, :, None] * basis[:, None, :]).reshape(-1, basis.shape[1]),
         )
     return found
-
-
-def _turned(alpha: np.ndarray) -> np.ndarray:
-    """Turns coefficients normal to the wing and along it into lift and drag.
-
-    The error of a wing's formula is mostly normal to it: so its axial group can be
-    zero. The moment stays.
-    """
-    s, c, one = np.sin(alpha), np.cos(alpha), np.ones_like(alpha)
-    none = 0.0 * one
-    rows = [[c, -s, none], [s, c, none], [none, none, one]]
-    blocks = np.moveaxis(np.array(rows), 2, 0)
-    return scipy.linalg.block_diag(*blocks)
 
 
 CURVES = "curves"  # Name of the block over the angle of attack that always acts.
@@ -288,14 +298,14 @@ def make_curves(flown: np.ndarray) -> Curves:
         widths=centers[1:2] - centers[:1],
         angles=angles,
     )
-    functions = make(mix=spreads, groups=spreads).functions(angles[:, None])
+    functions = make(mix=spreads).functions(angles[:, None])
     shapes = [np.stack(shape, axis=1)[:, None, :] for shape in _simple_shapes(angles)]
     overlaps = np.array(
         [(functions[:, :, None] * s).mean(axis=0).ravel() for s in shapes]
     )
     _, _, rows = np.linalg.svd(overlaps * spreads)
     free = rows[len(overlaps) :].T
-    return make(mix=spreads[:, None] * free, groups=np.zeros(free.shape[1], dtype=int))
+    return make(mix=spreads[:, None] * free)
 
 
 def _simple_shapes(alpha: np.ndarray) -> list[tuple[np.ndarray, ...]]:

@@ -23,6 +23,7 @@ Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts
 
 # Change of a state in an interval that no flight has: a formula is outside its range.
 _LARGEST_PUSH = 1e3
+_AT_ONCE = 16  # Flights whose information is in memory at once.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -53,15 +54,25 @@ class Candidates:
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        if not self.blocks:
-            return model_fit.grams_of(self.flights, scales)
-        theta = self.model.theta
+        return np.stack(self._grams(self.flights, scales))
+
+    def total(self, scales: Scales) -> np.ndarray:
+        """Returns the sum of `grams`, a few flights' at a time in memory."""
+        parts = [
+            self.flights[k : k + _AT_ONCE]
+            for k in range(0, len(self.flights), _AT_ONCE)
+        ]
+        return sum(np.sum(self._grams(part, scales), axis=0) for part in parts)
+
+    def _grams(
+        self, flights: Sequence[LinearFlight], scales: Scales
+    ) -> list[np.ndarray]:
+        theta, blocks = self.model.theta, self.blocks
 
         def one(flight: LinearFlight) -> np.ndarray:  # It holds one flight's only.
-            wide = model_fit.with_blocks(flight, theta, self.blocks)
-            return whiten(wide, scales).gram
+            return whiten(model_fit.with_blocks(flight, theta, blocks), scales).gram
 
-        return np.stack(in_parallel(one, self.flights))
+        return in_parallel(one, flights)
 
     def from_nothing(self, grams: np.ndarray) -> tuple[np.ndarray, model_fit.Prior]:
         """Returns the information and the prior about the model without effects.
@@ -69,22 +80,21 @@ class Candidates:
         Blocks that do not act yet have a prior spread of one; see `columns`.
         """
         prior = model_fit.prior_of(self.task, self.model, self.slots)
-        always, share = set(self.always), np.zeros(len(prior.mean))
-        for j in set(range(len(share))) - always:
-            if j >= len(self.slots) or not self.task.is_shape(self.slots[j]):
-                share[j] = -prior.mean[j]
-        mean = prior.mean.copy()
-        mean[: len(self.slots)] = 0.0  # Unknown parameters count from where they are.
-        mean += np.where(np.arange(len(mean)) >= len(self.slots), share, 0.0)
+        index, first = np.arange(len(prior.mean)), len(self.slots)
+        stays = np.isin(index, self.always)
+        stays[:first] |= np.array([*map(self.task.is_shape, self.slots)], dtype=bool)
+        share = np.where(stays, 0.0, -prior.mean)
         more = sum(block.count for block in self.blocks)
         most = np.full(more, model_fit.LARGEST_COORDINATE)
-        prior = model_fit.Prior(
-            mean=np.append(mean, np.zeros(more)),
+        prior = model_fit.Prior(  # Unknown parameters count from where they are.
+            mean=np.append(
+                np.where(stays & (index >= first), prior.mean, 0.0), 0 * most
+            ),
             precision=np.append(prior.precision, np.ones(more)),
             lower=np.append(prior.lower + share, -most),
             upper=np.append(prior.upper + share, most),
         )
-        return counted_from(grams, np.append(share, np.zeros(more))), prior
+        return counted_from(grams, np.append(share, 0 * most)), prior
 
     def evidence(self, gram: np.ndarray) -> Evidence:
         """Returns the evidence of sets of columns beside those that always act."""
@@ -169,32 +179,18 @@ def survey(task: Task, model: model_fit.FitResult) -> dict[str, float]:
 
     On a few flights; minus infinity where the model diverges.
     """
-    few = task.thinned(SURVEY_FLIGHTS)
-    bare = dataclasses.replace(few, kinds=())
-    candidates = gather(bare, model, with_blocks=True)
-    gram = candidates.grams(model.scales).sum(axis=0)
-    names = [block.name for block in candidates.blocks]
+    few = dataclasses.replace(task.thinned(SURVEY_FLIGHTS), kinds=())
+    candidates = gather(few, model, with_blocks=True)
+    names, gram = [b.name for b in candidates.blocks], candidates.total(model.scales)
     if not np.all(np.isfinite(gram)):
         return dict.fromkeys(names, -np.inf)
-    prior = model_fit.prior_of(few, model)
-    reduced = eliminate(gram, range(len(prior.mean)), prior.precision, prior.mean)
-    found, first = {}, 0
-    for block in candidates.blocks:
-        keep = [*range(first, first + block.count), len(reduced) - 1]
-        first += block.count
-        most = np.full(block.count, np.inf)
-        gains = []
-        for strength in STRENGTHS_TRIED:
-            scale = np.append(np.full(block.count, strength), 1.0)
-            evidence = Evidence(
-                gram=reduced[np.ix_(keep, keep)] * scale[:, None] * scale,
-                precision=np.ones(block.count),
-                lower=-most,
-                upper=most,
-            )
-            gains.append(evidence.log_marginal(range(block.count)))
-        found[block.name] = max(gains)
-    return found
+    evidence, variants = candidates.evidence(gram), candidates.variants
+    own = [column for kind in model.kinds for column in variants[kind][0]]
+    before = evidence.log_marginal(own)
+    return {
+        name: max(evidence.log_marginal([*own, *v]) for v in variants[name]) - before
+        for name in names
+    }
 
 
 def tamed(

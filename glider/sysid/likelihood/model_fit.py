@@ -43,6 +43,7 @@ from glider.sysid.replay.smoothing import Noise
 FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
 LARGEST_COORDINATE = 30.0  # Of a curve: it keeps a fit that diverges from overflow.
 STRENGTH_RANGE = (0.1, 5.0)  # Of curves: less is as good as none, more no error of one.
+_MOST_TRIES = 3  # Of shorter steps in a fit.
 _TOLERANCE = 0.3  # Gain of an iteration below which a fit stops [nats].
 
 
@@ -72,7 +73,7 @@ class FitResult:
     @property
     def strength(self) -> float:
         """Prior strength of the curves; zero where there are none."""
-        return float(self.by_name[CURVES].strengths[0]) if self.has_curves else 0.0
+        return self.by_name[CURVES].strength if self.has_curves else 0.0
 
     @property
     def by_name(self) -> dict[str, FittedBlock]:
@@ -104,12 +105,20 @@ class FitResult:
 
     def with_curves(self, curves: Block, strength: float) -> "FitResult":
         """Returns the model with the curves' strength set; they act from now on."""
-        strengths, none = np.array([strength]), np.zeros(curves.count)
-        new = FittedBlock(block=curves, coordinates=none, strengths=strengths)
+        none = np.zeros(curves.count)
+        new = FittedBlock(block=curves, coordinates=none, strength=strength)
         old = self.by_name.get(CURVES, new)
         own = dataclasses.replace(new, coordinates=old.coordinates)
         bare = self.without_blocks(CURVES)
         return dataclasses.replace(bare, blocks=(own, *bare.blocks))
+
+    def with_kinds(
+        self, task: Task, kinds: tuple[str, ...], theta: np.ndarray
+    ) -> "FitResult":
+        """Returns the model with other effects, and theta."""
+        return dataclasses.replace(
+            self, kinds=kinds, theta=theta, free=task.free(kinds)
+        )
 
     def without_blocks(self, *names: str) -> "FitResult":
         """Returns the model without some blocks."""
@@ -234,7 +243,7 @@ def fit_model(
     free_scales: Sequence[str] = NAMES,
 ) -> FitResult:
     """Fits a model's free parameters, its blocks and its scales."""
-    best, about, step, halvings = None, [], None, 0
+    best, about, step, tries = None, [], None, 0
     current = model
     for iteration in range(iterations + 1):
         flights = linear_flights(task, current)
@@ -251,11 +260,12 @@ def fit_model(
         value = value if np.isfinite(value) else np.inf
         current = dataclasses.replace(current, scales=scales, cost=value)
         if best is not None and not value < best.cost + 0.5 * _TOLERANCE:
-            halvings += 1
-            if halvings > 3 or step is None:
+            tries += 1
+            if tries > _MOST_TRIES or step is None:
                 break
-            step = 0.5 * step
-            current = _moved_with(task, best, about, step)
+            # First about the constants as they were: others shift the cost as well.
+            step = step if tries == 1 else 0.5 * step
+            current = moved(task, best, step)
             continue
         gained = np.inf if best is None else best.cost - value
         best, about = current, flights
@@ -267,7 +277,10 @@ def fit_model(
         if not np.all(np.isfinite(step)):  # It diverges.
             best = dataclasses.replace(best, cost=np.inf)
             break
-        current = _moved_with(task, best, about, step)
+        current = moved(task, best, step)
+        if not tries:
+            constants = flight_constants([f.combined(step) for f in about], scales)
+            current = dataclasses.replace(current, constants=constants)
     assert best is not None
     return best
 
@@ -289,14 +302,6 @@ def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
     return dataclasses.replace(model, theta=theta, blocks=blocks)
 
 
-def _moved_with(
-    task: Task, model: FitResult, flights: Sequence[LinearFlight], step: np.ndarray
-) -> FitResult:
-    """Returns a model changed by a step, and the flights' constants with it."""
-    constants = flight_constants([f.combined(step) for f in flights], model.scales)
-    return dataclasses.replace(moved(task, model, step), constants=constants)
-
-
 def with_constants(task: Task, model: FitResult) -> FitResult:
     """Returns a model with the constants of each flight of a task, old and new."""
     constants = flight_constants(error_flights(task, model), model.scales)
@@ -306,8 +311,7 @@ def with_constants(task: Task, model: FitResult) -> FitResult:
 def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
     """Returns the model with the prior strengths of the blocks that the flights show.
 
-    MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992), for
-    each group of coordinates.
+    MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992).
     """
     if not model.blocks:
         return dataclasses.replace(model, freedom=0.0)
@@ -322,13 +326,11 @@ def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
         squares = value**2 + np.diag(covariance)[own]
         blocks = []
         for fitted, mine in zip(model.blocks, model.split(squares), strict=True):
-            groups = fitted.block.groups
-            strengths = np.sqrt(np.bincount(groups, mine) / np.bincount(groups))
-            least = STRENGTH_RANGE[0]
+            least, most = STRENGTH_RANGE
             if fitted.block.name != CURVES:
                 least = LEAST_STRENGTH
-            strengths = np.clip(strengths, least, STRENGTH_RANGE[1])
-            blocks.append(dataclasses.replace(fitted, strengths=strengths))
+            strength = float(np.clip(np.sqrt(np.mean(mine)), least, most))
+            blocks.append(dataclasses.replace(fitted, strength=strength))
         model = dataclasses.replace(model, blocks=tuple(blocks))
     corner = np.linalg.inv(covariance[own, own])
     freedom = 0.5 * float(np.linalg.slogdet(corner)[1])

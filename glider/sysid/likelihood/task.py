@@ -89,10 +89,11 @@ def make_task(
 ) -> Task:
     """Returns the task of finding the effects in a vehicle's flights."""
     flown = flown_values(records, vehicle.theta)
+    wing_offset = vehicle.layout.index["parameters", "wing_offset"]
     return Task(
         records=records,
         vehicle=vehicle,
         kinds=kinds,
         curves=make_curves(flown),
-        blocks=make_blocks(flown),
+        blocks=make_blocks(flown, vehicle.theta[wing_offset]),
     )

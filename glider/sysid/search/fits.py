@@ -1,7 +1,7 @@
 """Models with sets of effects: begun, fitted, and what they are worth."""
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,8 @@ from glider.sysid.search.subsets import Members, Scorer
 # same where it alone and moving air explain the flights; see docs/how_it_works.md.
 EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD = 10.0, 4.0
 SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
-BLOCK_THRESHOLD = 10.0  # The same of a free function [nats].
+BLOCK_THRESHOLD = 10.0  # The same of a free function [nats],
+CURVE_THRESHOLD = 15.0  # and of curves beside the formulas.
 THRESHOLD_FLIGHTS = 40  # Flights above which the thresholds grow with them.
 SIMPLE_MOMENT = 0.3  # Pitch acceleration above which formulas have errors [rad/s²].
 
@@ -35,8 +36,7 @@ def without(task: Task, model: FitResult, *gone: str) -> FitResult:
     theta = model.theta.copy()
     slots = [i for kind in gone for i in task.layout.slots_of(kind)]
     theta[slots] = task.vehicle.theta[slots]
-    fewer = dataclasses.replace(model, kinds=kinds, theta=theta, free=task.free(kinds))
-    return fewer.without_blocks(*gone)
+    return model.with_kinds(task, kinds, theta).without_blocks(*gone)
 
 
 def bare_of(task: Task, model: FitResult) -> FitResult:
@@ -89,11 +89,7 @@ class FirstOrder:
             return dataclasses.replace(acting, coordinates=step)
         block = self.candidates.task.blocks[kind]
         strength = self.candidates.columns[variant[0]][1]
-        return FittedBlock(
-            block=block,
-            coordinates=strength * step,
-            strengths=np.full(block.groups.max() + 1, strength),
-        )
+        return FittedBlock(block=block, coordinates=strength * step, strength=strength)
 
 
 @dataclasses.dataclass
@@ -102,9 +98,9 @@ class Search:
 
     task: Task
     progress: Progress
-    fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
+    fitted: dict[Any, FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
-    _near: tuple[Any, ...] = (None, None, 0, False, None)  #: What was compared last.
+    _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
@@ -114,6 +110,7 @@ class Search:
         count, threshold = len(model.kinds) - free, threshold_of(self.task, model)
         penalty = threshold.effect * count + threshold.coefficient * (sizes - count)
         flights = len(self.task.records)
+        penalty += CURVE_THRESHOLD * model.has_curves
         penalty += sum(
             threshold_of_kind(flights, block_threshold(name, model.kinds))
             for name in model.free_kinds
@@ -124,61 +121,46 @@ class Search:
         """Whether a model is worth more than another."""
         return self.penalized_cost(model) < self.penalized_cost(other)
 
-    def fit(self, model: FitResult, iterations: int = 6) -> FitResult:
-        """Fits a model and remembers it."""
-        found = fit_model(self.task, model, iterations)
-        key = frozenset(found.kinds)
-        if key not in self.fitted or found.cost < self.fitted[key].cost:
-            self.fitted[key] = found
-        return found
+    def fit(self, model: FitResult, words: str = "") -> FitResult:
+        """Fits a model, and the strengths of its blocks, unless its set is known."""
+        key = frozenset(model.kinds), model.has_curves
+        if key not in self.fitted:
+            self.progress(words or f"fitting {', '.join(sorted(model.kinds))}")
+            if model.free_kinds:  # Strengths shape the fit.
+                model = fit_strength(self.task, fit_model(self.task, model, 2))
+            self.fitted[key] = fit_strength(self.task, fit_model(self.task, model))
+        return self.fitted[key]
 
-    def fit_with_strength(self, model: FitResult, iterations: int = 6) -> FitResult:
-        """Fits a model, and the strength of its curves."""
-        return fit_strength(self.task, self.fit(model, iterations))
-
-    def near(
-        self, model: FitResult, rounds: int = 2, with_blocks: bool = False
-    ) -> FirstOrder | None:
-        """Compares sets about a model, cached; None where the model diverges.
-
-        With blocks, those that do not act yet are candidates beside the effects.
-        """
-        asked, found = (self.task, model, rounds, with_blocks), self._near[-1]
-        if all(a is b for a, b in zip(asked, self._near, strict=False)):
-            return found
-        candidates, found = gather(self.task, model, with_blocks), None
+    def near(self, model: FitResult) -> FirstOrder | None:
+        """Compares sets about a model, cached; None where the model diverges."""
+        if self._near[0] is self.task and self._near[1] is model:
+            return self._near[2]
+        candidates, found = gather(self.task, model, with_blocks=True), None
+        rounds = 2 if np.isfinite(model.cost) else 3
         scales = saturated_scales(candidates, model.scales, rounds)
-        grams = candidates.grams(scales)
-        if np.all(np.isfinite(grams)):
-            score = marginal_scorer(candidates, grams, np.ones(len(grams)), scales)
+        gram = candidates.total(scales)
+        if np.all(np.isfinite(gram)):
+            score = marginal_scorer(candidates, gram[None], np.ones(1), scales)
+            self.alone = self.alone or score.alone()
             found = FirstOrder(candidates=candidates, scales=scales, score=score)
-        self._near = *asked, found
+        self._near = self.task, model, found
         return found
 
-    def improved(
+    def better(
         self,
         model: FitResult,
-        propose: Callable[[Scorer, Members], Iterable[Members]],
-        about: FitResult | None = None,
+        near: FirstOrder,
+        sets: Iterable[Members],
+        first: bool = False,
     ) -> FitResult | None:
-        """Returns the best of proposed sets, fitted, if worth more than a model.
-
-        They are proposed about it, or about another one, from the set there, and fitted
-        unless known.
-        """
-        about = about or model
-        near, tried = self.near(about), []
-        if near is None:
-            return None
-        for members in propose(near.score, near.score.by_first(about.kinds)):
-            kinds = frozenset(kind for kind, _ in members)
-            if kinds in self.fitted:
-                continue
-            others = ", ".join(sorted(kinds.difference(model.kinds)))
-            self.progress(f"{others} after all?")
-            tried.append(self.fit_with_strength(near.begin(members), iterations=4))
-        best = min(tried, key=self.penalized_cost, default=model)
-        return best if self.prefers(best, model) else None
+        """Returns the best of some sets, or the first, that is worth more; or None."""
+        found = model
+        for members in sets:
+            other = self.fit(near.begin(members))
+            found = other if self.prefers(other, found) else found
+            if first and found is not model:
+                break
+        return None if found is model else found
 
 
 def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:

@@ -126,30 +126,20 @@ class Scorer:
             yield from self.larger(tuple(m for m in members if m not in pair))
 
 
-def climb(
-    score: Scorer,
-    members: Members,
-    same_size: bool = False,
-    keep: Collection[Member] = (),
-) -> Members:
+def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
     """Returns the set that no swap betters, and no drop or addition where it may.
 
     Nor one effect in the place of two: a tilted frame is a turned pitch and a thrust.
     """
-
-    def best_of(options: Iterable[Members]) -> Members:
-        allowed = (o for o in options if set(keep) <= set(o))
-        return max(allowed, key=score, default=members)
-
     while True:
         options = [*score.swapped(members)]
         if not same_size:
             options += score.smaller(members)
         if not same_size and len(members) < MOST_EFFECTS:
             options += score.larger(members)
-        best = best_of(options)
+        best = max(options, key=score, default=members)
         if not same_size and not score(best) > score(members) + 1e-6:
-            best = best_of(score.merged(members))
+            best = max(score.merged(members), key=score, default=members)
         if not score(best) > score(members) + 1e-6:
             return members
         members = best

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.task import Task
@@ -60,12 +61,13 @@ def weigh(
     share = RESAMPLED_SHARE if is_single else 1.0
     enough = SIMPLE_SUPPORT if is_single else LEAST_SUPPORT
     resampled: list[set[str]] = []
+    families = {kind: _family_of(kind, model) for kind in model.kinds}
 
     def support_of(kind: str) -> EffectSupport:
         similar = rivals[kind]
         if is_single:
             similar = similar | _stand_ins(kind, resampled)
-        backers = {kind, *similar}
+        backers = {kind, *similar, *families[kind]}
         if len(similar) > MOST_RIVALS * len(score.variants):
             backers = {kind}
         chosen_by = sum(not backers.isdisjoint(s) for s in resampled)
@@ -90,6 +92,15 @@ def weigh(
         draws = len(resampled)
         if draws >= most or all(f.is_settled(draws) for f in found.values()):
             return found
+
+
+def _family_of(kind: str, model: FitResult) -> set[str]:
+    """Returns the free functions that bend a kind, and the formulas of their families.
+
+    Beside a free function, any formula of its family does nearly as well.
+    """
+    blocks = [b for b in model.free_kinds if kind == b or kind in BLOCKS[b].bends]
+    return {name for block in blocks for name in (block, *BLOCKS[block].formulas)}
 
 
 def _near_and_rivals(

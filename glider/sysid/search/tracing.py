@@ -1,11 +1,13 @@
 """The search for effects: sets of the library, by their evidence.
 
-All flights are made linear about the best model so far, scales of noise fitted with
-everything acting, the best set searched in closed form and fitted, until one returns.
+One loop over moves: all flights are made linear about the best model so far, better
+sets are proposed in closed form and fitted, until no move finds one. What resampled
+flights do not support is dropped, and the loop goes on without it.
 """
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+import heapq
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.search import fits, moves
 from glider.sysid.search.force_search import held_out_scorer, search_forces
-from glider.sysid.search.subsets import Members, Scorer, best_set
+from glider.sysid.search.subsets import best_set
 from glider.sysid.search.support import (
     RIVAL_GAP,
     EffectSupport,
@@ -26,10 +28,8 @@ from glider.sysid.search.support import (
     weigh,
 )
 
-ROUNDS = 8  # At most.
 # Tried last: scales are seldom wrong, and to first order they imitate many effects.
 LATE = ("position_scale", "elevator_scale")
-HASTE = 0.01  # Share of a round's gain below which a new effect waits for the next.
 
 
 def trace(
@@ -39,39 +39,19 @@ def trace(
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     search = fits.Search(without_late(task), progress)
-    start = start_of(task, noise, with_curves=True)
-    model = by_sets(search, start)
-    progress(Step("weighing each effect", 0.4))
-    model, evidence = moves.prune(search, model)
-    while better := next(filter(None, (m(search, model) for m in moves.MOVES)), None):
-        model, evidence = moves.prune(search, better)
+    model = improved(search, start_of(task, noise, with_curves=True))
     search.task = task
-    if leaves_something(model) and (other := moves.with_forced(search, model, LATE)):
-        model, evidence = moves.prune(search, by_sets(search, other))
-    progress(Step("trying simpler models", 0.58))
-    pruned = model
-    model = moves.without_needless_curves(search, model)
-    if leaves_something(model) or len(model.kinds) > 1:
-        progress("looking for effects of another form")
-        model = moves.with_blocks(search, model) or model
-    if model.has_curves and len(model.kinds) <= 1 and not model.free_kinds:
-        model = effects_instead_of_curves(search, model)
-    if model is not pruned:
-        again = model if model.free_kinds else by_sets(search, model)
-        best = again if search.prefers(again, model) else model
-        model, evidence = moves.prune(search, best)
+    model = improved(search, model)
     progress(Step("weighing the effects", 0.76))
-    model, evidence, weighed = supported(search, model, evidence, rng)
-    bare = model
-    if model.kinds or model.blocks:
-        progress(Step("fitting the flat plate alone", 0.8))
-        bare = search.fit(fits.bare_of(task, model))
+    model, evidence, weighed = supported(search, model, rng)
+    progress(Step("fitting the flat plate alone", 0.8))
+    bare = search.fit(fits.bare_of(task, model))
     least = search.penalized_cost(bare)
-    gains = {
-        m.kinds: least - search.penalized_cost(m)
-        for m in search.fitted.values()
-        if m.kinds
-    }
+    gains: dict[tuple[str, ...], float] = {}
+    for other in search.fitted.values():
+        gain = least - search.penalized_cost(other)
+        if other.kinds and gain > gains.get(other.kinds, -np.inf):
+            gains[other.kinds] = gain
     return SearchResult(
         model=model,
         bare=bare,
@@ -92,90 +72,53 @@ def rivals_of(
 
     Those with a rival in an effect's place are fitted now, if not yet.
     """
-    if not model.free_kinds:
-        moves.with_a_rival(search, model, weighed, sure=np.inf)
     own, best = set(model.kinds), search.penalized_cost(model)
     swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
-    near = []
+    near = None if model.free_kinds else search.near(model)
+    for kind, support in weighed.items() if near else ():
+        rest = [m for m in near.score.by_first(model.kinds) if m[0] != kind]
+        others = near.score.among(support.rivals).larger(tuple(rest))
+        for members in heapq.nlargest(moves.MOST_TRIED, others, key=near.score):
+            search.fit(near.begin(members))
+    found = []
     for other in search.fitted.values():
         lack = search.penalized_cost(other) - best
         if set(other.kinds) in swapped:
             lack = max(lack, 0.0)
         if set(other.kinds) != own and 0.0 <= lack < RIVAL_GAP:
-            near.append((other, lack))
-    return tuple(sorted(near, key=lambda pair: pair[1])[:MOST_AVERAGED])
+            found.append((other, lack))
+    return tuple(sorted(found, key=lambda pair: pair[1])[:MOST_AVERAGED])
+
+
+def improved(search: fits.Search, model: FitResult) -> FitResult:
+    """Returns the model that no move betters."""
+    while True:
+        for name, move in moves.MOVES.items():
+            search.progress(name)
+            if better := move(search, model):
+                model = better
+                break
+        else:
+            return model
 
 
 def supported(
-    search: fits.Search,
-    model: FitResult,
-    evidence: dict[str, float],
-    rng: np.random.Generator,
+    search: fits.Search, model: FitResult, rng: np.random.Generator
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
-    """Returns a model of effects that resampled flights support, and their support.
-
-    Where in doubt, an effect may give way to a rival; without support, it is dropped.
-    """
-    dropped, beside_field = set[str](), bool(model.free_kinds)
+    """Returns a model of effects that resampled flights support, and their support."""
     while True:
         weighed = weigh(search.task, model, fits.marginal_scorer, rng)
-        other = None if beside_field else moves.with_a_rival(search, model, weighed)
-        if other is None:
-            weak = weakest(weighed, evidence, beside_field)
-            if weak is None:
-                return model, evidence, weighed
-            dropped.add(weak)
-            other = search.fit(fits.without(search.task, model, weak))
-            if not beside_field:
-                other = moves.with_another(search, other, dropped) or other
-        model, evidence = moves.prune(search, other)
-
-
-def leaves_something(model: FitResult) -> bool:
-    """Whether a model leaves more than noise: moving air, or errors of its formulas."""
-    return model.scales.air > 0.02 or moves.leaves_a_form(model)
-
-
-def effects_instead_of_curves(search: fits.Search, model: FitResult) -> FitResult:
-    """Returns a set of effects without curves where it explains nearly as much.
-
-    Beside a wrong effect or none, curves absorb what a small effect explains.
-    """
-    bare = fits.bare_of(search.task, model)
-    named = by_sets(search, search.fit(bare, iterations=4))
-    lost = search.penalized_cost(named) - search.penalized_cost(model)
-    return named if named.kinds and lost < moves.CURVE_THRESHOLD else model
-
-
-def by_sets(search: fits.Search, model: FitResult) -> FitResult:
-    """Returns the best of the sets that a search in closed form proposes."""
-    tried: dict[frozenset[str], FitResult] = {}
-    for round_ in range(ROUNDS):
-        search.progress(f"searching for effects, round {round_ + 1}")
-        near = search.near(model, 2 if round_ else 3)
-        if near is None:
-            break
-        search.alone = search.alone or near.score.alone()
-        members = best_members(near.score, model.kinds, tried)
-        kinds = frozenset(kind for kind, _ in members)
-        if kinds in tried:
-            break
-        search.progress(f"fitting {', '.join(sorted(kinds)) or 'the flat plate'}")
-        model = moves.with_means(search, search.fit_with_strength(near.begin(members)))
-        tried[kinds] = model
-    return min(tried.values(), key=search.penalized_cost, default=model)
-
-
-def best_members(
-    score: Scorer, kinds: Sequence[str], tried: Collection[frozenset[str]]
-) -> Members:
-    """Returns the best set, or the best of the outstanding effects if that is new."""
-    start = score.by_first(kinds)
-    best = best_set(score, start)
-    haste = HASTE * (score(best) - score(start))
-    outstanding = best_set(score.for_newcomers(haste, start), start)
-    is_new = frozenset(kind for kind, _ in outstanding) not in tried
-    return outstanding if is_new else best
+        evidence = moves.evidence_of(search, model)
+        weak = weakest(weighed, evidence, bool(model.free_kinds))
+        if weak is None:
+            return model, evidence, weighed
+        task = search.task
+        search.task = dataclasses.replace(
+            task,
+            kinds=tuple(kind for kind in task.kinds if kind != weak),
+            blocks={k: own for k, own in task.blocks.items() if k != weak},
+        )
+        model = improved(search, search.fit(fits.without(task, model, weak)))
 
 
 def without_late(task: Task, kept: Collection[str] = ()) -> Task:
