@@ -141,7 +141,7 @@ class Search:
         gram = candidates.total(scales)
         if np.all(np.isfinite(gram)):
             score = marginal_scorer(candidates, gram[None], np.ones(1), scales)
-            self.alone = self.alone or score.alone()
+            self.alone = self.alone or score.among(self.task.kinds).alone()
             found = FirstOrder(candidates=candidates, scales=scales, score=score)
         self._near = self.task, model, found
         return found
