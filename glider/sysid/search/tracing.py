@@ -75,7 +75,9 @@ def rivals_of(
     own, best = set(model.kinds), search.penalized_cost(model)
     swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
     near = None if model.free_kinds else search.near(model)
-    for kind, support in weighed.items() if near else ():
+    for kind, support in weighed.items():
+        if near is None:
+            break
         rest = [m for m in near.score.by_first(model.kinds) if m[0] != kind]
         others = near.score.among(support.rivals).larger(tuple(rest))
         for members in heapq.nlargest(moves.MOST_TRIED, others, key=near.score):
