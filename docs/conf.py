@@ -8,7 +8,6 @@ import numpy as np
 
 from glider.sysid import constants
 from glider.sysid.likelihood import blocks
-from glider.sysid.search import fits, moves, signs, subsets, support
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
@@ -43,36 +42,36 @@ myst_enable_extensions = ["amsmath", "deflist", "dollarmath", "substitution"]
 myst_heading_anchors = 3
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
-    "beam": f"{subsets.BEAM}",
-    "curve_price": f"{fits.CURVE_THRESHOLD:.0f}",
+    "beam": f"{constants.BEAM}",
+    "curve_price": f"{constants.CURVE_THRESHOLD:.0f}",
     "bend_threshold": f"{np.log(len(blocks.BLOCKS)):.1f}",
-    "block_threshold": f"{fits.BLOCK_THRESHOLD:.0f}",
+    "block_threshold": f"{constants.EVIDENCE_THRESHOLD:.0f}",
     "curves": f"{blocks.COUNT}",
-    "doubted": f"{support.DOUBTED:.0f}",
-    "flights_of_price": f"{fits.THRESHOLD_FLIGHTS}",
+    "doubted": f"{constants.DOUBTED:.0f}",
+    "flights_of_price": f"{constants.THRESHOLD_FLIGHTS}",
     "folds": f"{constants.FOLDS}",
     "gain_error": f"{constants.GAIN_ERROR:.0%}",
-    "least_gain": f"{signs.LEAST_GAIN:.0f}",
+    "least_gain": f"{constants.SIGN_GAIN:.0f}",
     "allowed": f"{constants.CURVE_ALLOWANCE:g}",
-    "least_support": f"{support.LEAST_SUPPORT:.0%}",
+    "least_support": f"{constants.LEAST_SUPPORT:.0%}",
     "floor_accuracy": f"{100 * constants.FLOOR_ACCURACY:g} %",
-    "undervalued": f"{moves.UNDERVALUED:.0f}",
-    "most_tried": f"{moves.MOST_TRIED}",
+    "undervalued": f"{constants.UNDERVALUED:.0f}",
+    "most_tried": f"{constants.MOST_TRIED}",
     "unlikely": f"{100 * constants.UNLIKELY:g} %",
     "moment_share": f"{constants.MOMENT_SHARE:g}",
-    "most_effects": f"{subsets.MOST_EFFECTS}",
-    "plain_moment": f"{fits.SIMPLE_MOMENT:.1f}",
-    "plain_price": f"{fits.SIMPLE_THRESHOLD:.1f}",
-    "plain_price_of_more": f"{fits.SIMPLE_COEFFICIENT_THRESHOLD:.1f}",
-    "plain_support": f"{support.SIMPLE_SUPPORT:.0%}",
-    "price": f"{fits.EVIDENCE_THRESHOLD:.0f}",
-    "price_of_more": f"{fits.COEFFICIENT_THRESHOLD:.0f}",
+    "most_effects": f"{constants.MOST_EFFECTS}",
+    "plain_moment": f"{constants.SIMPLE_MOMENT:.1f}",
+    "plain_price": f"{constants.SIMPLE_THRESHOLD:.1f}",
+    "plain_price_of_more": f"{constants.SIMPLE_COEFFICIENT_THRESHOLD:.1f}",
+    "plain_support": f"{constants.SIMPLE_SUPPORT:.0%}",
+    "price": f"{constants.EVIDENCE_THRESHOLD:.0f}",
+    "price_of_more": f"{constants.COEFFICIENT_THRESHOLD:.0f}",
     "prior_scales": f"{constants.PRIOR_SCALES:g}",
     "most_averaged": f"{constants.MOST_AVERAGED}",
-    "resamples": f"{support.RESAMPLES[0]} to {support.RESAMPLES[1]}",
-    "rival_gap": f"{support.RIVAL_GAP:.0f}",
+    "resamples": f"{constants.RESAMPLES[0]} to {constants.RESAMPLES[1]}",
+    "rival_gap": f"{constants.RIVAL_GAP:.0f}",
     "shape_scales": f"{constants.PRIOR_SCALES:g}",
-    "stand_in": f"{support.LEAST_STAND_IN:.0%}",
+    "stand_in": f"{constants.LEAST_STAND_IN:.0%}",
     "tie": f"{constants.WORSE[0] - 1.0:.1%}",
     "worse": f"{constants.WORSE[1] - 1.0:.0%}",
     "z_apart": f"{constants.Z_EXTREME:.0f}",

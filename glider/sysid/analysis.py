@@ -21,7 +21,7 @@ from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
-from glider.sysid.constants import MOST_LOST
+from glider.sysid.constants import EVIDENCE_THRESHOLD, MOST_LOST
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Evaluation, Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
@@ -39,7 +39,6 @@ from glider.sysid.replay.record import Record, Signs, prepare, turn_campaign
 from glider.sysid.replay.replayed import warm_up
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle
-from glider.sysid.search.fits import BLOCK_THRESHOLD
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
 from glider.sysid.verdict import find_doubt, judge
@@ -310,7 +309,7 @@ def _left(task: Task, model: FitResult, evaluation: Evaluation) -> result.Residu
     corrected, floor = (evaluation.errors[m] for m in ("corrected", result.PERFECT))
     assert corrected is not None and floor is not None
     gains = survey(task, model)
-    real = [name for name, gain in gains.items() if gain > BLOCK_THRESHOLD]
+    real = [name for name, gain in gains.items() if gain > EVIDENCE_THRESHOLD]
     real.sort(key=lambda name: -gains[name])
     variables = [BLOCKS[name].variable for name in real[:3]]
     return result.Residual(

@@ -67,6 +67,62 @@ MOST_OUTLYING = 0.3  # Share of the flights that may be: more are no exceptions 
 # one is as large (d), and the least one, in a coefficient's scale (c).
 Z_EXTREME, LEAST_EXTREME = 10.0, 0.3
 
+# ---------------------------------------------------------- evidence of effects
+# Evidence that an effect, or a free function, must bring, and each further coefficient
+# of an effect [nats]; and the same where one effect and moving air explain the flights
+# (m: docs/how_it_works.md; noise reaches the latter in one campaign of a hundred).
+EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD = 10.0, 4.0
+SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
+CURVE_THRESHOLD = 15.0  # The same of curves beside the formulas [nats] (c).
+THRESHOLD_FLIGHTS = 40  # Above which thresholds grow: of the tries that set them (m).
+SIMPLE_MOMENT = 0.3  # Pitch acceleration of errors of formulas [rad/s²] (c).
+# Of effects of gliders of unknown forces, by predictions: e³ is 20 to 1, and 20 effects
+# are tried (d); of a further coefficient, and of one that needs a cause (c).
+HELD_OUT_THRESHOLD, HELD_OUT_COEFFICIENT, HELD_OUT_UNCOMMON = 3.0, 2.0, 8.0
+ALONG_ATTITUDE = {  # Noise of flights along their attitude, which ignore moments (c).
+    **{"position": 1e-3, "pitch": 2e-3, "moment": 200.0},
+    **{"air": 0.06, "air_time": 0.3},  # Errors of C_L and C_D to begin with, and [s].
+    **{"wind": 1e-3, "trim": 0.05, "pitch_zero": 3e-3},
+}
+
+# ------------------------------------------------------------------ the search
+MOST_EFFECTS = 8  # Of a set (c).
+BEAM = 4  # Sets that each size is reached from (c).
+HOPELESS = 30.0  # Loss below the best set at which larger ones are left [nats] (c).
+HASTE = 0.01  # Share of a gain below which an effect waits for the next set (c).
+SLACK = 0.1  # Share of the evidence that a smaller set may lack, to first order (c).
+OFF = 5.0  # Standard errors by which a mean over flights is off zero (d): by no chance.
+UNDERVALUED = 30.0  # Evidence, to first order, that another effect may cost [nats] (c).
+MOST_TRIED = 3  # Sets with another effect that are fitted: each costs a fit (c).
+CLEAR = 100.0  # Evidence by Wald's test above which an effect is needed [nats] (c).
+FORCE_ROUNDS = 4  # Of sets and strengths of errors that depend on each other (c).
+# Log-likelihood of a median flight by which other signs are better, and the flights
+# compared [nats] (c): a wrong sign shows in any.
+SIGN_GAIN, SIGN_FLIGHTS = 20.0, 6
+
+# ------------------------------------------------------- support of an effect
+RESAMPLES = 25, 200  # Sets of flights drawn: at least, and at most in doubt (c).
+# Share of them that must choose an effect or a rival, and of a single effect, which
+# needs that share of its threshold there (c).
+LEAST_SUPPORT, SIMPLE_SUPPORT, RESAMPLED_SHARE = 0.85, 0.5, 0.5
+RIVAL_GAP = 6.0  # Evidence between rivals at most [nats] (d): odds of 400 to 1.
+LEAST_STAND_IN = 0.1  # Share of draws with another effect that make it a rival (c).
+MOST_RIVALS = 0.5  # Share of the library above which rivals are no support (c).
+DOUBTED = 60.0  # Evidence up to which too little support drops an effect [nats] (c).
+OFFERED = 25.0  # Loss up to which draws are offered an effect [nats] (c).
+
+# -------------------------------------------------- free functions and fits
+LEAST_STRENGTH = 0.02  # Of a free function over its prior's, as good as none (c).
+STRENGTHS_TRIED = 0.1, 0.3, 1.0  # Of one that does not act yet (c).
+STRENGTH_RANGE = 0.1, 5.0  # Of curves: as good as none, and no error of a formula (c).
+LARGEST_COORDINATE = (
+    30.0  # In prior spreads: a fit that diverges does not overflow (c).
+)
+LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has (c).
+SURVEY_FLIGHTS = 12  # On which the remainder is compared with free functions (c).
+FIT_TOLERANCE = 0.3  # Gain of an iteration below which a fit stops [nats] (c).
+MOST_TRIES = 3  # Of shorter steps in a fit (c).
+
 # --------------------------------------------- predictions of held-out flights
 FOLDS = 5  # Parts of the flights, each held out once (c).
 BEGINNING = 0.2  # Share of a flight on which its launch state is fitted (c),

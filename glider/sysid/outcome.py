@@ -13,7 +13,7 @@ from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
 from glider.physics.effects.field import FIELD_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import result
-from glider.sysid.constants import CURVE_Z, LEAST_SPREAD
+from glider.sysid.constants import CURVE_Z, EVIDENCE_THRESHOLD, LEAST_SPREAD
 from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, CURVES, FittedBlock
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -22,7 +22,6 @@ from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.record import Signs, sign_effect
 from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.result import Estimate, FoundEffect, ResidualTable, Spread
-from glider.sysid.search.fits import EVIDENCE_THRESHOLD
 from glider.sysid.search.support import SearchResult
 
 FAMILIES = {

@@ -24,6 +24,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from glider.sysid.constants import RIVAL_GAP
 from glider.sysid.likelihood.candidates import tamed
 from glider.sysid.likelihood.linear_flight import (
     Direction,
@@ -35,7 +36,6 @@ from glider.sysid.likelihood.linear_flight import (
 from glider.sysid.likelihood.model_fit import FitResult, grams_of, linear_flights
 from glider.sysid.likelihood.scales import Scales, fit_scales, typical_flights
 from glider.sysid.likelihood.task import Task
-from glider.sysid.search.support import RIVAL_GAP
 
 FALSE_ALARMS = 0.01
 """Share of campaigns without an effect in which the oracle may claim one."""

@@ -35,7 +35,6 @@ wing's."""
 
 # Gaussians over a variable; over the others there are 8.
 COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 12, "tail_load": 16}
-LEAST_STRENGTH = 0.02  # Of a block: below, it has none.
 _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 

@@ -6,6 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
+from glider.sysid.constants import (
+    LARGEST_COORDINATE,
+    LARGEST_PUSH,
+    STRENGTHS_TRIED,
+    SURVEY_FLIGHTS,
+)
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import CURVES, Block
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
@@ -21,8 +27,6 @@ from glider.sysid.likelihood.task import Task
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
 Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
 
-# Change of a state in an interval that no flight has: a formula is outside its range.
-_LARGEST_PUSH = 1e3
 _AT_ONCE = 16  # Flights whose information is in memory at once.
 
 
@@ -85,7 +89,7 @@ class Candidates:
         stays[:first] |= np.array([*map(self.task.is_shape, self.slots)], dtype=bool)
         share = np.where(stays, 0.0, -prior.mean)
         more = sum(block.count for block in self.blocks)
-        most = np.full(more, model_fit.LARGEST_COORDINATE)
+        most = np.full(more, LARGEST_COORDINATE)
         prior = model_fit.Prior(  # Unknown parameters count from where they are.
             mean=np.append(
                 np.where(stays & (index >= first), prior.mean, 0.0), 0 * most
@@ -113,10 +117,6 @@ class Candidates:
             lower=prior.lower[index] / strengths,
             upper=prior.upper[index] / strengths,
         )
-
-
-SURVEY_FLIGHTS = 12  # Flights of a survey.
-STRENGTHS_TRIED = (0.1, 0.3, 1.0)  # Of a block that does not act yet.
 
 
 def gather(
@@ -202,7 +202,7 @@ def tamed(
     wild = np.zeros(len(directions), dtype=bool)
     for flight in flights:
         largest = np.abs(flight.inputs[:, :, columns]).max(axis=(0, 1), initial=0.0)
-        wild |= ~(largest * scale < _LARGEST_PUSH)  # So is what is not a number.
+        wild |= ~(largest * scale < LARGEST_PUSH)  # So is what is not a number.
     found = set(np.flatnonzero(wild).tolist())
     if not found:
         return list(flights), found

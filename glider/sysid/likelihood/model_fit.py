@@ -12,13 +12,14 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.effects.field import make_field
-from glider.sysid.likelihood.blocks import (
-    CURVES,
+from glider.sysid.constants import (
+    FIT_TOLERANCE,
+    LARGEST_COORDINATE,
     LEAST_STRENGTH,
-    Block,
-    FittedBlock,
-    midpoints,
+    MOST_TRIES,
+    STRENGTH_RANGE,
 )
+from glider.sysid.likelihood.blocks import CURVES, Block, FittedBlock, midpoints
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import (
     NO_CONSTANTS,
@@ -41,10 +42,6 @@ from glider.sysid.replay.record import Record
 from glider.sysid.replay.smoothing import Noise
 
 FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
-LARGEST_COORDINATE = 30.0  # Of a curve: it keeps a fit that diverges from overflow.
-STRENGTH_RANGE = (0.1, 5.0)  # Of curves: less is as good as none, more no error of one.
-_MOST_TRIES = 3  # Of shorter steps in a fit.
-_TOLERANCE = 0.3  # Gain of an iteration below which a fit stops [nats].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -259,9 +256,9 @@ def fit_model(
         value += 0.5 * float(prior.precision @ prior.mean**2)
         value = value if np.isfinite(value) else np.inf
         current = dataclasses.replace(current, scales=scales, cost=value)
-        if best is not None and not value < best.cost + 0.5 * _TOLERANCE:
+        if best is not None and not value < best.cost + 0.5 * FIT_TOLERANCE:
             tries += 1
-            if tries > _MOST_TRIES or step is None:
+            if tries > MOST_TRIES or step is None:
                 break
             # First about the constants as they were: others shift the cost as well.
             step = step if tries == 1 else 0.5 * step
@@ -271,7 +268,7 @@ def fit_model(
         best, about = current, flights
         if iteration == iterations:
             break
-        if gained < _TOLERANCE and iteration >= FEWEST_ITERATIONS:
+        if gained < FIT_TOLERANCE and iteration >= FEWEST_ITERATIONS:
             break
         step = prior.best_step(grams_of(flights, scales).sum(axis=0))
         if not np.all(np.isfinite(step)):  # It diverges.

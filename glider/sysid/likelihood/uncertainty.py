@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.sysid.constants import CURVE_ALLOWANCE
+from glider.sysid.constants import CURVE_ALLOWANCE, STRENGTH_RANGE
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import Candidates, saturated_scales
 from glider.sysid.likelihood.information import counted_from, eliminate, solve_scaled
@@ -14,7 +14,7 @@ from glider.sysid.likelihood.linear_flight import slopes
 from glider.sysid.likelihood.task import Task
 
 _LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
-STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)  # None to most.
+STRENGTHS_ASKED = np.geomspace(0.003, STRENGTH_RANGE[1], 60)  # None to most.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)

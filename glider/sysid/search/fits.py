@@ -7,6 +7,15 @@ from typing import Any
 import numpy as np
 
 from glider.progress import Progress
+from glider.sysid.constants import (
+    COEFFICIENT_THRESHOLD,
+    CURVE_THRESHOLD,
+    EVIDENCE_THRESHOLD,
+    SIMPLE_COEFFICIENT_THRESHOLD,
+    SIMPLE_MOMENT,
+    SIMPLE_THRESHOLD,
+    THRESHOLD_FLIGHTS,
+)
 from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
 from glider.sysid.likelihood.candidates import (
     Candidates,
@@ -19,15 +28,6 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer
-
-# Evidence that an effect and each further coefficient of it must bring [nats], and the
-# same where it alone and moving air explain the flights; see docs/how_it_works.md.
-EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD = 10.0, 4.0
-SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
-BLOCK_THRESHOLD = 10.0  # The same of a free function [nats],
-CURVE_THRESHOLD = 15.0  # and of curves beside the formulas.
-THRESHOLD_FLIGHTS = 40  # Flights above which the thresholds grow with them.
-SIMPLE_MOMENT = 0.3  # Pitch acceleration above which formulas have errors [rad/s²].
 
 
 def without(task: Task, model: FitResult, *gone: str) -> FitResult:
@@ -204,7 +204,7 @@ def block_threshold(name: str, kinds: Collection[str]) -> float:
     than that none of all acts.
     """
     bends = not BLOCKS[name].bends.isdisjoint(kinds)
-    return float(np.log(len(BLOCKS))) if bends else BLOCK_THRESHOLD
+    return float(np.log(len(BLOCKS))) if bends else EVIDENCE_THRESHOLD
 
 
 def threshold_of_kind(flights: int, base: float) -> float:

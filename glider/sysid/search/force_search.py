@@ -11,6 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.progress import Progress, Step
+from glider.sysid.constants import (
+    ALONG_ATTITUDE,
+    FORCE_ROUNDS,
+    HELD_OUT_COEFFICIENT,
+    HELD_OUT_THRESHOLD,
+    HELD_OUT_UNCOMMON,
+)
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import (
@@ -27,23 +34,17 @@ from glider.sysid.search.fits import FirstOrder, bare_of
 from glider.sysid.search.subsets import Scorer, best_set
 from glider.sysid.search.support import SearchResult, weigh
 
-FORCE_ROUNDS = 4  # At most: the errors' strength depends on the set, and the set on it.
-# Gain on held-out flights: e³ is 20 to 1, and 20 effects are tried.
-HELD_OUT = EvidenceThreshold(effect=3.0, coefficient=2.0, uncommon=8.0)
+HELD_OUT = EvidenceThreshold(
+    effect=HELD_OUT_THRESHOLD,
+    coefficient=HELD_OUT_COEFFICIENT,
+    uncommon=HELD_OUT_UNCOMMON,
+)
+"""Gain on held-out flights that an effect must bring."""
+
 EVERY_GLIDER_HAS = (  # No wing's lift is exactly a flat plate's.
     *("camber", "profile_drag", "axial_drag", "induced_drag"),
     *("attached_lift", "pitch_rate_lift"),
 )
-ALONG_ATTITUDE = {  # Scales of flights along it, which ignore the moment.
-    "position": 1e-3,
-    "pitch": 2e-3,
-    "moment": 200.0,
-    "air": 0.06,  # Errors of C_L and C_D where the search starts, and
-    "air_time": 0.3,  # how long they last [s].
-    "wind": 1e-3,
-    "trim": 0.05,
-    "pitch_zero": 3e-3,
-}
 _OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces.
     ("parameters", "pitch_inertia"),
     ("parameters", "wing_offset"),

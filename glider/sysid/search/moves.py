@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from glider.sysid.constants import CLEAR, HASTE, MOST_TRIED, OFF, SLACK, UNDERVALUED
 from glider.sysid.likelihood.blocks import BLOCKS, CURVES
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -17,13 +18,6 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.fits import FirstOrder, Search, bare_of, without
 from glider.sysid.search.subsets import Members, best_of_sizes, best_set
-
-HASTE = 0.01  # Share of a gain below which a new effect waits for the next set.
-SLACK = 0.1  # Share of the evidence that a smaller set may lack, to first order.
-OFF = 5.0  # Standard errors by which a mean over flights is off zero.
-UNDERVALUED = 30.0  # Evidence, to first order, that another effect may cost [nats].
-MOST_TRIED = 3  # Sets with another effect that are fitted at most.
-CLEAR = 100.0  # Evidence by Wald's test above which an effect is needed [nats].
 
 Move = Callable[[Search, FitResult], FitResult | None]
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
+from glider.sysid.constants import SIGN_FLIGHTS, SIGN_GAIN
 from glider.sysid.likelihood.model_fit import error_flights, fit_model, start_of
 from glider.sysid.likelihood.outliers import COARSE_SCALES
 from glider.sysid.likelihood.scales import negative_log_likelihood
@@ -17,8 +18,6 @@ from glider.sysid.replay.record import Signs, prepare, turn
 from glider.sysid.replay.smoothing import measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 
-LEAST_GAIN = 20.0  # Log-likelihood by which other signs are better [nats per flight].
-FLIGHTS = 6  # Flights to compare; a wrong sign shows in any.
 COMPANIONS = ("profile_drag", "pitch_offset")  # Fitted too: signs look wrong without.
 
 
@@ -31,9 +30,9 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round, as no small effect does: the best set of signs must
-    beat the logged one by `LEAST_GAIN` in the median flight, with `COMPANIONS` fitted.
+    beat the logged one by `SIGN_GAIN` in the median flight, with `COMPANIONS` fitted.
     """
-    few = flights[:FLIGHTS]
+    few = flights[:SIGN_FLIGHTS]
     kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)
 
     def costs(signs: Signs) -> np.ndarray:
@@ -58,7 +57,7 @@ def find_signs(
         gain = float(np.median(logged - costs(signs)))
         if gain > most:
             best, most = signs, gain
-    if best.are_right or most < LEAST_GAIN:
+    if best.are_right or most < SIGN_GAIN:
         return Signs()
     rows = 4 * np.mean([len(f.time) for f in few])
     share = float(1.0 - math.exp(-2.0 * most / rows))

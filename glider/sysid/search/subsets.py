@@ -6,12 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
+from glider.sysid.constants import BEAM, HOPELESS, MOST_EFFECTS
 from glider.sysid.likelihood.candidates import Member, Variant
-
-MOST_EFFECTS = 8  # Of a set.
-BEAM = 4  # Sets that each round goes on from.
-_HOPELESS = 30.0  # Loss below the best set at which the beam stops [nats].
-
 
 Members = tuple[Member, ...]
 Penalty = Callable[[str, Collection[str]], float]
@@ -153,7 +149,7 @@ def best_of_sizes(score: Scorer) -> list[Members]:
     for _ in range(MOST_EFFECTS):
         pool = {frozenset(m): m for parent in beam for m in score.larger(parent)}
         ranked = sorted(pool.values(), key=score, reverse=True)[:BEAM]
-        if not ranked or score(ranked[0]) < score(best) - _HOPELESS:
+        if not ranked or score(ranked[0]) < score(best) - HOPELESS:
             break
         reached = [climb(score, m, same_size=True) for m in ranked]
         beam = list({frozenset(m): m for m in reached}.values())

@@ -7,6 +7,17 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from glider.sysid.constants import (
+    DOUBTED,
+    LEAST_STAND_IN,
+    LEAST_SUPPORT,
+    MOST_RIVALS,
+    OFFERED,
+    RESAMPLED_SHARE,
+    RESAMPLES,
+    RIVAL_GAP,
+    SIMPLE_SUPPORT,
+)
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.model_fit import FitResult
@@ -14,17 +25,6 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.fits import is_simple
 from glider.sysid.search.subsets import Members, Scorer, climb
-
-# See docs/how_it_works.md, How sure?
-RESAMPLES = 25, 200  # Resampled sets of flights: at least, and at most in doubt.
-# Share of them that must choose an effect or a rival of it, and of a single effect.
-LEAST_SUPPORT, SIMPLE_SUPPORT = 0.85, 0.5
-RESAMPLED_SHARE = 0.5  # Share of its threshold that a single effect must reach there.
-RIVAL_GAP = 6.0  # Evidence by which indistinguishable effects differ at most [nats].
-LEAST_STAND_IN = 0.1  # Share of draws with another one that make it a rival, too.
-MOST_RIVALS = 0.5  # Share of the library above which rivals do not support an effect.
-DOUBTED = 60.0  # Evidence up to which too little support drops an effect [nats].
-_NEAR = 25.0  # Loss up to which an effect is offered to resampled searches [nats].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -112,7 +112,7 @@ def _near_and_rivals(
     rivals: dict[str, set[str]] = {kind: set() for kind in kinds}
     for other in (*score.larger(chosen), *score.swapped(chosen)):
         kind, value = other[-1][0], score(other)
-        if value > best - _NEAR:
+        if value > best - OFFERED:
             near.add(kind)
         lost = kinds - {k for k, _ in other}
         if lost and value > best - RIVAL_GAP and kind not in kinds:

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from glider.progress import Progress, Step
-from glider.sysid.constants import MOST_AVERAGED
+from glider.sysid.constants import MOST_AVERAGED, MOST_TRIED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
@@ -20,13 +20,7 @@ from glider.sysid.replay.smoothing import Noise
 from glider.sysid.search import fits, moves
 from glider.sysid.search.force_search import held_out_scorer, search_forces
 from glider.sysid.search.subsets import best_set
-from glider.sysid.search.support import (
-    RIVAL_GAP,
-    EffectSupport,
-    SearchResult,
-    weakest,
-    weigh,
-)
+from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
 
 # Tried last: scales are seldom wrong, and to first order they imitate many effects.
 LATE = ("position_scale", "elevator_scale")
@@ -80,7 +74,7 @@ def rivals_of(
             break
         rest = [m for m in near.score.by_first(model.kinds) if m[0] != kind]
         others = near.score.among(support.rivals).larger(tuple(rest))
-        for members in heapq.nlargest(moves.MOST_TRIED, others, key=near.score):
+        for members in heapq.nlargest(MOST_TRIED, others, key=near.score):
             search.fit(near.begin(members))
     found = []
     for other in search.fitted.values():

@@ -9,6 +9,7 @@ from glider.physics.effects import KINDS
 from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
+from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.likelihood.blocks import (
     BLOCKS,
     CURVE_TERMS,
@@ -18,7 +19,7 @@ from glider.sysid.likelihood.blocks import (
 )
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.search.fits import BLOCK_THRESHOLD, Search
+from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import families_of, renamed
 from glider.sysid.search.tracing import improved
 from tests.helpers.tasks import begin, fly, task_of
@@ -114,7 +115,7 @@ def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
     search, plate = vent
     found = survey(search.task, plate)
     assert max(found, key=found.__getitem__) == "air along z over x"
-    assert found["air along z over x"] > BLOCK_THRESHOLD
+    assert found["air along z over x"] > EVIDENCE_THRESHOLD
     others = [gain for name, gain in found.items() if not name.startswith("air")]
     assert max(others) < found["air along z over x"]
 

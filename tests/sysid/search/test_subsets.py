@@ -5,15 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
+from glider.sysid.constants import MOST_EFFECTS
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.search.fits import threshold_of_kind
-from glider.sysid.search.subsets import (
-    MOST_EFFECTS,
-    Scorer,
-    best_of_sizes,
-    best_set,
-    climb,
-)
+from glider.sysid.search.subsets import Scorer, best_of_sizes, best_set, climb
 
 EVIDENCE_THRESHOLD = 3.0
 

@@ -7,28 +7,22 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.progress import silent
+from glider.sysid.constants import (
+    DOUBTED,
+    EVIDENCE_THRESHOLD,
+    LEAST_SUPPORT,
+    RIVAL_GAP,
+    SIMPLE_MOMENT,
+    SIMPLE_SUPPORT,
+    SIMPLE_THRESHOLD,
+)
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import (
-    EVIDENCE_THRESHOLD,
-    SIMPLE_MOMENT,
-    SIMPLE_THRESHOLD,
-    Search,
-    is_simple,
-    marginal_scorer,
-)
+from glider.sysid.search.fits import Search, is_simple, marginal_scorer
 from glider.sysid.search.moves import shown_by
 from glider.sysid.search.subsets import Scorer
-from glider.sysid.search.support import (
-    DOUBTED,
-    LEAST_SUPPORT,
-    RIVAL_GAP,
-    SIMPLE_SUPPORT,
-    EffectSupport,
-    weakest,
-    weigh,
-)
+from glider.sysid.search.support import EffectSupport, weakest, weigh
 from glider.sysid.search.tracing import rivals_of
 from tests.helpers.tasks import begin, fly, task_of
 
