@@ -130,9 +130,10 @@ def gather(
     directions = slopes(layout, model.free)
     own = set(task.vehicle.nuisance)
     variants: dict[str, list[Variant]] = {}
+    idle = own | _at_bounds(task, model)
     for kind in model.kinds:
         acting = enumerate(directions)
-        mine = [j for j, d in acting if d.kind == kind and d.slot not in own]
+        mine = [j for j, d in acting if d.kind == kind and d.slot not in idle]
         if mine:
             variants[kind] = [tuple(mine)]
     for kind in task.kinds:
@@ -172,6 +173,20 @@ def gather(
         blocks=new,
         columns=tuple(scaled),
     )
+
+
+def _at_bounds(task: Task, model: model_fit.FitResult) -> set[int]:
+    """Returns the free slots that stay at a bound of theirs.
+
+    Beyond it they would fit better, so that no set that moves them is physical: shapes,
+    and sizes whose bound is that of no effect.
+    """
+    slots = np.array([i for i in model.free if i not in task.vehicle.nuisance], int)
+    ends, values = np.array(task.bounds(slots)), model.theta[slots]
+    is_at_end = np.any(np.abs(values - ends) < 1e-6 * task.layout.scale[slots], axis=0)
+    is_none = values == task.vehicle.theta[slots]
+    is_shape = np.array([*map(task.is_shape, slots)], dtype=bool)
+    return set(slots[is_at_end & (is_shape | is_none)].tolist())
 
 
 def survey(task: Task, model: model_fit.FitResult) -> dict[str, float]:

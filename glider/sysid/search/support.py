@@ -56,7 +56,7 @@ def weigh(
     grams = candidates.grams(model.scales)
     score = scoring(candidates, grams, np.ones(len(grams)))
     chosen = score.by_first(model.kinds)
-    near, rivals = _near_and_rivals(score, chosen)
+    near, rivals = near_and_rivals(score, chosen)
     is_single = is_simple(model, model.scales)
     share = RESAMPLED_SHARE if is_single else 1.0
     enough = SIMPLE_SUPPORT if is_single else LEAST_SUPPORT
@@ -103,7 +103,7 @@ def _family_of(kind: str, model: FitResult) -> set[str]:
     return {name for block in blocks for name in (block, *BLOCKS[block].formulas)}
 
 
-def _near_and_rivals(
+def near_and_rivals(
     score: Scorer, chosen: Members
 ) -> tuple[set[str], dict[str, set[str]]]:
     """Returns the effects to offer to resampled flights, and each member's rivals."""

@@ -19,8 +19,14 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.search import fits, moves
 from glider.sysid.search.force_search import held_out_scorer, search_forces
-from glider.sysid.search.subsets import best_set
-from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
+from glider.sysid.search.subsets import climb
+from glider.sysid.search.support import (
+    EffectSupport,
+    SearchResult,
+    near_and_rivals,
+    weakest,
+    weigh,
+)
 
 # Tried last: scales are seldom wrong, and to first order they imitate many effects.
 LATE = ("position_scale", "elevator_scale")
@@ -128,12 +134,17 @@ def search_about(
 ) -> tuple[FitResult, list[int]]:
     """Searches the effects of flights that count so often, in closed form.
 
+    From the model's own set, among what is near it on all flights: farther away, errors
+    of the linearization look like effects.
+
     Returns:
         the model with their coefficients, all else as it is, and their columns.
     """
     is_of_forces = candidates.model.has_force_errors
     scorer = held_out_scorer if is_of_forces else fits.marginal_scorer
     score, scales = scorer(candidates, grams, counts), candidates.model.scales
-    members = best_set(score)
+    chosen = score.by_first(candidates.model.kinds)
+    offered, _ = near_and_rivals(scorer(candidates, grams, np.ones(len(grams))), chosen)
+    members = climb(score.among(offered), chosen)
     near = fits.FirstOrder(candidates=candidates, scales=scales, score=score)
     return near.begin(members), [c for _, variant in members for c in variant]

@@ -8,6 +8,7 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.candidates import gather, saturated_scales
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.task import Task
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -88,3 +89,24 @@ def test_what_a_model_lacks_is_not_taken_for_noise(dragged):
     scales = saturated_scales(gather(task, plate), plate.scales, 3)
     assert plate.scales.air > 5.0 * model.scales.air
     assert scales.air < 0.3 * plate.scales.air
+
+
+def test_a_set_whose_shape_stays_at_its_bound_is_physical(monkeypatch):
+    """Flights ask for more than is possible; the effect is there all the same."""
+    stall = KINDS["attached_lift"](slope=2.0, stall_angle=0.3)
+    task, noise = task_of(fly(stall, flights=4))
+    task = dataclasses.replace(task, kinds=("attached_lift", "profile_drag"))
+    slot, bounds = task.layout.index["attached_lift", "stall_angle"], Task.bounds
+
+    def narrow(task, slots):
+        lower, upper = bounds(task, slots)
+        return lower, np.where(np.array(slots) == slot, 0.2, upper)
+
+    monkeypatch.setattr(Task, "bounds", narrow)
+    model = fit_model(task, begin(task, noise, ["attached_lift"]))
+    assert model.theta[slot] == 0.2
+    candidates = gather(task, model)
+    evidence = candidates.evidence(candidates.total(model.scales))
+    [own] = candidates.variants["attached_lift"]
+    assert slot not in [candidates.slots[j] for j in own]
+    assert evidence.log_marginal(own) > 100.0
