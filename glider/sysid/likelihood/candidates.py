@@ -181,12 +181,12 @@ def _at_bounds(task: Task, model: model_fit.FitResult) -> set[int]:
     Beyond it they would fit better, so that no set that moves them is physical: shapes,
     and sizes whose bound is that of no effect.
     """
-    slots = np.array([i for i in model.free if i not in task.vehicle.nuisance], int)
+    slots = [i for i in model.free if i not in task.vehicle.nuisance]
     ends, values = np.array(task.bounds(slots)), model.theta[slots]
     is_at_end = np.any(np.abs(values - ends) < 1e-6 * task.layout.scale[slots], axis=0)
     is_none = values == task.vehicle.theta[slots]
     is_shape = np.array([*map(task.is_shape, slots)], dtype=bool)
-    return set(slots[is_at_end & (is_shape | is_none)].tolist())
+    return set(np.array(slots)[is_at_end & (is_shape | is_none)].tolist())
 
 
 def survey(task: Task, model: model_fit.FitResult) -> dict[str, float]:
