@@ -87,6 +87,7 @@ ALONG_ATTITUDE = {  # Noise of flights along their attitude, which ignore moment
 
 # ------------------------------------------------------------------ the search
 MOST_EFFECTS = 8  # Of a set (c).
+MOST_COMPARED = 60  # Flights that sets are compared on before they are fitted (c).
 BEAM = 4  # Sets that each size is reached from (c).
 HOPELESS = 30.0  # Loss below the best set at which larger ones are left [nats] (c).
 HASTE = 0.01  # Share of a gain below which an effect waits for the next set (c).

@@ -11,6 +11,7 @@ from glider.sysid.constants import (
     COEFFICIENT_THRESHOLD,
     CURVE_THRESHOLD,
     EVIDENCE_THRESHOLD,
+    MOST_COMPARED,
     SIMPLE_COEFFICIENT_THRESHOLD,
     SIMPLE_MOMENT,
     SIMPLE_THRESHOLD,
@@ -132,10 +133,14 @@ class Search:
         return self.fitted[key]
 
     def near(self, model: FitResult) -> FirstOrder | None:
-        """Compares sets about a model, cached; None where the model diverges."""
+        """Compares sets about a model, cached; None where the model diverges.
+
+        On some of many flights: what is proposed is fitted to all.
+        """
         if self._near[0] is self.task and self._near[1] is model:
             return self._near[2]
-        candidates, found = gather(self.task, model, with_blocks=True), None
+        few = self.task.thinned(MOST_COMPARED)
+        candidates, found = gather(few, model, with_blocks=True), None
         rounds = 2 if np.isfinite(model.cost) else 3
         scales = saturated_scales(candidates, model.scales, rounds)
         gram = candidates.total(scales)
