@@ -56,6 +56,7 @@ myst_substitutions = {
     "least_support": f"{constants.LEAST_SUPPORT:.0%}",
     "floor_accuracy": f"{100 * constants.FLOOR_ACCURACY:g} %",
     "undervalued": f"{constants.UNDERVALUED:.0f}",
+    "most_compared": f"{constants.MOST_COMPARED}",
     "most_tried": f"{constants.MOST_TRIED}",
     "unlikely": f"{100 * constants.UNLIKELY:g} %",
     "moment_share": f"{constants.MOMENT_SHARE:g}",

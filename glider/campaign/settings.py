@@ -318,8 +318,7 @@ class Settings:
             words = f"{field} has no effect {why}; expected no such field."
             raise InputError(f"{source}: {words}")
         for one, other in itertools.combinations(columns, 2):
-            kinds = {QUANTITIES.get(name) for name in (one, other)}
-            if columns[one] == columns[other] and len(kinds) > 1:
+            if columns[one] == columns[other]:
                 words = f"columns: '{one}' and '{other}' are both {columns[one]!r}"
                 raise InputError(f"{source}: {words}; expected two columns.")
         return Mapping(source, columns, units, frame, self.clock, join)

@@ -10,7 +10,7 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
-from glider.physics.effects.field import FIELD_UNITS
+from glider.physics.effects.field import FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import result
 from glider.sysid.constants import CURVE_Z, EVIDENCE_THRESHOLD, LEAST_SPREAD
@@ -211,7 +211,7 @@ def find_peaks(
         curvature = abs(float(bends[peak] @ own.coordinates))
         is_inside = 0 < peak < len(grid) - 1 and curvature > 0.0
         place = place / curvature if is_inside else math.nan
-        unit = "m/s" if term.startswith("wind") else ("m" if "moment" in term else "-")
+        unit = TERM_UNITS.get(term, "-")
         at = Estimate(float(grid[peak]), place, FIELD_UNITS[variable])
         found[f"{term}_peak"] = Estimate(float(values[peak]), height, unit)
         found[f"{term}_peak_at_{variable}"] = at

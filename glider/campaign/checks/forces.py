@@ -55,9 +55,8 @@ def join(motions: list[Motion]) -> Motion:
 def at_release(motions: Sequence[Motion]) -> Motion:
     """The first rows of each motion: later a glider may loop, or slide on its tail."""
     early = [m.time < m.time[:1] + START for m in motions]
-    return join(
-        [Motion(*(v[e] for v in m)) for m, e in zip(motions, early, strict=True)]
-    )
+    pairs = zip(motions, early, strict=True)
+    return join([Motion(*(v[rows] for v in m)) for m, rows in pairs])
 
 
 def fit_forces(

@@ -26,7 +26,7 @@ from glider.errors import InputError
 _MOST_RECORDINGS = 6  # That changes are tried on.
 _MOST_ROWS = 20_000  # Of these: a hundred trials of them take 20 s.
 _MOST_COLUMNS = 12  # That are tried as y.
-_STARTS = 2  # Changes beside which others are tried: radians of all angles, or one.
+_STARTS = 2  # Changes, those that fit best, beside which others are tried.
 ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 _SCALARS = ("x", "y", "z", "roll", "pitch", "yaw", "elevator", "elevator_rate_command")
 
@@ -88,7 +88,8 @@ def _search(
     # Few flights may not show what is wrong.
     every = (_try(t.change, t.mapping, recordings, make) for t in reversed(likely))
     passed = itertools.islice((t for t in every if t and not t.fails), 2)
-    return list(passed), [trial for trial in full if trial.fails]
+    failed = sorted((t for t in full if t.fails), key=lambda trial: trial.misfit)
+    return list(passed), failed
 
 
 def _try(

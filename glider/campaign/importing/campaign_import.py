@@ -394,7 +394,8 @@ def _check_rotation(
     recordings: Sequence[Recording], cuts: Sequence[CutRecording], claim: Mapping
 ) -> tuple[str, ...]:
     """Warns of an order of Euler angles where another is likelier; refuses others."""
-    own, spans = claim.frame.rotation, [[f.span for f in c.flights] for c in cuts]
+    own = claim.frame.rotation or ("ZYX" if "roll" in claim.columns else None)
+    spans = [[f.span for f in c.flights] for c in cuts]
     if own is None or len(own) != 3 or sum(map(len, spans)) < MIN_FLIGHTS:
         return ()
     frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *ORDERS)}

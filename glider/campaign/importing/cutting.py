@@ -204,6 +204,7 @@ def _find_contact(flight: Track) -> float | None:
         speed, before = steps / np.diff(flight.time), take(flight, slice(same[0]))
         # What follows may be a slide, and longer.
         if np.median(speed[same[0] :]) < _STOPPED * np.median(speed[: same[0]]):
-            return _find_contact(before) or float(before.time[-1])
+            contact = _find_contact(before)
+            return float(before.time[-1]) if contact is None else contact
     touched = np.max(same, initial=-1) + 1
     return float(flight.time[touched]) if 0 < touched < len(pose) else None

@@ -333,10 +333,14 @@ def _is_angle(log: Recording, columns: Columns) -> bool:
     if unit or "elevator" not in columns:
         return unit in ("deg", "rad")
     angle = _values(log, columns["elevator"])[0]
-    if len(angle) != len(command) or re.search(_IS_RATE, _words(columns[_RATE])):
+    if not 1 < len(angle) == len(command) or re.search(
+        _IS_RATE, _words(columns[_RATE])
+    ):
         return False
+    logged = np.stack([command, angle, np.gradient(angle)])
     with np.errstate(invalid="ignore", divide="ignore"):
-        _, to_angle, to_rate = np.corrcoef([command, angle, np.gradient(angle)])[0]
+        shown = logged[:, np.isfinite(logged).all(axis=0)]
+        _, to_angle, to_rate = np.corrcoef(shown)[0]
     return bool(abs(to_angle) > abs(to_rate))
 
 

@@ -47,7 +47,7 @@ _SPELLINGS = {
     "m/s2": "m/s² m/s^2",
 }
 _SUFFIX = re.compile(
-    r"_(?<=._)([mc]?m|[mun]?s|(deg|rad)_?(p?s)?|(?<=[xyz]_)(in|ft))$", re.IGNORECASE
+    r"_(?<=._)([mc]?m|[mun]?s|(deg|rad)(ps|_s)?|(?<=[xyz]_)(in|ft))$", re.IGNORECASE
 )
 """A unit at the end of a name; `elevator_in` is an input."""
 _UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}

@@ -134,7 +134,7 @@ def _from_rates(
     held = latest_command(rates.time, time + _SAME * step)
     if (np.abs(rates.time[held] - time) < _SAME * step).all():
         return rates.values[held, 0], None
-    near = (rates.time > time[0] - _BEFORE) & (rates.time < time[-1] + _BEFORE)
+    near = _around(rates, time)
     logged, values = rates.time[near], rates.values[near, 0]
     usual, long = np.quantile(np.diff(rates.time), [0.5, 0.9])
     if command_rate and 0.8 * usual * command_rate > 1.0 and long < 1.5 * usual:
@@ -152,13 +152,19 @@ def _from_rates(
     return _row_rates(time, elevator_path(begins, held, time)), (begins, held)
 
 
+def _around(log: Stream, time: np.ndarray) -> slice:
+    """Rows of a log about a flight, with one that holds before and one after."""
+    first, last = np.searchsorted(log.time, [time[0] - _BEFORE, time[-1] + _BEFORE])
+    return slice(max(first - 1, 0), last + 1)
+
+
 def _between_rows(time: np.ndarray, elevator: Stream, tape: Tape) -> np.ndarray:
     """Angles (n,) of an elevator between its log's rows, led by its commands [rad].
 
     A smooth path from row to row misses the corners where commands change. So their
     path is taken, with the delay and lag that fit best, and what it leaves is smooth.
     """
-    used = (elevator.time > time[0] - _BEFORE) & (elevator.time < time[-1] + _BEFORE)
+    used = _around(elevator, time)
     rows, angle = elevator.time[used], elevator.values[used, 0]
 
     def path(query: np.ndarray, late: np.ndarray) -> np.ndarray:

@@ -40,6 +40,9 @@ WING_TERM = "wing_factor"
 
 FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, WING_TERM)
 
+TERM_UNITS = {"wind_x": "m/s", "wind_z": "m/s", "c_moment": "m", "tail_downwash": "rad"}
+"""Units of the terms that have one."""
+
 
 class Field(NamedTuple):
     """A sum of Gaussian basis functions, as arrays that numba takes.

@@ -133,9 +133,8 @@ def gather(
     idle = own | _at_bounds(task, model)
     for kind in model.kinds:
         acting = enumerate(directions)
-        mine = [j for j, d in acting if d.kind == kind and d.slot not in idle]
-        if mine:
-            variants[kind] = [tuple(mine)]
+        mine = (j for j, d in acting if d.kind == kind and d.slot not in idle)
+        variants[kind] = [tuple(mine)]  # None of an effect that is at its bounds.
     for kind in task.kinds:
         if kind in model.kinds:
             continue
@@ -168,7 +167,11 @@ def gather(
         task=task,
         model=model,
         directions=tuple(directions),
-        variants={k: tuple(v) for k, v in variants.items() if v and v[0]},
+        variants={
+            kind: tuple(own)
+            for kind, own in variants.items()
+            if own and (own[0] or kind in model.kinds)
+        },
         flights=flights,
         blocks=new,
         columns=tuple(scaled),

@@ -42,8 +42,7 @@ def without(task: Task, model: FitResult, *gone: str) -> FitResult:
 
 def bare_of(task: Task, model: FitResult) -> FitResult:
     """Returns a model without effects and blocks."""
-    bare = dataclasses.replace(model, blocks=(), cost=np.inf, freedom=0.0)
-    return without(task, bare, *model.kinds)
+    return without(task, dataclasses.replace(model, blocks=()), *model.kinds)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -99,7 +98,10 @@ class Search:
 
     task: Task
     progress: Progress
-    fitted: dict[Any, FitResult] = dataclasses.field(default_factory=dict)
+    #: By the set, and whether curves act.
+    fitted: dict[tuple[frozenset[str], bool], FitResult] = dataclasses.field(
+        default_factory=dict
+    )
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
 
@@ -125,8 +127,9 @@ class Search:
     def fit(self, model: FitResult, words: str = "") -> FitResult:
         """Fits a model, and the strengths of its blocks, unless its set is known."""
         key = frozenset(model.kinds), model.has_curves
-        if key not in self.fitted:
-            self.progress(words or f"fitting {', '.join(sorted(model.kinds))}")
+        if key not in self.fitted or not np.isfinite(self.fitted[key].cost):
+            what = ", ".join(sorted(model.kinds)) or "the flat plate"
+            self.progress(words or f"fitting {what}")
             if model.free_kinds:  # Strengths shape the fit.
                 model = fit_strength(self.task, fit_model(self.task, model, 2))
             self.fitted[key] = fit_strength(self.task, fit_model(self.task, model))
@@ -146,7 +149,8 @@ class Search:
         gram = candidates.total(scales)
         if np.all(np.isfinite(gram)):
             score = marginal_scorer(candidates, gram[None], np.ones(1), scales)
-            self.alone = self.alone or score.among(self.task.kinds).alone()
+            if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
+                self.alone = score.among(few.kinds).alone() | self.alone
             found = FirstOrder(candidates=candidates, scales=scales, score=score)
         self._near = self.task, model, found
         return found

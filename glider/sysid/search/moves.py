@@ -4,6 +4,7 @@ A move returns a model that is worth more, or None. It proposes sets by closed f
 to first order about the model, and fits what it proposes.
 """
 
+import dataclasses
 import heapq
 from collections.abc import Callable, Iterator
 
@@ -91,9 +92,13 @@ def with_mean(search: Search, model: FitResult) -> FitResult | None:
         is_free = bool(set(slots) & set(model.free))
         if kind not in task.kinds or is_free or not is_off[places].any():
             continue
-        theta = model.theta.copy()
+        theta, shift = model.theta.copy(), np.zeros(len(mean))
         theta[slots] += mean[places]
-        other = model.with_kinds(task, (*model.kinds, kind), theta)
+        shift[places] = mean[places]
+        other = dataclasses.replace(
+            model.with_kinds(task, (*model.kinds, kind), theta),
+            constants={name: own - shift for name, own in model.constants.items()},
+        )
         other = search.fit(other, f"{kind} in all flights?")
         if search.prefers(other, model):
             return other
@@ -124,7 +129,7 @@ def without_curves(search: Search, model: FitResult) -> FitResult | None:
         return bare
     if len(model.kinds) > 1 or model.free_kinds:
         return None
-    plate = search.fit(bare_of(search.task, model), "fitting the flat plate")
+    plate = search.fit(bare_of(search.task, model))
     near = search.near(plate)
     return search.better(model, near, [best_set(near.score)]) if near else None
 

@@ -94,7 +94,9 @@ class Scorer:
     def among(self, kinds: Collection[str]) -> "Scorer":
         """Returns the scorer with only some kinds to choose from."""
         few = {kind: own for kind, own in self.variants.items() if kind in kinds}
-        return Scorer(self.evidence, few, self.penalty)
+        other = Scorer(self.evidence, few, self.penalty)
+        other._kept = self._kept
+        return other
 
     def larger(self, members: Members) -> Iterable[Members]:
         """Yields the sets with one member more."""

@@ -82,14 +82,14 @@ def rivals_of(
         others = near.score.among(support.rivals).larger(tuple(rest))
         for members in heapq.nlargest(MOST_TRIED, others, key=near.score):
             search.fit(near.begin(members))
-    found = []
-    for other in search.fitted.values():
+    found: dict[frozenset[str], tuple[FitResult, float]] = {}
+    for (kinds, _), other in search.fitted.items():
         lack = search.penalized_cost(other) - best
-        if set(other.kinds) in swapped:
+        if kinds in swapped:
             lack = max(lack, 0.0)
-        if set(other.kinds) != own and 0.0 <= lack < RIVAL_GAP:
-            found.append((other, lack))
-    return tuple(sorted(found, key=lambda pair: pair[1])[:MOST_AVERAGED])
+        if kinds != own and 0.0 <= lack < found.get(kinds, (other, RIVAL_GAP))[1]:
+            found[kinds] = other, lack
+    return tuple(sorted(found.values(), key=lambda pair: pair[1])[:MOST_AVERAGED])
 
 
 def improved(search: fits.Search, model: FitResult) -> FitResult:

@@ -101,6 +101,7 @@ def test_the_order_of_named_angles(tmp_path, campaign):
         ("csv", {"units": {"roll": "rad"}}, "units: 'roll' has no effect"),
         ("csv", {"columns": {"elevator_angle_command": "de"}}, "'elevator_rate_comm"),
         ("csv", {"columns": {"elevator_rate_command": "de"}}, "are both 'de'"),
+        ("csv", {"columns": {"x": "down"}}, "are both 'down'"),
         ("mcap", {"frame": {"pitch": "nose_up"}}, "frame: 'pitch' has no effect"),
         ("mcap", {"frame": {"rotation": "wxyz"}}, "frame: 'rotation' has no effect"),
         ("mcap", {"units": {"attitude": "deg"}}, "units: 'attitude' has no effect"),

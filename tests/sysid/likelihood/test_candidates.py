@@ -110,3 +110,14 @@ def test_a_set_whose_shape_stays_at_its_bound_is_physical(monkeypatch):
     [own] = candidates.variants["attached_lift"]
     assert slot not in [candidates.slots[j] for j in own]
     assert evidence.log_marginal(own) > 100.0
+
+
+def test_an_effect_that_ends_at_none_stays_in_its_set(dragged):
+    """A drag cannot be negative: the set has it, without a column."""
+    task, _, model = dragged
+    theta = model.theta.copy()
+    theta[list(task.layout.slots_of("profile_drag"))] = 0.0
+    candidates = gather(task, dataclasses.replace(model, theta=theta))
+    assert candidates.variants["profile_drag"] == ((),)
+    evidence = candidates.evidence(candidates.total(model.scales))
+    assert evidence.log_marginal(()) == 0.0
