@@ -58,7 +58,7 @@ class Covariance:
         expect(good, what, freedom, f"a finite number, at least {count}")
         least = np.linalg.eigvalsh(scaled).min(initial=0.0)
         what = "covariance: the least eigenvalue of the correlations"
-        good = least >= -ROUNDING * max(count, 1)
+        good = bool(least >= -ROUNDING * max(count, 1))
         expect(good, what, float(least), "none that is negative")
 
     def of_flight(self, kinds: Sequence[EffectKind]) -> "Covariance":

@@ -62,11 +62,10 @@ class Candidates:
 
     def total(self, scales: Scales) -> np.ndarray:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
-        parts = [
-            self.flights[k : k + _AT_ONCE]
-            for k in range(0, len(self.flights), _AT_ONCE)
-        ]
-        return sum(np.sum(self._grams(part, scales), axis=0) for part in parts)
+        starts = range(0, len(self.flights), _AT_ONCE)
+        parts = [self.flights[k : k + _AT_ONCE] for k in starts]
+        sums = [np.sum(self._grams(part, scales), axis=0) for part in parts]
+        return np.sum(sums, axis=0)
 
     def _grams(
         self, flights: Sequence[LinearFlight], scales: Scales
