@@ -40,14 +40,13 @@ def best(search: Search, model: FitResult) -> FitResult | None:
 
 def pruned(search: Search, model: FitResult) -> FitResult | None:
     """The model without effects that do not reach their thresholds."""
-    shown = shown_by(search.task, model)
+    shown, found = shown_by(search.task, model), model
     for kind in sorted(shown, key=shown.__getitem__):
         if shown[kind] > CLEAR:
             break
-        fewer = search.fit(without(search.task, model, kind), f"is {kind} needed?")
-        if search.prefers(fewer, model):
-            return pruned(search, fewer) or fewer
-    return None
+        fewer = search.fit(without(search.task, found, kind), f"is {kind} needed?")
+        found = fewer if search.prefers(fewer, found) else found
+    return None if found is model else found
 
 
 def evidence_of(search: Search, model: FitResult) -> dict[str, float]:
