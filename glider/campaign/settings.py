@@ -318,7 +318,8 @@ class Settings:
             words = f"{field} has no effect {why}; expected no such field."
             raise InputError(f"{source}: {words}")
         for one, other in itertools.combinations(columns, 2):
-            if columns[one] == columns[other]:
+            asked = {one, other} == {"elevator", "elevator_angle_command"}
+            if columns[one] == columns[other] and not asked:
                 words = f"columns: '{one}' and '{other}' are both {columns[one]!r}"
                 raise InputError(f"{source}: {words}; expected two columns.")
         return Mapping(source, columns, units, frame, self.clock, join)

@@ -220,12 +220,12 @@ def test_angles_beside_a_rotation_of_four_numbers(tmp_path, campaign):
     path = tmp_path / "MAP.yaml"
     path.write_text(
         foreign.MAP_CSV.replace(
-            "pitch: Nick", "y: x0, pitch: Nick, roll: r, yaw: r"
+            "pitch: Nick", "y: x0, pitch: Nick, roll: r, yaw: w"
         ).replace("axes: NED", "axes: NED, rotation: wxyz")
         + foreign.VEHICLE
     )
     lines = file.read_bytes().decode("cp1252").splitlines()
-    ends = ["", ";x0;r", ";;", *[";0,0;0,0"] * (len(lines) - 3)]
+    ends = ["", ";x0;r;w", ";;;", *[";0,0;0,0;0,0"] * (len(lines) - 3)]
     file.write_text("\n".join(a + b for a, b in zip(lines, ends, strict=True)))
     with pytest.raises(InputError, match="'rotation' has no effect on roll, pitch"):
         read_flights([file], path)
