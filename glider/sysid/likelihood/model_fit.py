@@ -43,6 +43,8 @@ from glider.sysid.replay.smoothing import Noise
 
 FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
 
+_STRENGTH_ROUNDS = 8  # Of the fixed point of strengths.
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FitResult:
@@ -305,7 +307,7 @@ def with_constants(task: Task, model: FitResult) -> FitResult:
     return dataclasses.replace(model, constants=constants)
 
 
-def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
+def fit_strength(task: Task, model: FitResult) -> FitResult:
     """Returns the model with the prior strengths of the blocks that the flights show.
 
     MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992).
@@ -316,7 +318,7 @@ def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
     own, start = slice(len(model.free), None), model.coordinates
-    for _ in range(rounds):
+    for _ in range(_STRENGTH_ROUNDS):
         total = prior_of(task, model).added_to(gram)
         covariance = np.linalg.inv(total[:-1, :-1])
         value = start + (covariance @ total[:-1, -1])[own]

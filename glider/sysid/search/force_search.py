@@ -178,9 +178,14 @@ def refit_forces(task: Task, model: FitResult) -> FitResult:
     return dataclasses.replace(model, scales=scales)
 
 
+def _slots_of_moment(task: Task) -> set[int]:
+    """Returns the slots of unknowns that only the moment and the log show."""
+    return {task.layout.index[slot] for slot in _OF_MOMENT} | {*task.vehicle.of_log}
+
+
 def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
     """Returns a model of forces with its moment fitted, and all scales."""
-    slots = {task.layout.index[slot] for slot in _OF_MOMENT} | {*task.vehicle.of_log}
+    slots = _slots_of_moment(task)
     free = tuple(i for i in task.vehicle.nuisance if i in slots)
     kept = {name: getattr(model.scales, name) for name in OF_FORCES}
     scales = dataclasses.replace(start_scales(noise), **kept)
@@ -191,8 +196,8 @@ def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
 
 
 def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
-    """Returns a model whose forces alone are refitted to other flights."""
-    kept = {task.layout.index[slot] for slot in _OF_MOMENT} | {*task.vehicle.of_log}
+    """Returns a model of which only the forces will be fitted, to other flights."""
+    kept = _slots_of_moment(task)
     free = tuple(i for i in model.free if i not in kept)
     return dataclasses.replace(
         model, free=free, scales=forces.scales, has_force_errors=True

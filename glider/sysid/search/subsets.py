@@ -59,9 +59,7 @@ class Scorer:
 
     def with_penalty(self, penalty: Penalty) -> "Scorer":
         """Returns the scorer with other penalties of members [nats]."""
-        other = Scorer(self.evidence, self.variants, penalty)
-        other._kept = self._kept
-        return other
+        return self._like(self.variants, penalty)
 
     def alone(self) -> dict[str, float]:
         """Returns the gain of each kind alone, without its penalty [nats]."""
@@ -94,7 +92,13 @@ class Scorer:
     def among(self, kinds: Collection[str]) -> "Scorer":
         """Returns the scorer with only some kinds to choose from."""
         few = {kind: own for kind, own in self.variants.items() if kind in kinds}
-        other = Scorer(self.evidence, few, self.penalty)
+        return self._like(few, self.penalty)
+
+    def _like(
+        self, variants: Mapping[str, Sequence[Variant]], penalty: Penalty
+    ) -> "Scorer":
+        """Returns another scorer of the same evidence, which knows what is cached."""
+        other = Scorer(self.evidence, variants, penalty)
         other._kept = self._kept
         return other
 
