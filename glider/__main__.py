@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 
+from diagrams.station import command as fly
 from glider.commands import (
     check_funnel,
     close_the_loop,
@@ -23,6 +24,7 @@ COMMANDS = {
     "compare": (compare, "show what changed between the reports of two campaigns"),
     "next-throw": (next_throw, "propose the most informative next throws"),
     "import": (import_logs, "convert logs of other software into a campaign"),
+    "fly": (fly, "fly throws live, with a real or a simulated glider"),
     "check-funnel": (check_funnel, "check a saved funnel in exact arithmetic"),
     "samples": (samples, "list the campaigns that ship with this package"),
     "doctor": (doctor, "check this installation"),

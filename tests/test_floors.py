@@ -46,6 +46,8 @@ FLOORS = [
     "glider",
     "glider.commands",
     "diagrams",
+    "diagrams.station",
+    "diagrams.station.drivers",
     "glider.__main__",
     "examples",
     "examples.article",

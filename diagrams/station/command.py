@@ -1,0 +1,97 @@
+"""The command `fly`: fly throws live, with a real or a simulated glider."""
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+from glider.commands.parsing import CommandParser
+from glider.errors import expect
+from glider.files.writing import check_writable
+
+DESCRIPTION = """\
+Flies throws live: takes poses from a bus (LCM), estimates the glider's state, sends
+commands of its elevator back, and logs every throw as a flight of a campaign.
+
+--simulate puts a simulated glider on the bus, a process of its own with a launcher,
+a servo, and cameras that lose and delay frames. It has effects that the planner's model
+lacks. Without it the drivers of cameras and servo are started beside this command:
+python -m diagrams.station.drivers.natnet --help, and .servo_board.
+"""
+
+EPILOG = """\
+For each throw one line: whether it perched, the miss, the time from a pose to its
+command, and the deadlines missed. Whatever is not right (no poses, impossible ones,
+late commands, a filter that loses the glider, another operator, any key) turns the
+elevator to neutral and says why; Enter arms again.
+
+The folder of --log is a campaign: flight_NNN.csv for close-the-loop, and throw_NNN.mcap
+with all poses, commands, estimates, times, the plan and the versions.
+
+examples:
+  glider fly --simulate head_wind
+  glider fly --simulate head_wind --throws 20 --controller mpc --log out/session
+  glider close-the-loop out/session
+  glider fly --simulate head_wind --model out/session/model.yaml --log out/after
+  glider fly --scenario lab.yaml --log out/today
+
+exit code: 0 when all throws were flown, 1 if the simulated glider died, 2 when the
+input cannot be used.
+"""
+
+
+def add_arguments(parser: CommandParser) -> None:
+    """Adds its arguments to a parser."""
+    words = "simulated glider: a model file, or a name in models/truths"
+    parser.add_argument("--simulate", metavar="TRUTH", help=words)
+    parser.add_path("--scenario", "YAML", "sensors, servo, limits, bus (default: ours)")
+    parser.add_path("--model", "YAML", "model to plan with (default: the nominal one)")
+    words = "tvlqr (default), mpc or mppi"
+    parser.add_argument("--controller", choices=("tvlqr", "mpc", "mppi"), help=words)
+    words = "end after so many (default: 10 with --simulate, else never)"
+    parser.add_number("--throws", words)
+    parser.add_path("--log", "FOLDER", "campaign to write (default: out/fly)")
+    parser.add_seed("of simulated launches and noise")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs it; returns the exit code."""
+    throws, folder = args.throws, args.log or Path("out/fly")
+    expect(throws is None or throws >= 1, "--throws", throws, "at least 1")
+    check_writable(folder)
+    from diagrams.station.bus import Bus
+    from diagrams.station.controllers import make_guidance
+    from diagrams.station.realtime import KEYS, run_station, simulated_glider
+    from diagrams.station.scenario import Scenario, Simulation, load_scenario
+    from diagrams.station.session import Session
+    from diagrams.station.station import Station
+    from glider.commands.output import working
+
+    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
+    changed = {"controller": args.controller, "model": args.model and str(args.model)}
+    changed = {name: value for name, value in changed.items() if value is not None}
+    scenario = dataclasses.replace(scenario, **changed)
+    if args.simulate is not None:
+        simulation = scenario.simulation or Simulation()
+        simulation = dataclasses.replace(
+            simulation, truth=args.simulate, seed=args.seed
+        )
+        scenario = dataclasses.replace(scenario, simulation=simulation)
+    with working() as progress:
+        progress("planning (compiles once)")
+        guidance = make_guidance(scenario)
+        session = Session(folder, scenario, guidance)
+        station = Station(scenario, guidance, Bus(scenario.bus), session, show=_show)
+    print(f"Station on {scenario.bus}: {KEYS}.", flush=True)
+    if scenario.simulation is None:
+        run_station(station, throws)
+        return 0
+    throws = throws or 10
+    with simulated_glider(scenario) as is_alive:
+        run_station(station, throws, is_alive)
+    perched = sum(throw.perched for throw in station.throws)
+    print(f"{perched} of {len(station.throws)} perched; campaign: {folder}")
+    return 0 if len(station.throws) == throws else 1
+
+
+def _show(line: str) -> None:
+    print(line, flush=True)

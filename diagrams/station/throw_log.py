@@ -1,0 +1,176 @@
+"""The record of a throw: appended to as it happens, and a flight of a campaign.
+
+A throw is a file throw_NNN.mcap of JSON messages, each written to the system at once:
+a process that dies loses none. It is the only record; flight_NNN.csv, which
+close-the-loop reads, is computed from it.
+"""
+
+import errno
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Metadata
+from mcap.stream_reader import StreamReader
+from mcap.writer import IndexType, Writer
+
+from glider.campaign.logs import Flight
+
+TOPICS = ("/pose", "/command", "/estimate", "/event")
+
+RESERVE = 1 << 20
+"""Room on the disk that is kept for the throw that runs [bytes]; one takes 0.3 MB."""
+
+FEWEST = 20
+"""Rows of a flight, as the campaign's reader wants them."""
+
+_SCHEMA = b'{"type": "object"}'
+_encode = msgspec.json.Encoder().encode
+
+
+class _Appended:
+    """A file that is only appended to, with a reserve for a full disk."""
+
+    def __init__(self, path: Path) -> None:
+        self._size = 0
+        self._reserve = path.with_name(f".{path.name}.reserve")
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
+        self._file = os.open(path, flags, 0o644)
+        try:
+            self._reserve.write_bytes(b"\1" * RESERVE)
+        except OSError:
+            os.close(self._file)
+            path.unlink()
+            self._reserve.unlink(missing_ok=True)
+            raise
+
+    def write(self, data: bytes) -> int:
+        """Writes all of it; a full disk gets the reserve's room."""
+        left = memoryview(data)
+        while left:
+            try:
+                left = left[os.write(self._file, left) :]
+            except OSError as error:
+                full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+                if not (full and self._reserve.exists()):
+                    raise
+                self._reserve.unlink()
+        self._size += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Size so far [bytes]."""
+        return self._size
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def close(self) -> None:
+        """Closes the file and frees the reserve."""
+        os.close(self._file)
+        self._reserve.unlink(missing_ok=True)
+
+
+class ThrowLog:
+    """Writes the record of one throw.
+
+    Args:
+        path: of a new file.
+        facts: texts by name: scenario, model, plan, versions.
+
+    Raises:
+        OSError: it cannot be written, as on a full disk.
+    """
+
+    def __init__(self, path: Path, facts: Mapping[str, str]) -> None:
+        self.path = path
+        self._file = _Appended(path)
+        # Without chunks a message is in the file as soon as it is written.
+        self._writer = Writer(
+            self._file,  # type: ignore[arg-type]
+            use_chunking=False,
+            index_types=IndexType.METADATA,
+        )
+        self._writer.start("", "drake-glider")
+        self._writer.add_metadata("facts", dict(facts))
+        schema = self._writer.register_schema("glider", "jsonschema", _SCHEMA)
+        self._channels = {
+            topic: self._writer.register_channel(topic, "json", schema)
+            for topic in TOPICS
+        }
+
+    def add(self, topic: str, when: float, **values: object) -> None:
+        """Appends a message of a time by our clock [s]."""
+        stamp = max(int(1e9 * when), 0)
+        self._writer.add_message(self._channels[topic], stamp, _encode(values), stamp)
+
+    def close(self) -> None:
+        """Ends the file with its summary."""
+        self._writer.finish()
+        self._file.close()
+
+
+def read_throw(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any]]]]:
+    """Facts and messages, by topic, of a throw; one cut off is read to its end."""
+    facts: dict[str, str] = {}
+    topics: dict[str, list[dict[str, Any]]] = {topic: [] for topic in TOPICS}
+    channels: dict[int, str] = {}
+    for record in _records(path):
+        if isinstance(record, Metadata) and record.name == "facts":
+            facts = record.metadata
+        elif isinstance(record, Channel):
+            channels[record.id] = record.topic
+        elif isinstance(record, Message):
+            topics[channels[record.channel_id]].append(msgspec.json.decode(record.data))
+    return facts, topics
+
+
+def _records(path: Path) -> Iterator[object]:
+    with path.open("rb") as stream:
+        records = StreamReader(stream).records
+        while True:
+            try:
+                yield next(records)
+            except (StopIteration, McapError):
+                return
+            except Exception as error:
+                # Of a record that is cut off mcap raises whatever it meets there.
+                if stream.read(1):
+                    raise error
+                return
+
+
+def flight_of(path: Path) -> Flight | None:
+    """The free flight of a throw, by the cameras' clock; None if it is too short.
+
+    The command of a row is the one that acts on the servo then.
+    """
+    _, topics = read_throw(path)
+    poses = [pose for pose in topics["/pose"] if pose["free"] and not pose["fault"]]
+    if len(poses) < FEWEST:
+        return None
+    table = np.array(
+        [
+            [p[name] for name in ("stamp", "time", "x", "z", "pitch", "elevator")]
+            for p in poses
+        ],
+        dtype=float,
+    )
+    acts = np.array([command["acts"] for command in topics["/command"]])
+    rates = np.array([0.0, *(command["rate"] for command in topics["/command"])])
+    angles = np.array([0.0, *(command["angle"] for command in topics["/command"])])
+    latest = np.searchsorted(acts, table[:, 1], side="right")
+    since = table[:, 1] - np.append(table[0, 1], acts)[latest]
+    commanded = angles[latest] + rates[latest] * since
+    seen = np.isfinite(table[:, 5]).all()
+    return Flight(
+        name=path.with_suffix(".csv").name.replace("throw", "flight"),
+        time=table[:, 0] - table[0, 0],
+        pose=table[:, 2:5].copy(),
+        elevator=table[:, 5].copy() if seen else commanded,
+        command=rates[latest],
+    )

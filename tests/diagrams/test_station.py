@@ -1,0 +1,105 @@
+"""The station with a simulated glider, by turns in one process: throws and logs."""
+
+import numpy as np
+import pytest
+
+from diagrams.station.scenario import Scenario, Simulation, load_scenario
+from diagrams.station.throw_log import read_throw
+from glider.campaign.reader import load_campaign
+from glider.errors import InputError
+from glider.files import schema
+from glider.physics.model import GliderModel
+from tests.helpers.lockstep import Lockstep
+
+PERFECT = {"lost": 0.0, "duplicated": 0.0, "late": 0.0}
+
+
+@pytest.fixture
+def nominal(tmp_path):
+    """File of the glider without effects."""
+    GliderModel().save(tmp_path / "nominal.yaml")
+    return str(tmp_path / "nominal.yaml")
+
+
+@pytest.mark.parametrize("controller", ["tvlqr", "mpc", "mppi"])
+def test_a_known_glider_perches_and_the_station_sees_it(tmp_path, nominal, controller):
+    simulation = Simulation(truth=nominal)
+    lab = Lockstep(tmp_path / "s", simulation, controller=controller)
+    throws = lab.fly(3)
+    assert [throw.perched for throw in throws] == [True] * 3, lab.lines
+    for throw, landing in zip(throws, lab.glider.landings, strict=True):
+        assert landing.perched
+        assert throw.passed.miss == pytest.approx(landing.miss, abs=0.005)
+
+
+def test_a_glider_with_an_effect_misses(tmp_path):
+    lab = Lockstep(tmp_path / "s", Simulation(truth="head_wind"))
+    [throw] = lab.fly()
+    assert not throw.perched and 0.2 < throw.passed.miss < 0.4
+    assert not throw.reason
+
+
+def test_the_log_is_a_campaign_with_the_commands_that_the_servo_got(tmp_path, nominal):
+    lab = Lockstep(tmp_path / "s", Simulation(truth=nominal, servo_latency=0.004))
+    lab.fly(2)
+    campaign = load_campaign(tmp_path / "s")
+    assert len(campaign.flights) == 2 and campaign.command_rate == 50.0
+    for flight in campaign.flights:
+        assert flight.time[-1] > 0.7 and np.all(np.diff(flight.time) > 0.008)
+        # The measured angle is the integral of the commands, but for its noise.
+        turned = np.cumsum(flight.command[:-1] * np.diff(flight.time))
+        rest = flight.elevator[1:] - turned
+        assert np.std(rest) < 0.03, np.std(rest)
+
+
+def test_a_record_holds_all_that_is_needed_to_repeat_a_throw(tmp_path, nominal):
+    lab = Lockstep(tmp_path / "s", Simulation(truth=nominal))
+    lab.fly()
+    facts, topics = read_throw(tmp_path / "s" / "throw_001.mcap")
+    assert {"scenario", "model", "plan", "versions"} == set(facts)
+    assert (
+        schema.convert(schema.parse_yaml(facts["scenario"], "s"), Scenario, "s")
+        == lab.scenario
+    )
+    assert len(topics["/command"]) == len(lab.station.throws[0].latencies)
+    used = [p for p in topics["/pose"] if p["free"] and not p["fault"]]
+    assert len(topics["/estimate"]) == len(used) - 1  # The first begins the filter.
+    states = [event["state"] for event in topics["/event"]]
+    assert states[0] == "ready" and states[-1] == "result" and "flying" in states
+
+
+def test_a_command_for_each_pose(tmp_path, nominal):
+    simulation = Simulation(truth=nominal, **PERFECT)
+    lab = Lockstep(tmp_path / "s", simulation, command_rate=None)
+    [throw] = lab.fly()
+    assert throw.perched
+    _, topics = read_throw(tmp_path / "s" / "throw_001.mcap")
+    assert len(topics["/command"]) == pytest.approx(len(topics["/estimate"]), abs=3)
+
+
+def test_a_folder_of_another_glider_is_refused(tmp_path, nominal):
+    GliderModel.load("models/vehicles/heavy.yaml").save(tmp_path / "heavy.yaml")
+    Lockstep(tmp_path / "s", Simulation(truth=nominal))
+    text = (tmp_path / "s" / "campaign.yaml").read_text()
+    (tmp_path / "s" / "campaign.yaml").write_text(text.replace("mass: 0.08", "mass: 1"))
+    with pytest.raises(InputError, match="is of another glider"):
+        Lockstep(tmp_path / "s", Simulation(truth=nominal))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("controller: pid", "controller"),
+        ("command_rate: 5", "a number of Hz from 10 to 200"),
+        ("sensors: {rate: 0}", "field 'rate' is 0.0; expected"),
+        ("limits: {x: [1, 0]}", "lower, upper"),
+        ("simulation: {truth: breeze}", "expected a model file or one of"),
+        ("sensor: {}", "did you mean 'sensors'"),
+        ("servo: {timeout: -1}", "field 'timeout' is -1.0"),
+    ],
+)
+def test_a_wrong_scenario_is_one_sentence(tmp_path, text, message):
+    (tmp_path / "lab.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"lab\.yaml|simulated glider") as error:
+        assert load_scenario(tmp_path / "lab.yaml").truth
+    assert message in str(error.value)
