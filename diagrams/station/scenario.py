@@ -46,8 +46,9 @@ class Release:
 class Limits:
     """When the station stops trusting what it sees or does."""
 
-    #: Time without a usable pose [s]: five lost frames in a row, at 120 Hz.
-    stale: float = 0.044
+    #: Time between the receptions of two usable poses [s]: at 120 Hz four frames may be
+    #: lost in a row. With a latency of 6 ms, neutral is sent 50 ms after the last pose.
+    stale: float = 0.042
     speed: float = 20.0  #: Between two poses [m/s].
     turn_rate: float = 40.0  #: Between two poses [rad/s].
     x: list[float] = dataclasses.field(default_factory=lambda: [-8.0, 4.0])  #: [m]

@@ -59,12 +59,17 @@ class Session:
                 )
         else:
             save_campaign(folder, campaign)
-        for record in sorted(folder.glob("throw_*.mcap")):
-            if not (folder / _flight_name(record)).exists():
+        self.recover()
+
+    def recover(self) -> None:
+        """Makes flights of records that were not closed."""
+        for record in sorted(self.folder.glob("throw_*.mcap")):
+            if not (self.folder / _flight_name(record)).exists():
                 self.save(record)
 
     def new_log(self) -> ThrowLog:
         """Begins the record of the next throw."""
+        self.recover()
         numbers = [
             int(name)
             for file in self.folder.glob("throw_*.mcap")

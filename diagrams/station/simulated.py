@@ -132,7 +132,7 @@ class SimulatedGlider:
         self._bus, self._time, self._frame = bus, start, 0
         self._start = start
         self._ready = math.nan  # Since when the station is.
-        self._release = math.inf  # Time of the next release, or of the last.
+        self.released = math.inf  #: Time of the next release, or of the last [s].
         self._miss = math.inf
         self.landings: list[Landing] = []
         self._place()
@@ -149,7 +149,7 @@ class SimulatedGlider:
         self._push = (
             float(np.linalg.norm(launch[VELOCITY])) / self._settings.acceleration
         )
-        self._release, self._landed, self._miss = math.inf, math.inf, math.inf
+        self.released, self._landed, self._miss = math.inf, math.inf, math.inf
         self._ready = math.nan
 
     def _on_command(
@@ -162,11 +162,11 @@ class SimulatedGlider:
         self, stamp: float, values: Sequence[float], names: Sequence[str]
     ) -> None:
         is_ready = bool(len(values)) and names[0] == "ready"
-        if not is_ready and self._time < self._release - self._push:
-            self._ready, self._release = math.nan, math.inf
+        if not is_ready and self._time < self.released - self._push:
+            self._ready, self.released = math.nan, math.inf
         elif is_ready and math.isnan(self._ready):
             self._ready = self._time
-            self._release = self._time + REST + self._push
+            self.released = self._time + REST + self._push
 
     def advance(self, now: float) -> float:
         """Moves everything on to a time; returns when the next frame comes [s]."""
@@ -176,7 +176,7 @@ class SimulatedGlider:
         )
         while (due := self._start + self._frame / self._cameras.rate) <= now:
             self._move(due)
-            self._cameras.expose(due, due - self._release, self._show())
+            self._cameras.expose(due, due - self.released, self._show())
             self._frame += 1
         self._cameras.send(self._bus, now)
         return min(due, self._cameras.next)
@@ -190,11 +190,11 @@ class SimulatedGlider:
         self._move_held(until)
 
     def _move_held(self, until: float) -> None:
-        if self._time < self._release < until:
-            self._move_held(self._release)
+        if self._time < self.released < until:
+            self._move_held(self.released)
         angle = self._wire.advance(until)
         span, self._time = until - self._time, until
-        if until <= self._release:
+        if until <= self.released:
             self._state[ELEVATOR] = angle
         elif until < self._landed:
             self._advance_flight(span)
@@ -225,7 +225,7 @@ class SimulatedGlider:
         took = self._problem.hook.takes(miss, arrival)[0]
         taken = passes and took and float(miss[0]) <= self._miss
         low = self._state[POSITION[1]] < self._problem.z_limits[0]
-        if taken or low or self._time > self._release + 2.0:
+        if taken or low or self._time > self.released + 2.0:
             self.landings.append(Landing(miss=self._miss, perched=bool(taken)))
             self._state = arrival[0].copy() if taken else before
             self._landed = self._time
@@ -233,8 +233,8 @@ class SimulatedGlider:
     def _show(self) -> np.ndarray:
         """What perfect cameras show (4,) now: x, z, pitch and elevator."""
         state = self._state.copy()
-        if self._time <= self._release:
-            left = max(min(self._release - self._time, self._push), 0.0)
+        if self._time <= self.released:
+            left = max(min(self.released - self._time, self._push), 0.0)
             pushed = self._push - left
             velocity = self._launch[VELOCITY]
             # From rest to the launch's velocity at a constant acceleration.

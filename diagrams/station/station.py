@@ -240,8 +240,6 @@ class Station:
         self._throw.add_state(when, self._tracker.mean)
         self._begin = when - elapsed
         self._due = self._clock()
-        self._late = self._far = 0
-        self._passed = False
         self._enter(FLYING, f"free at {elapsed:.3f} s of the plan")
         return True
 
@@ -318,6 +316,8 @@ class Station:
         self._send(self._wire.to_neutral(now), now)
         throw, self.throws = self._throw, [*self.throws, self._throw]
         self._release.reset()
+        self._late = self._far = 0
+        self._passed = False
         self._enter(WAITING, "the throw is over")
         gc.enable()
         gc.unfreeze()
@@ -355,6 +355,7 @@ class Station:
         try:
             self._log.add(topic, when, **values)
         except OSError as error:
+            self._log.abandon()
             self._log = None
             if self.state == FLYING:
                 self._stop(f"the record cannot be written: {error.strerror}")

@@ -111,6 +111,10 @@ class ThrowLog:
     def close(self) -> None:
         """Ends the file with its summary."""
         self._writer.finish()
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Leaves the file as it is, as when the process dies."""
         self._file.close()
 
 

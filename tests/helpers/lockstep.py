@@ -22,6 +22,17 @@ def guidance_for(controller: str = "tvlqr") -> Guidance:
     return make_guidance(Scenario(controller=controller))
 
 
+class Plug(Bus):
+    """One participant's end of the bus, which can be pulled."""
+
+    def __init__(self, lcm):
+        super().__init__(lcm)
+        self.is_in = True
+
+    def listen(self, channel, handler):
+        super().listen(channel, lambda *args: handler(*args) if self.is_in else None)
+
+
 class Lockstep:
     """Runs both by turns, as two processes would; the bus is shared."""
 
@@ -29,21 +40,27 @@ class Lockstep:
         changes = {"simulation": simulation or Simulation(), **changes}
         self.scenario = dataclasses.replace(Scenario(), **changes)
         self.now = 100.0
-        self.bus = Bus(DrakeLcm("memq://"))
+        self.lcm = DrakeLcm("memq://")
+        self.bus = Bus(self.lcm)
         self.commands = []  # Time and message of each.
         self.bus.listen(COMMAND, self._hear)
         self.guidance = guidance_for(self.scenario.controller)
-        self.session = Session(folder, self.scenario, self.guidance)
+        self.folder = folder
         self.lines = []
-        self.station = self.make_station()
-        self.glider = SimulatedGlider(self.scenario, self.bus, self.now)
-        self.has_glider = self.has_station = True
+        self.start_station()
+        self.start_glider()
 
-    def make_station(self):
-        return Station(
+    def start_glider(self):
+        self.glider_bus = Plug(self.lcm)
+        self.glider = SimulatedGlider(self.scenario, self.glider_bus, self.now)
+
+    def start_station(self):
+        self.session = Session(self.folder, self.scenario, self.guidance)
+        self.station_bus = Plug(self.lcm)
+        self.station = Station(
             self.scenario,
             self.guidance,
-            self.bus,
+            self.station_bus,
             self.session,
             show=self.lines.append,
             clock=lambda: self.now,
@@ -58,12 +75,29 @@ class Lockstep:
         end = self.now + longest
         while not until() and self.now < end:
             self.now += LATEST
-            if self.has_glider:
+            if self.glider_bus.is_in:
                 self.glider.advance(self.now)
             self.bus.handle()
-            if self.has_station:
+            if self.station_bus.is_in:
                 self.station.tick()
         return until()
+
+    def run_into_flight(self, seconds):
+        """Runs until the glider has flown so long; returns the time then."""
+        assert self.run(lambda: 0.0 < self.now - self.glider.released < 1.0)
+        self.run(lambda: self.now - self.glider.released >= seconds)
+        assert self.station.state == "flying", self.station.reason
+        return self.now
+
+    def neutral_since(self, begin, end):
+        """When commands began to turn the elevator to neutral, for good."""
+        since = end
+        for when, _, _, rate, angle in reversed(self.commands):
+            if when <= end:
+                if when < begin or abs(angle + 0.02 * rate) > abs(angle) + 1e-9:
+                    break
+                since = when
+        return since
 
     def fly(self, throws=1):
         """Flies throws; returns them."""

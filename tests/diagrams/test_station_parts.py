@@ -1,0 +1,118 @@
+"""Parts of the station alone: the wire's limits, the cameras' clock, release."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diagrams.station.clocks import CameraClock
+from diagrams.station.tracker import CommandTape, ReleaseDetector
+from diagrams.station.wire import Wire
+from glider.physics.parameters import GliderParameters
+
+SERVO = GliderParameters().servo
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+steps = st.lists(st.tuples(st.floats(0.0, 0.2), anything, st.booleans()), max_size=30)
+
+
+@given(steps)
+def test_whatever_is_commanded_the_elevator_stays_within_its_limits(commands):
+    wire, now = Wire(SERVO, 0.0, 0.05), 10.0
+    angle = wire.advance(now)
+    for span, rate, is_command in commands:
+        now += span
+        if is_command:
+            wire.command(rate, now)
+        turned = wire.advance(now) - angle
+        angle = wire.angle
+        assert SERVO.low <= angle <= SERVO.high
+        assert abs(wire.rate) <= SERVO.rate
+        assert abs(turned) <= SERVO.rate * span + 1e-9
+    # Silence: neutral after the timeout and the way there.
+    wire.advance(now + 0.05)
+    assert wire.advance(now + 0.05 + SERVO.high / SERVO.rate + 1e-6) == 0.0
+
+
+@given(st.lists(st.floats(1e-3, 0.3), max_size=6))
+def test_a_silent_wire_does_not_depend_on_when_it_is_asked(spans):
+    once, often = Wire(SERVO, 0.1, 0.05), Wire(SERVO, 0.1, 0.05)
+    for wire in (once, often):
+        wire.advance(0.0)
+        wire.command(9.0, 0.0)
+    for until in np.cumsum(spans):
+        often.advance(until)
+    end = float(np.sum(spans))
+    assert often.advance(end) == pytest.approx(once.advance(end), abs=1e-9)
+
+
+def test_a_wire_obeys_one_sender_until_it_is_silent():
+    wire = Wire(SERVO, 0.0, 0.05)
+    assert wire.obey(1.0, 5.0, 0.0)
+    assert not wire.obey(2.0, -5.0, 0.02)
+    assert wire.rate == 5.0
+    assert wire.obey(2.0, -5.0, 1.1) and wire.rate == -5.0
+
+
+@pytest.mark.parametrize("drift", [-200e-6, 0.0, 200e-6])
+def test_the_cameras_clock_is_found_within_half_a_millisecond(drift):
+    rng, clock, latency = np.random.default_rng(0), CameraClock(0.006), 0.006
+    errors = []
+    for k in range(1200):
+        exposed = k / 120.0
+        received = exposed + latency + rng.exponential(0.0005)
+        stamp = exposed * (1.0 + drift) - 1234.5
+        errors.append(clock.to_ours(stamp, received) - exposed)
+    assert np.max(np.abs(errors[120:])) < 5e-4
+
+
+def test_a_clock_that_starts_again_is_followed():
+    clock = CameraClock(0.0)
+    clock.to_ours(1000.0, 10.0)
+    assert clock.to_ours(0.0, 11.0) == 11.0
+
+
+def test_the_tape_integrates_what_was_commanded():
+    tape = CommandTape()
+    for time, rate in ((0.0, 1.0), (0.02, -2.0), (0.04, 0.0)):
+        tape.add(time, rate)
+    assert tape.mean_rate(0.01, 0.03) == pytest.approx(-0.5)
+    assert tape.mean_rate(0.05, 0.06) == 0.0
+    assert tape.mean_rate(0.0, 0.06) == pytest.approx(-1.0 / 3.0)
+
+
+def thrown(push, seconds=0.5, rate=120.0, lost=(), speed=7.0):
+    """Poses (k, 5) of a throw released at time 0, pushed by so many m/s²."""
+    time = np.arange(-seconds, 0.3, 1.0 / rate)
+    begin = -speed / push
+    pushed = np.clip(time, begin, 0.0) - begin
+    x = -3.5 + 0.5 * push * (pushed**2 - begin**2) + speed * np.clip(time, 0.0, None)
+    x -= 2.0 * np.clip(time, 0.0, None) ** 2
+    z = 0.1 - 0.5 * 3.0 * np.clip(time, 0.0, None) ** 2
+    noise = np.random.default_rng(0).normal(size=(len(time), 2)) * 4e-4
+    rows = np.column_stack([time, x, z, 0.0 * x, 0.0 * x])
+    rows[:, 1:3] += noise
+    return np.delete(rows, lost, axis=0)
+
+
+@pytest.mark.parametrize("push", [20.0, 40.0, 70.0])
+@pytest.mark.parametrize("lost", [(), (58, 61, 63)])
+def test_release_is_seen_in_time(push, lost):
+    detector = ReleaseDetector(4.0, 8.0, 1.0, np.array([-3.5, 0.1]))
+    found = [r[0] for r in thrown(push, lost=lost) if detector.add(r[0], r[1:])]
+    assert 0.0 <= found[0] < 0.042 + 0.003 * len(lost), found[0]
+
+
+@pytest.mark.parametrize(
+    ("push", "speed", "place"),
+    [(40.0, 3.0, -3.5), (40.0, 7.0, -7.5)],
+    ids=["too slow", "far from the launch"],
+)
+def test_what_is_no_release(push, speed, place):
+    detector = ReleaseDetector(4.0, 8.0, 1.0, np.array([-3.5, 0.1]))
+    rows = thrown(push, speed=speed)
+    rows[:, 1] += place + 3.5
+    assert not any(detector.add(r[0], r[1:]) for r in rows)
+    assert math.isfinite(detector.poses.motion()[0])
