@@ -3,6 +3,7 @@
 Here a model is one vector theta, parameters and coefficients, as a fit changes it.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -118,7 +119,18 @@ def log_extras(path, nodes, numbers, field):
 
 
 def log_slopes(
-    path, nodes, numbers, moved, sizes, field, ends, by_x, by_term, by_theta
+    path,
+    nodes,
+    numbers,
+    moved,
+    sizes,
+    field,
+    constant,
+    terms,
+    ends,
+    by_x,
+    by_term,
+    by_theta,
 ):
     """Flies each interval of a log from its own node, with slopes.
 
@@ -131,33 +143,36 @@ def log_slopes(
         numbers: parameters and coefficients.
         moved: (m, len(numbers)) the same, moved along each of m directions.
         sizes: (m,) how far they are moved.
-        field: the residual Field, whose last basis function is a constant.
+        field: the residual Field.
+        constant: the same with a constant as its last basis function.
+        terms: (T,) indices of FIELD_TERMS.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, n, w), written: its slopes by the node's first w states.
-        by_term: (K, n, 8), written: by each constant of FIELD_TERMS; or (K, n, 0).
+        by_term: (K, n, T), written: by a constant of each of the terms.
         by_theta: (K, n, m), written: along each direction.
     """
     n, width = nodes.shape[1], by_x.shape[2]
     theta = theta_of(numbers, field)
     x = np.empty(n)
     work = np.empty((2, n))
-    last = field.weights.shape[0] - 1
-    columns = 1 + width + by_term.shape[2] + moved.shape[0]
+    last = constant.weights.shape[0] - 1
+    columns = 1 + width + terms.shape[0] + moved.shape[0]
     for k in range(path.rate.shape[0]):
         for j in range(columns):
             put(nodes[k], x)
             size, own = DIFFERENCE, theta
-            in_term, in_theta = j - 1 - width, j - 1 - width - by_term.shape[2]
+            in_term, in_theta = j - 1 - width, j - 1 - width - terms.shape[0]
             if 0 < j <= width:
                 x[j - 1] += size
             elif in_theta >= 0:
                 size = sizes[in_theta]
                 own = theta_of(moved[in_theta], field)
             elif in_term >= 0:
-                field.weights[last, in_term] = size
+                constant.weights[last, terms[in_term]] = size
+                own = theta_of(numbers, constant)
             log_step(path, k, x, banked(own, path.bank[k]), work)
             if in_theta < 0 and in_term >= 0:
-                field.weights[last, in_term] = 0.0
+                constant.weights[last, terms[in_term]] = 0.0
             for i in range(n):
                 if j == 0:
                     ends[k, i] = x[i]
@@ -172,14 +187,14 @@ def log_slopes(
 def log_measure(nodes, numbers, field, pose, by_x):
     """Writes the pose (K, 3) that the sensors show of nodes (K, n), and its slopes.
 
-    No sensor looks at the field; by_x is (K, 3, n).
+    No sensor looks at the field; by_x is (K, 3, n), or (K, 3, 0) without slopes.
     """
     theta = theta_of(numbers, field)
     x = np.empty(nodes.shape[1])
     for k in range(nodes.shape[0]):
         put(nodes[k], x)
         put(measure(x, theta), pose[k])
-        for j in range(x.shape[0]):
+        for j in range(by_x.shape[2]):
             x[j] += DIFFERENCE
             y = measure(x, theta)
             x[j] = nodes[k, j]
@@ -262,11 +277,14 @@ def with_extras(
 
 
 def measure_nodes(
-    kinds: Kinds, nodes: np.ndarray, numbers: np.ndarray
+    kinds: Kinds, nodes: np.ndarray, numbers: np.ndarray, *, with_slopes: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Computes the measured poses (K, 3) of states (K, n), and ∂/∂x (K, 3, n)."""
+    """Computes the measured poses (K, 3) of states (K, n), and ∂/∂x (K, 3, n).
+
+    Without slopes, the latter is (K, 3, 0).
+    """
     rows, n = nodes.shape
-    pose, by_x = np.empty((rows, 3)), np.empty((rows, 3, n))
+    pose, by_x = np.empty((rows, 3)), np.empty((rows, 3, n if with_slopes else 0))
     LOOPS.over(kinds, True).log_measure(nodes, numbers, NO_FIELD, pose, by_x)
     return pose, by_x
 
@@ -296,8 +314,9 @@ def advance_nodes(
     """Returns the ends (K, n) of intervals, each flown from its node (K + 1, n)."""
     ends, sizes = np.empty_like(nodes[1:]), np.empty(0)
     moved, nothing = np.empty((0, len(numbers))), np.empty((*ends.shape, 0))
+    terms, found = np.empty(0, dtype=np.int64), (ends, nothing, nothing, nothing)
     loop = LOOPS.over(kinds, True).log_slopes
-    loop(path, nodes, numbers, moved, sizes, field, ends, nothing, nothing, nothing)
+    loop(path, nodes, numbers, moved, sizes, field, field, terms, *found)
     return ends
 
 
@@ -309,27 +328,28 @@ def slopes_along(
     moved: np.ndarray,
     sizes: np.ndarray,
     field: Field,
+    terms: Sequence[int],
     width: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Flies each interval of a log from its own node (K + 1, n), with slopes.
 
     `moved` (m, len(numbers)) are the numbers, moved along each of m directions by
-    `sizes` (m,).
+    `sizes` (m,); `terms` are T indices of FIELD_TERMS.
 
     Returns:
         the ends (K, n), and their slopes by the node's first states (K, n, width), by a
-        constant of each of FIELD_TERMS (K, n, 8) and along the directions (K, n, m).
+        constant of each term (K, n, T) and along the directions (K, n, m).
     """
-    shape, terms = nodes[1:].shape, field.weights.shape[1]
+    shape = nodes[1:].shape
     nothing = np.zeros((1, field.centers.shape[1]))
     with_constant = Field(
         np.vstack([field.centers, nothing]),
         np.vstack([field.inverse_widths, nothing]),
-        np.vstack([field.weights, np.zeros((1, terms))]),
+        np.vstack([field.weights, np.zeros((1, field.weights.shape[1]))]),
     )
     ends, by_x = np.empty(shape), np.empty((*shape, width))
-    by_term, by_theta = np.empty((*shape, terms)), np.empty((*shape, len(sizes)))
-    found = ends, by_x, by_term, by_theta
+    by_term, by_theta = np.empty((*shape, len(terms))), np.empty((*shape, len(sizes)))
+    found, index = (ends, by_x, by_term, by_theta), np.array(terms, dtype=np.int64)
     loop = LOOPS.over(kinds, True).log_slopes
-    loop(path, nodes, numbers, moved, sizes, with_constant, *found)
+    loop(path, nodes, numbers, moved, sizes, field, with_constant, index, *found)
     return found

@@ -1,8 +1,9 @@
 """Times our solvers beside those of other libraries, in one run.
 
-Prints the README's table: processor times on one core, and their ratio, taken in turn.
-A library that is not installed is left out and said so; `pip install '.[bench]'`
-brings all.
+Prints the tables of docs/benchmarks.md: processor times on one core, and their ratio,
+taken in turn; of `aeroid`, a table of its own, what is found of simulated campaigns
+(some 20 minutes). A library that is not installed is left out and said so; `pip install
+'.[bench]'` brings all.
 
     python -m tests.benchmarks.bench_peers [NAME ...]
 """
@@ -21,8 +22,12 @@ PEERS = {
     "pytorch-mppi": "torch_mppi",
     "filterpy": "filterpy_ekf",
     "pysindy": "sindy_regression",
+    "aeroid": "aeroid_identification",
 }
 """Peers, by the names that they install under, and the modules that compare."""
+
+TABLES = ("aeroid",)
+"""Those whose modules have `rows` of a table of their own in place of `pairs`."""
 
 
 def main(names: list[str]) -> None:
@@ -31,16 +36,21 @@ def main(names: list[str]) -> None:
     if unknown:
         sys.exit(f"{unknown[0]} is no peer; there are {', '.join(PEERS)}.")
     missing = []
-    print("| task | beside | ours | theirs | ratio | what both find |")
-    print("|---|---|---|---|---|---|")
-    for name in names or PEERS:
+    timed = [name for name in names or PEERS if name not in TABLES]
+    if timed:
+        print("| task | beside | ours | theirs | ratio | what both find |")
+        print("|---|---|---|---|---|---|")
+    for name in (*timed, *(own for own in names or PEERS if own in TABLES)):
         module = importlib.import_module(f"tests.benchmarks.peers.{PEERS[name]}")
         try:
-            pairs = module.pairs()
+            found = module.rows() if name in TABLES else module.pairs()
         except ModuleNotFoundError as error:
             missing.append(f"{name} is left out: {error.name} is not installed.")
             continue
-        for pair in pairs:
+        if name in TABLES:
+            print("\n" * bool(timed) + "\n".join(found))
+            continue
+        for pair in found:
             with threadpool_limits(1):
                 timing = time_pair(pair)
             print(

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 
-from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
+from glider.physics.effects import FIELD_VARIABLES
 from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, WING_TERM, FieldData
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
@@ -170,8 +170,7 @@ class Block:
         `values` (K, 10) are FIELD_VARIABLES at the midpoints of its intervals.
         """
         functions = self.functions(values[:, self.columns])
-        terms = [FIELD_TERMS.index(name) for name in self.terms]
-        return flight.with_forces(functions, terms, self.mix)
+        return flight.with_forces(functions, self.terms, self.mix)
 
 
 def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.ndarray:

@@ -143,17 +143,16 @@ def gather(
             first = len(directions)
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
-    flights, wild = tamed(
-        task, directions, model_fit.linear_flights(task, model, directions)
-    )
+    offered = task.blocks.values() if with_blocks else ()
+    new = tuple(block for block in offered if block.name not in model.kinds)
+    linear = model_fit.linear_flights(task, model, directions, new)
+    flights, wild = tamed(task, directions, linear)
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
     places = model.places(len(directions))
     for kind in model.free_kinds:
         variants[kind] = [tuple(places[kind])]
     scaled = [(j, 1.0) for j in range(len(directions) + len(model.coordinates))]
-    offered = task.blocks.values() if with_blocks else ()
-    new = tuple(block for block in offered if block.name not in model.kinds)
     first = len(scaled)
     for block in new:
         variants[block.name] = []

@@ -20,6 +20,7 @@ from glider.compiled.replay import (
     slopes_along,
 )
 from glider.physics.effects import FIELD_TERMS, EffectKind, Field
+from glider.physics.effects.field import AIR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import (
@@ -35,6 +36,7 @@ from glider.sysid.replay.theta import OFFSET, SERVO_LOG, Layout
 NO_CONSTANTS = np.zeros(OWN_STATES - PROCESSES)
 SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
 SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
+FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
 Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and values.
 
 
@@ -109,7 +111,8 @@ class LinearFlight:
     by_x: np.ndarray
     by_air: np.ndarray
     by_trim: np.ndarray
-    by_term: np.ndarray
+    by_term: np.ndarray  #: By a constant of each of `terms`.
+    terms: tuple[str, ...]  #: Of FIELD_TERMS, the air's first.
     inputs: np.ndarray
     pose_by_x: np.ndarray
     outputs: np.ndarray
@@ -140,19 +143,19 @@ class LinearFlight:
         The error of a formula is a force in any direction; moving air barely turns the
         force on a plate, which would make drag too certain.
         """
-        terms = [FIELD_TERMS.index(name) for name in ("c_lift", "c_drag")]
-        forces = np.ascontiguousarray(self.by_term[:, :, terms])
+        forces = self.by_term.take([*map(self.terms.index, FORCES)], 2)
         return dataclasses.replace(self, by_air=forces)
 
     def with_forces(
-        self, basis: np.ndarray, terms: Sequence[int], mix: np.ndarray
+        self, basis: np.ndarray, terms: Sequence[str], mix: np.ndarray
     ) -> "LinearFlight":
         """Returns the flight with more columns, before the last.
 
         Each mixes (M terms, q), functions first, M functions with values (K, M) at the
-        midpoints of intervals times terms, indices of FIELD_TERMS.
+        midpoints of intervals times some of `terms`.
         """
-        product = basis[:, None, :, None] * self.by_term[:, :, None, list(terms)]
+        index = [self.terms.index(name) for name in terms]
+        product = basis[:, None, :, None] * self.by_term[:, :, None, index]
         more = -product.reshape(*self.by_term.shape[:2], -1) @ mix
         return self._with_columns("inputs", more)
 
@@ -184,16 +187,27 @@ def linearize(
     field: Field,
     directions: Sequence[Direction] = (),
     constants: np.ndarray = NO_CONSTANTS,
+    terms: Iterable[str] = (),
 ) -> LinearFlight:
-    """Makes a flight linear about its smoothed measurement and its constants (4,)."""
+    """Makes a flight linear about its smoothed measurement and its constants (4,).
+
+    Forces may be added to it later only by `terms` of FIELD_TERMS.
+    """
     layout, theta = record.layout, theta.copy()
     theta[layout.index["pitch_offset", "angle"]] += constants[3]  # It reads too much.
-    kinds, nodes = layout.compiled_kinds, true_nodes(record, theta, field)
+    with_states = any(d.kind in layout.states for d in directions)
+    kinds, nodes = layout.compiled_kinds, true_nodes(record, theta, field, with_states)
     states, columns = layout.active_states(theta), len(directions) + 1
+    terms = dict.fromkeys((*AIR_TERMS, *terms))
+    if record.trim_is_moment:
+        terms["c_moment"] = None
+    shown = tuple(terms)
     path, dynamics = path_of(record, theta, constants)
+    moving = [j for j, d in enumerate(directions) if d.slot not in layout.sensor_slots]
     plain = [  # Those that leave the log's signals and the nodes as they are.
         j
-        for j, d in enumerate(directions)
+        for j in moving
+        for d in [directions[j]]
         if d.slot < layout.num_compiled and not (d.shapes and d.kind in layout.states)
     ]
     moved, sizes = np.empty((len(plain), len(dynamics))), np.empty(len(plain))
@@ -205,13 +219,15 @@ def linearize(
         if directions[j].kind in layout.states:
             begins = (nodes - nodes_at_rest(record, other))[0, states] / sizes[i]
             start[NUM_STATES : len(states), j] = begins[NUM_STATES:]
+    index, width = [FIELD_TERMS.index(name) for name in shown], states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
-        kinds, path, nodes, dynamics, moved, sizes, field, states[-1] + 1
+        kinds, path, nodes, dynamics, moved, sizes, field, index, width
     )
     inputs = np.zeros((*ends.shape, columns))
     inputs[:, :, plain], inputs[:, :, -1] = -by_plain, ends - nodes[1:]
-    others = [j for j in range(len(directions)) if j not in plain]
-    secants = _secants(record, theta, field, [directions[j] for j in others], constants)
+    others = [j for j in moving if j not in plain]
+    beside = [directions[j] for j in others]
+    secants = _secants(record, theta, field, beside, constants, (nodes, ends))
     for j, secant in zip(others, secants, strict=True):
         inputs[:, :, j] = -secant
     by_x, by_term = by_x.take(states, 1).take(states, 2), by_term.take(states, 1)
@@ -220,7 +236,7 @@ def linearize(
     if record.trim_is_moment:
         slot = layout.index["pitch_moment", "coefficient"]
         per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
-        by_trim = per_radian * by_term[:, :, FIELD_TERMS.index("c_moment")]
+        by_trim = per_radian * by_term[:, :, shown.index("c_moment")]
     return LinearFlight(
         record=record,
         nodes=nodes,
@@ -229,6 +245,7 @@ def linearize(
         by_air=by_term[:, :, :2].copy(),
         by_trim=by_trim,
         by_term=by_term,
+        terms=shown,
         inputs=inputs.take(states, 1),
         pose_by_x=measure_nodes(kinds, nodes, dynamics)[1].take(states, 2),
         outputs=_outputs(record, theta, directions, nodes),
@@ -242,18 +259,23 @@ def _secants(
     field: Field,
     directions: Sequence[Direction],
     constants: np.ndarray,
+    usual: tuple[np.ndarray, np.ndarray],
 ) -> Iterator[np.ndarray]:
-    """Yields the slopes (K, n) of intervals' ends where signals or nodes change."""
+    """Yields the slopes (K, n) of intervals' ends where signals or nodes change.
+
+    `usual` are nodes and ends where no shapes are set.
+    """
 
     def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
         path, dynamics = path_of(record, theta, constants)
         return advance_nodes(record.layout.compiled_kinds, path, nodes, dynamics, field)
 
-    bases: dict[Shapes, tuple[np.ndarray, np.ndarray]] = {}
+    bases: dict[Shapes, tuple[np.ndarray, np.ndarray]] = {(): usual}
     for direction in directions:
         base = direction.base(theta)
         if direction.shapes not in bases:
-            nodes = true_nodes(record, base, field)
+            has_states = direction.kind in record.layout.states
+            nodes = true_nodes(record, base, field, has_states)
             bases[direction.shapes] = nodes, ends_from(nodes, base)
         nodes, ends = bases[direction.shapes]
         yield (ends_from(nodes, direction.moved(theta)) - ends) / direction.size

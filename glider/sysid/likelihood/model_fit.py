@@ -5,7 +5,7 @@ each linearisation, and Fisher scoring for the scales in between.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from glider.sysid.constants import (
 from glider.sysid.likelihood.blocks import CURVES, Block, FittedBlock, midpoints
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import (
+    FORCES,
     NO_CONSTANTS,
     Direction,
     LinearFlight,
@@ -146,22 +147,27 @@ def field_of(model: FitResult) -> Field:
 
 
 def linear_flights(
-    task: Task, model: FitResult, directions: Sequence[Direction] | None = None
+    task: Task,
+    model: FitResult,
+    directions: Sequence[Direction] | None = None,
+    offered: Iterable[Block] = (),
 ) -> list[LinearFlight]:
     """Returns all flights, linear about a model; the blocks' columns come last.
 
-    By default the columns before them are those of the model's free parameters.
+    By default the columns before them are those of the model's free parameters. Those
+    of offered blocks may be added later.
     """
-    field = field_of(model)
+    field, blocks = field_of(model), [own.block for own in model.blocks]
+    terms = {term for block in (*blocks, *offered) for term in block.terms}
+    terms |= set(FORCES if model.has_force_errors else ())
     if directions is None:
         directions = slopes(task.layout, model.free)
 
     def one(record: Record) -> LinearFlight:  # It holds one flight only.
         own = model.constants.get(record.name, NO_CONSTANTS)
-        flight = linearize(record, model.theta, field, directions, own)
+        flight = linearize(record, model.theta, field, directions, own, sorted(terms))
         if model.has_force_errors:
             flight = flight.with_force_errors()
-        blocks = [own.block for own in model.blocks]
         return with_blocks(flight, model.theta, blocks)
 
     return in_parallel(one, task.records)

@@ -118,17 +118,23 @@ def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray,
 def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
     kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
-    return compiled.measure_nodes(kinds, nodes, dynamics)[0]
+    return compiled.measure_nodes(kinds, nodes, dynamics, with_slopes=False)[0]
 
 
 def true_nodes(
-    record: Record, theta: np.ndarray, field: Field = NO_FIELD
+    record: Record,
+    theta: np.ndarray,
+    field: Field = NO_FIELD,
+    with_states: bool = False,
 ) -> np.ndarray:
     """Returns the smoothed states as a model sees them, (n, num_states).
 
-    The model's sensor effects are undone, and the effects' states follow from
-    their equations along the flight, at rest where it begins.
+    The model's sensor effects are undone. The effects' states follow from their
+    equations along the flight, at rest where it begins; those that move nothing are
+    zero unless they are asked for.
     """
+    if not with_states and record.layout.active_states(theta)[-1] < NUM_STATES:
+        return _motion(record, theta)
     elevator, rate, _ = signals(record, theta)
     along = compiled.log_path(record.time, elevator, rate)
     kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
@@ -136,12 +142,18 @@ def true_nodes(
     return compiled.with_extras(kinds, along, nodes, dynamics, field)
 
 
+def _motion(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns the same, (n, num_states), the effects' states zero."""
+    nodes, seen = _without_sensors(record, theta), record.seen[:, 3]
+    if record.has_servo and seen.any():  # Else the offset is unknown.
+        logged = signals(record, theta).logged
+        nodes[:, OFFSET] = np.mean((record.elevator - logged)[seen])
+    return nodes
+
+
 def nodes_at_rest(record: Record, theta: np.ndarray) -> np.ndarray:
     """Returns the same, (n, num_states), the effects' states only where it begins."""
-    nodes, seen = _without_sensors(record, theta), record.seen[:, 3]
-    elevator, rate, logged = signals(record, theta)
-    if record.has_servo and seen.any():  # Else the offset is unknown.
-        nodes[:, OFFSET] = np.mean((record.elevator - logged)[seen])
+    nodes, (elevator, rate, _) = _motion(record, theta), signals(record, theta)
     start = nodes[0].copy()
     start[OFFSET] += elevator[0, 0]
     first = record.time[0], start, rate[0]
@@ -158,7 +170,10 @@ def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
     states[n:, :3] += step * states[n:, 4:7]
     shown = states[:, :3].copy()
     for _ in range(6):
-        states[:, :3] += shown - sensed(layout, states, theta)
+        missed = shown - sensed(layout, states, theta)
+        states[:, :3] += missed
+        if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
+            break
     nodes, later = states[:n], states[n:]
     nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
     return nodes

@@ -81,8 +81,8 @@ def test_columns_of_a_field_are_derivatives(task, term):
     """A constant of each term, put in as a field and as a column."""
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
     one = np.ones((len(record.time) - 1, 1))
-    flight = linearize(record, theta, NO_FIELD)
-    wide = flight.with_forces(one, [FIELD_TERMS.index(term)], np.eye(1))
+    flight = linearize(record, theta, NO_FIELD, terms=[term])
+    wide = flight.with_forces(one, [term], np.eye(1))
     field = make_field(FieldData(constant=True, weights={term: [small]}))
     column, error = np.moveaxis(whiten(wide, SCALES).innovations, 2, 0)
     there = whiten(linearize(record, theta, field), SCALES).innovations[..., 0]
