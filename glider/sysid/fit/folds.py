@@ -11,7 +11,7 @@ from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP
 from glider.sysid.fit import prediction
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import CURVES
-from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
@@ -127,18 +127,18 @@ class _Refits:
         self.task, self.is_searched = task, is_searched
         self.model = model = model_fit.with_constants(task, model)
         if is_searched:
-            self.candidates = gather(without_late(task, model.kinds), model)
-            flights, self.given = (
-                self.candidates.flights,
-                self.candidates.grams(model.scales),
-            )
+            offered = without_late(task, model.kinds)
+            found = gather_in_parts(offered, model, model.scales)
+            self.candidates, self.given, now = found
             self.grams, self.prior = self.candidates.from_nothing(self.given)
         else:
             flights = model_fit.linear_flights(task, model)
             self.grams = self.given = model_fit.grams_of(flights, model.scales)
             self.prior = model_fit.prior_of(task, model)
+            now = negative_log_likelihood(
+                [f.error_only() for f in flights], model.scales
+            )
         # The likelihood is a square of changes and what depends on the scales alone.
-        now = negative_log_likelihood([f.error_only() for f in flights], model.scales)
         self.constant = now - 0.5 * self.given[:, -1, -1]
 
     def on(self, counts: np.ndarray) -> tuple[model_fit.FitResult, np.ndarray]:

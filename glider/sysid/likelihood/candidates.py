@@ -21,13 +21,19 @@ from glider.sysid.likelihood.linear_flight import (
     slopes,
     starts_of,
 )
-from glider.sysid.likelihood.scales import Scales, fit_scales, whiten
+from glider.sysid.likelihood.scales import (
+    Scales,
+    fit_scales,
+    negative_log_likelihood,
+    whiten,
+)
 from glider.sysid.likelihood.task import Task
 
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
 Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
 
 _AT_ONCE = 16  # Flights whose information is in memory at once.
+_IN_PART = 32  # Flights whose columns are.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -174,6 +180,31 @@ def gather(
         blocks=new,
         columns=tuple(scaled),
     )
+
+
+def gather_in_parts(
+    task: Task, model: model_fit.FitResult, scales: Scales
+) -> tuple[Candidates, np.ndarray, np.ndarray]:
+    """Gathers candidates on many flights, a few of which are in memory at once.
+
+    Returns:
+        the candidates without flights, `grams` of all, and the cost of each flight at
+        the model (flights,) [nats].
+    """
+    records, grams, costs, parts = task.records, [], [], list[Candidates]()
+    for k in range(0, len(records), _IN_PART):
+        part = gather(task.on(records[k : k + _IN_PART]), model)
+        grams.append(part.grams(scales))
+        now = [flight.error_only() for flight in part.flights]
+        costs.append(negative_log_likelihood(now, scales))
+        parts.append(dataclasses.replace(part, flights=()))
+    kept = {  # What diverges on some flights is offered on none.
+        kind: tuple(v for v in own if all(v in p.variants.get(kind, ()) for p in parts))
+        for kind, own in parts[0].variants.items()
+    }
+    variants = {k: own for k, own in kept.items() if own or k in model.kinds}
+    whole = dataclasses.replace(parts[0], task=task, variants=variants)
+    return whole, np.concatenate(grams), np.concatenate(costs)
 
 
 def _at_bounds(task: Task, model: model_fit.FitResult) -> set[int]:

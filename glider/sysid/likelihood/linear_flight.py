@@ -117,25 +117,37 @@ class LinearFlight:
     pose_by_x: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
+    #: Functions (K, M), indices of T terms and mixtures (M T, q) of columns that come
+    #: before the last. They are many, and made only when the flight is whitened.
+    forces: tuple[tuple[np.ndarray, list[int], np.ndarray], ...] = ()
 
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
-        mix = np.append(-weights, 1.0)
+        count = self.inputs.shape[2] - 1
+        mix, inputs = np.append(-weights[:count], 1.0), self.inputs
+        inputs = inputs @ mix
+        for basis, terms, own in self.forces:
+            added = own @ weights[count : count + own.shape[1]]
+            added = basis @ added.reshape(-1, len(terms))
+            inputs += np.einsum("kit,kt->ki", self.by_term[:, :, terms], added)
+            count += own.shape[1]
         return dataclasses.replace(
             self,
-            by_term=self.by_term[..., :0],
-            inputs=(self.inputs @ mix)[..., None],
+            forces=(),
+            by_term=np.empty((*inputs.shape, 0)),
+            inputs=inputs[..., None],
             outputs=(self.outputs @ mix)[..., None],
             start=(self.start @ mix)[..., None],
         )
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        return self.combined(np.zeros(self.inputs.shape[2] - 1))
+        more = sum(own.shape[1] for *_, own in self.forces)
+        return self.combined(np.zeros(self.inputs.shape[2] - 1 + more))
 
     def with_launch(self) -> "LinearFlight":
         """Returns the flight with columns for its start, in the filter's order."""
-        return self._with_columns("start", -np.eye(len(self.start)))
+        return self.whole()._with_columns("start", -np.eye(len(self.start)))
 
     def with_force_errors(self) -> "LinearFlight":
         """Returns the flight with errors of C_L and C_D in place of moving air.
@@ -155,9 +167,18 @@ class LinearFlight:
         midpoints of intervals times some of `terms`.
         """
         index = [self.terms.index(name) for name in terms]
-        product = basis[:, None, :, None] * self.by_term[:, :, None, index]
-        more = -product.reshape(*self.by_term.shape[:2], -1) @ mix
-        return self._with_columns("inputs", more)
+        return dataclasses.replace(self, forces=(*self.forces, (basis, index, mix)))
+
+    def whole(self) -> "LinearFlight":
+        """Returns the flight with the columns of its forces among the others."""
+        if not self.forces:
+            return self
+        columns, shape = [], (*self.by_term.shape[:2], -1)
+        for basis, terms, mix in self.forces:
+            product = basis[:, None, :, None] * self.by_term[:, :, None, terms]
+            columns.append(-product.reshape(shape) @ mix)
+        bare = dataclasses.replace(self, forces=())
+        return bare._with_columns("inputs", np.concatenate(columns, axis=2))
 
     def _with_columns(self, name: str, columns: np.ndarray) -> "LinearFlight":
         """Returns the flight with more columns of one array, zero in the others."""

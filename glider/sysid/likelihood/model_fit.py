@@ -248,9 +248,10 @@ def fit_model(
     free_scales: Sequence[str] = NAMES,
 ) -> FitResult:
     """Fits a model's free parameters, its blocks and its scales."""
-    best, about, step, tries = None, [], None, 0
+    best, step, tries, flights = None, None, 0, list[LinearFlight]()
     current = model
     for iteration in range(iterations + 1):
+        flights.clear()  # Before there are others.
         flights = linear_flights(task, current)
         now = [f.error_only() for f in flights]
         scales = current.scales
@@ -273,7 +274,7 @@ def fit_model(
             current = moved(task, best, step)
             continue
         gained = np.inf if best is None else best.cost - value
-        best, about = current, flights
+        best = current
         if iteration == iterations:
             break
         if gained < FIT_TOLERANCE and iteration >= FEWEST_ITERATIONS:
@@ -284,7 +285,7 @@ def fit_model(
             break
         current = moved(task, best, step)
         if not tries:
-            constants = flight_constants([f.combined(step) for f in about], scales)
+            constants = flight_constants([f.combined(step) for f in flights], scales)
             current = dataclasses.replace(current, constants=constants)
     assert best is not None
     return best

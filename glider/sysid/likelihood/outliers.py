@@ -21,7 +21,7 @@ from glider.sysid.constants import (
     Z_OUTLYING,
 )
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.scales import PER_FLIGHT, Scales, flight_values
 from glider.sysid.likelihood.task import Task
@@ -45,8 +45,7 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 def mean_squares(task: Task, noise: Noise) -> np.ndarray:
     """Returns the mean square of each flight's remaining error (flights,)."""
     model = model_fit.start_of(task, noise, with_curves=task.vehicle.knows_forces)
-    candidates = gather(task, model)
-    grams = candidates.grams(COARSE_SCALES)
+    candidates, grams, _ = gather_in_parts(task, model, COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
     prior = model_fit.prior_of(task, model, candidates.slots)
     weights = np.ones(len(grams))

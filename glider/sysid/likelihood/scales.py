@@ -135,7 +135,7 @@ def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
 ) -> WhitenedFlight:
     """Filters a flight."""
-    record, n = flight.record, flight.by_x.shape[1]
+    flight, record, n = flight.whole(), flight.record, flight.by_x.shape[1]
     usual, channels = start_variances(flight, scales), record.seen.shape[1]
     innovations, variances = np.empty(flight.outputs.shape), np.empty(record.seen.shape)
     filter_flight(

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.candidates import gather, saturated_scales
+from glider.sysid.likelihood import candidates as gathering
+from glider.sysid.likelihood import model_fit
+from glider.sysid.likelihood.candidates import gather, gather_in_parts, saturated_scales
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -121,3 +124,29 @@ def test_an_effect_that_ends_at_none_stays_in_its_set(dragged):
     assert candidates.variants["profile_drag"] == ((),)
     evidence = candidates.evidence(candidates.total(model.scales))
     assert evidence.log_marginal(()) == 0.0
+
+
+def test_flights_may_be_gathered_in_parts(dragged, monkeypatch):
+    """What diverges on a flight of any part is offered by none."""
+    task, _, model = dragged
+    monkeypatch.setattr(gathering, "_IN_PART", 3)
+    monkeypatch.setattr(gathering, "LARGEST_PUSH", np.inf)
+    whole = gather(task, model)
+    flights = model_fit.linear_flights(task, model, whole.directions)
+    scale = task.layout.scale[whole.slots]
+    pushes = [
+        (np.abs(f.inputs[:, :, :-1]).max(axis=(0, 1)) * scale).max() for f in flights
+    ]
+    order = np.argsort(pushes)  # The wildest alone, in the last part.
+    task = task.on([task.records[i] for i in order])
+    most = 0.5 * sum(pushes[i] for i in order[-2:])
+    monkeypatch.setattr(gathering, "LARGEST_PUSH", most)
+    whole = gather(task, model)
+    parts, grams, costs = gather_in_parts(task, model, model.scales)
+    assert parts.variants == whole.variants
+    assert parts.task is task
+    used = sorted({c for own in whole.variants.values() for v in own for c in v})
+    places = np.ix_(range(len(grams)), [*used, -1], [*used, -1])
+    np.testing.assert_allclose(grams[places], whole.grams(model.scales)[places])
+    now = [flight.error_only() for flight in whole.flights]
+    np.testing.assert_allclose(costs, negative_log_likelihood(now, model.scales))

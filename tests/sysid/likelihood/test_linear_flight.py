@@ -88,3 +88,24 @@ def test_columns_of_a_field_are_derivatives(task, term):
     there = whiten(linearize(record, theta, field), SCALES).innovations[..., 0]
     numeric = (error - there) / small
     np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
+
+
+def test_an_error_of_many_columns_is_that_of_each(task):
+    """Columns of forces are made late: their sum has to be the same before."""
+    layout, rng = task.layout, np.random.default_rng(0)
+    columns = slopes(layout, layout.slots_of("attached_lift"))
+    flight = linearize(
+        *(task.records[0], task.vehicle.theta, NO_FIELD, columns),
+        terms=["c_drag", "wind_z"],
+    )
+    for terms in (["c_drag", "wind_z"], ["c_drag"]):
+        basis = rng.normal(size=(len(flight.by_air), 2))
+        flight = flight.with_forces(basis, terms, rng.normal(size=(2 * len(terms), 3)))
+    change = rng.normal(size=len(columns) + 6)
+    whitened = whiten(flight, SCALES).innovations
+    at_once = whiten(flight.combined(change), SCALES).innovations[..., 0]
+    np.testing.assert_allclose(
+        at_once, whitened @ [*-change, 1.0], rtol=1e-6, atol=1e-4
+    )
+    error = whiten(flight.error_only(), SCALES).innovations
+    np.testing.assert_allclose(error, whitened[..., -1:], rtol=1e-9, atol=1e-9)
