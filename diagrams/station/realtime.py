@@ -52,7 +52,8 @@ def run_station(
         is_alive: asked now and then; the loop ends when it is false.
     """
     asked = time.monotonic()
-    hasten()
+    if not hasten():
+        print("No real-time priority: other programs may delay commands (ulimit -r).")
     try:
         with keyboard() as pressed:
             while throws is None or len(station.throws) < throws:
@@ -62,7 +63,7 @@ def run_station(
                     station.on_operator(0.0, (), (name,))
                 if time.monotonic() > asked + 1.0:
                     asked = time.monotonic()
-                    if not is_alive():
+                    if not (station.in_flight or is_alive()):
                         return
     finally:
         station.close()

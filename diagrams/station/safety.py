@@ -9,6 +9,12 @@ from diagrams.station.scenario import Limits
 REGAIN = 0.2
 """Time without a usable pose after which any pose may be the next [s]."""
 
+RIVAL = 1.0
+"""Time for which another operator is remembered [s]."""
+
+LOST = 3
+"""Poses in a row that are far from the prediction: the filter has lost the glider."""
+
 
 class PoseCheck:
     """Passes poses that can follow each other.
@@ -48,4 +54,53 @@ class PoseCheck:
             return "a jump of the position"
         if abs(pitch - last_pitch) > limits.turn_rate * span:
             return f"a jump of the pitch by {pitch - last_pitch:.1f} rad"
+        return ""
+
+
+class Watch:
+    """Knows why commands would not be safe now.
+
+    Args:
+        limits: of time, place and prediction.
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self.check = PoseCheck(limits)
+        self.locked = ""  #: Why the operator lets no throw begin.
+        self.seen = -math.inf  #: When the last usable pose came [s].
+        self.rival = -math.inf  #: When another operator sent a command [s].
+        self._limits = limits
+        self._late = self._far = 0
+
+    def reset(self) -> None:
+        """Forgets what a throw did wrong."""
+        self._late = self._far = 0
+
+    def count_pose(self, distance: float, turned: float) -> None:
+        """Counts poses in a row that are far from the prediction [m, rad]."""
+        limits = self._limits
+        near = distance <= limits.distance and turned <= limits.angle  # NaN is not.
+        self._far = 0 if near else self._far + 1
+
+    def count_command(self, delay: float) -> bool:
+        """Counts commands in a row that are late [s]; returns whether this one is."""
+        late = delay > self._limits.deadline
+        self._late = self._late + 1 if late else 0
+        return late
+
+    def find_fault(self, now: float) -> str:
+        """Why commands would not be safe now; "" where they are."""
+        if self.locked:
+            return self.locked
+        if now < self.rival + RIVAL:
+            return "another operator sends commands on the bus"
+        gap = now - self.seen
+        if gap > self._limits.stale:
+            why = f" ({self.check.reason})" if self.check.reason else ""
+            since = f"for {1e3 * gap:.0f} ms" if math.isfinite(gap) else "yet"
+            return f"no usable pose {since}{why}"
+        if self._far >= LOST:
+            return "the filter has lost the glider"
+        if self._late >= 2:
+            return "two commands in a row were late"
         return ""

@@ -26,7 +26,7 @@ from diagrams.station.bus import (
 )
 from diagrams.station.clocks import CameraClock
 from diagrams.station.controllers import Guidance
-from diagrams.station.safety import PoseCheck
+from diagrams.station.safety import Watch
 from diagrams.station.scenario import Scenario
 from diagrams.station.session import Session
 from diagrams.station.throw import Throw
@@ -41,11 +41,8 @@ WAITING, READY, FLYING, STOPPED = "waiting", "ready", "flying", "stopped"
 STATUS_PERIOD = 0.2
 """Time between two messages of the state [s]."""
 
-RIVAL = 1.0
-"""Time for which another operator is remembered [s]."""
-
-LOST = 3
-"""Poses in a row that are far from the prediction: the filter has lost the glider."""
+PATIENCE = 2.0
+"""Time of waiting after which the operator is shown why [s]."""
 
 NEAR = 0.5
 """Distance within which a pass of the wire ends a flight [m]."""
@@ -78,11 +75,11 @@ class Station:
         self.scenario, self.guidance, self.bus = scenario, guidance, bus
         self.session, self._show, self._clock = session, show, clock
         self._wait = wait or (lambda until: _wait(until, clock))
-        limits, sensors, servo = scenario.limits, scenario.sensors, scenario.servo
+        sensors, servo = scenario.sensors, scenario.servo
         rate = scenario.command_rate or sensors.rate
         self._period = 1.0 / rate
         self._camera = CameraClock(sensors.latency)
-        self._check = PoseCheck(limits)
+        self._watch = Watch(scenario.limits)
         self._tracker = Tracker(guidance.model, sensors)
         launch = np.array(guidance.problem.launch)[POSITION]
         self._release = ReleaseDetector(**vars(scenario.release), launch=launch)
@@ -95,14 +92,14 @@ class Station:
         self._sender = float(np.random.default_rng().integers(1 << 48))
         self.state, self.reason = WAITING, "no pose yet"
         self.throws: list[Throw] = []
-        self.locked = ""  #: Why no throw may begin, until it is armed again.
         self._throw = Throw(guidance.problem)
         self._log: ThrowLog | None = None
         self._begin = self._due = 0.0  # Time 0 of the plan, and of the next command.
-        self._seen = self._handled = self._received = -math.inf
-        self._rival = self._told = self._retry = -math.inf
-        self._late = self._far = self._number = 0
-        self._passed = False
+        self._handled = self._received = -math.inf  # Of the last usable pose.
+        self._status = self._retry = -math.inf
+        self._since = clock()  # When this state began.
+        self._is_hinted = self._passed = False
+        self._number = 0  # Of the last command.
         self._warm_up()
         bus.listen(POSE, self.on_pose)
         bus.listen(COMMAND, self.on_command)
@@ -123,6 +120,11 @@ class Station:
             warm.add_state(0.01 * k, plan.states[k])
         warm.describe()
 
+    @property
+    def in_flight(self) -> bool:
+        """Whether a throw is in the air."""
+        return self.state in (FLYING, STOPPED)
+
     # ------------------------------------------------------------------ messages
 
     def on_pose(
@@ -134,14 +136,14 @@ class Station:
         received = self._clock()
         pose = np.array(values[1:])
         when = self._camera.to_ours(stamp, received)
-        fault = self._check.find_fault(when, pose)
-        is_flight = self.state in (FLYING, STOPPED)
+        fault = self._watch.check.find_fault(when, pose)
+        is_flight = self.in_flight
         if not fault:
-            self._seen = received
+            self._watch.seen = received
             if self.state == FLYING:
                 self._follow(when, pose)
             elif not is_flight:
-                is_flight = self._watch(when, pose)
+                is_flight = self._wait_for_release(when, pose)
             self._received, self._handled = received, self._clock()
         if is_flight or (self.state == READY and self._release.pushed):
             self._record(
@@ -160,23 +162,23 @@ class Station:
     ) -> None:
         """Hears commands: all should be our own."""
         if len(values) == len(COMMAND_FIELDS) and values[0] != self._sender:
-            self._rival = self._clock()
+            self._watch.rival = self._clock()
 
     def on_operator(
         self, stamp: float, values: Sequence[float], names: Sequence[str]
     ) -> None:
         """Takes "kill" or "arm", from the keyboard or the bus."""
         if "kill" in names:
-            self.locked = "the operator stopped it"
+            self._watch.locked = "the operator stopped it"
         elif "arm" in names:
-            self.locked = ""
+            self._watch.locked = ""
 
     # --------------------------------------------------------------------- states
 
     def tick(self) -> float:
         """Does what is due; returns when to call again, at the latest [s]."""
         now = self._clock()
-        if fault := self._find_fault(now):
+        if fault := self._watch.find_fault(now):
             if self.state == FLYING:
                 self._stop(fault)
             elif self.state != STOPPED:
@@ -189,30 +191,17 @@ class Station:
         elif now >= self._due:
             self._send(self._wire.to_neutral(now), now)
         over = self._begin + self.guidance.plan.duration + AFTER
-        if self.state in (FLYING, STOPPED) and (self._passed or now > over):
+        if self.in_flight and (self._passed or now > over):
             self._finish()
-        if now > self._told + STATUS_PERIOD:
-            self._tell()
+        if now > self._status + STATUS_PERIOD:
+            self._send_status()
+        is_long = self.state == WAITING and now > self._since + PATIENCE
+        if is_long and not self._is_hinted:
+            self._is_hinted = True
+            self._show(f"waiting: {self.reason}")
         lead = self.guidance.controller.lead if self.state == FLYING else 0.0
-        stale = self._seen + self.scenario.limits.stale
+        stale = self._watch.seen + self.scenario.limits.stale
         return min(self._due - lead, stale) if stale > now else self._due - lead
-
-    def _find_fault(self, now: float) -> str:
-        """Why commands would not be safe now; "" where they are."""
-        if self.locked:
-            return self.locked
-        if now < self._rival + RIVAL:
-            return "another operator sends commands on the bus"
-        gap = now - self._seen
-        if gap > self.scenario.limits.stale:
-            why = f" ({self._check.reason})" if self._check.reason else ""
-            gap_ms = f"{1e3 * gap:.0f} ms" if math.isfinite(gap) else "ever"
-            return f"no usable pose for {gap_ms}{why}"
-        if self._far >= LOST:
-            return "the filter has lost the glider"
-        if self._late >= 2:
-            return "two commands in a row were late"
-        return ""
 
     def _make_ready(self) -> None:
         """Opens the record and arms; without room for a record there is no throw."""
@@ -229,7 +218,7 @@ class Station:
         self._release.pushed = False
         self._enter(READY, "")
 
-    def _watch(self, when: float, pose: np.ndarray) -> bool:
+    def _wait_for_release(self, when: float, pose: np.ndarray) -> bool:
         """Takes a pose in the hand; returns whether free flight has begun."""
         if not self._release.add(when, pose) or self.state != READY:
             return False
@@ -245,11 +234,10 @@ class Station:
 
     def _follow(self, when: float, pose: np.ndarray) -> None:
         """Takes a pose in flight."""
-        tracker, limits = self._tracker, self.scenario.limits
+        tracker = self._tracker
         tracker.update(when, pose)
+        self._watch.count_pose(tracker.distance, tracker.turned)
         state = tracker.mean
-        far = tracker.distance > limits.distance or tracker.turned > limits.angle
-        self._far = self._far + 1 if far or not math.isfinite(state.sum()) else 0
         self._throw.add_state(when, state)
         self._record(
             "/estimate", when, time=when, state=state.tolist(), nis=tracker.nis
@@ -272,8 +260,7 @@ class Station:
         if ready < self._due:
             self._wait(self._due)
         sent = self._clock()
-        late = sent - self._due > self.scenario.limits.deadline
-        self._late = self._late + 1 if late else 0
+        late = self._watch.count_command(sent - self._due)
         given = self._send(self._wire.command(rate, sent), sent)
         waited = max(began - self._handled, 0.0) + max(sent - ready, 0.0)
         self._throw.add_command(given - self._received - waited, late)
@@ -316,9 +303,9 @@ class Station:
         self._send(self._wire.to_neutral(now), now)
         throw, self.throws = self._throw, [*self.throws, self._throw]
         self._release.reset()
-        self._late = self._far = 0
+        self._watch.reset()
         self._passed = False
-        self._enter(WAITING, "the throw is over")
+        self._enter(WAITING, "the glider does not rest")
         gc.enable()
         gc.unfreeze()
         log, self._log = self._log, None
@@ -337,14 +324,16 @@ class Station:
         """Changes the state, and says so on the bus and in the record."""
         if (state, reason) == (self.state, self.reason):
             return
-        changed = state != self.state
+        now, is_new = self._clock(), state != self.state
         self.state, self.reason = state, reason
-        if changed or self._clock() > self._told + STATUS_PERIOD:
-            self._record("/event", self._clock(), state=state, reason=reason)
-            self._tell()
+        if is_new:
+            self._since, self._is_hinted = now, False
+        if is_new or now > self._status + STATUS_PERIOD:
+            self._record("/event", now, state=state, reason=reason)
+            self._send_status()
 
-    def _tell(self) -> None:
-        now = self._told = self._clock()
+    def _send_status(self) -> None:
+        now = self._status = self._clock()
         numbers = len(self.throws), float(self.state == READY)
         self.bus.say(STATUS, now, numbers, (self.state, self.reason))
 
@@ -361,7 +350,11 @@ class Station:
                 self._stop(f"the record cannot be written: {error.strerror}")
 
     def close(self) -> None:
-        """Ends a record that holds no throw."""
+        """Ends a throw, or a record that holds none."""
+        if self.state == FLYING:
+            self._stop("the station was ended")
+        if self.in_flight:
+            self._finish()
         if self._log is not None:
             self._log.close()
             self._log.path.unlink()

@@ -1,0 +1,77 @@
+"""The command `fly` in real time: processes that are killed in flight."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from diagrams.station.throw_log import read_throw
+from glider.campaign.reader import load_campaign
+from glider.physics.model import GliderModel
+from tests.diagrams.test_station_drivers import bus_address
+
+pytestmark = pytest.mark.nightly
+
+
+@pytest.fixture
+def make_command(tmp_path):
+    """Makes a process of `fly` with a bus of its own, the glider without effects."""
+    GliderModel().save(tmp_path / "nominal.yaml")
+    (tmp_path / "lab.yaml").write_text(f"bus: {bus_address()}\n")
+    options = ("--simulate", tmp_path / "nominal.yaml", "--log", tmp_path / "s")
+    options += ("--scenario", tmp_path / "lab.yaml")
+    command = [sys.executable, "-m", "glider", "fly", *map(str, options)]
+
+    def make(throws):
+        return subprocess.Popen(
+            [*command, "--throws", str(throws)], stdout=subprocess.PIPE, text=True
+        )
+
+    return make
+
+
+def wait_for_flight(record: Path):
+    """Waits until a throw has commands; returns when [s]."""
+    end = time.monotonic() + 90.0
+    while time.monotonic() < end:
+        with contextlib.suppress(FileNotFoundError):
+            if len(read_throw(record)[1]["/command"]) > 15:
+                return
+        time.sleep(0.01)
+    raise AssertionError("no throw began")
+
+
+def test_a_killed_station_has_logged_its_last_frame_and_goes_on(tmp_path, make_command):
+    record = tmp_path / "s" / "throw_001.mcap"
+    with make_command(3) as process:
+        wait_for_flight(record)
+        killed = time.monotonic()
+        process.send_signal(signal.SIGKILL)
+    _, topics = read_throw(record)
+    assert killed - max(pose["received"] for pose in topics["/pose"]) < 0.05
+    with make_command(2) as process:
+        lines = process.stdout.read().splitlines()
+    assert process.returncode == 0 and lines[-1].startswith("2 of 2 perched"), lines
+    assert len(load_campaign(tmp_path / "s").flights) == 3
+
+
+def test_a_killed_glider_stops_its_throw(tmp_path, make_command):
+    record = tmp_path / "s" / "throw_001.mcap"
+    with make_command(3) as process:
+        wait_for_flight(record)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+        os.kill(int(children.split()[0]), signal.SIGKILL)
+        killed = time.monotonic()
+        lines = process.stdout.read().splitlines()
+    assert process.returncode == 1
+    [throw] = [line for line in lines if line.startswith("throw 1:")]
+    assert "stopped at" in throw and "no usable pose for" in throw
+    _, topics = read_throw(record)
+    stopped = [e for e in topics["/event"] if e["state"] == "stopped"]
+    last = max(command["sent"] for command in topics["/command"])
+    assert len(stopped) == 1 and last - killed < 0.05
