@@ -8,11 +8,12 @@ from basis_exercise import Exercise, fly_exercise
 from basis_features import angle_sign
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
+from glider.campaign.turning import Signs
 from glider.simulation.campaigns import FINE
 from glider.sysid.pipeline import Progress, close_the_loop
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
-from glider.sysid.search.signs import Signs, find_signs
+from glider.sysid.search.signs import find_signs
 
 
 def exercise_campaign(exercise: Exercise, angles: str) -> Campaign:

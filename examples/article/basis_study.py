@@ -17,9 +17,9 @@ from basis_dynamics import (
 from basis_exercise import Exercise
 from basis_features import FEATURES, PAPER
 from basis_refinement import RolloutError, refine, rollout_error
+from glider.campaign.turning import Signs
 from glider.files.schema import to_builtins
 from glider.sysid.result import Result
-from glider.sysid.search.signs import Signs
 
 SIGNS = {"published_signs": "nose_up", "consistent_signs": "nose_down"}
 """Ways in which the formulas take the flights' angles; they are nose down."""

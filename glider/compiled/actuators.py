@@ -4,9 +4,10 @@ import numpy as np
 
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import advance, put
+from glider.physics.actuator_replay import elevator_path
 from glider.physics.chain import actuator_rates, actuator_terms
 from glider.physics.compose import initial_extra
-from glider.physics.effects import EffectKind
+from glider.physics.effects import SERVO_LAG, Replay
 
 STEP = 0.00025
 """Longest step of an actuator [s]."""
@@ -48,32 +49,41 @@ def actuator_path(times, commands, c, limits, states):
 LOOPS = Family((slope_of_actuators, actuator_path), (actuator_path,))
 
 
-def turn_elevator(
-    actuators: tuple[tuple[EffectKind, tuple[float, ...]], ...],
+def replayed_path(
+    replay: Replay,
     switch_times: np.ndarray,
     commands: np.ndarray,
     query: np.ndarray,
-    start: float,
-    limits: tuple[float, float],
+    *,
+    start: float = 0.0,
+    limits: tuple[float, float] | None = None,
 ) -> np.ndarray:
-    """Returns the elevator's angle behind actuators at some times [rad].
+    """Returns the angle of an elevator behind its actuators at some times [rad].
+
+    Exact for delay and lag; with further actuators, by fine Runge-Kutta steps.
 
     Args:
-        actuators: kinds and their coefficients; at rest before the first command.
-        switch_times: (k,) when each command begins to act [s], increasing.
+        replay: delay, lag and actuators, at rest before the first command.
+        switch_times: (k,) when each command begins [s], increasing.
         commands: (k,) elevator rates, each held until the next [rad/s].
         query: (m,) times [s].
         start: angle before the first command [rad].
-        limits: travel of the elevator [rad].
+        limits: travel of the elevator [rad], or None.
     """
-    kinds = tuple(kind for kind, _ in actuators)
+    actuators, delay, lag = replay.actuators, replay.delay, replay.time_constant
+    if not actuators:
+        return elevator_path(switch_times, commands, query, delay, lag, start, limits)
+    if lag > 0.0:
+        actuators = ((SERVO_LAG, (lag,)), *actuators)
+    kinds, begins = tuple(kind for kind, _ in actuators), switch_times + delay
     c = np.array([value for _, values in actuators for value in values])
-    first, last = switch_times[0], max(query.max(), switch_times[-1]) + STEP
+    first, last = begins[0], max(query.max(), begins[-1]) + STEP
     even = np.linspace(first, last, int((last - first) / STEP) + 2)
-    times = np.union1d(even, switch_times)
-    held = commands[np.searchsorted(switch_times, times[:-1], side="right") - 1]
+    times = np.union1d(even, begins)
+    held = commands[np.searchsorted(begins, times[:-1], side="right") - 1]
     rest = initial_extra(kinds, None, 0.0, c)
+    stops = (-np.inf, np.inf) if limits is None else limits
     states = np.empty((len(times), 1 + len(rest)))
     states[0] = [start, *rest]
-    LOOPS.over(kinds).actuator_path(times, held, c, limits, states)
+    LOOPS.over(kinds).actuator_path(times, held, c, stops, states)
     return np.interp(query, times, states[:, 0])

@@ -11,13 +11,14 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
+from glider.campaign.turning import signs_of, turn
+from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import log_path, roll_out
 from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo
-from glider.sysid.replay.record import signs_of, turn
-from glider.sysid.replay.replayed import replayed_path, sensed
+from glider.sysid.replay.replayed import sensed
 from glider.sysid.replay.theta import OFFSET, Layout, layout_for, theta_of
 
 FINE = 10

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
+from glider.campaign.turning import signs_of, turn, turn_campaign
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
@@ -24,7 +25,7 @@ from glider.sysid.likelihood.scales import (
     start_scales,
     typical_flights,
 )
-from glider.sysid.replay.record import Record, prepare, signs_of, turn, turn_campaign
+from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.replayed import flow_along, signals
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.theta import OFFSET, layout_for, theta_of

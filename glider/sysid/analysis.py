@@ -17,6 +17,7 @@ from glider.campaign.checks.inspection import Inspection
 from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.logs import Campaign
+from glider.campaign.turning import Signs, turn_campaign
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN
 from glider.progress import Progress, Step
@@ -35,7 +36,7 @@ from glider.sysid.likelihood.uncertainty import (
     averaged,
     uncertainty_of,
 )
-from glider.sysid.replay.record import Record, Signs, prepare, turn_campaign
+from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.replayed import warm_up
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign
+from glider.campaign.turning import Signs
 from glider.sysid import result
 from glider.sysid.constants import FLOOR_FLIGHTS
 from glider.sysid.fit.floor import air_depends_on, find_floor
@@ -23,7 +24,7 @@ from glider.sysid.likelihood.model_fit import FitResult, error_flights, fit_mode
 from glider.sysid.likelihood.scales import FLOOR, NAMES, Scales, whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.outcome import SPREAD_KINDS
-from glider.sysid.replay.record import Record, Signs
+from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, signals
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.result import CALIBRATED, MODELS, PERFECT, ResidualTable

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.logs import Campaign
+from glider.campaign.turning import Signs
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
 from glider.physics.effects.field import FIELD_UNITS, TERM_UNITS
@@ -19,7 +20,6 @@ from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, CURVES, FittedBl
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.replay.record import Signs, sign_effect
 from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.result import Estimate, FoundEffect, ResidualTable, Spread
 from glider.sysid.search.support import SearchResult
@@ -145,7 +145,7 @@ def effects_of(
 
 
 def _sign_entry(signs: Signs) -> FoundEffect:
-    values = sign_effect(signs).to_dict().items()
+    values = signs.effect.to_dict().items()
     return FoundEffect(
         kind=ANGLE_SIGN.kind,
         words=ANGLE_SIGN.words,
@@ -240,7 +240,7 @@ def model_of(
     layout = task.layout
     nuisance = {layout.slots[i][0] for i in task.vehicle.unknown} - {*model.kinds}
     names = [*model.kinds, *(kind for kind in layout.kinds if kind in nuisance)]
-    effects = [] if signs.are_right else [sign_effect(signs)]
+    effects = [] if signs.are_right else [signs.effect]
     effects += [
         Effect(
             kind=layout.kinds[name],

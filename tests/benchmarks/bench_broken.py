@@ -28,6 +28,7 @@ from glider.campaign.checks.clocks import check_limits
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.reader import load_campaign
+from glider.campaign.turning import turn_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS
@@ -37,7 +38,7 @@ from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.outliers import find_outlying
 from glider.sysid.likelihood.task import make_task
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.record import prepare, turn_campaign
+from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import measure_noise
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result

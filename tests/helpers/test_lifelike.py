@@ -8,10 +8,11 @@ import pytest
 
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
+from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import log_path, roll_out
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
-from glider.sysid.replay.replayed import replayed_path, sensed
+from glider.sysid.replay.replayed import sensed
 from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from tests.helpers.lifelike import (
     COMMAND_RATE,

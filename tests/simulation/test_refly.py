@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.reader import load_campaign
+from glider.campaign.turning import Signs, turn_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
@@ -20,7 +21,7 @@ from glider.simulation.refly import (
     refly,
 )
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.record import Signs, prepare, turn_campaign
+from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import measure_noise
 from tests.helpers.campaigns import campaign_path
 

@@ -6,12 +6,12 @@ import types
 import numpy as np
 import pytest
 
+from glider.campaign.turning import Signs
 from glider.sysid.constants import CURVE_Z
 from glider.sysid.likelihood.blocks import CURVE_TERMS, CURVES, FittedBlock
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import carried_of, curves_of, effects_of, model_of, spreads_of
-from glider.sysid.replay.record import Signs
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of

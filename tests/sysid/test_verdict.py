@@ -5,8 +5,8 @@ import types
 
 import pytest
 
+from glider.campaign.turning import Signs
 from glider.sysid.constants import UNLIKELY, WORSE
-from glider.sysid.replay.record import Signs
 from glider.sysid.result import (
     LIBRARY_SHAPE,
     OTHER_SHAPE,

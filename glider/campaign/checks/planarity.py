@@ -42,6 +42,34 @@ def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     return np.stack([x, y, np.cos(pitch) * np.cos(roll)], axis=1)
 
 
+def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
+    """Computes the pitch of the wing's normal in the plane, at some rows [rad]."""
+    assert flight.attitude is not None
+    _, roll, yaw = flight.attitude[rows].T
+    n = normal(flight.pose[rows, 2], roll, yaw)
+    return np.unwrap(np.arctan2(n[:, 0], n[:, 2]))
+
+
+def in_plane(
+    pitch: np.ndarray, roll_and_yaw: np.ndarray, sideways: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a planar glider that flies like a rolled one has, in n - 1 intervals.
+
+    Args:
+        pitch: (n,) [rad].
+        roll_and_yaw: (n, 2) [rad].
+        sideways: (n,) velocity along y [m/s].
+
+    Returns:
+        the factor of its wing's force (n - 1,), and the wind in x and z that its motion
+        sideways is like (n - 1, 2) [m/s].
+    """
+    n = normal(pitch, *roll_and_yaw.T)
+    square = n[:, 0] ** 2 + n[:, 2] ** 2
+    air = -(sideways * n[:, 1] / square)[:, None] * n[:, [0, 2]]
+    return 0.5 * (square[1:] + square[:-1]), 0.5 * (air[1:] + air[:-1])
+
+
 def find_rolled(flight: Flight, usable: np.ndarray) -> np.ndarray:
     """Rows (n,) from the first on in which the wing is mostly out of the plane.
 

@@ -1,4 +1,4 @@
-"""A flight's log made ready to be flown again: signs turned, states smoothed."""
+"""A flight's log made ready to be flown again: its states smoothed, gaps filled."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -7,12 +7,10 @@ import numpy as np
 
 from glider.campaign.checks.clocks import find_stops
 from glider.campaign.checks.masks import Masks, no_masks
-from glider.campaign.checks.planarity import normal
+from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps, elevator_path
-from glider.physics.effects import ANGLE_SIGN, Effect
-from glider.physics.model import GliderModel
 from glider.sysid.constants import GAP
 from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
@@ -168,73 +166,3 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     more = np.where(steps > GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
     place = np.concatenate([[0], np.cumsum(more)])
     return np.interp(np.arange(place[-1] + 1), place, time), place
-
-
-def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
-    """Computes the pitch of the wing's normal in the plane, at some rows [rad]."""
-    assert flight.attitude is not None
-    _, roll, yaw = flight.attitude[rows].T
-    n = normal(flight.pose[rows, 2], roll, yaw)
-    return np.unwrap(np.arctan2(n[:, 0], n[:, 2]))
-
-
-def in_plane(
-    pitch: np.ndarray, roll_and_yaw: np.ndarray, sideways: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Computes `Record.bank` and `Record.side_wind` of a rolled glider.
-
-    Of pitch (n,), roll and yaw (n, 2) [rad] and the velocity along y (n,) [m/s].
-    """
-    n = normal(pitch, *roll_and_yaw.T)
-    square = n[:, 0] ** 2 + n[:, 2] ** 2
-    air = -(sideways * n[:, 1] / square)[:, None] * n[:, [0, 2]]
-    return 0.5 * (square[1:] + square[:-1]), 0.5 * (air[1:] + air[:-1])
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Signs:
-    """The signs of the logged pitch, elevator and command, and their evidence."""
-
-    pitch: int = 1  #: +1, or -1 where the log has the other sign.
-    elevator: int = 1  #: Likewise.
-    command: int = 1  #: Likewise.
-    evidence: float = 0.0  #: Log-likelihood gained by them [nats].
-    share: float = 0.0  #: Of the error that they remove.
-
-    @property
-    def are_right(self) -> bool:
-        """Whether the log has the right signs."""
-        return (self.pitch, self.elevator, self.command) == (1, 1, 1)
-
-
-def turn(flight: Flight, signs: Signs) -> Flight:
-    """Returns the flight with wrong signs undone."""
-    factors = {
-        "pose": np.array([1.0, 1.0, signs.pitch]),
-        "pitch_rate": signs.pitch,
-        "elevator": signs.elevator,
-        "command": signs.command,
-    }
-    logged = {name: getattr(flight, name) for name in factors}
-    turned = {n: v * factors[n] for n, v in logged.items() if v is not None}
-    return dataclasses.replace(flight, **turned)
-
-
-def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:
-    """Returns the campaign with wrong signs undone."""
-    flights = tuple(turn(f, signs) for f in campaign.flights)
-    return dataclasses.replace(campaign, flights=flights)
-
-
-def signs_of(model: GliderModel) -> Signs:
-    """Returns the signs that a model says its logs have."""
-    for effect in model.effects:
-        if effect.kind.stage == "log":
-            return Signs(**{name: round(v) for name, v in effect.to_dict().items()})
-    return Signs()
-
-
-def sign_effect(signs: Signs) -> Effect:
-    """Returns the signs as an effect of a model."""
-    names = (c.name for c in ANGLE_SIGN.coefficients)
-    return ANGLE_SIGN(**{name: float(getattr(signs, name)) for name in names})

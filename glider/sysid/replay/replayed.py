@@ -14,9 +14,8 @@ import numpy as np
 
 from glider.compiled import filter_error
 from glider.compiled import replay as compiled
-from glider.compiled.actuators import turn_elevator
-from glider.physics.actuator_replay import elevator_path
-from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, SERVO_LAG, Field, Replay
+from glider.compiled.actuators import replayed_path
+from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import NUM_STATES
@@ -70,29 +69,6 @@ def _replayed(record: Record, last: bytes) -> Signals:
     here, middle, logged = np.split(path, [n, 2 * n - 1])
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     return Signals(elevator, np.diff(here) / np.diff(record.time), logged)
-
-
-def replayed_path(
-    replay: Replay,
-    switch_times: np.ndarray,
-    commands: np.ndarray,
-    query: np.ndarray,
-    *,
-    start: float = 0.0,
-    limits: tuple[float, float] | None = None,
-) -> np.ndarray:
-    """Returns the elevator's angle at the query times [rad], see `elevator_path`.
-
-    Exact for delay and lag; with further actuators, by fine Runge-Kutta steps.
-    """
-    actuators, delay, lag = replay.actuators, replay.delay, replay.time_constant
-    if not actuators:
-        return elevator_path(switch_times, commands, query, delay, lag, start, limits)
-    if lag > 0.0:
-        actuators = ((SERVO_LAG, (lag,)), *actuators)
-    stops = (-np.inf, np.inf) if limits is None else limits
-    times = switch_times + delay
-    return turn_elevator(actuators, times, commands, query, start, stops)
 
 
 def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:

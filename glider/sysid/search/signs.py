@@ -9,12 +9,13 @@ import numpy as np
 
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
+from glider.campaign.turning import Signs, turn
 from glider.sysid.constants import SIGN_FLIGHTS, SIGN_GAIN
 from glider.sysid.likelihood.model_fit import error_flights, fit_model, start_of
 from glider.sysid.likelihood.outliers import COARSE_SCALES
 from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.task import make_task
-from glider.sysid.replay.record import Signs, prepare, turn
+from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from glider.campaign.checks.planarity import normal
-from glider.sysid.replay.record import in_plane, planar_pitch, prepare
+from glider.campaign.checks.planarity import in_plane, normal, planar_pitch
+from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import measure_noise
 from tests.helpers.tasks import fly
 

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.turning import Signs, turn_campaign
 from glider.physics.effects import KINDS
-from glider.sysid.replay.record import Signs, turn_campaign
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.search.signs import find_signs
 from tests.helpers.tasks import fly
