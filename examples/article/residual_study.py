@@ -18,7 +18,7 @@ from glider.campaign.logs import Campaign, Flight, split_flights
 from glider.errors import InputError
 from glider.physics.effects import NO_FIELD
 from glider.physics.effects.field import COEFFICIENTS, FieldData, make_field
-from glider.sysid.fit.prediction import RolloutModel, measure_errors, rollout_scales
+from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.smoothing import Noise, measure_noise
@@ -150,8 +150,7 @@ def _try(
     flown = RolloutModel(
         theta=theta, field=arrays, scales=start_scales(noise), per_flight_trims=False
     )
-    scales = rollout_scales(flown, unseen, flown.scales)
-    flown = dataclasses.replace(flown, scales=scales)
+    flown = flown.on(unseen)
     values = corrected_coefficients(test, field)
     return ResidualModel(
         field=field,

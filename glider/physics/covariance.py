@@ -4,7 +4,7 @@ It does not change how a glider flies, so a model's file has it beside the model
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -67,8 +67,11 @@ class Covariance:
         A fault of sensor or log, of the kinds that act, changes only what is measured.
         """
         flown = {e.kind for e in kinds if e.stage not in ("sensor", "log")}
-        flown |= set(PARAMETER_NAMES)
-        names = tuple(n for n in self.names if n.partition(".")[0] in flown)
+        return self.among(flown | set(PARAMETER_NAMES))
+
+    def among(self, owners: Collection[str]) -> "Covariance":
+        """Returns the part of some effects, by kind, and parameters, by name."""
+        names = tuple(n for n in self.names if n.partition(".")[0] in owners)
         rows = [self.names.index(name) for name in names]
         matrix = self.matrix[np.ix_(rows, rows)]
         return dataclasses.replace(self, names=names, matrix=matrix)

@@ -12,12 +12,7 @@ from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.sysid.fit.prediction import (
-    Prediction,
-    RolloutModel,
-    predict,
-    rollout_scales,
-)
+from glider.sysid.fit.prediction import Prediction, RolloutModel, predict
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import (
     Scales,
@@ -163,8 +158,7 @@ def _predicted(
         scales=scales,
         per_flight_trims=not make_vehicle(campaign).trim_is_known,
     )
-    scales = rollout_scales(flown, others, scales)
-    return record, predict(dataclasses.replace(flown, scales=scales), record)
+    return record, predict(flown.on(others), record)
 
 
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:

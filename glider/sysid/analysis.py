@@ -22,13 +22,12 @@ from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
-from glider.sysid.constants import EVIDENCE_THRESHOLD, MOST_LOST
+from glider.sysid.constants import MOST_LOST
 from glider.sysid.derivatives import with_derivatives
-from glider.sysid.evaluation import Evaluation, Searched, SmoothedFlights, evaluate
+from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
+from glider.sysid.fit.folds import HeldOut
 from glider.sysid.fit.prediction import beginning_rows
-from glider.sysid.likelihood.blocks import BLOCKS
-from glider.sysid.likelihood.candidates import survey
-from glider.sysid.likelihood.model_fit import FitResult, fit_model
+from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import (
@@ -88,27 +87,34 @@ class Analysis:
         flights = self._smooth()
         found = self._search(flights, kinds)
         with self.stage("refit", "refitting the flat plate alone"):
-            baseline = found.traced.bare
+            baseline, fitted = found.traced.bare, [r.name for r in found.task.records]
             if found.traced.forces is None:  # To the log as it is, signs and all.
                 free = self.vehicle.baseline_slots
                 baseline = dataclasses.replace(baseline, blocks=(), free=free)
-                fitted = flights.among([r.name for r in found.task.records])
-                baseline = fit_model(found.task.on(fitted.logged), baseline)
+                logged = found.task.on(flights.of("refitted", fitted))
+                baseline = fit_model(logged, baseline)
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(found.task, found.traced.model)
-            evaluation = evaluate(
+            evaluated, folds = evaluate(
                 flights, self.held_out, found, baseline, spreads, self.rng
             )
-        return self._result(flights, found, spreads, evaluation)
+        with self.stage("weigh", "standard errors"):
+            of_model = self._weigh(flights, found, spreads)
+        judged = self._judge(flights, found, evaluated | of_model, folds)
+        flown = tuple(flight.name for flight in evaluated["held_out"])
+        of_run = self._of_run(flights, found, flown)
+        whole = result.Result(**of_run, **evaluated, **of_model, **judged)
+        return with_derivatives(whole)
 
     def _smooth(self) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""
         effects = self.settings["effects"]
         logged, masks = self.inspection.campaign, self.inspection.masks
 
-        def smoothed(campaign: Campaign) -> tuple[Noise, list[Record]]:
+        def smoothed(campaign: Campaign) -> tuple[Noise, dict[str, Record]]:
             noise, layout = measure_noise(campaign, masks), self.vehicle.layout
-            return noise, prepare(campaign.flights, campaign, noise, layout, masks)
+            records = prepare(campaign.flights, campaign, noise, layout, masks)
+            return noise, {record.name: record for record in records}
 
         signs = Signs()
         with self.stage("signs"):
@@ -120,13 +126,7 @@ class Analysis:
         with self.stage("smooth"):
             noise, records = smoothed(campaign)
             as_logged = records if signs.are_right else smoothed(logged)[1]
-        return SmoothedFlights(
-            campaign=campaign,
-            signs=signs,
-            noise=noise,
-            corrected=records,
-            logged=as_logged,
-        )
+        return SmoothedFlights(campaign, signs, noise, records, as_logged)
 
     def _search(self, flights: SmoothedFlights, kinds: tuple[str, ...]) -> Searched:
         """Searches the effects that the flights to fit show, without outliers.
@@ -134,9 +134,9 @@ class Analysis:
         Outliers among the flights to fit are excluded; those among the held-out flights
         are scored apart.
         """
-        noise = flights.noise
+        noise, records = flights.noise, [*flights.corrected.values()]
         with self.stage("compare", "comparing flights"):
-            everything = make_task(flights.corrected, self.vehicle, kinds)
+            everything = make_task(records, self.vehicle, kinds)
             ratios = find_outlying(everything, noise)
             outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
             everything, task = self._without(outlying, everything)
@@ -149,13 +149,7 @@ class Analysis:
                 if again:
                     self.progress(f"again without {', '.join(again)}")
                     traced = trace(task, noise, self.rng, self.progress)
-        return Searched(
-            everything=everything,
-            task=task,
-            traced=traced,
-            outlying=outlying,
-            extreme=extreme,
-        )
+        return Searched(everything, task, traced, outlying, extreme)
 
     def _without(
         self, outlying: Mapping[str, str], everything: Task
@@ -171,83 +165,77 @@ class Analysis:
             )
         return everything.on(kept), everything.on(fitted)
 
-    def _result(
+    def _weigh(
         self,
         flights: SmoothedFlights,
         found: Searched,
         spreads: dict[str, result.Spread],
-        evaluation: Evaluation,
-    ) -> result.Result:
-        """Finds standard errors and the verdict, and collects all that was found."""
+    ) -> dict[str, Any]:
+        """Fields of a result about the model, with standard errors."""
         task, traced, signs = found.task, found.traced, flights.signs
-        model, folds = traced.model, evaluation.folds
-        before, named, after = evaluation.tables
-        with self.stage("weigh", "standard errors"):
-            certain = uncertainty_of(task, traced.judged)
-            carried = outcome.carried_of(task, model, certain)
-            sets = alternatives_of(task, traced.judged, traced.rivals)
-            known = averaged(sets)
-        effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
+        certain = uncertainty_of(task, traced.judged)
+        carried = outcome.carried_of(task, traced.model, certain)
+        sets = alternatives_of(task, traced.judged, traced.rivals)
+        known = averaged(sets)
         covariance = outcome.covariance_of(task, known)
-        left = _left(task, traced.judged, evaluation)
-        doubt = find_doubt(task, model)
-        for warning in self.warnings:
-            if warning.startswith(SCALE) and "position_scale" not in model.kinds:
-                doubt = doubt or warning.rstrip(".")
-        verdict, reason = judge(traced, folds, evaluation.errors, effects, left, doubt)
-        return with_derivatives(
-            result.Result(
-                **self._of_campaign(flights, found, evaluation, verdict),
-                verdict=verdict,
-                reason=reason,
-                effects=effects,
-                errors=evaluation.errors,
-                outlying=evaluation.outlying,
-                folds=() if folds is None else folds.folds,
-                left=left,
-                innovations=evaluation.innovations,
-                candidates=traced.alone,
-                combinations=tuple(
-                    result.Combination(kinds=kinds, evidence=gain)
-                    for kinds, gain in traced.combinations[:MOST_COMBINATIONS]
-                ),
-                evidence_threshold=traced.threshold,
-                correlations=outcome.correlations_of(covariance, model.kinds),
-                spreads=spreads,
-                air=result.Air(
-                    std_m_s=0.0 if model.scales.is_still else model.scales.air,
-                    correlation_s=model.scales.air_time,
-                ),
-                curves=outcome.curves_of(before, named),
-                vehicle=outcome.vehicle_of(task, model, known),
-                model=outcome.model_of(task, model, signs, flights.campaign),
-                covariance=covariance,
-                alternatives=tuple(
-                    result.Alternative(
-                        probability=own.probability,
-                        model=outcome.model_of(task, fit, signs, flights.campaign),
-                        covariance=outcome.covariance_of(task, own.known),
-                    )
-                    for own, fit in zip(
-                        sets, [model, *(fit for fit, _ in traced.rivals)], strict=True
-                    )
-                ),
-                held_out=evaluation.held_out,
-                residual_before=before,
-                residual_after=after,
+        alternatives = [
+            result.Alternative(
+                probability=own.probability,
+                model=outcome.model_of(task, fit, signs, flights.campaign),
+                covariance=outcome.covariance_of(task, own.known),
             )
-        )
+            for own, fit in zip(
+                sets, [traced.model, *(fit for fit, _ in traced.rivals)], strict=True
+            )
+        ]
+        return {
+            "effects": outcome.effects_of(task, traced, known, carried, spreads, signs),
+            "spreads": spreads,
+            "vehicle": outcome.vehicle_of(task, traced.model, known),
+            "model": alternatives[0].model,
+            "covariance": covariance,
+            "correlations": outcome.correlations_of(covariance, traced.model.kinds),
+            "alternatives": tuple(alternatives),
+        }
 
-    def _of_campaign(
+    def _judge(
         self,
         flights: SmoothedFlights,
         found: Searched,
-        evaluation: Evaluation,
-        verdict: str,
+        fields: dict[str, Any],
+        folds: HeldOut | None,
     ) -> dict[str, Any]:
-        """Fields of a result about the campaign and the run."""
+        """Fields of a result that judge the others: the verdict, and warnings."""
+        traced, kinds = found.traced, found.traced.model.kinds
+        doubt = find_doubt(found.task, traced.model)
+        for warning in self.warnings:
+            if warning.startswith(SCALE) and "position_scale" not in kinds:
+                doubt = doubt or warning.rstrip(".")
+        errors, effects, left = fields["errors"], fields["effects"], fields["left"]
+        verdict, reason = judge(traced, folds, errors, effects, left, doubt)
+        warnings = [*self.warnings, *_warnings_of(flights)]
+        known = {*found.outlying, *(flight.name for flight in fields["held_out"])}
+        warnings += (
+            f"{name}: every model diverges on this held-out flight; it is excluded "
+            "from the errors."
+            for name in self.held_out
+            if name not in known
+        )
+        gains = np.zeros(0) if folds is None else folds.gain.values
+        lost = np.count_nonzero(gains < 0.0)
+        if verdict != "no_effect" and lost > MOST_LOST * len(gains):
+            warnings.append(
+                f"The correction does not improve {lost} of {len(gains)} flights."
+            )
+        return {"verdict": verdict, "reason": reason, "warnings": tuple(warnings)}
+
+    def _of_run(
+        self, flights: SmoothedFlights, found: Searched, flown: tuple[str, ...]
+    ) -> dict[str, Any]:
+        """Fields of a result about the campaign, the search and the run."""
         logged, noise = self.inspection.campaign, flights.noise
-        outlying = found.outlying
+        traced, outlying = found.traced, found.outlying
+        scales = traced.model.scales
         rolling = {f.name: describe_planarity(f) for f in logged.flights}
         rows = [s for s in self.inspection.excluded if s.file not in outlying]
         rows += [ExcludedRows(file=n, rows=ALL, why=w) for n, w in outlying.items()]
@@ -255,16 +243,19 @@ class Analysis:
             "campaign": logged.name,
             "path": logged.path,
             "flights": result.FlightNames(
-                fit=tuple(n for n in self.fitted if n not in outlying),
-                held_out=tuple(f.name for f in evaluation.held_out),
+                tuple(n for n in self.fitted if n not in outlying), flown
             ),
             "knows_forces": self.vehicle.knows_forces,
-            "warnings": tuple(self._warnings(flights, evaluation, verdict)),
             "set_aside": tuple(sorted(rows, key=lambda s: s.file)),
             "planarity": {name: words for name, words in rolling.items() if words},
-            "noise": result.MeasurementNoise(
-                position_m=noise.position, pitch_rad=noise.pitch
+            "noise": result.MeasurementNoise(noise.position, noise.pitch),
+            "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
+            "candidates": traced.alone,
+            "combinations": tuple(
+                result.Combination(kinds, gain)
+                for kinds, gain in traced.combinations[:MOST_COMBINATIONS]
             ),
+            "evidence_threshold": traced.threshold,
             "seconds": self.seconds,
             "version": importlib.metadata.version("drake-glider"),
             "own_effects": self.vehicle.layout.user_kinds,
@@ -272,51 +263,23 @@ class Analysis:
             "settings": self.settings,
         }
 
-    def _warnings(
-        self, flights: SmoothedFlights, evaluation: Evaluation, verdict: str
-    ) -> Iterator[str]:
-        """Yields sentences about the campaign and the result."""
-        yield from self.warnings
-        limits, stops = flights.campaign.elevator_limits, flights.corrected[0].limits
-        if limits is not None and stops is not None and stops != limits:
-            yield (
-                f"The elevator passes its limits of {limits[0]:.3g} and "
-                f"{limits[1]:.3g} rad: it is assumed to stop at {stops[0]:.3g} and "
-                f"{stops[1]:.3g}."
-            )
-        is_measured = flights.campaign.servo.angle == "measured"
-        for record in flights.corrected:
-            rows = beginning_rows(record, per_flight_trims=False)
-            if record.has_servo and is_measured and not record.seen[:rows, 3].any():
-                yield (
-                    f"{record.name}: no elevator row counts in the beginning of the "
-                    "flight, which its launch is fitted on; the elevator is assumed "
-                    "where its commands have it."
-                )
-        for name in evaluation.unpredicted:
-            yield (
-                f"{name}: every model diverges on this held-out flight; it is excluded "
-                "from the errors."
-            )
-        if evaluation.folds is not None and verdict != "no_effect":
-            gains = evaluation.folds.gain.values
-            lost = int(np.sum(gains < 0.0))
-            if lost > MOST_LOST * len(gains):
-                yield f"The correction does not improve {lost} of {len(gains)} flights."
 
-
-def _left(task: Task, model: FitResult, evaluation: Evaluation) -> result.Residual:
-    """The residual of the corrected model, and what it varies with."""
-    corrected, floor = (evaluation.errors[m] for m in ("corrected", result.PERFECT))
-    assert corrected is not None and floor is not None
-    gains = survey(task, model)
-    real = [name for name, gain in gains.items() if gain > EVIDENCE_THRESHOLD]
-    real.sort(key=lambda name: -gains[name])
-    variables = [BLOCKS[name].variable for name in real[:3]]
-    return result.Residual(
-        position_m=corrected.position_rms_m,
-        ratio_to_floor=corrected.position_rms_m / floor.position_rms_m,
-        chance=evaluation.chance,
-        depends_on=tuple(dict.fromkeys(variables)),
-        air_depends_on=evaluation.air_depends_on,
-    )
+def _warnings_of(flights: SmoothedFlights) -> Iterator[str]:
+    """Yields sentences about an elevator that is not where it was expected."""
+    records, limits = [*flights.corrected.values()], flights.campaign.elevator_limits
+    stops = records[0].limits
+    if limits is not None and stops is not None and stops != limits:
+        yield (
+            f"The elevator passes its limits of {limits[0]:.3g} and "
+            f"{limits[1]:.3g} rad: it is assumed to stop at {stops[0]:.3g} and "
+            f"{stops[1]:.3g}."
+        )
+    is_measured = flights.campaign.servo.angle == "measured"
+    for record in records:
+        rows = beginning_rows(record, per_flight_trims=False)
+        if record.has_servo and is_measured and not record.seen[:rows, 3].any():
+            yield (
+                f"{record.name}: no elevator row counts in the beginning of the "
+                "flight, which its launch is fitted on; the elevator is assumed "
+                "where its commands have it."
+            )

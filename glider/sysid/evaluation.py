@@ -1,46 +1,38 @@
 """Errors of all models on flights that they were not fitted to."""
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.sysid import result
-from glider.sysid.constants import FLOOR_FLIGHTS
+from glider.sysid.constants import EVIDENCE_THRESHOLD, FLOOR_FLIGHTS
+from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
-from glider.sysid.fit.prediction import (
-    Prediction,
-    RolloutModel,
-    beginning_rows,
-    compare,
-    flown_by,
-    measure_errors,
-    predict_all,
-)
+from glider.sysid.likelihood.blocks import BLOCKS
+from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import FitResult, error_flights, fit_model
 from glider.sysid.likelihood.scales import FLOOR, NAMES, Scales, whiten
 from glider.sysid.likelihood.task import Task
-from glider.sysid.outcome import SPREAD_KINDS
+from glider.sysid.outcome import SPREAD_KINDS, curves_of
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, signals
 from glider.sysid.replay.smoothing import Noise
-from glider.sysid.result import CALIBRATED, MODELS, PERFECT, ResidualTable
+from glider.sysid.result import CALIBRATED, MODELS, PERFECT, ResidualTable, Spread
 from glider.sysid.search.force_search import OF_FORCES, forces_alone
 from glider.sysid.search.support import SearchResult
-from glider.sysid.verdict import AllErrors, changes_baseline_alone
-
-Models = Mapping[str, RolloutModel]
-"""Models by name; the nominal one only where it is known."""
+from glider.sysid.verdict import changes_baseline_alone
 
 CHANNELS = ("x", "z", "pitch")
 _LAGS = 25  # Largest lag of innovations [rows], in flights of three times as many.
 _Z95 = 1.96  # Standard deviations that 95 % of normal errors are within.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class SmoothedFlights:
     """Flights as the corrected model takes them, and as those before it do.
 
@@ -50,28 +42,16 @@ class SmoothedFlights:
     campaign: Campaign  #: With wrong signs turned.
     signs: Signs  #: Of the logged angles.
     noise: Noise  #: Of the sensors.
-    corrected: Sequence[Record]  #: With the signs turned.
-    logged: Sequence[Record]  #: As they were logged, in the same order.
+    corrected: Mapping[str, Record]  #: With the signs turned, by name.
+    logged: Mapping[str, Record]  #: As they were logged.
 
-    def of(self, model: str) -> Sequence[Record]:
-        """Returns the flights for a model, by its name."""
-        return self.corrected if model == "corrected" else self.logged
-
-    def among(self, names: Collection[str]) -> "SmoothedFlights":
-        """Returns some of the flights."""
-        return dataclasses.replace(
-            self,
-            corrected=[r for r in self.corrected if r.name in names],
-            logged=[r for r in self.logged if r.name in names],
-        )
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the flights."""
-        return tuple(record.name for record in self.corrected)
+    def of(self, model: str, names: Iterable[str]) -> list[Record]:
+        """Returns flights for a model, all by name."""
+        own = self.corrected if model == "corrected" else self.logged
+        return [own[name] for name in names]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Searched:
     """What a search found, and on which flights; without those that stand out."""
 
@@ -82,83 +62,85 @@ class Searched:
     extreme: Collection[str]  #: Those of them that only the corrected model excludes.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Evaluation:
-    """Errors of models, by name; None of a model that there is not."""
-
-    errors: AllErrors  #: On held-out flights.
-    held_out: tuple[result.HeldOutFlight, ...]  #: Those flights, measured and flown.
-    unpredicted: tuple[str, ...]  #: Names of those on which every model diverges.
-    outlying: result.OutlyingFlights | None  #: Errors on those that stand out, if any.
-    folds: HeldOut | None  #: Each flight held out once; None where signs are wrong.
-    innovations: result.Innovations  #: Of the held-out flights.
-    #: Residual of the nominal model, of named effects and of the corrected model.
-    tables: tuple[ResidualTable, ResidualTable, ResidualTable]
-    chance: float  #: Probability that a perfect model leaves as much.
-    air_depends_on: tuple[str, ...]  #: States that the gusts of the model depend on.
-
-
 def evaluate(
     flights: SmoothedFlights,
     held_out: Collection[str],
     searched: Searched,
     baseline: FitResult,
-    spreads: Mapping[str, result.Spread],
+    spreads: Mapping[str, Spread],
     rng: np.random.Generator,
-) -> Evaluation:
+) -> tuple[dict[str, Any], HeldOut | None]:
     """Predicts held-out flights, whose names are given, by all models.
 
-    The folds score flights that only the corrected model takes for outlying, but fit
-    none to them.
+    Returns:
+        the fields of `Result` that follow, and each flight held out once; None of the
+        latter where signs are wrong.
     """
-    task, traced = searched.task, searched.traced
+    task, traced, noise = searched.task, searched.traced, flights.noise
     fitted, scales = _fitted_models(task, traced, baseline), traced.model.scales
-    models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
-    usual = flights.among([record.name for record in searched.everything.records])
-    unseen = usual.among(held_out)
-    found = compare([*models.values()], [unseen.of(name) for name in models])
-    kept = unseen.among([unseen.names[i] for i in found.kept])
-    predictions = dict(zip(models, found.predictions, strict=True))
-    folds = None
-    if flights.signs.are_right:
-        scored = flights.among({*usual.names, *searched.extreme}).corrected
-        folds = _hold_out(task.on(scored), traced, baseline, searched.extreme, rng)
-    tables = _residual_tables(task, traced.model, models, usual)
+    models = {
+        name: prediction.flown_by(task, model, scales) for name, model in fitted.items()
+    }
+
+    def flown(names: Sequence[str]) -> prediction.Compared:
+        return prediction.compare(
+            {n: (own, flights.of(n, names)) for n, own in models.items()}
+        )
+
+    usual = [record.name for record in searched.everything.records]
+    unseen = [name for name in usual if name in held_out]
+    apart = tuple(n for n in flights.corrected if n in held_out and n not in usual)
+    found = flown(unseen)
+    kept = [unseen[i] for i in found.kept]
+    tests = _hold_out(flights, searched, baseline, rng)
+    of_nominal, own = models.get("nominal", models["refitted"]), models["corrected"]
+    named = after = _table(own, flights.of("corrected", usual))
+    if traced.model.blocks:
+        bare = dataclasses.replace(traced.model, blocks=())
+        named = _table(
+            prediction.flown_by(task, bare, scales), flights.of("corrected", usual)
+        )
+    before = _table(of_nominal, flights.of("nominal", usual))
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
-    smoothing = flights.noise.smoothing[2].ratio
-    first = sorted(usual.corrected, key=lambda record: record.name not in kept.names)
-    first = first[:FLOOR_FLIGHTS]
-    floor = find_floor(models["corrected"], first, truth, smoothing, rng)
-    perfect = floor.errors(_noise_of(tables[-1], kept.names), len(kept.names))
-    found_errors = dict(zip(models, found.errors, strict=True))
-    return Evaluation(
-        errors=dict.fromkeys((*MODELS, CALIBRATED)) | found_errors | {PERFECT: perfect},
-        held_out=_flights(unseen, found.kept, predictions, models["corrected"]),
-        unpredicted=tuple(n for n in unseen.names if n not in kept.names),
-        outlying=_outlying(models, flights.among(set(held_out) - set(usual.names))),
-        folds=folds,
-        innovations=_innovations(task, fitted, kept),
-        tables=tables,
-        chance=np.nan
-        if folds is None
-        else floor.chance(np.array([folds.paths[record.name][1] for record in first])),
-        air_depends_on=gusts,
-    )
+    first = sorted(usual, key=lambda name: name not in kept)[:FLOOR_FLIGHTS]
+    smoothness, records = noise.smoothing[2].ratio, flights.of("corrected", first)
+    floor = find_floor(own, records, truth, smoothness, rng)
+    is_kept = np.isin(after.flight, [after.names.index(name) for name in kept])
+    perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
+    left = found.errors["corrected"].position_rms_m
+    paths = np.array([tests.paths[name][1] for name in first]) if tests else None
+    return {
+        "errors": dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect},
+        "outlying": result.OutlyingFlights(apart, {**flown(apart).errors})
+        if apart
+        else None,
+        "folds": tests.folds if tests else (),
+        "left": result.Residual(
+            position_m=left,
+            ratio_to_floor=left / perfect.position_rms_m,
+            chance=np.nan if paths is None else floor.chance(paths),
+            depends_on=_variables_of(task, traced.judged),
+            air_depends_on=gusts,
+        ),
+        "innovations": _innovations(task, fitted, flights, kept),
+        "curves": curves_of(before, named),
+        "held_out": _flights(flights, unseen, found, own.per_flight_trims),
+        "residual_before": before,
+        "residual_after": after,
+    }, tests
 
 
-def _outlying(
-    models: Models, flights: SmoothedFlights
-) -> result.OutlyingFlights | None:
-    """Errors on flights that stand out, if any."""
-    if not flights.names:
-        return None
-    errors: AllErrors = {n: measure_errors(m, flights.of(n)) for n, m in models.items()}
-    return result.OutlyingFlights(flights=flights.names, errors=errors)
+def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
+    """Variables that the remainder of a model varies with, at most three."""
+    gains = survey(task, model)
+    real = [name for name, gain in gains.items() if gain > EVIDENCE_THRESHOLD]
+    real.sort(key=lambda name: -gains[name])
+    return tuple(dict.fromkeys(BLOCKS[name].variable for name in real[:3]))
 
 
 def without_model_errors(
-    traced: SearchResult, gusts: Collection[str], spreads: Mapping[str, result.Spread]
+    traced: SearchResult, gusts: Collection[str], spreads: Mapping[str, Spread]
 ) -> Scales:
     """Scales without errors of the model: sensors, turbulence, per-flight constants.
 
@@ -173,103 +155,88 @@ def without_model_errors(
     return dataclasses.replace(traced.model.scales, **stds)
 
 
-def _noise_of(table: ResidualTable, names: Collection[str]) -> result.EquationErrors:
-    """What the smoothing lets through of the noise, on some flights."""
-    rows = np.isin(np.array(table.names)[table.flight], list(names))
-    noise = np.sqrt(np.mean(table.noise[rows] ** 2, axis=0)).tolist()
-    return result.EquationErrors(tangential=noise[0], normal=noise[1], pitch=noise[2])
-
-
 def _fitted_models(
     task: Task, traced: SearchResult, baseline: FitResult
 ) -> dict[str, FitResult]:
-    """The models to evaluate, by name."""
-    vehicle, offset = task.vehicle, task.layout.slots_of("pitch_offset")
-    calibrated = dataclasses.replace(
-        baseline, free=tuple(sorted({*baseline.free, *offset}))
-    )
+    """The models to evaluate, by name; the nominal one only where it is known."""
+    free = {*baseline.free, *task.layout.slots_of("pitch_offset")}
+    calibrated = dataclasses.replace(baseline, free=tuple(sorted(free)))
     if traced.forces is not None:
         calibrated = forces_alone(task, calibrated, traced.forces)
     free_scales = NAMES if traced.forces is None else ()
     calibrated = fit_model(task, calibrated, iterations=4, free_scales=free_scales)
     fitted = {"refitted": baseline, CALIBRATED: calibrated, "corrected": traced.model}
-    if vehicle.is_known:
-        nominal = dataclasses.replace(baseline, theta=vehicle.theta, free=())
-        fitted = {"nominal": nominal, **fitted}
-    return fitted
+    if not task.vehicle.is_known:
+        return fitted
+    nominal = dataclasses.replace(baseline, theta=task.vehicle.theta, free=())
+    return {"nominal": nominal, **fitted}
 
 
 def _hold_out(
-    task: Task,
-    traced: SearchResult,
+    flights: SmoothedFlights,
+    searched: Searched,
     baseline: FitResult,
-    extreme: Collection[str],
     rng: np.random.Generator,
-) -> HeldOut:
-    """Holds out each flight once, baseline and corrected model refitted."""
-    corrected, nominal = traced.model, None
+) -> HeldOut | None:
+    """Holds out each flight once, baseline and corrected model refitted.
+
+    Flights that only the corrected model takes for outlying are scored, not fitted.
+    """
+    if not flights.signs.are_right:
+        return None
+    traced, extreme, nominal = searched.traced, searched.extreme, None
+    scored = {*extreme, *(record.name for record in searched.everything.records)}
+    task = searched.task.on([r for r in flights.corrected.values() if r.name in scored])
+    corrected, scales = traced.model, traced.model.scales
     if traced.forces is not None:
         baseline = forces_alone(task, baseline, traced.forces)
         corrected = forces_alone(task, corrected, traced.forces)
     elif task.vehicle.is_known and changes_baseline_alone(traced.model):
         nominal = traced.bare
-    scales = traced.model.scales
     return hold_out(task, baseline, corrected, scales, rng, extreme, nominal)
 
 
-def _residual_tables(
-    task: Task, model: FitResult, models: Models, flights: SmoothedFlights
-) -> tuple[ResidualTable, ResidualTable, ResidualTable]:
-    before = models.get("nominal", models["refitted"])
-    after = _table(models["corrected"], flights.corrected)
-    named = after
-    if model.blocks:
-        bare = dataclasses.replace(model, blocks=())
-        named = _table(flown_by(task, bare, model.scales), flights.corrected)
-    return _table(before, flights.logged), named, after
-
-
-def _table(flown: RolloutModel, records: Sequence[Record]) -> ResidualTable:
+def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """A model's residual over flights, each with the trim that it has."""
-    trims = [own.trim for own in predict_all(flown, records)]
+    trims = [own.trim for own in prediction.predict_all(flown, records)]
     return make_table(records, flown.theta, trims, flown.field)
 
 
 def _flights(
     flights: SmoothedFlights,
-    kept: Collection[int],
-    predictions: Mapping[str, list[Prediction]],
-    corrected: RolloutModel,
+    names: Sequence[str],
+    found: prediction.Compared,
+    per_flight_trims: bool,
 ) -> tuple[result.HeldOutFlight, ...]:
     """Held-out flights that are kept as logged, beside what each model predicted."""
-    found, turned = [], np.array([1.0, 1.0, flights.signs.pitch])
-    for i in kept:
-        record = flights.corrected[i]
-        rows = beginning_rows(record, corrected.per_flight_trims)
-        flown = {
-            name: predictions[name][i].pose for name in MODELS if name in predictions
-        }
-        flown["corrected"] = flown["corrected"] * turned
-        found.append(
+    turned, own = np.array([1.0, 1.0, flights.signs.pitch]), []
+    for i in found.kept:
+        record = flights.corrected[names[i]]
+        rows = prediction.beginning_rows(record, per_flight_trims)
+        flown = {n: p[i].pose for n, p in found.predictions.items() if n in MODELS}
+        own.append(
             result.HeldOutFlight(
                 name=record.name,
                 time=record.time,
                 measured=record.pose * turned,
-                flown=flown,
+                flown=flown | {"corrected": flown["corrected"] * turned},
                 fitted_until=float(record.time[rows - 1]),
             )
         )
-    return tuple(found)
+    return tuple(own)
 
 
 def _innovations(
-    task: Task, models: Mapping[str, FitResult], flights: SmoothedFlights
+    task: Task,
+    models: Mapping[str, FitResult],
+    flights: SmoothedFlights,
+    names: Sequence[str],
 ) -> result.Innovations:
     """Correlates innovations of models with themselves and with the elevator."""
     own: dict[str, dict[str, np.ndarray]] = {}
     moved: dict[str, dict[str, np.ndarray]] = {}
     for name in ("refitted", "corrected"):
-        model, records = models[name], flights.of(name)
+        model, records = models[name], flights.of(name, names)
         linear = error_flights(task.on(records), model)
         left = [whiten(f, model.scales).innovations[:, :3, 0] for f in linear]
         lags = min(_LAGS, min(map(len, left)) // 3)

@@ -292,13 +292,12 @@ def correlations_of(
     """Correlations of the errors of effects' coefficients, each with the others."""
     if covariance is None:
         return {}
-    labels = [n for n in covariance.names if n.partition(".")[0] in kinds]
-    index = [covariance.names.index(name) for name in labels]
-    corner = covariance.matrix[np.ix_(index, index)]
-    std = np.sqrt(np.diag(corner))
+    own = covariance.among(kinds)
+    std = np.sqrt(np.diag(own.matrix))
+    rows = (own.matrix / std[:, None] / std).tolist()
     return {
-        a: {b: r for b, r in zip(labels, row, strict=True) if b != a}
-        for a, row in zip(labels, (corner / std[:, None] / std).tolist(), strict=True)
+        a: {b: r for b, r in zip(own.names, row, strict=True) if b != a}
+        for a, row in zip(own.names, rows, strict=True)
     }
 
 

@@ -23,12 +23,14 @@ VERDICTS = "no_effect", "effect_found", "partly_explained", "unexplained", "not_
 """Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
 was found does not hold on held-out flights."""
 
-MODELS = ("nominal", "refitted", "corrected")
+MODELS = "nominal", "refitted", "corrected"
 """Nominal model; flat plate with refitted parameters; model with the effects."""
 
 CALIBRATED, PERFECT = "calibrated", "floor"
 """The refitted baseline without a constant error of the pitch reading, as calibration
 is not physics; what a perfect model would leave on the same flights."""
+
+CURVE_TERMS = "c_normal", "c_axial", "c_moment", "elevator_factor"
 
 LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
 """Whether an effect's formula has the shape that the flights show."""
@@ -79,15 +81,11 @@ class Spread:
     values: dict[str, Number]
 
 
-CURVE_TERMS = ("c_normal", "c_axial", "c_moment", "elevator_factor")
-"""Terms of a curve; the third in metres."""
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curve:
     """Residual of the flat plate in one term, over the angle of attack, with a band."""
 
-    term: str  #: One of CURVE_TERMS.
+    term: str  #: One of CURVE_TERMS, c_moment in metres.
     alpha: np.ndarray  #: (n,) [rad].
     lack: np.ndarray  #: (n,) the residual: identified effects and what is carried.
     std: np.ndarray  #: (n,) standard error of it.
@@ -101,7 +99,7 @@ class Curve:
         expect(len({*shapes}) == 1, what, shapes, "one length")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Air:
     """Turbulence in x and in z; an error of the model looks like moving air too."""
 
@@ -121,7 +119,7 @@ class Residual:
     air_depends_on: tuple[str, ...] = ()
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Combination:
     """A set of effects that was fitted in full."""
 
@@ -129,7 +127,7 @@ class Combination:
     evidence: Number  #: Penalized gain over the flat plate alone [nats].
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class EquationErrors:
     """RMS of measured minus modelled acceleration [m/s², m/s², rad/s²]."""
 
@@ -138,7 +136,7 @@ class EquationErrors:
     pitch: Number
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class RolloutErrors:
     """Errors of free rollouts, over whole flights; the mean distance at the end."""
 
@@ -147,7 +145,7 @@ class RolloutErrors:
     pitch_rms_rad: Number
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class PathErrors:
     """Errors of the forces integrated along the measured pitch."""
 
@@ -163,7 +161,7 @@ class Fit:
     pitch: Number = math.nan
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Errors:
     """Errors of one model on held-out flights."""
 
@@ -177,6 +175,14 @@ class Errors:
         """RMS of the position of free rollouts [m]."""
         return self.rollout.position_rms_m
 
+    @property
+    def paths(self) -> tuple[float, float]:
+        """The same, and along the measured pitch [m]."""
+        return self.position_rms_m, self.rollout_measured_pitch.position_rms_m
+
+
+AllErrors = dict[str, Errors | None]  # Of models, by name; None of one there is not.
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fold:
@@ -187,7 +193,7 @@ class Fold:
     corrected: Errors
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class FlightNames:
     """Names of flights."""
 
@@ -195,7 +201,7 @@ class FlightNames:
     held_out: tuple[str, ...]  #: That errors are measured on.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class MeasurementNoise:
     """Standard deviations of the measured x and z, and of the measured pitch."""
 
@@ -237,12 +243,12 @@ class EvidenceThreshold:
     uncommon: Number = 0.0  #: More for what not every glider of unknown forces has.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class OutlyingFlights:
     """Held-out flights that no model explains with the others; errors on them alone."""
 
     flights: tuple[str, ...]
-    errors: dict[str, Errors | None]
+    errors: AllErrors
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -281,8 +287,7 @@ class Report:
     verdict: str
     reason: str
     effects: Sequence[ReportedEffect]
-    #: By model: MODELS (nominal is None for an unknown vehicle), CALIBRATED, PERFECT.
-    errors: dict[str, Errors | None]
+    errors: AllErrors  #: By model: MODELS (nominal only if it is known) and the others.
     outlying: OutlyingFlights | None = None  #: Not in `errors`; None without any.
     evidence_threshold: EvidenceThreshold
     folds: tuple[Fold, ...]

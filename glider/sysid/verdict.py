@@ -21,7 +21,7 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.replayed import signals
 from glider.sysid.replay.theta import SERVO_LOG
 from glider.sysid.replay.vehicle import BASELINE_KINDS
-from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
+from glider.sysid.result import LIBRARY_SHAPE, AllErrors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
 
 BOUNDED = {
@@ -35,7 +35,8 @@ BOUNDED = {
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
     """Finds the reason why a model cannot be trusted: one clause, or None."""
-    early = -float(model.theta[task.layout.index[POSE_LATENCY.kind, "latency"]])
+    layout, theta = task.layout, model.theta
+    early = -float(theta[layout.index[POSE_LATENCY.kind, "latency"]])
     step = float(np.median(np.diff(task.records[0].time)))
     # Times that are rounded to rows are off by half a step.
     if early > 0.5 * step or (early > 0.0 and len(model.kinds) == 1):
@@ -44,21 +45,24 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
-    shift, *_ = model.theta[list(task.layout.slots_of(SERVO_LOG.kind))]
+    shift = float(theta[layout.index[SERVO_LOG.kind, "poses"]])
     if abs(shift) > constants.SHIFTED:
         words = "earlier" if shift < 0.0 else "later"
         return (
             f"the servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than "
             "its times say (is 'clock' right in the MAP of its import?)"
         )
-    change = float(model.theta[task.layout.index[ELEVATOR_SCALE.kind, "change"]])
+    change = float(theta[layout.index[ELEVATOR_SCALE.kind, "change"]])
     if abs(change) > constants.TRAVEL_ERROR:
         return (
             f"the elevator turns {1.0 + change:.2f} times as far as its log says (as "
             "with a wrong 'gain' of its angles and rates in the 'units' of the MAP)"
         )
-    if not task.vehicle.knows_forces:
-        return None
+    return _left_to_chance(task, model) if task.vehicle.knows_forces else None
+
+
+def _left_to_chance(task: Task, model: FitResult) -> str | None:
+    """Finds noise of a known glider, or an elevator, that no right log shows."""
     scales = vars(model.scales)
     found = [
         words.format(scales[name])
@@ -106,7 +110,6 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     return median, error / np.sqrt(len(found))
 
 
-AllErrors = dict[str, Errors | None]
 FLOWN = "flown freely", "along the measured pitch"
 
 
@@ -183,21 +186,20 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
 
     Also whether it was compared with the nominal model, as the baseline is no worse.
     """
+    baseline, nominal = "refitted baseline", "nominal model"
     ratios = _ratios(errors, "refitted")
     if held_out is None:
-        return _worse(ratios, "refitted baseline"), False
-    gain, over_nominal = held_out.gain, held_out.over_nominal
-    doubt = _no_gain(gain, "refitted baseline") or _worse(
-        np.maximum(ratios, held_out.ratios), "refitted baseline"
-    )
-    if doubt is None or over_nominal is None:
+        return _worse(ratios, baseline), False
+    gain, over = held_out.gain, held_out.over_nominal
+    ratios = np.maximum(ratios, held_out.ratios)
+    doubt = _no_gain(gain, baseline) or _worse(ratios, baseline)
+    if doubt is None or over is None:
         return doubt, False
-    if doubt := _no_gain(over_nominal, "nominal model"):
-        return doubt, True
-    if gain.t < -gain.least_t:
-        return _no_gain(gain, "refitted baseline: it loses"), True
+    is_lost = gain.t < -gain.least_t
+    lost = _no_gain(gain, f"{baseline}: it loses") if is_lost else None
     # Along the pitch, turning shows nothing.
-    return _worse(_ratios(errors, "nominal")[:1], "nominal model"), True
+    worse = _worse(_ratios(errors, "nominal")[:1], nominal)
+    return _no_gain(over, nominal) or lost or worse, True
 
 
 def _no_gain(gain: Gains, over: str) -> str | None:
@@ -225,6 +227,4 @@ def _ratios(errors: AllErrors, model: str) -> np.ndarray:
     """The corrected model's errors over another's, as FLOWN."""
     before, after = errors[model], errors["corrected"]
     assert before is not None and after is not None
-    free = ratio_of(before.position_rms_m, after.position_rms_m)
-    old, new = before.rollout_measured_pitch, after.rollout_measured_pitch
-    return np.array([free, ratio_of(old.position_rms_m, new.position_rms_m)])
+    return np.array([*map(ratio_of, before.paths, after.paths)])

@@ -14,14 +14,8 @@ from scipy.special import ndtr, stdtr
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_VARIABLES
-from glider.sysid.constants import (
-    FLOOR_ACCURACY,
-    FLOOR_CLIP,
-    LARGEST_FLOOR,
-    REPLICAS,
-    UNLIKELY,
-)
-from glider.sysid.fit.prediction import RolloutModel, beginning_rows
+from glider.sysid import constants
+from glider.sysid.fit.prediction import RolloutModel, beginning_rows, errors_from
 from glider.sysid.likelihood.blocks import midpoints
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -33,7 +27,7 @@ from glider.sysid.likelihood.scales import (
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.smoothing import smoothing_maps
-from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
+from glider.sysid.result import EquationErrors, Errors
 
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
 _STEP = 0.1  # Of the logarithm of gusts, for slopes of the likelihood.
@@ -46,30 +40,21 @@ class Floor:
     """Squared errors of a perfect model on flights, replica by replica."""
 
     rows: np.ndarray  #: (F,) seen of each flight.
-    #: (F, 4, R) of position, free and along the measured pitch [m²], and pitch [rad²],
-    #: means over these rows; of the position at the end [m²].
-    squares: np.ndarray
+    squares: np.ndarray  #: (F, 4, R) as of `prediction.mean_squares`.
 
     @property
     def _is_known(self) -> np.ndarray:
         """(F,) whether flights are linear enough; some pass a model's validity."""
-        return np.all(self.squares.mean(axis=2)[:, :2] < LARGEST_FLOOR**2, axis=1)
+        return np.all(
+            self.squares.mean(axis=2)[:, :2] < constants.LARGEST_FLOOR**2, axis=1
+        )
 
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
         known = np.flatnonzero(self._is_known[:flights])
-        squares = self.squares[known] if len(known) else np.full((1, 4, 1), np.nan)
-        rows = self.rows[known] if len(known) else None
-        means = np.average(squares.mean(axis=2), axis=0, weights=rows)
-        free, along, pitch, _ = np.sqrt(means).tolist()
-        end = float(np.mean(np.sqrt(squares[:, 3])))
-        return Errors(
-            equation=equation,
-            rollout=RolloutErrors(
-                position_rms_m=free, position_end_m=end, pitch_rms_rad=pitch
-            ),
-            rollout_measured_pitch=PathErrors(position_rms_m=along),
-        )
+        if not len(known):
+            return errors_from(np.full((1, 4, 1), np.nan), np.ones(1), equation)
+        return errors_from(self.squares[known], self.rows[known], equation)
 
     def chance(self, paths: np.ndarray) -> float:
         """Probability that a perfect model leaves such errors, or larger ones.
@@ -84,9 +69,11 @@ class Floor:
             return np.nan
         drawn = 0.5 * np.log(self.squares[known, :2])
         errors = np.nan_to_num(np.log(np.maximum(paths[known], 1e-9)), nan=np.inf)
-        apart = np.clip(errors - drawn.mean(axis=2), -FLOOR_CLIP, FLOOR_CLIP)
+        apart = np.clip(
+            errors - drawn.mean(axis=2), -constants.FLOOR_CLIP, constants.FLOOR_CLIP
+        )
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
-        z = apart.mean(axis=0) / np.hypot(error, FLOOR_ACCURACY)
+        z = apart.mean(axis=0) / np.hypot(error, constants.FLOOR_ACCURACY)
         return min(1.0, 2.0 * float(ndtr(-z).min()))
 
 
@@ -129,7 +116,7 @@ def _squares(
     first = np.arange(nodes) < beginning_rows(record, model.per_flight_trims)
     stds = np.sqrt(start_variances(flight, truth))
     stds[[*range(n), n + 2]] = 0.0  # The launch; unmodelled pitch accelerations.
-    shocks = rng.normal(size=(nodes, total, REPLICAS)) * stds[:, None]
+    shocks = rng.normal(size=(nodes, total, constants.REPLICAS)) * stds[:, None]
     keep = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
     shocks[1:, :n], shocks[1:, n:] = 0.0, np.sqrt(1.0 - keep**2) * shocks[1:, n:]
     measured = shows @ _flown(moves, shocks)
@@ -140,7 +127,7 @@ def _squares(
     shown = shows @ _flown(moves, _from_start(nodes, np.eye(total)))
     weights = (seen & first[:, None])[..., None] / sensors[:, None]
     columns = (weights * shown).reshape(-1, total)
-    values = (weights * measured).reshape(-1, REPLICAS)
+    values = (weights * measured).reshape(-1, constants.REPLICAS)
     prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
     known = np.linalg.solve(columns.T @ columns + prior, columns.T @ values)
     known[n : n + PROCESSES] = 0.0
@@ -152,10 +139,15 @@ def _squares(
     units = np.eye(total)[:, _TRANSLATED]
     start = _from_start(nodes, np.hstack([known, units]))
     moves[:, _TURNED] = 0.0  # They are imposed.
-    start[:, _TURNED, :REPLICAS] = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
-    start[:, PITCH, :REPLICAS] -= known[-1]
+    start[:, _TURNED, : constants.REPLICAS] = np.moveaxis(
+        maps @ measured[seen[:, 2], PITCH], 0, 1
+    )
+    start[:, PITCH, : constants.REPLICAS] -= known[-1]
     guided = (shows @ _flown(moves, start))[:, :2]
-    left, columns = measured[:, :2] - guided[..., :REPLICAS], guided[..., REPLICAS:]
+    left, columns = (
+        measured[:, :2] - guided[..., : constants.REPLICAS],
+        guided[..., constants.REPLICAS :],
+    )
     fitted = seen[:, :2] & first[:, None]
     step = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]
     along = np.sum((left - columns @ step)[seen[:, 0]] ** 2, axis=1)
@@ -204,7 +196,7 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
     compares the slopes of their likelihoods over b at zero, the overall strength
     eliminated.
     """
-    count = len(task.records)
+    records, count = task.records, len(task.records)
     if model.scales.is_still or count < 3:
         return ()
     # The flights' constants, about which they are linear, count as known.
@@ -213,20 +205,21 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
         dataclasses.replace(flight, start=np.zeros_like(flight.start))
         for flight in error_flights(task, model)
     ]
+    places = np.cumsum([len(flight.by_air) for flight in flights])[:-1]
 
     def slopes(ranks: np.ndarray) -> np.ndarray:
         """Of each flight's log-likelihood over b, (F,)."""
-        logs = np.split(ranks, np.cumsum([len(f.by_air) for f in flights])[:-1])
         costs = []
         for step in (-_STEP, _STEP):
+            factors = np.split(np.exp(step * ranks)[:, None, None], places)
             moved = [
-                dataclasses.replace(f, by_air=f.by_air * np.exp(own)[:, None, None])
-                for f, own in zip(flights, [step * log for log in logs], strict=True)
+                dataclasses.replace(flight, by_air=flight.by_air * own)
+                for flight, own in zip(flights, factors, strict=True)
             ]
             costs.append(negative_log_likelihood(moved, scales))
         return (costs[0] - costs[1]) / (2.0 * _STEP)
 
-    sizes = np.abs(np.concatenate([midpoints(r, model.theta) for r in task.records]))
+    sizes = np.abs(np.concatenate([midpoints(r, model.theta) for r in records]))
     overall, found = slopes(np.ones(len(sizes))), {}
     for variable in STATES:
         own = sizes[:, FIELD_VARIABLES.index(variable)]
@@ -234,6 +227,6 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
             gains = slopes(np.argsort(np.argsort(own)) * (2.0 / len(own)) - 1.0)
             gains -= (gains @ overall) / (overall @ overall) * overall
             found[variable] = abs(gains.mean()) / gains.std(ddof=1) * np.sqrt(count)
+    chances = {n: 2.0 * len(found) * stdtr(count - 1, -t) for n, t in found.items()}
     names = sorted(found, key=lambda name: -found[name])
-    chances = 2.0 * len(found) * stdtr(count - 1, [-found[name] for name in names])
-    return tuple(n for n, p in zip(names, chances, strict=True) if p < UNLIKELY)
+    return tuple(name for name in names if chances[name] < constants.UNLIKELY)

@@ -8,7 +8,7 @@ from scipy.special import stdtrit
 
 from glider.campaign.checks.motion import robust_std
 from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP
-from glider.sysid.fit import prediction
+from glider.sysid.fit.prediction import compare, flown_by, mean_squares
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import CURVES
 from glider.sysid.likelihood.candidates import gather_in_parts
@@ -48,7 +48,7 @@ class Gains:
         return self.t >= self.least_t
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class HeldOut:
     """Two models on flights that they were made without."""
 
@@ -60,16 +60,17 @@ class HeldOut:
     over_nominal: Gains | None = None  #: Over the nominal model, where computed.
 
     @property
-    def ratios(self) -> tuple[float, float]:
-        """Corrected over baseline errors, free and along the measured pitch."""
+    def ratios(self) -> tuple[float, ...]:
+        """Corrected over baseline errors, free and along the measured pitch.
+
+        Of the RMS over flights that either model flies.
+        """
         free, along = np.moveaxis(np.array(list(self.paths.values())), 2, 0)
-        return _ratio_over(free), _ratio_over(along)
-
-
-def _ratio_over(errors: np.ndarray) -> float:
-    """Returns the ratio of RMS over flights (flights, 2) that either model flies."""
-    flown = errors[np.isfinite(errors).any(axis=1)]
-    return ratio_of(*np.sqrt(np.mean(flown**2, axis=0))) if len(flown) else np.inf
+        flown = [own[np.isfinite(own).any(axis=1)] for own in (free, along)]
+        return tuple(
+            ratio_of(*np.sqrt(np.mean(own**2, axis=0))) if len(own) else np.inf
+            for own in flown
+        )
 
 
 def ratio_of(before: float, after: float) -> float:
@@ -96,28 +97,30 @@ def hold_out(
     is_fitted = np.array([record.name not in apart for record in task.records])
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
-    models = [baseline, corrected] + ([] if nominal is None else [nominal])
-    refits = [_Refits(task, model, model is corrected) for model in models]
-    costs, paths, folds = np.zeros((len(models), count)), dict[str, np.ndarray](), []
+    models = {"refitted": baseline, "corrected": corrected}
+    if nominal is not None:
+        models["nominal"] = nominal
+    refits = {n: _Refits(task, m, m is corrected) for n, m in models.items()}
+    costs = {name: np.zeros(count) for name in models}
+    paths, folds = dict[str, np.ndarray](), []
     for part in parts:
         unseen, rest = [task.records[i] for i in part], is_fitted.astype(float)
         rest[part] = 0.0
-        fitted = [refit.on(rest) for refit in refits]
-        costs[:, part] = [cost[part] for _, cost in fitted]
-        flown = [prediction.flown_by(task, model, scales) for model, _ in fitted[:2]]
-        found = prediction.compare(flown, [unseen, unseen])
-        for record, *own in zip(unseen, *found.predictions, strict=True):
-            each = [prediction.flight_errors(record, one) for one in own]
-            paths[record.name] = np.array(each)
+        flown = {}
+        for name, refit in refits.items():
+            model, cost = refit.on(rest)
+            costs[name][part] = cost[part]
+            if name != "nominal":
+                flown[name] = flown_by(task, model, scales), unseen
+        found = compare(flown)
         names = tuple(record.name for record in unseen)
-        refitted, after = found.errors
-        folds.append(Fold(held_out=names, refitted=refitted, corrected=after))
-    return HeldOut(
-        folds=tuple(folds),
-        gain=Gains(values=costs[0] - costs[1]),
-        paths=paths,
-        over_nominal=None if nominal is None else Gains(values=costs[2] - costs[1]),
-    )
+        folds.append(Fold(held_out=names, **found.errors))
+        for record, *both in zip(unseen, *found.predictions.values(), strict=True):
+            squares = [mean_squares(record, own)[:2] for own in both]
+            paths[record.name] = np.sqrt(squares)
+    gains = {n: Gains(values=cost - costs["corrected"]) for n, cost in costs.items()}
+    over_nominal = gains.get("nominal")
+    return HeldOut(tuple(folds), gains["refitted"], paths, over_nominal)
 
 
 class _Refits:

@@ -6,7 +6,7 @@ flies on alone to the end.
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +41,24 @@ class RolloutModel:
 
     theta: np.ndarray  #: Its parameters and coefficients.
     field: Field  #: Its residual field.
-    scales: Scales  #: Of errors along rollouts and over flights, see `rollout_scales`.
+    scales: Scales  #: Of errors over flights and, see `on`, along rollouts.
     per_flight_trims: bool  #: Whether the elevator's angle is another in each flight.
+
+    def on(self, records: Sequence[Record]) -> "RolloutModel":
+        """Returns the model with the errors of its rollouts over flights' beginnings.
+
+        A rollout has no gusts: a launch must fit all rows of the beginning, not only
+        the first. Flights on which the model diverges do not count.
+        """
+        still = {name: getattr(FLOOR, name) for name in ("air", "moment", "servo")}
+        scales, flights = dataclasses.replace(self.scales, **still), []
+        for record in typical_flights(records):
+            rows = beginning_rows(record, self.per_flight_trims)
+            flights.append(linearize(record.first(rows), self.theta, self.field))
+        costs = negative_log_likelihood([f.error_only() for f in flights], scales)
+        flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
+        scales, _ = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20)
+        return dataclasses.replace(self, scales=scales)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -61,14 +77,12 @@ class Prediction:
 
 def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
     """Returns a fitted model as one that flies logs again."""
+    trims = task.per_flight_trims
+    field = field_of(model)
     flown = RolloutModel(
-        theta=model.theta,
-        field=field_of(model),
-        scales=scales,
-        per_flight_trims=task.per_flight_trims,
+        theta=model.theta, field=field, scales=scales, per_flight_trims=trims
     )
-    scales = rollout_scales(flown, task.records, scales)
-    return dataclasses.replace(flown, scales=scales)
+    return flown.on(task.records)
 
 
 def beginning_rows(record: Record, per_flight_trims: bool) -> int:
@@ -76,26 +90,6 @@ def beginning_rows(record: Record, per_flight_trims: bool) -> int:
     share = BEGINNING_WITH_TRIM if per_flight_trims else BEGINNING
     rows = int(np.searchsorted(record.time, share * record.time[-1]))
     return min(max(rows, BEGINNING_ROWS), len(record.time))
-
-
-def rollout_scales(
-    model: RolloutModel, records: Sequence[Record], scales: Scales
-) -> Scales:
-    """Returns the errors of a model's rollouts over the beginnings of flights.
-
-    A rollout has no gusts: a launch must fit all rows of the beginning, not only the
-    first. Flights on which the model diverges do not count.
-    """
-    still = dataclasses.replace(
-        scales, air=FLOOR.air, moment=FLOOR.moment, servo=FLOOR.servo
-    )
-    flights = []
-    for record in typical_flights(records):
-        rows = beginning_rows(record, model.per_flight_trims)
-        flights.append(linearize(record.first(rows), model.theta, model.field))
-    costs = negative_log_likelihood([f.error_only() for f in flights], still)
-    flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
-    return fit_scales(flown, still, _OF_ROLLOUTS, iterations=20)[0]
 
 
 def find_launch(
@@ -164,78 +158,77 @@ def predict_all(model: RolloutModel, records: Sequence[Record]) -> list[Predicti
 
 
 class Compared(NamedTuple):
-    """Predictions of the same flights by several models."""
+    """Predictions of the same flights by several models, by name."""
 
-    predictions: list[list[Prediction]]  #: Of each model.
+    predictions: dict[str, list[Prediction]]
     kept: list[int]  #: Flights that at least one model flies to the end, or all.
-    errors: list[Errors]  #: Of each model on these.
+    errors: dict[str, Errors]  #: On these.
 
 
-def compare(
-    models: Sequence[RolloutModel], records: Sequence[Sequence[Record]]
-) -> Compared:
+def compare(models: Mapping[str, tuple[RolloutModel, Sequence[Record]]]) -> Compared:
     """Predicts flights by models, each with its records of them."""
-    found = [predict_all(m, own) for m, own in zip(models, records, strict=True)]
-    finite = [any(p.is_finite for p in own) for own in zip(*found, strict=True)]
-    kept = [i for i, is_flown in enumerate(finite) if is_flown or not any(finite)]
-    errors = [
-        errors_of(model, [own[i] for i in kept], [flown[i] for i in kept])
-        for model, own, flown in zip(models, records, found, strict=True)
+    found = {name: predict_all(*own) for name, own in models.items()}
+    finite = [
+        any(p.is_finite for p in own) for own in zip(*found.values(), strict=True)
     ]
+    kept = [i for i, is_flown in enumerate(finite) if is_flown or not any(finite)]
+    errors = {
+        name: _errors(model, [records[i] for i in kept], [found[name][i] for i in kept])
+        for name, (model, records) in models.items()
+    }
     return Compared(found, kept, errors)
 
 
 def measure_errors(model: RolloutModel, records: Sequence[Record]) -> Errors:
     """Returns a model's errors on flights, each predicted from its beginning."""
-    return compare([model], [records]).errors[0]
+    return compare({"": (model, records)}).errors[""]
 
 
-def errors_of(
+def _errors(
     model: RolloutModel, records: Sequence[Record], predictions: Sequence[Prediction]
 ) -> Errors:
-    """Returns the errors of predictions of flights."""
-    table = make_table(records, model.theta, [p.trim for p in predictions], model.field)
-    pairs = zip(records, predictions, strict=True)
-    free, pitch, along = map(list, zip(*(_squares(*p) for p in pairs), strict=True))
+    seen = [record.seen[:, 0] for record in records]
+    rows = np.array([np.count_nonzero(own) for own in seen])
+    poses = [record.pose[own] for record, own in zip(records, seen, strict=True)]
+    flown = [p.pose[own] for p, own in zip(predictions, seen, strict=True)]
+    trims = [predicted.trim for predicted in predictions]
+    table = make_table(records, model.theta, trims, model.field)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        rms = np.sqrt(np.mean(table.residual**2, axis=0))
-    tangential, normal, in_pitch = map(float, rms)
-    return Errors(
-        equation=EquationErrors(tangential=tangential, normal=normal, pitch=in_pitch),
-        rollout=RolloutErrors(
-            position_rms_m=_rms(free),
-            position_end_m=float(np.mean([np.sqrt(own[-1]) for own in free])),
-            pitch_rms_rad=_rms(pitch),
-        ),
-        rollout_measured_pitch=PathErrors(position_rms_m=_rms(along)),
-        fit_percent=_fit(records, predictions),
-    )
-
-
-def _fit(records: Sequence[Record], predictions: Sequence[Prediction]) -> Fit:
-    """Returns how much of the flights' motion predictions explain."""
-    rows = [(r.seen[:, 0], r, p) for r, p in zip(records, predictions, strict=True)]
-    missed = np.concatenate([(r.pose - p.pose)[seen] for seen, r, p in rows])
-    moved = np.concatenate([r.pose[s] - r.pose[s].mean(axis=0) for s, r, _ in rows])
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        missed = np.concatenate(poses) - np.concatenate(flown)
+        moved = np.concatenate([pose - pose.mean(axis=0) for pose in poses])
         rest = np.linalg.norm(missed, axis=0) / np.linalg.norm(moved, axis=0)
-    return Fit(*(100.0 * (1.0 - rest)).tolist())
+        squares = np.array([*map(mean_squares, records, predictions)])[..., None]
+        errors = errors_from(squares, rows, rms(table.residual))
+    fit = Fit(*(100.0 * (1.0 - rest)).tolist())
+    return dataclasses.replace(errors, fit_percent=fit)
 
 
-def flight_errors(record: Record, predicted: Prediction) -> tuple[float, float]:
-    """Returns a flight's position RMS, free and along the measured pitch [m]."""
-    free, _, along = _squares(record, predicted)
-    return _rms([free]), _rms([along])
+def rms(accelerations: np.ndarray) -> EquationErrors:
+    """Root mean squares of (N, 3), as the columns of `ResidualTable.residual`."""
+    return EquationErrors(*np.sqrt(np.mean(accelerations**2, axis=0)).tolist())
 
 
-def _squares(record: Record, predicted: Prediction) -> tuple[np.ndarray, ...]:
-    """Returns squared errors over the seen rows (n,): free, pitch, measured pitch."""
+def errors_from(
+    squares: np.ndarray, rows: np.ndarray, equation: EquationErrors
+) -> Errors:
+    """Returns errors by `mean_squares` (F, 4, R) of flights of so many rows (F,).
+
+    Each drawn R times; errors of accelerations are given.
+    """
+    means = np.average(squares.mean(axis=2), axis=0, weights=rows)
+    free, along, pitch, _ = np.sqrt(means).tolist()
+    end = float(np.mean(np.sqrt(squares[:, 3])))
+    return Errors(equation, RolloutErrors(free, end, pitch), PathErrors(along))
+
+
+def mean_squares(record: Record, predicted: Prediction) -> np.ndarray:
+    """Computes mean squared errors of a prediction over the rows that were seen, (4,).
+
+    Of the position, free and along the measured pitch [m²], of the pitch [rad²], and of
+    the position at the end [m²].
+    """
     seen = record.seen[:, 0]
     error = (record.pose - predicted.pose)[seen]
-    along = (record.pose[:, :2] - predicted.translated)[seen]
-    free = np.sum(error[:, :2] ** 2, axis=1)
-    return free, error[:, 2] ** 2, np.sum(along**2, axis=1)
-
-
-def _rms(squares: list[np.ndarray]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
+    free, pitch = np.sum(error[:, :2] ** 2, axis=1), error[:, 2] ** 2
+    along = np.sum((record.pose[:, :2] - predicted.translated)[seen] ** 2, axis=1)
+    return np.array([free.mean(), along.mean(), pitch.mean(), free[-1]])

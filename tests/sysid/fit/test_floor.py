@@ -5,7 +5,7 @@ import pytest
 
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.fit.floor import air_depends_on, find_floor
-from glider.sysid.fit.prediction import flight_errors, flown_by, predict_all
+from glider.sysid.fit.prediction import flown_by, mean_squares, predict_all
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.result import EquationErrors
@@ -38,10 +38,10 @@ def floor_and_errors(campaign, truth, effect=None):
     ratio = noise.smoothing[2].ratio
     floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))
     pairs = zip(task.records, predict_all(flown, task.records), strict=True)
-    return floor, np.array([flight_errors(*pair) for pair in pairs])
+    return floor, np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
 
 
-NO_NOISE = EquationErrors(tangential=0.0, normal=0.0, pitch=0.0)
+NO_NOISE = EquationErrors(0.0, 0.0, 0.0)
 
 
 def along(floor):

@@ -15,7 +15,6 @@ from glider.sysid.fit.prediction import (
     flown_by,
     measure_errors,
     predict,
-    rollout_scales,
 )
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.replayed import true_nodes
@@ -121,9 +120,10 @@ def test_a_flight_that_diverges_leaves_the_scales_to_the_others(windy):
     task, model = windy
     wild = dataclasses.replace(task.records[0], nodes=task.records[0].nodes * np.nan)
     start = dataclasses.replace(model.scales, position=1e-2, pitch=1e-1)
-    others = rollout_scales(model, task.records[1:], start)
+    model, rest = dataclasses.replace(model, scales=start), task.records[1:]
+    others = model.on(rest).scales
     assert others.position < 0.5 * start.position
-    assert rollout_scales(model, [wild, *task.records[1:]], start) == others
+    assert model.on([wild, *rest]).scales == others
 
 
 def test_a_flights_own_trim_is_found_on_its_beginning(windy):
