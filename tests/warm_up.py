@@ -10,7 +10,7 @@ import numpy as np
 
 def compile_tracer() -> None:
     """Compiles the loops that trace effects."""
-    from glider.sysid.replay.replayed import warm_up
+    from glider.compiled.theta import warm_up
 
     warm_up()
 

@@ -8,6 +8,7 @@ import numpy as np
 from glider.campaign.checks.masks import no_masks
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import signs_of, turn_campaign
+from glider.compiled.theta import LIBRARY_LAYOUT, theta_of
 from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
 from glider.physics.model import GliderModel
 from glider.report.model_figures import RESIDUALS, residual_panel
@@ -18,7 +19,6 @@ from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.replayed import make_table
 from glider.sysid.replay.smoothing import Noise, measure_noise
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, theta_of
 from glider.sysid.result import ResidualTable
 
 FLIGHTS = CampaignPlan(flights=8)

@@ -7,7 +7,8 @@ calls numba, except the doctor's check of the compiler.
 kernel: the compiler, its cache and all that machine code depends on.
 runge_kutta: the step that all loops share. jacobian: exact slopes. rollouts,
 closed_loop: batches of gliders under tapes and under feedback. replay: flights along a
-log. actuators: an elevator behind a custom actuator. ekf, riccati, sequence_costs: the
+log. theta: the vector of numbers that they take, of any model. actuators: an elevator
+behind actuators. ekf, riccati, sequence_costs: the
 loops of the filter, the feedback and the sampling planners. collocation: a glider
 along a collocated path. stages, barrier, interior_point: the solver of direct
 collocation, compiled once for all gliders.

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import softmax
 
+from glider.compiled.theta import theta_of
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.blocks import carried_blocks
@@ -30,7 +31,6 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import jackknife, larger_of
 from glider.sysid.replay.smoothing import Noise
-from glider.sysid.replay.theta import theta_of
 from glider.sysid.result import Report, Result, read_report
 from glider.sysid.search.fits import FirstOrder
 from glider.sysid.search.subsets import Members, Scorer

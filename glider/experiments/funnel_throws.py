@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.actuators import replayed_path
+from glider.compiled.theta import Layout
 from glider.errors import InputError, expect
 from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
@@ -31,7 +32,6 @@ from glider.experiments.throws import (
 from glider.physics.effects import Field
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES
 from glider.simulation.campaigns import fly_path
-from glider.sysid.replay.theta import Layout
 
 FUNNEL_GENES = GENES + 2
 """Genes of a throw in a funnel: those of a throw, and the size of the departures of its

@@ -16,6 +16,7 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.campaign.turning import signs_of
+from glider.compiled.theta import layout_of
 from glider.errors import InputError, expect
 from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
@@ -33,7 +34,6 @@ from glider.progress import Progress, Step, silent
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import Noise, measure_noise
-from glider.sysid.replay.theta import layout_of
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.verification.funnel.funnel import Funnel
 

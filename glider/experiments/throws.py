@@ -7,6 +7,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.motion_capture import MotionCapture
+from glider.compiled.theta import Layout, layout_for, theta_of
 from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
@@ -15,7 +16,6 @@ from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
 from glider.simulation.campaigns import fly_commands, fly_path, measured
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals
-from glider.sysid.replay.theta import Layout, layout_for, theta_of
 
 MOVES = 9
 """Moves of the elevator in a throw, each to a target and beginning at a time."""

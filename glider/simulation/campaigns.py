@@ -14,12 +14,11 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.turning import signs_of, turn
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import log_path, roll_out
+from glider.compiled.theta import OFFSET, Layout, layout_for, theta_of
 from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo
-from glider.sysid.replay.replayed import sensed
-from glider.sysid.replay.theta import OFFSET, Layout, layout_for, theta_of
 
 FINE = 10
 """Integration steps between two rows of the log."""
@@ -146,7 +145,7 @@ def fly_commands(
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     rate = np.diff(here) * fine_rate
     states = fly_path(layout, theta, launch, fine_times, elevator, rate, field)
-    shown = sensed(layout, states, theta)
+    shown = layout.sensed(states, theta)
     pose = np.stack(
         [np.interp(time - replay.latency, fine_times, c) for c in shown.T], axis=1
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.turning import signs_of, turn, turn_campaign
+from glider.compiled.theta import OFFSET, layout_for, theta_of
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
@@ -23,7 +24,6 @@ from glider.sysid.likelihood.scales import (
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.replayed import flow_along, signals
 from glider.sysid.replay.smoothing import Noise, measure_noise
-from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
 _LARGEST_POSITION = 100.0

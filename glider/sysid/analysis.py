@@ -18,6 +18,7 @@ from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs, turn_campaign
+from glider.compiled.theta import warm_up
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN
 from glider.progress import Progress, Step
@@ -36,7 +37,6 @@ from glider.sysid.likelihood.uncertainty import (
     uncertainty_of,
 )
 from glider.sysid.replay.record import Record, prepare
-from glider.sysid.replay.replayed import warm_up
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.search.signs import find_signs

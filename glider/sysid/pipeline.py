@@ -19,7 +19,6 @@ from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 from glider.progress import Progress, Step, silent
 
 if TYPE_CHECKING:
-    from glider.campaign.checks.inspection import Inspection
     from glider.sysid.replay.vehicle import Vehicle
     from glider.sysid.result import Result
 
@@ -54,50 +53,40 @@ def close_the_loop(
     own = _checked(effects, tuple(own_effects))
     progress(Step("read", 0.0))
     begin = time.perf_counter()
-    inspection = _inspected(campaign, flights, grades)
-    split = split_flights(inspection.campaign, held_out, seed)
-    seconds = {"read": time.perf_counter() - begin}
-
-    from glider.sysid.analysis import Analysis
-    from glider.sysid.replay.theta import layout_of
-    from glider.sysid.replay.vehicle import make_vehicle
-
-    vehicle = make_vehicle(inspection.campaign, layout_of(own))
-    kinds, warnings = _kinds_to_try(vehicle, effects)
-    given = {"flights": flights, "grades": grades, "effects": effects}
-    analysis = Analysis(
-        progress=progress,
-        seconds=seconds,
-        inspection=inspection,
-        warnings=(*inspection.warnings, *warnings),
-        vehicle=vehicle,
-        fitted=tuple(f.name for f in split[0]),
-        held_out=tuple(f.name for f in split[1]),
-        rng=np.random.default_rng(seed),
-        settings={
-            "seed": seed,
-            "held_out": held_out,
-            **{k: None if v is None else list(v) for k, v in given.items()},
-            "own_effects": [e.kind for e in own],
-            "notes": list(vehicle.notes),
-        },
-    )
-    with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
-        return analysis.run(kinds)
-
-
-def _inspected(
-    campaign: Path | str | Campaign,
-    flights: Sequence[str] | None,
-    grades: Sequence[str] | None,
-) -> "Inspection":
-    """Reads and checks a campaign."""
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(Path(campaign), flights=flights, grades=grades)
     from glider.campaign.checks.inspection import inspect
 
-    with threadpool_limits(limits=1, user_api="blas"):  # Its matrices are small.
-        return inspect(campaign)
+    with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
+        inspection = inspect(campaign)
+        split = split_flights(inspection.campaign, held_out, seed)
+        seconds = {"read": time.perf_counter() - begin}
+
+        from glider.compiled.theta import layout_of
+        from glider.sysid.analysis import Analysis
+        from glider.sysid.replay.vehicle import make_vehicle
+
+        vehicle = make_vehicle(inspection.campaign, layout_of(own))
+        kinds, warnings = _kinds_to_try(vehicle, effects)
+        given = {"flights": flights, "grades": grades, "effects": effects}
+        analysis = Analysis(
+            progress=progress,
+            seconds=seconds,
+            inspection=inspection,
+            warnings=(*inspection.warnings, *warnings),
+            vehicle=vehicle,
+            fitted=tuple(f.name for f in split[0]),
+            held_out=tuple(f.name for f in split[1]),
+            rng=np.random.default_rng(seed),
+            settings={
+                "seed": seed,
+                "held_out": held_out,
+                **{k: None if v is None else list(v) for k, v in given.items()},
+                "own_effects": [e.kind for e in own],
+                "notes": list(vehicle.notes),
+            },
+        )
+        return analysis.run(kinds)
 
 
 def _checked(
@@ -107,7 +96,7 @@ def _checked(
     if effects is not None and not effects:
         raise InputError("found no effect to try; expected the name of at least one.")
     if own:
-        from glider.sysid.replay.theta import layout_of
+        from glider.compiled.theta import layout_of
 
         layout_of(own)  # Kept: checked once.
     known = (*KINDS, *(e.kind for e in own))

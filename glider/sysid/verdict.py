@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
+from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
 from glider.sysid import constants
 from glider.sysid.fit.folds import Gains, HeldOut, ratio_of
@@ -19,7 +20,6 @@ from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.replayed import signals
-from glider.sysid.replay.theta import SERVO_LOG
 from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.result import LIBRARY_SHAPE, AllErrors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult

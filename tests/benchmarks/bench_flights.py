@@ -16,8 +16,8 @@ import time
 import joblib
 
 from glider.campaign.logs import Campaign
+from glider.compiled.theta import warm_up
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.replayed import warm_up
 from tests.helpers.lifelike import draw_campaign
 
 

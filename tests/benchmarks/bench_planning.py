@@ -39,7 +39,7 @@ COMPILE = """
 import os
 from glider import GliderModel, plan
 from glider.physics.effects import KINDS
-from glider.sysid.replay.replayed import warm_up
+from glider.compiled.theta import warm_up
 
 lagging = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.04),))
 for do in (lambda: plan(GliderModel()), lambda: plan(lagging), warm_up):

@@ -5,11 +5,10 @@ import functools
 import numpy as np
 import pytest
 
+from glider.compiled.theta import layout_for, theta_of
 from glider.physics.effects import ADDED_MASS, DYNAMIC_STALL, EffectKind
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import fly_path
-from glider.sysid.replay.replayed import sensed
-from glider.sysid.replay.theta import layout_for, theta_of
 from glider.sysid.result import FoundEffect
 from tests.benchmarks.bench_forms import (
     Planted,
@@ -63,7 +62,7 @@ def test_hooked_flights_are_the_librarys(kind, values):
         )
         rate = (path[:, 2] - path[:, 0]) / STEP
         states = fly_path(layout, theta, launch, times, path, rate)
-        expected = sensed(layout, states, theta)[::EVERY]
+        expected = layout.sensed(states, theta)[::EVERY]
         np.testing.assert_allclose(poses[:, i], expected, rtol=0.0, atol=1e-8)
 
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from glider.compiled.parallel import in_parallel
+from glider.compiled.theta import LIBRARY_LAYOUT, layout_of
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of
 from glider.sysid.search.fits import marginal_scorer
 from glider.sysid.search.support import weigh
 from tests.helpers.tasks import begin, fly, task_of, typical

@@ -9,6 +9,7 @@ from pydrake.systems.analysis import Simulator
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import log_path, roll_out
+from glider.compiled.theta import LIBRARY_LAYOUT, SERVO_LOG, layout_of, theta_of
 from glider.compiled.user_effects import check_user_effects
 from glider.errors import InputError
 from glider.physics.effects import KINDS, Replay
@@ -21,7 +22,6 @@ from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.replayed import signals, true_nodes
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, SERVO_LOG, layout_of, theta_of
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error
 from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, STICKY, TWIST

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from examples.article.tapes import fly_tapes
+from glider.compiled.theta import layout_for, theta_of
 from glider.errors import InputError
 from glider.experiments.funnel_throws import (
     FUNNEL_GENES,
@@ -28,7 +29,6 @@ from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.report.next_throw import sentences, throw_words
 from glider.simulation.fly import fly
-from glider.sysid.replay.theta import layout_for, theta_of
 from glider.verification.funnel.funnel import save_funnel
 from tests.experiments.test_proposal import FINDINGS
 from tests.experiments.test_throws import PLACE

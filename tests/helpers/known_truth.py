@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign
+from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.effects.field import FieldData
 from glider.sysid.fit.prediction import flown_by, measure_errors
 from glider.sysid.likelihood.blocks import carried_blocks
@@ -13,7 +14,6 @@ from glider.sysid.likelihood.model_fit import FitResult, fit_model, start_of
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.smoothing import Noise, measure_noise
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
 

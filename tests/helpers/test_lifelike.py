@@ -10,10 +10,9 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import log_path, roll_out
+from glider.compiled.theta import OFFSET, layout_for, theta_of
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
-from glider.sysid.replay.replayed import sensed
-from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from tests.helpers.lifelike import (
     COMMAND_RATE,
     draw_campaign,
@@ -83,7 +82,7 @@ def flown_by_library(effects, start, commands):
         along = log_path(fine, np.stack([here[:-1], middle, here[1:]], axis=1), rate)
         kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
         states = roll_out(kinds, along, x, dynamics, NO_FIELD)
-        poses.append(sensed(layout, states, theta))
+        poses.append(layout.sensed(states, theta))
     return np.stack(poses, axis=1)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from glider.compiled.filter_error import PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import roll_out
+from glider.compiled.theta import OFFSET
 from glider.physics.effects import Field
 from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
 from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, linearize, path_of
@@ -28,8 +29,7 @@ from glider.sysid.likelihood.scales import (
 )
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import make_table, sensed, true_nodes
-from glider.sysid.replay.theta import OFFSET
+from glider.sysid.replay.replayed import make_table, true_nodes
 from glider.sysid.result import EquationErrors, Errors, Fit, PathErrors, RolloutErrors
 
 _OF_ROLLOUTS = ("position", "pitch")  # Scales that rollouts have errors in.
@@ -131,7 +131,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
         state = start.copy()
         state[[0, 1, 4, 5]] += change
         moved = roll_out(kinds, guided, state, dynamics, model.field)
-        return sensed(layout, moved, model.theta)[:, :2]
+        return layout.sensed(moved, model.theta)[:, :2]
 
     change, step = np.zeros(4), 1e-5
     for _ in range(3):
@@ -146,7 +146,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
         error = (record.pose[:rows, :2] - flown[:rows])[seen]
         change += np.linalg.lstsq(matrix, error, rcond=None)[0]
     return Prediction(
-        pose=sensed(layout, states, model.theta) + zero,
+        pose=layout.sensed(states, model.theta) + zero,
         translated=places(change),
         trim=float(trim),
     )

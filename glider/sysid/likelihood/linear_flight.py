@@ -19,18 +19,12 @@ from glider.compiled.replay import (
     measure_nodes,
     slopes_along,
 )
+from glider.compiled.theta import OFFSET, SERVO_LOG, Layout
 from glider.physics.effects import FIELD_TERMS, EffectKind, Field
 from glider.physics.effects.field import AIR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import (
-    nodes_at_rest,
-    sensed,
-    signals,
-    trimmed,
-    true_nodes,
-)
-from glider.sysid.replay.theta import OFFSET, SERVO_LOG, Layout
+from glider.sysid.replay.replayed import nodes_at_rest, signals, trimmed, true_nodes
 
 # Per-flight constants: wind in x and z [m/s], trim and pitch zero [rad].
 NO_CONSTANTS = np.zeros(OWN_STATES - PROCESSES)
@@ -323,7 +317,7 @@ def _shown(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """What a model shows of states, (K + 1, C): pose, elevator and, of a gyro, rate."""
     layout = record.layout
     path = signals(record, theta).logged + nodes[:, OFFSET]
-    columns = [*sensed(layout, nodes, theta).T, path]
+    columns = [*layout.sensed(nodes, theta).T, path]
     if record.seen.shape[1] > 4:
         late = np.clip(record.time - layout.replay(theta).latency, 0.0, record.time[-1])
         bias = theta[layout.index[SERVO_LOG.kind, "pitch_rate"]]

@@ -8,6 +8,7 @@ import numpy as np
 
 from glider.compiled.filter_error import PROCESSES, filter_flight
 from glider.compiled.parallel import in_parallel
+from glider.compiled.theta import OFFSET
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import (
     AIR_TIME_SPREAD,
@@ -21,7 +22,6 @@ from glider.sysid.constants import (
 from glider.sysid.likelihood.information import solve, solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.smoothing import Noise
-from glider.sysid.replay.theta import OFFSET
 
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.

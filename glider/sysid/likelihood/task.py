@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from glider.compiled.theta import SERVO_LOG, Layout
 from glider.physics.effects import SERVO_LAG
 from glider.sysid.constants import CLOCK_REACH, HIDDEN_LAG, PRIOR_SCALES
 from glider.sysid.likelihood.blocks import (
@@ -15,7 +16,6 @@ from glider.sysid.likelihood.blocks import (
     make_curves,
 )
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.theta import SERVO_LOG, Layout
 from glider.sysid.replay.vehicle import Vehicle
 
 

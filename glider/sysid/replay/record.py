@@ -10,10 +10,10 @@ from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
+from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.sysid.constants import GAP
 from glider.sysid.replay.smoothing import Noise, smoothing_maps
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)

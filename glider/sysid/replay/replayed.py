@@ -12,15 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled import filter_error
 from glider.compiled import replay as compiled
 from glider.compiled.actuators import replayed_path
+from glider.compiled.theta import OFFSET
 from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
 from glider.physics.effects.field import COEFFICIENTS
-from glider.physics.parameters import GliderParameters
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, OFFSET, Layout
 from glider.sysid.result import ResidualTable
 
 _EDGE = 3  # Rows at both ends of a flight where an acceleration is not known well.
@@ -91,12 +89,6 @@ def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray,
     return moved, 0.0
 
 
-def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
-    kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
-    return compiled.measure_nodes(kinds, nodes, dynamics, with_slopes=False)[0]
-
-
 def true_nodes(
     record: Record,
     theta: np.ndarray,
@@ -146,7 +138,7 @@ def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
     states[n:, :3] += step * states[n:, 4:7]
     shown = states[:, :3].copy()
     for _ in range(6):
-        missed = shown - sensed(layout, states, theta)
+        missed = shown - layout.sensed(states, theta)
         states[:, :3] += missed
         if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
             break
@@ -232,18 +224,3 @@ def make_table(
         noise=np.column_stack([*noise, std_angular]),
         unit=np.column_stack([pressure / mass, pressure / inertia]),
     )
-
-
-def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
-    """Compiles the loops, or loads them where they have been compiled before."""
-    filter_error.filter_flight(*filter_error.no_flight())
-    kinds, none = layout.compiled_kinds, np.zeros(3)
-    theta = layout.dynamics(layout.default_theta(GliderParameters()))
-    nodes = np.zeros((3, layout.num_states))
-    nodes[:, 4] = 7.0
-    path = compiled.log_path(0.01 * np.arange(3.0), np.zeros((2, 3)), np.zeros(2))
-    compiled.with_extras(kinds, path, nodes, theta, NO_FIELD)
-    compiled.advance_nodes(kinds, path, nodes, theta, NO_FIELD)
-    compiled.measure_nodes(kinds, nodes, theta)
-    compiled.roll_out(kinds, path, nodes[0], theta, NO_FIELD)
-    compiled.flow_at(kinds, path.times, nodes, none, none, theta, NO_FIELD)

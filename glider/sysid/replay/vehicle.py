@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.logs import Campaign
+from glider.compiled.theta import LIBRARY_LAYOUT, SERVO_LOG, Layout
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 from glider.sysid.constants import (
     GYRO_BIAS,
@@ -20,7 +21,6 @@ from glider.sysid.constants import (
     TRAVEL_SPREAD,
     UNKNOWN_SPREAD,
 )
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, SERVO_LOG, Layout
 
 _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 """Parameters that forces and moments show only per mass."""

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from glider.compiled.theta import layout_for, theta_of
 from glider.physics.effects import Effect
 from glider.physics.effects.wrench import THRUST
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.simulation.campaigns import fly_path
-from glider.sysid.replay.theta import layout_for, theta_of
 from tests.campaign.importing.foreign import NED, ulog_bytes
 
 RATE = 50.0  # Of all topics [Hz].

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.masks import Masks
+from glider.compiled.theta import theta_of
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
 from glider.sysid.fit import prediction
@@ -18,7 +19,6 @@ from glider.sysid.fit.prediction import (
 )
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.replayed import true_nodes
-from glider.sysid.replay.theta import theta_of
 from tests.helpers.tasks import begin, fly, task_of
 
 WIND = KINDS["wind"](x=-0.4, z=0.1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.motion_capture import MotionCapture
+from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.model_fit import (
     error_flights,
@@ -16,7 +17,6 @@ from glider.sysid.likelihood.model_fit import (
 from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.theta import SERVO_LOG
 from tests.helpers.tasks import begin, fit_kinds, fly, task_of, with_gyro
 
 

@@ -1,8 +1,8 @@
 """The layout of the vector theta: the parameters and coefficients of a model.
 
-While flights are fitted, a model is one vector theta: the nominal parameters,
-then the coefficients of every effect that the compiled dynamics hold (the whole
-library's and the user's; at their defaults they do nothing), and last those of
+While flights are simulated or fitted, a model is one vector theta: the nominal
+parameters, then the coefficients of every effect that the compiled dynamics hold (the
+whole library's and the user's; at their defaults they do nothing), and last those of
 the effects on the log's signals, which are replayed instead.
 """
 
@@ -11,9 +11,10 @@ import itertools
 
 import numpy as np
 
+from glider.compiled import filter_error, replay
 from glider.compiled.user_effects import check_user_effects
 from glider.physics.compose import compose, initial_extra
-from glider.physics.effects import LIBRARY, Coefficient, EffectKind, Replay
+from glider.physics.effects import LIBRARY, NO_FIELD, Coefficient, EffectKind, Replay
 from glider.physics.effects.effect import constant
 from glider.physics.model import GliderModel
 from glider.physics.parameters import (
@@ -29,9 +30,9 @@ OFFSET = 3
 from its replayed path [rad]."""
 
 
-def _replay_log(replay: Replay, poses: float, commands: float, _: float) -> Replay:
-    latency, delay = replay.latency + poses, replay.delay + commands
-    return replay._replace(latency=latency, delay=delay)
+def _replay_log(before: Replay, poses: float, commands: float, _: float) -> Replay:
+    latency, delay = before.latency + poses, before.delay + commands
+    return before._replace(latency=latency, delay=delay)
 
 
 SERVO_LOG = EffectKind(
@@ -133,13 +134,20 @@ class Layout:
         """Returns the part of theta that the compiled dynamics take."""
         return theta[: self.num_compiled]
 
+    def sensed(self, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
+        dynamics = self.dynamics(theta)
+        return replay.measure_nodes(
+            self.compiled_kinds, nodes, dynamics, with_slopes=False
+        )[0]
+
     def replay(self, theta: np.ndarray) -> Replay:
         """Settings for the replay of a log's signals, of the last entries."""
-        values, replay = iter(theta[self.num_compiled :].tolist()), Replay()
+        values, found = iter(theta[self.num_compiled :].tolist()), Replay()
         for kind in self.replayed_kinds:
             own = itertools.islice(values, len(kind.coefficients))
-            replay = kind.replayed(replay, tuple(own))
-        return replay
+            found = kind.replayed(found, tuple(own))
+        return found
 
     def steady_states(
         self, time: float, state: np.ndarray, rate: float, theta: np.ndarray
@@ -179,3 +187,18 @@ def theta_of(model: GliderModel) -> np.ndarray:
         if effect.kind.stage != "log":
             theta[list(layout.slots_of(effect.kind.kind))] = effect.values
     return theta
+
+
+def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
+    """Compiles the loops, or loads them where they have been compiled before."""
+    filter_error.filter_flight(*filter_error.no_flight())
+    kinds, none = layout.compiled_kinds, np.zeros(3)
+    theta = layout.dynamics(layout.default_theta(GliderParameters()))
+    nodes = np.zeros((3, layout.num_states))
+    nodes[:, 4] = 7.0
+    path = replay.log_path(0.01 * np.arange(3.0), np.zeros((2, 3)), np.zeros(2))
+    replay.with_extras(kinds, path, nodes, theta, NO_FIELD)
+    replay.advance_nodes(kinds, path, nodes, theta, NO_FIELD)
+    replay.measure_nodes(kinds, nodes, theta)
+    replay.roll_out(kinds, path, nodes[0], theta, NO_FIELD)
+    replay.flow_at(kinds, path.times, nodes, none, none, theta, NO_FIELD)
