@@ -9,7 +9,7 @@ from tests.changed import ROOT, folder_of
     ("path", "tests"),
     [
         ("glider/physics/effects/wrench.py", "tests/physics"),
-        ("glider/compiled/theta.py", "tests/sysid"),
+        ("glider/sysid/replay/record.py", "tests/sysid"),
         ("diagrams/scene.py", "tests/diagrams"),
         ("examples/perch.py", "tests/examples"),
         ("tests/test_floors.py", "tests/test_floors.py"),

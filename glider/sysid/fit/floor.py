@@ -45,9 +45,8 @@ class Floor:
     @property
     def _is_known(self) -> np.ndarray:
         """(F,) whether flights are linear enough; some pass a model's validity."""
-        return np.all(
-            self.squares.mean(axis=2)[:, :2] < constants.LARGEST_FLOOR**2, axis=1
-        )
+        means = self.squares.mean(axis=2)[:, :2]
+        return np.all(means < constants.LARGEST_FLOOR**2, axis=1)
 
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
@@ -57,21 +56,18 @@ class Floor:
         return errors_from(self.squares[known], self.rows[known], equation)
 
     def chance(self, paths: np.ndarray) -> float:
-        """Probability that a perfect model leaves such errors, or larger ones.
+        """Probability that a perfect model leaves as much, of paths (F, 2).
 
-        Logarithms are compared, flight by flight: one that is far off counts little.
-
-        Args:
-            paths: (F, 2) position RMS of the flights, free and along the pitch [m].
+        Those are the flights' position RMS, free and along the pitch [m]. Logarithms
+        are compared, flight by flight: one that is far off counts little.
         """
         known = self._is_known
         if not known.any():
             return np.nan
         drawn = 0.5 * np.log(self.squares[known, :2])
         errors = np.nan_to_num(np.log(np.maximum(paths[known], 1e-9)), nan=np.inf)
-        apart = np.clip(
-            errors - drawn.mean(axis=2), -constants.FLOOR_CLIP, constants.FLOOR_CLIP
-        )
+        most = constants.FLOOR_CLIP
+        apart = np.clip(errors - drawn.mean(axis=2), -most, most)
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
         z = apart.mean(axis=0) / np.hypot(error, constants.FLOOR_ACCURACY)
         return min(1.0, 2.0 * float(ndtr(-z).min()))
@@ -84,14 +80,10 @@ def find_floor(
     pitch_ratio: float,
     rng: np.random.Generator,
 ) -> Floor:
-    """Draws replicas of flights and predicts them.
+    """Draws replicas of flights and predicts them by a model, taken as perfect.
 
-    Args:
-        model: that flies, taken as perfect.
-        records: the flights.
-        truth: standard deviations of what happens in a flight but its launch.
-        pitch_ratio: smoothness of the measured pitch, see `smoothing.Smoothing`.
-        rng: of the replicas.
+    In them happens what `truth` has the standard deviations of, but its launch; the
+    measured pitch is smoothed as `smoothing.Smoothing.ratio` says.
     """
     squares = in_parallel(
         lambda own: _squares(model, own[0], own[1], truth, pitch_ratio),
@@ -109,14 +101,14 @@ def _squares(
     pitch_ratio: float,
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`."""
-    flight = linearize(record, model.theta, model.field)
+    flight, count = linearize(record, model.theta, model.field), constants.REPLICAS
     moves, shows = _transitions(flight, truth)
     (nodes, channels, total), n = shows.shape, len(flight.states)
     seen, sensors = record.seen, np.array(model.scales.sensors[:channels])
     first = np.arange(nodes) < beginning_rows(record, model.per_flight_trims)
     stds = np.sqrt(start_variances(flight, truth))
     stds[[*range(n), n + 2]] = 0.0  # The launch; unmodelled pitch accelerations.
-    shocks = rng.normal(size=(nodes, total, constants.REPLICAS)) * stds[:, None]
+    shocks = rng.normal(size=(nodes, total, count)) * stds[:, None]
     keep = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
     shocks[1:, :n], shocks[1:, n:] = 0.0, np.sqrt(1.0 - keep**2) * shocks[1:, n:]
     measured = shows @ _flown(moves, shocks)
@@ -126,32 +118,26 @@ def _squares(
     # Rollouts have next to no process noise: their filter is a regression.
     shown = shows @ _flown(moves, _from_start(nodes, np.eye(total)))
     weights = (seen & first[:, None])[..., None] / sensors[:, None]
-    columns = (weights * shown).reshape(-1, total)
-    values = (weights * measured).reshape(-1, constants.REPLICAS)
+    columns, values = (weights * shown).reshape(-1, total), weights * measured
     prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
-    known = np.linalg.solve(columns.T @ columns + prior, columns.T @ values)
+    right = columns.T @ values.reshape(-1, count)
+    known = np.linalg.solve(columns.T @ columns + prior, right)
     known[n : n + PROCESSES] = 0.0
     error = (measured - shown @ known)[seen[:, 0]]
-    free = np.sum(error[:, :2] ** 2, axis=1)
+    free, pitch = np.sum(error[:, :2] ** 2, axis=1), error[:, PITCH] ** 2
 
     maps = smoothing_maps(record.time[seen[:, 2]], record.time, pitch_ratio)[:2]
     known[_TRANSLATED] = 0.0
-    units = np.eye(total)[:, _TRANSLATED]
-    start = _from_start(nodes, np.hstack([known, units]))
+    start = _from_start(nodes, np.hstack([known, np.eye(total)[:, _TRANSLATED]]))
     moves[:, _TURNED] = 0.0  # They are imposed.
-    start[:, _TURNED, : constants.REPLICAS] = np.moveaxis(
-        maps @ measured[seen[:, 2], PITCH], 0, 1
-    )
-    start[:, PITCH, : constants.REPLICAS] -= known[-1]
+    turned = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
+    start[:, _TURNED, :count] = turned
+    start[:, PITCH, :count] -= known[-1]
     guided = (shows @ _flown(moves, start))[:, :2]
-    left, columns = (
-        measured[:, :2] - guided[..., : constants.REPLICAS],
-        guided[..., constants.REPLICAS :],
-    )
+    left, columns = measured[:, :2] - guided[..., :count], guided[..., count:]
     fitted = seen[:, :2] & first[:, None]
     step = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]
     along = np.sum((left - columns @ step)[seen[:, 0]] ** 2, axis=1)
-    pitch = error[:, PITCH] ** 2
     return np.stack([*(v.mean(axis=0) for v in (free, along, pitch)), free[-1]])
 
 

@@ -150,13 +150,11 @@ class _Refits:
         if self.is_searched:
             model, found = search_about(self.candidates, self.given, counts)
             columns = [*self.candidates.always, *found]
-        keep = [*columns, len(self.prior.mean)]
-        total = np.tensordot(counts, self.grams[:, keep][:, :, keep], 1)
-        change = self.prior.among(columns).best_step(total)
-        left = np.zeros(len(self.prior.mean) + 1)
-        left[columns], left[-1] = -change, 1.0
-        costs = self.constant + 0.5 * np.einsum("i,fij,j->f", left, self.grams, left)
-        step = -left[:-1]
+        keep, step = [*columns, len(self.prior.mean)], np.zeros(len(self.prior.mean))
+        grams = self.grams[:, keep][:, :, keep]
+        change = self.prior.among(columns).best_step(np.tensordot(counts, grams, 1))
+        left, step[columns] = np.append(-change, 1.0), change
+        costs = self.constant + 0.5 * np.einsum("i,fij,j->f", left, grams, left)
         if self.is_searched:
             step = self._of_unknown(model, step)
         return model_fit.moved(self.task, model, step), costs

@@ -77,12 +77,12 @@ class Prediction:
 
 def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
     """Returns a fitted model as one that flies logs again."""
-    trims = task.per_flight_trims
-    field = field_of(model)
-    flown = RolloutModel(
-        theta=model.theta, field=field, scales=scales, per_flight_trims=trims
-    )
-    return flown.on(task.records)
+    return RolloutModel(
+        theta=model.theta,
+        field=field_of(model),
+        scales=scales,
+        per_flight_trims=task.per_flight_trims,
+    ).on(task.records)
 
 
 def beginning_rows(record: Record, per_flight_trims: bool) -> int:
@@ -114,13 +114,11 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     launch, constants = find_launch(model, record, rows)
     layout, (*_, trim, pitch_zero) = record.layout, constants
     path, dynamics = path_of(record, model.theta, constants)
-    kinds = layout.compiled_kinds
+    kinds, zero = layout.compiled_kinds, np.array([0.0, 0.0, pitch_zero])
     states = roll_out(kinds, path, launch, dynamics, model.field)
-    zero = np.array([0.0, 0.0, pitch_zero])
 
     nodes = true_nodes(record, model.theta, model.field)
-    turned = (nodes - record.nodes)[:, [2, 6]]
-    turned[:, 0] -= pitch_zero
+    turned = (nodes - record.nodes)[:, [2, 6]] - zero[[2, 0]]
     middle = 0.5 * (turned[1:] + turned[:-1])
     pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
     guided = path._replace(pitch=np.ascontiguousarray(pitch))
@@ -133,23 +131,19 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
         moved = roll_out(kinds, guided, state, dynamics, model.field)
         return layout.sensed(moved, model.theta)[:, :2]
 
-    change, step = np.zeros(4), 1e-5
+    change, step, seen = np.zeros(4), 1e-5, record.seen[:rows, :2]
     for _ in range(3):
-        flown = places(change)
-        if not np.all(np.isfinite(flown[:rows])):
+        flown = places(change)[:rows]
+        if not np.all(np.isfinite(flown)):
             break
-        columns = [(places(change + step * unit) - flown) / step for unit in np.eye(4)]
-        seen = record.seen[:rows, :2]
-        matrix = np.stack(columns, axis=2)[:rows][seen]
+        ends = [places(change + step * unit)[:rows] for unit in np.eye(4)]
+        matrix = np.stack([(end - flown) / step for end in ends], axis=2)[seen]
         if not np.all(np.isfinite(matrix)):
             break
-        error = (record.pose[:rows, :2] - flown[:rows])[seen]
+        error = (record.pose[:rows, :2] - flown)[seen]
         change += np.linalg.lstsq(matrix, error, rcond=None)[0]
-    return Prediction(
-        pose=layout.sensed(states, model.theta) + zero,
-        translated=places(change),
-        trim=float(trim),
-    )
+    pose = layout.sensed(states, model.theta) + zero
+    return Prediction(pose=pose, translated=places(change), trim=float(trim))
 
 
 def predict_all(model: RolloutModel, records: Sequence[Record]) -> list[Prediction]:
