@@ -16,9 +16,8 @@ from glider.report.plots.as_file import to_png
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.replay.record import Record, prepare
+from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.replayed import make_table
-from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.result import ResidualTable
 
 FLIGHTS = CampaignPlan(flights=8)

@@ -20,8 +20,7 @@ from glider.physics.effects import NO_FIELD
 from glider.physics.effects.field import COEFFICIENTS, FieldData, make_field
 from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.scales import start_scales
-from glider.sysid.replay.record import Record, prepare
-from glider.sysid.replay.smoothing import Noise, measure_noise
+from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.result import Errors
 

@@ -32,8 +32,7 @@ from glider.sysid.likelihood.linear_flight import Direction, linearize, slopes
 from glider.sysid.likelihood.model_fit import field_of
 from glider.sysid.likelihood.scales import whiten
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.record import Record, prepare
-from glider.sysid.replay.smoothing import Noise
+from glider.sysid.replay.record import Noise, Record, prepare
 
 Grams = tuple[np.ndarray, ...]
 """By the true explanation: products of the columns X_0, e_0, X_1, e_1, ..., (c, c)."""

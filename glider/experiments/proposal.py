@@ -32,8 +32,7 @@ from glider.experiments.throw_search import end_scatter, search
 from glider.experiments.throws import Range, Throw, flown_throw, range_of
 from glider.progress import Progress, Step, silent
 from glider.sysid.likelihood.task import Task, make_task
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.smoothing import Noise, measure_noise
+from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.verification.funnel.funnel import Funnel
 

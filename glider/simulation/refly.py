@@ -21,9 +21,8 @@ from glider.sysid.likelihood.scales import (
     start_scales,
     typical_flights,
 )
-from glider.sysid.replay.record import Record, prepare
+from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.replayed import flow_along, signals
-from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
 _LARGEST_POSITION = 100.0

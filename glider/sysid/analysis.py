@@ -36,8 +36,7 @@ from glider.sysid.likelihood.uncertainty import (
     averaged,
     uncertainty_of,
 )
-from glider.sysid.replay.record import Record, prepare
-from glider.sysid.replay.smoothing import Noise, measure_noise
+from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace

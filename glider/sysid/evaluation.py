@@ -19,9 +19,8 @@ from glider.sysid.likelihood.model_fit import FitResult, error_flights, fit_mode
 from glider.sysid.likelihood.scales import FLOOR, NAMES, Scales, whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.outcome import SPREAD_KINDS, curves_of
-from glider.sysid.replay.record import Record
+from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table, signals
-from glider.sysid.replay.smoothing import Noise
 from glider.sysid.result import CALIBRATED, MODELS, PERFECT, ResidualTable, Spread
 from glider.sysid.search.force_search import OF_FORCES, forces_alone
 from glider.sysid.search.support import SearchResult

@@ -1,4 +1,4 @@
-"""The result of closing the loop: inert data, as the report and the caller read it.
+"""The result of closing the loop, as inert data.
 
 `Report` is report.json, key by key, NaN being null; `Result` adds what the program
 needs: the model, and arrays of figures.
@@ -19,21 +19,17 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 
+#: Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
+#: was found does not hold on held-out flights.
 VERDICTS = "no_effect", "effect_found", "partly_explained", "unexplained", "not_trusted"
-"""Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
-was found does not hold on held-out flights."""
-
+#: Nominal model; flat plate with refitted parameters; model with the effects.
 MODELS = "nominal", "refitted", "corrected"
-"""Nominal model; flat plate with refitted parameters; model with the effects."""
-
+#: The refitted baseline without a constant error of the pitch reading, as that is no
+#: physics; what a perfect model would leave on the same flights.
 CALIBRATED, PERFECT = "calibrated", "floor"
-"""The refitted baseline without a constant error of the pitch reading, as calibration
-is not physics; what a perfect model would leave on the same flights."""
-
 CURVE_TERMS = "c_normal", "c_axial", "c_moment", "elevator_factor"
-
+#: Whether an effect's formula has the shape that the flights show.
 LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
-"""Whether an effect's formula has the shape that the flights show."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,9 +53,7 @@ class ReportedEffect:
     #: Flight-to-flight standard deviations of coefficients that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: With OTHER_SHAPE the model carries a curve beside it.
-    #: Link of the force chain that a free function acts in: "air", "wing_force",
-    #: "moment", "tail_pressure" or "tail_angle"; empty for a formula of the library.
-    family: str = ""
+    family: str = ""  #: `BlockKind.link` of a free function; empty for a formula.
     indistinguishable_from: tuple[str, ...] = ()  #: Kinds that would do as well.
     depends_on: tuple[str, ...]  #: Variables that it varies with.
 
@@ -83,7 +77,7 @@ class Spread:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Residual of the flat plate in one term, over the angle of attack, with a band."""
+    """Residual of the flat plate in a term over the angle of attack, with a band."""
 
     term: str  #: One of CURVE_TERMS, c_moment in metres.
     alpha: np.ndarray  #: (n,) [rad].
@@ -115,8 +109,7 @@ class Residual:
     ratio_to_floor: Number  #: That over the RMS which a perfect model would leave.
     chance: Number = math.nan  #: Probability that a perfect model leaves as much.
     depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
-    #: States of the glider that the modelled gusts depend on: they are not turbulence.
-    air_depends_on: tuple[str, ...] = ()
+    air_depends_on: tuple[str, ...] = ()  #: States that the modelled gusts depend on.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -175,14 +168,6 @@ class Errors:
         """RMS of the position of free rollouts [m]."""
         return self.rollout.position_rms_m
 
-    @property
-    def paths(self) -> tuple[float, float]:
-        """The same, and along the measured pitch [m]."""
-        return self.position_rms_m, self.rollout_measured_pitch.position_rms_m
-
-
-AllErrors = dict[str, Errors | None]  # Of models, by name; None of one there is not.
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fold:
@@ -230,8 +215,7 @@ class Innovations:
     lag_s: np.ndarray
     band: Number  #: Of white noise 95 % of them are within ± this.
     autocorrelation: dict[str, dict[str, np.ndarray]]
-    #: With the elevator earlier by the lag; empty without a servo.
-    with_elevator: dict[str, dict[str, np.ndarray]]
+    with_elevator: dict[str, dict[str, np.ndarray]]  #: Empty without a servo.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -248,7 +232,7 @@ class OutlyingFlights:
     """Held-out flights that no model explains with the others; errors on them alone."""
 
     flights: tuple[str, ...]
-    errors: AllErrors
+    errors: dict[str, Errors | None]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -258,7 +242,7 @@ class HeldOutFlight:
     name: str  #: Of its file.
     time: np.ndarray  #: (n,) from the first row [s].
     measured: np.ndarray  #: (n, 3) x [m], z [m], pitch [rad].
-    flown: dict[str, np.ndarray]  #: The same from rollouts of models (of MODELS).
+    flown: dict[str, np.ndarray]  #: The same from rollouts of MODELS.
     fitted_until: float  #: The launch state was fitted on the rows up to here [s].
 
 
@@ -269,8 +253,7 @@ class ResidualTable:
     variables: dict[str, np.ndarray]  #: Of FIELD_VARIABLES and "alphadot", (N,) each.
     #: (N, 3) measured minus modelled: along the wing, normal [m/s²], pitch [rad/s²].
     residual: np.ndarray
-    #: Measured "c_lift", "c_drag" and "c_moment", referred to ½ρV²S_w, (N,) each.
-    coefficients: dict[str, np.ndarray]
+    coefficients: dict[str, np.ndarray]  #: Measured COEFFICIENTS, over ½ρV²S_w, (N,).
     modelled: dict[str, np.ndarray]  #: The same of the model.
     flight: np.ndarray  #: (N,) index of `names` of each row.
     names: tuple[str, ...]  #: Of the flights.
@@ -287,7 +270,7 @@ class Report:
     verdict: str
     reason: str
     effects: Sequence[ReportedEffect]
-    errors: AllErrors  #: By model: MODELS (nominal only if it is known) and the others.
+    errors: dict[str, Errors | None]  #: By model; None of one that there is not.
     outlying: OutlyingFlights | None = None  #: Not in `errors`; None without any.
     evidence_threshold: EvidenceThreshold
     folds: tuple[Fold, ...]
@@ -346,13 +329,12 @@ class Result(Report):
     @property
     def report(self) -> Report:
         """The part that report.json holds."""
-        shown = dataclasses.fields(ReportedEffect)
-        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(Report)}
-        values["effects"] = tuple(
-            ReportedEffect(**{f.name: getattr(effect, f.name) for f in shown})
-            for effect in self.effects
+        own = {f.name: getattr(self, f.name) for f in dataclasses.fields(Report)}
+        own["effects"] = tuple(
+            ReportedEffect(**{k: v for k, v in vars(e).items() if k != "words"})
+            for e in self.effects
         )
-        return Report(**values)
+        return Report(**own)
 
 
 def read_report(path: Path) -> tuple[Report, Path]:

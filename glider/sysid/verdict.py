@@ -21,7 +21,7 @@ from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.replayed import signals
 from glider.sysid.replay.vehicle import BASELINE_KINDS
-from glider.sysid.result import LIBRARY_SHAPE, AllErrors, FoundEffect, Residual
+from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
 
 BOUNDED = {
@@ -110,6 +110,7 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     return median, error / np.sqrt(len(found))
 
 
+AllErrors = dict[str, Errors | None]
 FLOWN = "flown freely", "along the measured pitch"
 
 
@@ -227,4 +228,6 @@ def _ratios(errors: AllErrors, model: str) -> np.ndarray:
     """The corrected model's errors over another's, as FLOWN."""
     before, after = errors[model], errors["corrected"]
     assert before is not None and after is not None
-    return np.array([*map(ratio_of, before.paths, after.paths)])
+    free = ratio_of(before.position_rms_m, after.position_rms_m)
+    old, new = before.rollout_measured_pitch, after.rollout_measured_pitch
+    return np.array([free, ratio_of(old.position_rms_m, new.position_rms_m)])

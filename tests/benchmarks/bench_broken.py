@@ -38,8 +38,7 @@ from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.outliers import find_outlying
 from glider.sysid.likelihood.task import make_task
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.smoothing import measure_noise
+from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
 from glider.sysid.search.signs import find_signs

@@ -12,7 +12,7 @@ from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, MARKER_OFFSET, POSE_LATENCY, SERVO_LAG
 from glider.physics.model import GliderModel
-from glider.sysid.replay.smoothing import measure_noise
+from glider.sysid.replay.record import measure_noise
 from tests.helpers.campaigns import PRACTICE, campaign_path
 
 QUIET = MotionCapture(position=0.0, pitch=0.0, elevator=0.0)

@@ -28,7 +28,7 @@ from glider.physics.state import ELEVATOR
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.smoothing import Noise
+from glider.sysid.replay.record import Noise
 from tests.helpers.lifelike import (
     COMMAND_RATE,
     Capture,

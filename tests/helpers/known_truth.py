@@ -12,8 +12,7 @@ from glider.sysid.fit.prediction import flown_by, measure_errors
 from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, start_of
 from glider.sysid.likelihood.task import Task, make_task
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.smoothing import Noise, measure_noise
+from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
 

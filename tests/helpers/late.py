@@ -11,7 +11,7 @@ from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.smoothing import Noise
+from glider.sysid.replay.record import Noise
 
 LATE = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.002),))
 

@@ -21,8 +21,7 @@ from glider.simulation.refly import (
     refly,
 )
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.smoothing import measure_noise
+from glider.sysid.replay.record import measure_noise, prepare
 from tests.helpers.campaigns import campaign_path
 
 CORRECTED = GliderModel(

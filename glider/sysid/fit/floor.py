@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtr, stdtr
 
+from glider.campaign.smoothing import smoothing_maps
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_VARIABLES
@@ -26,7 +27,6 @@ from glider.sysid.likelihood.scales import (
 )
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.smoothing import smoothing_maps
 from glider.sysid.result import EquationErrors, Errors
 
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.

@@ -39,8 +39,7 @@ from glider.sysid.likelihood.scales import (
     whiten,
 )
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.record import Record
-from glider.sysid.replay.smoothing import Noise
+from glider.sysid.replay.record import Noise, Record
 
 FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
 

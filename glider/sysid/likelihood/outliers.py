@@ -25,7 +25,7 @@ from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.scales import PER_FLIGHT, Scales, flight_values
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.smoothing import Noise
+from glider.sysid.replay.record import Noise
 
 COARSE_SCALES = Scales(**COARSE_NOISE)
 _ROUNDS = 12  # Of reweighting.

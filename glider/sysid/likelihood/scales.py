@@ -21,7 +21,7 @@ from glider.sysid.constants import (
 )
 from glider.sysid.likelihood.information import solve, solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight
-from glider.sysid.replay.smoothing import Noise
+from glider.sysid.replay.record import Noise
 
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.

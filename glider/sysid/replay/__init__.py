@@ -1,5 +1,5 @@
 """Replay of a log by a model: its errors and their derivatives.
 
-smoothing: noise and smooth signals. record: the data of a fit. vehicle: which of its
-parameters are known. replayed: elevator, true states and residual.
+record: the data of a fit, and its noise. vehicle: which parameters are known.
+replayed: elevator, true states and residual.
 """

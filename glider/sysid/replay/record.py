@@ -10,10 +10,51 @@ from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
+from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.actuator_replay import command_steps, elevator_path
-from glider.sysid.constants import GAP
-from glider.sysid.replay.smoothing import Noise, smoothing_maps
+from glider.sysid.constants import FEWEST_ELEVATOR_ROWS, GAP
+
+# Least noise of a log [m, rad]; a computed column has no noise at all.
+_LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Standard deviation of the measurements, and what smooths them."""
+
+    position: float  #: Of x and z [m].
+    pitch: float  #: [rad].
+    elevator: float  #: [rad]; 0 without a servo.
+    smoothing: tuple[Smoothing, ...]  #: Of the channels x, z, pitch.
+
+
+def measure_noise(
+    campaign: Campaign, masks: Mapping[str, Masks] | None = None
+) -> Noise:
+    """Finds the noise of a campaign's channels from all its flights."""
+    masks = masks or {}
+    pairs = [(f, masks.get(f.name) or no_masks(f)) for f in campaign.flights]
+    times = [f.time[m.usable] for f, m in pairs]
+    smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
+    elevator, times, errors = 0.0, [], []
+    for flight, mask in pairs if campaign.elevator == "servo" else ():
+        seen = ~mask.elevator
+        if np.count_nonzero(seen) >= FEWEST_ELEVATOR_ROWS:
+            assert flight.command is not None and flight.elevator is not None
+            tape = command_steps(flight.time, flight.command, campaign.switch_rate)
+            error = flight.elevator - elevator_path(*tape, flight.time)
+            times.append(flight.time[seen])
+            errors.append(error[seen, None])
+    if errors:
+        elevator = estimate_noise(times, errors)[0].noise
+    position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
+    return Noise(
+        position=max(position, _LEAST_POSITION),
+        pitch=max(smoothing[2].noise, _LEAST_ANGLE),
+        elevator=max(elevator, _LEAST_ANGLE),
+        smoothing=smoothing,
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)

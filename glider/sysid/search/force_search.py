@@ -28,7 +28,7 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import NAMES, fit_scales, start_scales
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.smoothing import Noise
+from glider.sysid.replay.record import Noise
 from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.fits import FirstOrder, bare_of
 from glider.sysid.search.subsets import Scorer, best_set

@@ -15,8 +15,7 @@ from glider.sysid.likelihood.model_fit import error_flights, fit_model, start_of
 from glider.sysid.likelihood.outliers import COARSE_SCALES
 from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.task import make_task
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.smoothing import measure_noise
+from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle
 
 COMPANIONS = ("profile_drag", "pitch_offset")  # Fitted too: signs look wrong without.

@@ -16,7 +16,7 @@ from glider.sysid.constants import MOST_AVERAGED, MOST_TRIED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.smoothing import Noise
+from glider.sysid.replay.record import Noise
 from glider.sysid.search import fits, moves
 from glider.sysid.search.force_search import held_out_scorer, search_forces
 from glider.sysid.search.subsets import climb

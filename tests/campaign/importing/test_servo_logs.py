@@ -20,8 +20,7 @@ from glider.compiled.theta import SERVO_LOG
 from glider.errors import InputError
 from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.smoothing import measure_noise
+from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from tests.campaign.importing import foreign
 from tests.helpers.known_truth import task_of

@@ -17,9 +17,8 @@ from glider.errors import InputError
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.replay.record import prepare
+from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.replayed import make_table
-from glider.sysid.replay.smoothing import measure_noise
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.systems.plant import GliderPlant
 from residual_study import learn_residuals

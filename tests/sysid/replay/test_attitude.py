@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from glider.campaign.checks.planarity import in_plane, normal, planar_pitch
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.smoothing import measure_noise
+from glider.sysid.replay.record import measure_noise, prepare
 from tests.helpers.tasks import fly
 
 ATTITUDES = [

@@ -7,8 +7,7 @@ import pytest
 
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import Masks
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.smoothing import measure_noise
+from glider.sysid.replay.record import measure_noise, prepare
 from tests.helpers.tasks import fly
 
 MISSING = slice(30, 70)

@@ -9,18 +9,11 @@ likelihood. Times may be irregular and rows may be missing.
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from glider.campaign.checks.masks import Masks, no_masks
-from glider.campaign.logs import Campaign
-from glider.physics.actuator_replay import command_steps, elevator_path
-from glider.sysid.constants import FEWEST_ELEVATOR_ROWS
-
-# Least noise of a log [m, rad]; a computed column has no noise at all.
-_LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
 _NANOSECONDS = 9  # Decimals of times [s] within which two grids are the same.
 _GRIDS = 32  # Grids of times whose maps are kept.
 
@@ -31,44 +24,6 @@ class Smoothing:
 
     noise: float  #: Standard deviation of the measurement [unit of the channel].
     ratio: float  #: Power of the third derivative over noise² [1/s⁵].
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Noise:
-    """Standard deviation of the measurements, and what smooths them."""
-
-    position: float  #: Of x and z [m].
-    pitch: float  #: [rad].
-    elevator: float  #: [rad]; 0 without a servo.
-    smoothing: tuple[Smoothing, ...]  #: Of the channels x, z, pitch.
-
-
-def measure_noise(
-    campaign: Campaign, masks: Mapping[str, Masks] | None = None
-) -> Noise:
-    """Finds the noise of a campaign's channels from all its flights."""
-    masks = masks or {}
-    pairs = [(f, masks.get(f.name) or no_masks(f)) for f in campaign.flights]
-    times = [f.time[m.usable] for f, m in pairs]
-    smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
-    elevator, times, errors = 0.0, [], []
-    for flight, mask in pairs if campaign.elevator == "servo" else ():
-        seen = ~mask.elevator
-        if np.count_nonzero(seen) >= FEWEST_ELEVATOR_ROWS:
-            assert flight.command is not None and flight.elevator is not None
-            tape = command_steps(flight.time, flight.command, campaign.switch_rate)
-            error = flight.elevator - elevator_path(*tape, flight.time)
-            times.append(flight.time[seen])
-            errors.append(error[seen, None])
-    if errors:
-        elevator = estimate_noise(times, errors)[0].noise
-    position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
-    return Noise(
-        position=max(position, _LEAST_POSITION),
-        pitch=max(smoothing[2].noise, _LEAST_ANGLE),
-        elevator=max(elevator, _LEAST_ANGLE),
-        smoothing=smoothing,
-    )
 
 
 def estimate_noise(

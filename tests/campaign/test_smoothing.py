@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from glider.sysid.replay.smoothing import estimate_noise, smoothing_maps
+from glider.campaign.smoothing import estimate_noise, smoothing_maps
 
 
 def wave(t):
