@@ -28,14 +28,10 @@ from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.fit.prediction import beginning_rows
+from glider.sysid.likelihood import uncertainty
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
-from glider.sysid.likelihood.uncertainty import (
-    alternatives_of,
-    averaged,
-    uncertainty_of,
-)
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.search.signs import find_signs
@@ -172,20 +168,19 @@ class Analysis:
     ) -> dict[str, Any]:
         """Fields of a result about the model, with standard errors."""
         task, traced, signs = found.task, found.traced, flights.signs
-        certain = uncertainty_of(task, traced.judged)
+        certain = uncertainty.uncertainty_of(task, traced.judged)
         carried = outcome.carried_of(task, traced.model, certain)
-        sets = alternatives_of(task, traced.judged, traced.rivals)
-        known = averaged(sets)
+        sets = uncertainty.alternatives_of(task, traced.judged, traced.rivals)
+        known = uncertainty.averaged(sets)
         covariance = outcome.covariance_of(task, known)
+        fits = [traced.model, *(fit for fit, _ in traced.rivals)]
         alternatives = [
             result.Alternative(
                 probability=own.probability,
                 model=outcome.model_of(task, fit, signs, flights.campaign),
                 covariance=outcome.covariance_of(task, own.known),
             )
-            for own, fit in zip(
-                sets, [traced.model, *(fit for fit, _ in traced.rivals)], strict=True
-            )
+            for own, fit in zip(sets, fits, strict=True)
         ]
         return {
             "effects": outcome.effects_of(task, traced, known, carried, spreads, signs),

@@ -15,12 +15,7 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.compiled.theta import LIBRARY_LAYOUT, SERVO_LOG, Layout
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
-from glider.sysid.constants import (
-    GYRO_BIAS,
-    RELATIVE_SPREAD,
-    TRAVEL_SPREAD,
-    UNKNOWN_SPREAD,
-)
+from glider.sysid import constants
 
 _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 """Parameters that forces and moments show only per mass."""
@@ -103,8 +98,8 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     theta = layout.default_theta(_parameters(campaign, is_per_mass))
     spreads = dict(of_log)
     for slot in slots:
-        i, relative = layout.index[slot], RELATIVE_SPREAD.get(slot[1], 0.5)
-        spreads[i] = UNKNOWN_SPREAD.get(slot, relative * float(theta[i]))
+        i, share = layout.index[slot], constants.RELATIVE_SPREAD.get(slot[1], 0.5)
+        spreads[i] = constants.UNKNOWN_SPREAD.get(slot, share * float(theta[i]))
     if is_per_mass:
         notes.append(
             "No mass or area is specified: the mass is set to 1 kg, "
@@ -151,8 +146,8 @@ def _hidden(campaign: Campaign, layout: Layout) -> tuple[set[str], list[str]]:
     if servo.clock_std or servo.command_std:
         std = math.hypot(servo.clock_std, servo.command_std)
         notes.append(
-            f"The servo's times are known to ± {1e3 * std:.2g} ms "
-            "only: a delay that this explains cannot be found."
+            f"The servo's times are known to ± {1e3 * std:.2g} ms only: a delay that "
+            "this explains cannot be found."
         )
     if "wing_offset" in unknown:
         notes.append("The tracked point is assumed to be the center of mass.")
@@ -172,8 +167,8 @@ def _of_log(campaign: Campaign, layout: Layout) -> dict[int, float]:
     """Slots of theta that a log leaves open, and their spread."""
     servo = campaign.servo
     has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
-    travel = TRAVEL_SPREAD * (servo.angle == "reconstructed")
-    spreads = servo.clock_std, servo.command_std, GYRO_BIAS * has_gyro, travel
+    travel = constants.TRAVEL_SPREAD * (servo.angle == "reconstructed")
+    spreads = servo.clock_std, servo.command_std, constants.GYRO_BIAS * has_gyro, travel
     slots = *layout.slots_of(SERVO_LOG.kind), *layout.slots_of("elevator_scale")
     return {slot: spread for slot, spread in zip(slots, spreads, strict=True) if spread}
 
