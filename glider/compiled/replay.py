@@ -36,6 +36,10 @@ class LogPath(NamedTuple):
     bank: np.ndarray
     pitch: np.ndarray
 
+    def first(self, rows: int) -> "LogPath":
+        """Returns the beginning of the path, up to so many of its times."""
+        return LogPath(self.times[:rows], *(own[: rows - 1] for own in self[1:]))
+
 
 def log_step(path, k, x, theta, work):
     """Advances x by one interval of a log with the elevator's path prescribed.

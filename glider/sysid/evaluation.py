@@ -8,6 +8,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
+from glider.compiled.parallel import in_parallel
 from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, FLOOR_FLIGHTS
 from glider.sysid.fit import prediction
@@ -197,7 +198,12 @@ def _hold_out(
 
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """A model's residual over flights, each with the trim that it has."""
-    trims = [own.trim for own in prediction.predict_all(flown, records)]
+
+    def trim(record: Record) -> float:
+        rows = prediction.beginning_rows(record, flown.per_flight_trims)
+        return float(prediction.find_launch(flown, record, rows)[1][2])
+
+    trims = in_parallel(trim, records)
     return make_table(records, flown.theta, trims, flown.field)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from glider.compiled.filter_error import PROCESSES
 from glider.compiled.parallel import in_parallel
-from glider.compiled.replay import roll_out
+from glider.compiled.replay import LogPath, roll_out
 from glider.compiled.theta import OFFSET
 from glider.physics.effects import Field
 from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
@@ -125,25 +125,27 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     start = nodes[0].copy()
     start[OFFSET] = launch[OFFSET]
 
-    def places(change: np.ndarray) -> np.ndarray:
+    def places(change: np.ndarray, along: LogPath) -> np.ndarray:
         state = start.copy()
         state[[0, 1, 4, 5]] += change
-        moved = roll_out(kinds, guided, state, dynamics, model.field)
+        moved = roll_out(kinds, along, state, dynamics, model.field)
         return layout.sensed(moved, model.theta)[:, :2]
 
     change, step, seen = np.zeros(4), 1e-5, record.seen[:rows, :2]
+    first = guided.first(rows)
     for _ in range(3):
-        flown = places(change)[:rows]
+        flown = places(change, first)
         if not np.all(np.isfinite(flown)):
             break
-        ends = [places(change + step * unit)[:rows] for unit in np.eye(4)]
+        ends = [places(change + step * unit, first) for unit in np.eye(4)]
         matrix = np.stack([(end - flown) / step for end in ends], axis=2)[seen]
         if not np.all(np.isfinite(matrix)):
             break
         error = (record.pose[:rows, :2] - flown)[seen]
         change += np.linalg.lstsq(matrix, error, rcond=None)[0]
     pose = layout.sensed(states, model.theta) + zero
-    return Prediction(pose=pose, translated=places(change), trim=float(trim))
+    along = places(change, guided)
+    return Prediction(pose=pose, translated=along, trim=float(trim))
 
 
 def predict_all(model: RolloutModel, records: Sequence[Record]) -> list[Prediction]:
