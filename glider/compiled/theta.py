@@ -116,6 +116,10 @@ class Layout:
         """Indices of a kind's coefficients in theta."""
         return self._places.get(kind, ())
 
+    def label(self, slot: int) -> str:
+        """Name of an entry of theta: of a parameter, or "kind.coefficient"."""
+        return ".".join(self.slots[slot]).removeprefix("parameters.")
+
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
         """Returns theta of a nominal model: parameters, and effects that do nothing."""
         defaults = [c.default for c in self.coefficients.values()]

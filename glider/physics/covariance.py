@@ -76,6 +76,16 @@ class Covariance:
         matrix = self.matrix[np.ix_(rows, rows)]
         return dataclasses.replace(self, names=names, matrix=matrix)
 
+    @property
+    def correlations(self) -> dict[str, dict[str, float]]:
+        """Correlations of all errors, each with the others, by their names."""
+        std = np.sqrt(np.diag(self.matrix))
+        rows = (self.matrix / std[:, None] / std).tolist()
+        return {
+            a: {b: r for b, r in zip(self.names, row, strict=True) if b != a}
+            for a, row in zip(self.names, rows, strict=True)
+        }
+
 
 def check_names(names: Sequence[str], effects: Sequence[Effect]) -> None:
     """Raises InputError unless all names are of a glider with these effects."""

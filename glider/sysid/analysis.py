@@ -172,7 +172,7 @@ class Analysis:
         carried = outcome.carried_of(task, traced.model, certain)
         sets = uncertainty.alternatives_of(task, traced.judged, traced.rivals)
         known = uncertainty.averaged(sets)
-        covariance = outcome.covariance_of(task, known)
+        covariance, kinds = outcome.covariance_of(task, known), traced.model.kinds
         fits = [traced.model, *(fit for fit, _ in traced.rivals)]
         alternatives = [
             result.Alternative(
@@ -188,7 +188,7 @@ class Analysis:
             "vehicle": outcome.vehicle_of(task, traced.model, known),
             "model": alternatives[0].model,
             "covariance": covariance,
-            "correlations": outcome.correlations_of(covariance, traced.model.kinds),
+            "correlations": covariance.among(kinds).correlations if covariance else {},
             "alternatives": tuple(alternatives),
         }
 

@@ -238,8 +238,7 @@ def _innovations(
     names: Sequence[str],
 ) -> result.Innovations:
     """Correlates innovations of models with themselves and with the elevator."""
-    own: dict[str, dict[str, np.ndarray]] = {}
-    moved: dict[str, dict[str, np.ndarray]] = {}
+    own, moved = dict[str, dict[str, np.ndarray]](), dict[str, dict[str, np.ndarray]]()
     for name in ("refitted", "corrected"):
         model, records = models[name], flights.of(name, names)
         linear = error_flights(task.on(records), model)

@@ -11,7 +11,7 @@ from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
-from glider.physics.effects.field import FIELD_UNITS, TERM_UNITS
+from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import result
 from glider.sysid.constants import CURVE_Z, EVIDENCE_THRESHOLD, LEAST_SPREAD
@@ -200,9 +200,8 @@ def find_peaks(
     functions = block.functions(grid[:, None])
     found, [variable] = {}, block.variables
     for term in terms:
-        rows = (
-            functions @ block.mix[block.terms.index(term) :: len(block.terms)]
-        )  # b, (n, q)
+        mix = block.mix[block.terms.index(term) :: len(block.terms)]
+        rows = functions @ mix  # b, (n, q)
         slopes = np.gradient(rows, grid, axis=0)
         values, bends = rows @ own.coordinates, np.gradient(slopes, grid, axis=0)
         peak = int(np.argmax(np.abs(values)))
@@ -262,15 +261,10 @@ def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Es
     area, inertia = ("m²/kg", "m²") if task.vehicle.is_per_mass else ("m²", "kg m²")
     units, found = {"wing_offset": "m", "mass": "kg", "pitch_inertia": inertia}, {}
     for slot in task.vehicle.unknown:
-        label, coefficient = _label(task, slot), task.layout.coefficients.get(slot)
+        label, coefficient = task.layout.label(slot), task.layout.coefficients.get(slot)
         unit = coefficient.unit if coefficient else units.get(label, area)
         found[label] = Estimate(float(model.theta[slot]), known.std(slot), unit)
     return found
-
-
-def _label(task: Task, slot: int) -> str:
-    """Name of a slot of theta: of a parameter, or "kind.coefficient"."""
-    return ".".join(task.layout.slots[slot]).removeprefix("parameters.")
 
 
 def covariance_of(task: Task, known: Uncertainty) -> Covariance | None:
@@ -280,25 +274,10 @@ def covariance_of(task: Task, known: Uncertainty) -> Covariance | None:
     flight-to-flight variation only the mean is included.
     """
     matrix, freedom = known.covariance
-    names = tuple(_label(task, slot) for slot in known.named)
+    names = tuple(map(task.layout.label, known.named))
     if not names:
         return None
     return Covariance(names=names, matrix=matrix, degrees_of_freedom=freedom)
-
-
-def correlations_of(
-    covariance: Covariance | None, kinds: Collection[str]
-) -> dict[str, dict[str, float]]:
-    """Correlations of the errors of effects' coefficients, each with the others."""
-    if covariance is None:
-        return {}
-    own = covariance.among(kinds)
-    std = np.sqrt(np.diag(own.matrix))
-    rows = (own.matrix / std[:, None] / std).tolist()
-    return {
-        a: {b: r for b, r in zip(own.names, row, strict=True) if b != a}
-        for a, row in zip(own.names, rows, strict=True)
-    }
 
 
 def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[result.Curve, ...]:
@@ -333,8 +312,6 @@ def _lack_of(table: ResidualTable) -> np.ndarray:
     """Measured minus modelled coefficients: normal, axial, of the moment (N, 3)."""
     alpha = table.variables["alpha"]
     s, c = np.sin(alpha), np.cos(alpha)
-    lift, drag, moment = (
-        table.coefficients[name] - table.modelled[name]
-        for name in ("c_lift", "c_drag", "c_moment")
-    )
+    pairs = [(table.coefficients[name], table.modelled[name]) for name in COEFFICIENTS]
+    lift, drag, moment = (measured - modelled for measured, modelled in pairs)
     return np.column_stack([lift * c + drag * s, drag * c - lift * s, moment])

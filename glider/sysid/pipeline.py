@@ -50,7 +50,8 @@ def close_the_loop(
         InputError: the campaign or an argument cannot be used.
     """
     expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
-    own = _checked(effects, tuple(own_effects))
+    own = tuple(own_effects)
+    _check(effects, own)
     progress(Step("read", 0.0))
     begin = time.perf_counter()
     if not isinstance(campaign, Campaign):
@@ -89,10 +90,8 @@ def close_the_loop(
         return analysis.run(kinds)
 
 
-def _checked(
-    effects: Sequence[str] | None, own: tuple[EffectKind, ...]
-) -> tuple[EffectKind, ...]:
-    """The user effects; InputError unless these and all names of effects are known."""
+def _check(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:
+    """Raises InputError unless user effects and all names of effects can be used."""
     if effects is not None and not effects:
         raise InputError("found no effect to try; expected the name of at least one.")
     if own:
@@ -103,7 +102,6 @@ def _checked(
     for name in effects or ():
         if name not in known:
             raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
-    return own
 
 
 def _kinds_to_try(
