@@ -60,8 +60,8 @@ class Analysis:
     progress: Progress
     seconds: dict[str, float]  #: Stage to wall-clock time; each stage adds its own.
     inspection: Inspection  #: The campaign as it was read and checked.
-    warnings: tuple[str, ...]  #: Sentences about it and what is tried.
     vehicle: Vehicle  #: Of the campaign.
+    kinds: tuple[str, ...]  #: Of effects to try.
     fitted: tuple[str, ...]  #: Names of the flights to fit.
     held_out: tuple[str, ...]  #: Names of those that errors are measured on.
     rng: np.random.Generator  #: Of all that is drawn at random.
@@ -75,12 +75,12 @@ class Analysis:
         yield
         self.seconds[name] = time.perf_counter() - begin
 
-    def run(self, kinds: tuple[str, ...]) -> result.Result:
-        """Runs all stages, with these kinds of effects to try."""
+    def run(self) -> result.Result:
+        """Runs all stages."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.layout)
         flights = self._smooth()
-        found = self._search(flights, kinds)
+        found = self._search(flights)
         with self.stage("refit", "refitting the flat plate alone"):
             baseline, fitted = found.traced.bare, [r.name for r in found.task.records]
             if found.traced.forces is None:  # To the log as it is, signs and all.
@@ -123,7 +123,7 @@ class Analysis:
             as_logged = records if signs.are_right else smoothed(logged)[1]
         return SmoothedFlights(campaign, signs, noise, records, as_logged)
 
-    def _search(self, flights: SmoothedFlights, kinds: tuple[str, ...]) -> Searched:
+    def _search(self, flights: SmoothedFlights) -> Searched:
         """Searches the effects that the flights to fit show, without outliers.
 
         Outliers among the flights to fit are excluded; those among the held-out flights
@@ -131,7 +131,7 @@ class Analysis:
         """
         noise, records = flights.noise, [*flights.corrected.values()]
         with self.stage("compare", "comparing flights"):
-            everything = make_task(records, self.vehicle, kinds)
+            everything = make_task(records, self.vehicle, self.kinds)
             ratios = find_outlying(everything, noise)
             outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
             everything, task = self._without(outlying, everything)
@@ -202,12 +202,21 @@ class Analysis:
         """Fields of a result that judge the others: the verdict, and warnings."""
         traced, kinds = found.traced, found.traced.model.kinds
         doubt = find_doubt(found.task, traced.model)
-        for warning in self.warnings:
+        for warning in self.inspection.warnings:
             if warning.startswith(SCALE) and "position_scale" not in kinds:
                 doubt = doubt or warning.rstrip(".")
         errors, effects, left = fields["errors"], fields["effects"], fields["left"]
         verdict, reason = judge(traced, folds, errors, effects, left, doubt)
-        warnings = [*self.warnings, *_warnings_of(flights)]
+        warnings = [*self.inspection.warnings]
+        if (tried := self.settings["effects"]) is not None:
+            others = len({*self.vehicle.kinds} - {*tried})
+            were = "was" if len(tried) == 1 else "were"
+            warnings.append(
+                f"only {', '.join(tried)} {were} tried; {others} other effects were "
+                "omitted and cannot be found, and their influence may be attributed to "
+                "those that were tried."
+            )
+        warnings += _warnings_of(flights)
         known = {*found.outlying, *(flight.name for flight in fields["held_out"])}
         warnings += (
             f"{name}: every model diverges on this held-out flight; it is excluded "

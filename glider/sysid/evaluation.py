@@ -14,6 +14,7 @@ from glider.sysid.constants import EVIDENCE_THRESHOLD, FLOOR_FLIGHTS
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
+from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import FitResult, error_flights, fit_model
@@ -72,20 +73,14 @@ def evaluate(
 ) -> tuple[dict[str, Any], HeldOut | None]:
     """Predicts held-out flights, whose names are given, by all models.
 
-    Returns:
-        the fields of `Result` that follow, and each flight held out once; None of the
-        latter where signs are wrong.
+    Returns fields of `Result`, and each flight held out once where signs are right.
     """
-    task, traced, noise = searched.task, searched.traced, flights.noise
+    task, traced = searched.task, searched.traced
     fitted, scales = _fitted_models(task, traced, baseline), traced.model.scales
-    models = {
-        name: prediction.flown_by(task, model, scales) for name, model in fitted.items()
-    }
+    models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
 
     def flown(names: Sequence[str]) -> prediction.Compared:
-        return prediction.compare(
-            {n: (own, flights.of(n, names)) for n, own in models.items()}
-        )
+        return compare({n: (own, flights.of(n, names)) for n, own in models.items()})
 
     usual = [record.name for record in searched.everything.records]
     unseen = [name for name in usual if name in held_out]
@@ -93,28 +88,27 @@ def evaluate(
     found = flown(unseen)
     kept = [unseen[i] for i in found.kept]
     tests = _hold_out(flights, searched, baseline, rng)
-    of_nominal, own = models.get("nominal", models["refitted"]), models["corrected"]
-    named = after = _table(own, flights.of("corrected", usual))
+    records, own = flights.of("corrected", usual), models["corrected"]
+    of_nominal = models.get("nominal", models["refitted"])
+    before = _table(of_nominal, flights.of("nominal", usual))
+    named = after = _table(own, records)
     if traced.model.blocks:
         bare = dataclasses.replace(traced.model, blocks=())
-        named = _table(
-            prediction.flown_by(task, bare, scales), flights.of("corrected", usual)
-        )
-    before = _table(of_nominal, flights.of("nominal", usual))
+        named = _table(flown_by(task, bare, scales), records)
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
-    first = sorted(usual, key=lambda name: name not in kept)[:FLOOR_FLIGHTS]
-    smoothness, records = noise.smoothing[2].ratio, flights.of("corrected", first)
-    floor = find_floor(own, records, truth, smoothness, rng)
+    records.sort(key=lambda record: record.name not in kept)
+    first, smoothness = records[:FLOOR_FLIGHTS], flights.noise.smoothing[2].ratio
+    floor = find_floor(own, first, truth, smoothness, rng)
     is_kept = np.isin(after.flight, [after.names.index(name) for name in kept])
     perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
+    errors = dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect}
+    paths = np.array([tests.paths[r.name][1] for r in first]) if tests else None
+    outliers = result.OutlyingFlights(apart, {**flown(apart).errors}) if apart else None
     left = found.errors["corrected"].position_rms_m
-    paths = np.array([tests.paths[name][1] for name in first]) if tests else None
     return {
-        "errors": dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect},
-        "outlying": result.OutlyingFlights(apart, {**flown(apart).errors})
-        if apart
-        else None,
+        "errors": errors,
+        "outlying": outliers,
         "folds": tests.folds if tests else (),
         "left": result.Residual(
             position_m=left,

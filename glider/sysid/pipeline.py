@@ -39,7 +39,7 @@ def close_the_loop(
     Args:
         campaign: a campaign's folder, or one in memory.
         flights: names of flights to use; all by default.
-        grades: grades of `index.csv` to use; all by default.
+        grades: of `index.csv` to use; all by default.
         held_out: share of the flights that errors are measured on.
         seed: of the split into fitted and held-out flights.
         effects: names of the kinds to try; by default the library and `own_effects`.
@@ -49,11 +49,10 @@ def close_the_loop(
     Raises:
         InputError: the campaign or an argument cannot be used.
     """
-    expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
     own = tuple(own_effects)
-    _check(effects, own)
-    progress(Step("read", 0.0))
+    _check(held_out, effects, own)
     begin = time.perf_counter()
+    progress(Step("read", 0.0))
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(Path(campaign), flights=flights, grades=grades)
     from glider.campaign.checks.inspection import inspect
@@ -62,22 +61,18 @@ def close_the_loop(
         inspection = inspect(campaign)
         split = split_flights(inspection.campaign, held_out, seed)
         seconds = {"read": time.perf_counter() - begin}
-
-        from glider.compiled.theta import layout_of
-        from glider.sysid.analysis import Analysis
-        from glider.sysid.replay.vehicle import make_vehicle
-
-        vehicle = make_vehicle(inspection.campaign, layout_of(own))
-        kinds, warnings = _kinds_to_try(vehicle, effects)
         given = {"flights": flights, "grades": grades, "effects": effects}
-        analysis = Analysis(
+        vehicle, kinds = _to_try(inspection.campaign, effects, own)
+        from glider.sysid.analysis import Analysis
+
+        return Analysis(
             progress=progress,
             seconds=seconds,
             inspection=inspection,
-            warnings=(*inspection.warnings, *warnings),
             vehicle=vehicle,
-            fitted=tuple(f.name for f in split[0]),
-            held_out=tuple(f.name for f in split[1]),
+            kinds=kinds,
+            fitted=tuple(flight.name for flight in split[0]),
+            held_out=tuple(flight.name for flight in split[1]),
             rng=np.random.default_rng(seed),
             settings={
                 "seed": seed,
@@ -86,12 +81,14 @@ def close_the_loop(
                 "own_effects": [e.kind for e in own],
                 "notes": list(vehicle.notes),
             },
-        )
-        return analysis.run(kinds)
+        ).run()
 
 
-def _check(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:
-    """Raises InputError unless user effects and all names of effects can be used."""
+def _check(
+    held_out: float, effects: Sequence[str] | None, own: tuple[EffectKind, ...]
+) -> None:
+    """Raises InputError unless the share, the names and user effects can be used."""
+    expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
     if effects is not None and not effects:
         raise InputError("found no effect to try; expected the name of at least one.")
     if own:
@@ -104,21 +101,18 @@ def _check(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:
             raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
 
 
-def _kinds_to_try(
-    vehicle: "Vehicle", effects: Sequence[str] | None
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The kinds that were asked for and that these logs could show, and warnings."""
-    if effects is None:
-        return vehicle.kinds, ()
-    kinds = tuple(kind for kind in vehicle.kinds if kind in effects)
-    if not kinds and ANGLE_SIGN.kind not in effects:
+def _to_try(
+    campaign: Campaign, effects: Sequence[str] | None, own: tuple[EffectKind, ...]
+) -> tuple["Vehicle", tuple[str, ...]]:
+    """The vehicle, and the kinds that were asked for and that these logs could show."""
+    from glider.compiled.theta import layout_of
+    from glider.sysid.replay.vehicle import make_vehicle
+
+    vehicle = make_vehicle(campaign, layout_of(own))
+    kinds = tuple(k for k in vehicle.kinds if effects is None or k in effects)
+    if effects is not None and not kinds and ANGLE_SIGN.kind not in effects:
         raise InputError(
             f"none of the effects {', '.join(effects)} can be identified from what "
             "this campaign logs and leaves unknown."
         )
-    tried = f"{', '.join(effects)} {'was' if len(effects) == 1 else 'were'} tried"
-    return kinds, (
-        f"only {tried}; {len(set(vehicle.kinds) - set(effects))} other effects were "
-        "omitted and cannot be found, and their influence may be attributed to those "
-        "that were tried.",
-    )
+    return vehicle, kinds
