@@ -1,6 +1,7 @@
 """Errors of all models on flights that they were not fitted to."""
 
 import dataclasses
+import functools
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -192,12 +193,8 @@ def _hold_out(
 
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """A model's residual over flights, each with the trim that it has."""
-
-    def trim(record: Record) -> float:
-        rows = prediction.beginning_rows(record, flown.per_flight_trims)
-        return float(prediction.find_launch(flown, record, rows)[1][2])
-
-    trims = in_parallel(trim, records)
+    find_launch = functools.partial(prediction.find_launch, flown)
+    trims = [float(constants[2]) for _, constants in in_parallel(find_launch, records)]
     return make_table(records, flown.theta, trims, flown.field)
 
 

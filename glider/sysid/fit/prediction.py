@@ -93,9 +93,10 @@ def beginning_rows(record: Record, per_flight_trims: bool) -> int:
 
 
 def find_launch(
-    model: RolloutModel, record: Record, rows: int
+    model: RolloutModel, record: Record, rows: int | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the likeliest state (n,) and constants (4,), by a flight's first rows."""
+    rows = rows or beginning_rows(record, model.per_flight_trims)
     beginning, constants = record.first(rows), NO_CONSTANTS
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.field, (), constants)
@@ -111,7 +112,7 @@ def find_launch(
 def predict(model: RolloutModel, record: Record) -> Prediction:
     """Predicts one flight from its beginning."""
     rows = beginning_rows(record, model.per_flight_trims)
-    launch, constants = find_launch(model, record, rows)
+    launch, constants = find_launch(model, record)
     layout, (*_, trim, pitch_zero) = record.layout, constants
     path, dynamics = path_of(record, model.theta, constants)
     kinds, zero = layout.compiled_kinds, np.array([0.0, 0.0, pitch_zero])
