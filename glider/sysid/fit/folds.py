@@ -12,6 +12,7 @@ from glider.sysid.fit.prediction import compare, flown_by, mean_squares
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import CURVES
 from glider.sysid.likelihood.candidates import gather_in_parts
+from glider.sysid.likelihood.information import counted_from
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
@@ -132,29 +133,34 @@ class _Refits:
         if is_searched:
             offered = without_late(task, model.kinds)
             found = gather_in_parts(offered, model, model.scales)
-            self.candidates, self.given, now = found
-            self.grams, self.prior = self.candidates.from_nothing(self.given)
+            self.candidates, self.grams, now = found
+            unit = np.eye(self.grams.shape[1])
+            shifted, self.prior = self.candidates.from_nothing(unit)
+            # What of each column acts in the model, and the error.
+            self.given = np.append(shifted[:-1, -1], 1.0)
         else:
             flights = model_fit.linear_flights(task, model)
-            self.grams = self.given = model_fit.grams_of(flights, model.scales)
+            self.grams = model_fit.grams_of(flights, model.scales)
+            self.given = np.eye(self.grams.shape[1])[-1]
             self.prior = model_fit.prior_of(task, model)
             now = negative_log_likelihood(
                 [f.error_only() for f in flights], model.scales
             )
         # The likelihood is a square of changes and what depends on the scales alone.
-        self.constant = now - 0.5 * self.given[:, -1, -1]
+        self.constant = now - 0.5 * self.grams[:, -1, -1]
 
     def on(self, counts: np.ndarray) -> tuple[model_fit.FitResult, np.ndarray]:
         """Returns the model of flights that count so often, and all flights' costs."""
         model, columns = self.model, list(range(len(self.prior.mean)))
         if self.is_searched:
-            model, found = search_about(self.candidates, self.given, counts)
+            model, found = search_about(self.candidates, self.grams, counts)
             columns = [*self.candidates.always, *found]
         keep, step = [*columns, len(self.prior.mean)], np.zeros(len(self.prior.mean))
-        grams = self.grams[:, keep][:, :, keep]
-        change = self.prior.among(columns).best_step(np.tensordot(counts, grams, 1))
-        left, step[columns] = np.append(-change, 1.0), change
-        costs = self.constant + 0.5 * np.einsum("i,fij,j->f", left, grams, left)
+        total = counted_from(np.tensordot(counts, self.grams, 1), self.given[:-1])
+        change = self.prior.among(columns).best_step(total[np.ix_(keep, keep)])
+        step[columns] = change
+        left = self.given - np.append(step, 0.0)
+        costs = self.constant + 0.5 * np.einsum("i,fij,j->f", left, self.grams, left)
         if self.is_searched:
             step = self._of_unknown(model, step)
         return model_fit.moved(self.task, model, step), costs

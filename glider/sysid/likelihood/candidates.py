@@ -191,10 +191,14 @@ def gather_in_parts(
         the candidates without flights, `grams` of all, and the cost of each flight at
         the model (flights,) [nats].
     """
-    records, grams, costs, parts = task.records, [], [], list[Candidates]()
+    records, costs, parts = task.records, [], list[Candidates]()
+    grams = np.empty((0, 0, 0))
     for k in range(0, len(records), _IN_PART):
         part = gather(task.on(records[k : k + _IN_PART]), model)
-        grams.append(part.grams(scales))
+        found = part.grams(scales)
+        if not k:  # Not stacked afterwards, which takes twice the memory.
+            grams = np.empty((len(records), *found.shape[1:]))
+        grams[k : k + _IN_PART] = found
         now = [flight.error_only() for flight in part.flights]
         costs.append(negative_log_likelihood(now, scales))
         parts.append(dataclasses.replace(part, flights=()))
@@ -204,7 +208,7 @@ def gather_in_parts(
     }
     variants = {k: own for k, own in kept.items() if own or k in model.kinds}
     whole = dataclasses.replace(parts[0], task=task, variants=variants)
-    return whole, np.concatenate(grams), np.concatenate(costs)
+    return whole, grams, np.concatenate(costs)
 
 
 def _at_bounds(task: Task, model: model_fit.FitResult) -> set[int]:

@@ -151,6 +151,7 @@ class Search:
             score = marginal_scorer(candidates, gram[None], np.ones(1), scales)
             if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
                 self.alone = score.among(few.kinds).alone() | self.alone
+            candidates = dataclasses.replace(candidates, flights=())  # They are large.
             found = FirstOrder(candidates=candidates, scales=scales, score=score)
         self._near = self.task, model, found
         return found
