@@ -96,6 +96,7 @@ class Station:
         self._log: ThrowLog | None = None
         self._begin = self._due = 0.0  # Time 0 of the plan, and of the next command.
         self._handled = self._received = -math.inf  # Of the last usable pose.
+        self._given = -math.inf  # When the last command was on the bus.
         self._status = self._retry = -math.inf
         self._since = clock()  # When this state began.
         self._is_hinted = self._passed = False
@@ -154,7 +155,7 @@ class Station:
                 time=when,
                 **dict(zip(POSE_FIELDS, values, strict=True)),
                 fault=fault,
-                free=is_flight,
+                free=is_flight and self.state == FLYING,
             )
 
     def on_command(
@@ -261,34 +262,24 @@ class Station:
             self._wait(self._due)
         sent = self._clock()
         late = self._watch.count_command(sent - self._due)
-        given = self._send(self._wire.command(rate, sent), sent)
         waited = max(began - self._handled, 0.0) + max(sent - ready, 0.0)
-        self._throw.add_command(given - self._received - waited, late)
-        self._record(
-            "/command",
-            sent,
-            sent=sent,
-            acts=sent + servo.latency,
-            rate=self._wire.rate,
-            angle=self._wire.angle,
-            asked=rate,
-            elapsed=acts - self._begin,
-            received=self._received,
-            late=late,
-        )
+        self._send(self._wire.command(rate, sent), sent, asked=rate, late=late)
+        self._throw.add_command(self._given - self._received - waited, late)
 
-    def _send(self, rate: float, now: float) -> float:
-        """Puts a rate [rad/s] on the bus; returns when that was done [s]."""
+    def _send(self, rate: float, now: float, **more: object) -> None:
+        """Puts a rate [rad/s] on the bus, and in flight into the record."""
         self._number += 1
-        values = (self._sender, self._number, rate, self._wire.angle)
-        self.bus.say(COMMAND, now, values, COMMAND_FIELDS)
-        done = self._clock()
-        self._tracker.tape.add(now + self.scenario.servo.latency, rate)
-        step = (
-            1.5 * self._period if self.scenario.command_rate is None else self._period
+        angle, acts = self._wire.angle, now + self.scenario.servo.latency
+        self.bus.say(
+            COMMAND, now, (self._sender, self._number, rate, angle), COMMAND_FIELDS
         )
+        self._given = self._clock()
+        self._tracker.tape.add(acts, rate)
+        step = self._period * (1.0 if self.scenario.command_rate else 1.5)
         self._due = self._due + step if self._due + step > now else now + step
-        return done
+        if self.in_flight:
+            times = {"sent": now, "acts": acts, "received": self._received}
+            self._record("/command", now, **times, rate=rate, angle=angle, **more)
 
     def _stop(self, reason: str) -> None:
         """Sends the elevator to neutral, now, and for the rest of the throw."""
@@ -315,9 +306,8 @@ class Station:
                 log.close()
                 throw.file = self.session.save(log.path)
             except OSError as error:
-                throw.reason = (
-                    throw.reason or f"its record ends early: {error.strerror}"
-                )
+                words = f"its record ends early: {error.strerror}"
+                throw.reason = throw.reason or words
         self._show(f"throw {len(self.throws)}: {throw.describe()}")
 
     def _enter(self, state: str, reason: str) -> None:

@@ -151,7 +151,8 @@ def _records(path: Path) -> Iterator[object]:
 def flight_of(path: Path) -> Flight | None:
     """The free flight of a throw, by the cameras' clock; None if it is too short.
 
-    The command of a row is the one that acts on the servo then.
+    The command of a row is the one that acts on the servo then. The flight ends where
+    it was stopped: what is commanded then no row shows, as poses are missing.
     """
     _, topics = read_throw(path)
     poses = [pose for pose in topics["/pose"] if pose["free"] and not pose["fault"]]

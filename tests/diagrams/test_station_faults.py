@@ -78,6 +78,11 @@ def test_poses_that_cannot_be_used_for_100_ms(make_lab, kind, reason):
     release = lab.glider.released if lab.glider.released < lab.now else begin - 0.3
     last = max(pose["time"] for pose in topics["/pose"])
     assert last > release + 0.9, "the record went on to the end of the throw"
+    # The flight ends there: rows that are missing cannot show what was commanded.
+    [flight] = load_campaign(lab.folder).flights
+    assert 0.2 < flight.time[-1] < 0.3
+    neutral = [c for c in topics["/command"] if "asked" not in c]
+    assert len(neutral) > 20 and abs(neutral[-1]["angle"]) < 1e-6
     check_next_throw(lab)
 
 

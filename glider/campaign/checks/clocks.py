@@ -66,7 +66,8 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
             f"'elevator_rate_command' would move it by {commanded:.2g} rad; expected "
             "its measured angle, and the commands that were given."
         )
-    follows = abs(calc_correlation(campaign.flights, masks)[0])
+    correlation, _ = calc_correlation(campaign.flights, masks)
+    follows = abs(correlation)
     if follows < _FOLLOWS:
         shifted, shift = calc_correlation(campaign.flights, masks, _SHIFTS)
         fits = abs(shifted) > 2 * _FOLLOWS
@@ -77,7 +78,9 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
             f"delay up to {_DELAYS[-1]:.2g} s{hint}); expected both on the clock of "
             "'time'."
         )
-    _, delay = calc_correlation(campaign.flights, masks, _BOTH_WAYS)
+    # Under feedback a slow servo swings: half a period before, it turns the other way.
+    sign = math.copysign(1.0, correlation)
+    _, delay = calc_correlation(campaign.flights, masks, _BOTH_WAYS, sign)
     if delay < _LEADS:
         raise InputError(
             f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
@@ -214,9 +217,15 @@ def find_unrelated(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str,
 
 
 def calc_correlation(
-    flights: Sequence[Flight], masks: Mapping[str, Masks], delays: np.ndarray = _DELAYS
+    flights: Sequence[Flight],
+    masks: Mapping[str, Masks],
+    delays: np.ndarray = _DELAYS,
+    sign: float = 0.0,
 ) -> tuple[float, float]:
-    """Best correlation of elevators with commands, -1 to 1, and its delay [s]."""
+    """Best correlation of elevators with commands, -1 to 1, and its delay [s].
+
+    With a `sign`, of 1 or -1, the best of that sign.
+    """
     pairs = [_rates(f, masks, delays) for f in flights]
     rate = np.concatenate([elevator for elevator, _ in pairs])
     commands = np.concatenate([commands for _, commands in pairs], axis=1)
@@ -225,7 +234,7 @@ def calc_correlation(
     square = (known @ rate**2) * np.sum(commands**2, axis=1)
     correlation = commands @ rate / np.sqrt(np.maximum(square, 1e-30))
     correlation[np.sum(known, axis=1) < _MIN_RATES] = 0.0
-    best = int(np.argmax(np.abs(correlation)))
+    best = int(np.argmax(sign * correlation if sign else np.abs(correlation)))
     return float(correlation[best]), float(delays[best])
 
 
