@@ -21,7 +21,10 @@ from glider.physics.model import model_text
 class Session:
     """Numbers throws and makes them flights of a campaign that close-the-loop reads.
 
-    Records that a killed process left become flights when the folder is opened again.
+    In the folder campaign.yaml stands from the start, throw_NNN.mcap grows from the
+    moment the station is ready, and flight_NNN.csv appears whole when a throw is over.
+    Records that a killed process left become flights when the folder is opened again,
+    or before the next throw.
 
     Args:
         folder: of the session; it may hold throws of the same glider.
