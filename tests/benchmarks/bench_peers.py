@@ -2,7 +2,7 @@
 
 Prints the tables of docs/benchmarks.md: processor times on one core, and their ratio,
 taken in turn; of `aeroid`, a table of its own, what is found of simulated campaigns
-(some 20 minutes). A library that is not installed is left out and said so; `pip install
+(some 10 minutes). A library that is not installed is left out and said so; `pip install
 '.[bench]'` brings all.
 
     python -m tests.benchmarks.bench_peers [NAME ...]

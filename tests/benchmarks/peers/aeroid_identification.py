@@ -31,15 +31,15 @@ from glider.sysid.replay.replayed import signals, true_nodes
 from tests.helpers.known_truth import begin, task_of
 from tests.helpers.lifelike import Truth, draw_campaign
 
-FLIGHTS, CAMPAIGNS, LEVEL = 8, 20, 0.95
+FLIGHTS, CAMPAIGNS, LEVEL = 8, 10, 0.95
 KINDS = "attached_lift", "profile_drag", "pitch_damping"
 USUAL = 2.5, 0.265, 0.05, 0.06, 0.0165
 """Where AeroID starts: the middles of the ranges that true coefficients are drawn from.
 From farther away, as our fit starts, its filter error ends in other minima."""
 
 OPTIONS = {"ftol": 1e-6, "xtol": 1e-6}
-"""Tolerances of AeroID's optimizer: with its own, a hundred times less, it takes twice
-as long, and coefficients move by less than a hundredth of their errors."""
+"""Tolerances of AeroID's optimizer: with its own, a hundred times less, it takes longer
+to change them by much less than their errors."""
 
 MOTION = "x", "z", "pitch", "elevator", "xdot", "zdot", "pitchdot"
 STATES = *MOTION, "gust_x", "gust_z"
