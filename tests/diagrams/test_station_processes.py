@@ -73,5 +73,5 @@ def test_a_killed_glider_stops_its_throw(tmp_path, make_command):
     assert "stopped at" in throw and "no usable pose for" in throw
     _, topics = read_throw(record)
     stopped = [e for e in topics["/event"] if e["state"] == "stopped"]
-    last = max(command["sent"] for command in topics["/command"])
-    assert len(stopped) == 1 and last - killed < 0.05
+    neutral = min(c["sent"] for c in topics["/command"] if "asked" not in c)
+    assert len(stopped) == 1 and neutral - killed < 0.05
