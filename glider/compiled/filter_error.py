@@ -50,6 +50,36 @@ def sum_up(n, m, deviations, summed):
 
 
 @inlined_code
+def set_moves(n, k, step, by_x, by_air, by_trim, moves):
+    """Writes how the motion moves with the sums of `sum_up`, (n, n + 5)."""
+    for i in range(n):
+        for j in range(n):
+            moves[i, j] = by_x[k, i, j]
+        moves[i, n] = by_air[k, i, 0]
+        moves[i, n + 1] = by_air[k, i, 1]
+        if i != ELEVATOR:
+            moves[i, n + 3] = by_x[k, i, ELEVATOR]
+        moves[i, n + 4] = by_trim[k, i]
+    moves[PITCH, n + 2] = 0.5 * step * step
+    moves[PITCH_RATE, n + 2] = step
+
+
+@inlined_code
+def measuring(n, k, c, pose_by_x, row):
+    """Writes how channel c of node k shows the deviations, (n + 8,)."""
+    row[:] = 0.0
+    if c < 3:
+        row[:n] = pose_by_x[k, c]
+        if c == PITCH:
+            row[n + 7] = 1.0
+    elif c == 3:
+        row[ELEVATOR] = 1.0
+        row[n + 3] = 1.0
+    else:
+        row[PITCH_RATE] = 1.0
+
+
+@inlined_code
 def filter_columns(
     n,
     m,
@@ -68,6 +98,8 @@ def filter_columns(
     powers,
     innovations,
     variances,
+    gains,
+    airs,
 ):
     """Whitens a flight's errors; every column of them is filtered at once.
 
@@ -89,9 +121,12 @@ def filter_columns(
         powers: (4,) their steady variances.
         innovations: (K + 1, C, m), written: over their standard deviations.
         variances: (K + 1, C), written: of the innovations; 1 where nothing was seen.
+        gains: (K + 1, C, n + 8), written: covariances of deviations and measurements;
+            of length zero where nothing is to be smoothed.
+        airs: (K + 1, 2, n + 9), written with them: covariances of the gusts and the
+            deviations after a row, and the gusts of the last column.
     """
     total = n + OWN_STATES
-    servo, zero = n + 3, n + 7
     keep = np.ones(OWN_STATES)
     covariance = np.diag(start)
     # Wind moves the motion as gusts do: so few sums of the deviations say it all.
@@ -109,16 +144,7 @@ def filter_columns(
         for c in range(seen.shape[1]):
             if not seen[k, c]:
                 continue
-            row[:] = 0.0
-            if c < 3:
-                row[:n] = pose_by_x[k, c]
-                if c == PITCH:
-                    row[zero] = 1.0
-            elif c == 3:
-                row[ELEVATOR] = 1.0
-                row[servo] = 1.0
-            else:
-                row[PITCH_RATE] = 1.0
+            measuring(n, k, c, pose_by_x, row)
             own = variance[c]
             gain[:] = 0.0
             for j in range(m):
@@ -130,6 +156,8 @@ def filter_columns(
                         gain[j] += part * covariance[i, j]
                     for j in range(m):
                         innovations[k, c, j] -= part * mean[i, j]
+            if gains.shape[0] > 0:
+                gains[k, c] = gain
             for i in range(total):
                 own += row[i] * gain[i]
             if own < variance[c]:  # By rounding: a covariance adds nothing negative.
@@ -145,22 +173,17 @@ def filter_columns(
                     covariance[i, j] -= part * gain[j]
             for j in range(m):
                 innovations[k, c, j] *= scale
+        if airs.shape[0] > 0:
+            for p in range(2):
+                airs[k, p, :total] = covariance[n + p]
+                airs[k, p, total] = mean[n + p, m - 1]
         if k == times.shape[0] - 1:
             break
 
         step = times[k + 1] - times[k]
         for p in range(PROCESSES):
             keep[p] = np.exp(-rates[p] * step)
-        for i in range(n):
-            for j in range(n):
-                moves[i, j] = by_x[k, i, j]
-            moves[i, n] = by_air[k, i, 0]
-            moves[i, n + 1] = by_air[k, i, 1]
-            if i != ELEVATOR:
-                moves[i, n + 3] = by_x[k, i, ELEVATOR]
-            moves[i, n + 4] = by_trim[k, i]
-        moves[PITCH, n + 2] = 0.5 * step * step
-        moves[PITCH_RATE, n + 2] = step
+        set_moves(n, k, step, by_x, by_air, by_trim, moves)
         for i in range(n):
             for r in range(sums):
                 moved_by[r, i] = moves[i, r]
@@ -220,8 +243,54 @@ def filter_flight(*flight):
         filter_columns(n, m, *flight)
 
 
+@machine_code
+def smooth_flight(adjoint, *flight):
+    """Filters a flight of one column and smooths its gusts, see `filter_columns`.
+
+    The adjoint recursion of Bryson and Frazier: with what later rows say of a node's
+    deviations in `adjoint` (n + 8,), written, they are filtered + covariance · adjoint.
+    It leaves the gusts in airs[:, :, -1], and the adjoint of the first node.
+    """
+    times, by_x, by_air, by_trim = flight[0], flight[1], flight[2], flight[3]
+    pose_by_x, seen, rates = flight[5], flight[7], flight[11]
+    innovations, variances, gains, airs = flight[13], flight[14], flight[15], flight[16]
+    filter_columns(by_x.shape[1], 1, *flight)
+    n = by_x.shape[1]
+    total = n + OWN_STATES
+    moves, summed, row = np.zeros((n, n + 5)), np.empty(n + 5), np.empty(total)
+    adjoint[:] = 0.0
+    for k in range(times.shape[0] - 1, -1, -1):
+        if k < times.shape[0] - 1:
+            step = times[k + 1] - times[k]
+            set_moves(n, k, step, by_x, by_air, by_trim, moves)
+            summed[:] = 0.0
+            for i in range(n):
+                for r in range(n + 5):
+                    summed[r] += moves[i, r] * adjoint[i]
+            for i in range(n):
+                adjoint[i] = summed[i]
+            for p in range(PROCESSES):
+                adjoint[n + p] = np.exp(-rates[p] * step) * adjoint[n + p]
+                adjoint[n + p] += summed[n + p]
+            for p in range(2):
+                adjoint[n + 4 + p] += summed[n + p]
+            adjoint[n + 6] += summed[n + 4]
+        for p in range(2):
+            for j in range(total):
+                airs[k, p, total] += airs[k, p, j] * adjoint[j]
+        for c in range(seen.shape[1] - 1, -1, -1):
+            if not seen[k, c]:
+                continue
+            measuring(n, k, c, pose_by_x, row)
+            change = innovations[k, c, 0] * np.sqrt(variances[k, c])
+            for j in range(total):
+                change -= gains[k, c, j] * adjoint[j]
+            for j in range(total):
+                adjoint[j] += row[j] * change / variances[k, c]
+
+
 def no_flight() -> tuple[np.ndarray, ...]:
     """Returns arguments of the types that `filter_flight` is compiled for."""
     a, b, c = (np.zeros((0,) * count) for count in (1, 2, 3))
     seen = np.zeros((0, 0), dtype=bool)
-    return a, c, c, b, c, c, c, seen, a, a, b, a, a, c, b
+    return a, c, c, b, c, c, c, seen, a, a, b, a, a, c, b, c, c

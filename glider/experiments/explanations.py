@@ -209,7 +209,7 @@ def _in_one_air(
 
 def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
     """The model of the analysis, fitted to all flights."""
-    start = start_of(task, noise, with_curves=False)
+    start = start_of(task, noise)
     theta = theta_of(findings.model)
     kinds = tuple(k for k in findings.kinds if k in task.kinds)
     start = dataclasses.replace(

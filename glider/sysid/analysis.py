@@ -168,8 +168,6 @@ class Analysis:
     ) -> dict[str, Any]:
         """Fields of a result about the model, with standard errors."""
         task, traced, signs = found.task, found.traced, flights.signs
-        certain = uncertainty.uncertainty_of(task, traced.judged)
-        carried = outcome.carried_of(task, traced.model, certain)
         sets = uncertainty.alternatives_of(task, traced.judged, traced.rivals)
         known = uncertainty.averaged(sets)
         covariance, kinds = outcome.covariance_of(task, known), traced.model.kinds
@@ -183,7 +181,7 @@ class Analysis:
             for own, fit in zip(sets, fits, strict=True)
         ]
         return {
-            "effects": outcome.effects_of(task, traced, known, carried, spreads, signs),
+            "effects": outcome.effects_of(task, traced, known, spreads, signs),
             "spreads": spreads,
             "vehicle": outcome.vehicle_of(task, traced.model, known),
             "model": alternatives[0].model,

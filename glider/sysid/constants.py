@@ -73,7 +73,6 @@ Z_EXTREME, LEAST_EXTREME = 10.0, 0.3
 # (m: docs/how_it_works.md; noise reaches the latter in one campaign of a hundred).
 EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD = 10.0, 4.0
 SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
-CURVE_THRESHOLD = 15.0  # The same of curves beside the formulas [nats] (c).
 THRESHOLD_FLIGHTS = 40  # Above which thresholds grow: of the tries that set them (m).
 SIMPLE_MOMENT = 0.3  # Pitch acceleration of errors of formulas [rad/s²] (c).
 # Of effects of gliders of unknown forces, by predictions: e³ is 20 to 1, and 20 effects
@@ -115,7 +114,7 @@ OFFERED = 25.0  # Loss up to which draws are offered an effect [nats] (c).
 # -------------------------------------------------- free functions and fits
 LEAST_STRENGTH = 0.02  # Of a free function over its prior's, as good as none (c).
 STRENGTHS_TRIED = 0.1, 0.3, 1.0  # Of one that does not act yet (c).
-STRENGTH_RANGE = 0.1, 5.0  # Of curves: as good as none, and no error of a formula (c).
+LARGEST_STRENGTH = 5.0  # That no error of a formula has (c).
 LARGEST_COORDINATE = (
     30.0  # In prior spreads: a fit that diverges does not overflow (c).
 )
@@ -141,9 +140,6 @@ FLOOR_ACCURACY = 0.05  # Relative error of a floor (m: bench_floor).
 FLOOR_FLIGHTS = 40  # Flights that a floor is compared on; it takes time (c).
 FLOOR_CLIP = 3.0  # Log of an error over its floor that counts: no flight decides (c).
 LARGEST_FLOOR = 10.0  # Error above which a replica says nothing [m] (c).
-# Evidence that the strength of curves may cost, with which standard errors allow for
-# errors of formulas [nats] (d): three standard deviations, ½ 3².
-CURVE_ALLOWANCE = 4.5
 MOST_AVERAGED = 4  # Rivals that standard errors average over: each costs two fits (c).
 
 # ---------------------------------------------------------------- the verdict
@@ -170,6 +166,3 @@ MOST_LOST = 0.25  # Share of flights that may lose by a correction unwarned (c).
 
 # --------------------------------------------------------- what results report
 LEAST_SPREAD = 0.1  # Flight-to-flight variation, in a coefficient's scale (c).
-# Standard errors by which a curve must differ from zero, somewhere in the central 90 %
-# of the flown angles (d): at its ten independent places none does so by chance.
-CURVE_Z = 5.0

@@ -139,12 +139,13 @@ def without_model_errors(
 ) -> Scales:
     """Scales without errors of the model: sensors, turbulence, per-flight constants.
 
+    An elevator off its path is an error of the servo's model.
     Where a search of forces set the constants' scales, only reported spreads are known,
     and gusts are not distinguished from errors of the forces: they count as these.
     """
-    unknown = {"air"} if gusts else set()
+    unknown = {"servo", "air"} if gusts else {"servo"}
     if traced.forces is not None:
-        unknown = {"air", *OF_FORCES}
+        unknown = {"servo", "air", *OF_FORCES}
     stds = {scale: getattr(FLOOR, scale) for scale in unknown}
     stds |= {SPREAD_KINDS[kind][0]: spread.std for kind, spread in spreads.items()}
     return dataclasses.replace(traced.model.scales, **stds)

@@ -14,26 +14,15 @@ from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import result
-from glider.sysid.constants import CURVE_Z, EVIDENCE_THRESHOLD, LEAST_SPREAD
+from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
 from glider.sysid.likelihood import scales
-from glider.sysid.likelihood.blocks import BLOCKS, CURVE_TERMS, CURVES, FittedBlock
+from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.result import Estimate, FoundEffect, ResidualTable, Spread
 from glider.sysid.search.support import SearchResult
-
-FAMILIES = {
-    "c_lift": "attached_lift camber dynamic_stall lagged_separation pitch_rate_lift "
-    "airspeed_dependence ground_effect mass added_mass",
-    "c_drag": "profile_drag axial_drag induced_drag thrust",
-    "c_moment": "center_of_pressure pitch_moment pitch_damping inertia downwash "
-    "stalled_downwash",
-    "elevator_factor": "tail_wake elevator_area elevator_blowback downwash "
-    "stalled_downwash servo_lag",
-}
-"""Kinds of effects whose formula may be wrong in a term's curve, in words."""
 
 SPREAD_KINDS = {
     "elevator_trim": ("trim", "angle", "rad"),
@@ -43,24 +32,6 @@ SPREAD_KINDS = {
 """Kinds with flight-to-flight variation: scale, coefficient, unit."""
 
 _BINS = 15  # Of the curves over the angle of attack, with equally many rows.
-
-
-def carried_of(task: Task, model: FitResult, known: Uncertainty) -> tuple[str, ...]:
-    """Terms in which a model's curves are significant."""
-    if not model.has_curves or CURVES not in known.places:
-        return ()
-    curves, places = task.curves, known.places[CURVES]
-    # Over the central 90 % of the flown angles.
-    low, high = np.percentile(curves.angles, [5.0, 95.0])
-    alpha = np.linspace(low, high, 41)[:, None]
-    values = curves.values(model.by_name[CURVES].coordinates, alpha)
-    basis = np.stack([curves.values(u, alpha) for u in np.eye(curves.count)], axis=2)
-    std = np.maximum(known.std_along(places, basis), 1e-12)
-    high_z = np.max(np.abs(values) / std, axis=0)
-    high = high_z > CURVE_Z
-    return tuple(
-        term for term, is_high in zip(CURVE_TERMS, high, strict=True) if is_high
-    )
 
 
 def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
@@ -94,14 +65,12 @@ def effects_of(
     task: Task,
     traced: SearchResult,
     known: Uncertainty,
-    carried: Collection[str],
     spreads: Mapping[str, Spread],
     signs: Signs,
 ) -> tuple[FoundEffect, ...]:
     """Effects with their coefficients and standard errors, by their evidence."""
     model, gained = traced.model, max(sum(traced.evidence.values()), 1e-9)
     bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
-    bent |= {k for term in carried for k in FAMILIES[term].split()}
     found = [] if signs.are_right else [_sign_entry(signs)]
     for name in model.kinds:
         evidence = float(traced.evidence.get(name, 0.0))
@@ -134,10 +103,6 @@ def effects_of(
                 **of_search,
             )
         )
-    named = [name for name in model.kinds if name not in model.free_kinds]
-    left = [t for t in carried if set(named).isdisjoint(FAMILIES[t].split())]
-    if left:
-        found.append(_curve_entry(model, known, sorted(left)))
     if found and task.vehicle.trim_is_known:
         own = {k: s for k, s in spreads.items() if k not in model.kinds}
         found += [_spread_entry(task, kind, spread) for kind, spread in own.items()]
@@ -165,54 +130,43 @@ def _block_entry(
     return FoundEffect(
         kind=family or "unexplained",
         words=kind.words if family else f"no effect of the library: {kind.words}",
-        coefficients=find_peaks(own, known, [kind.term]),
+        coefficients=find_peak(own, known, kind.term),
         shape=result.OTHER_SHAPE if family else result.LIBRARY_SHAPE,
         family=kind.link,
-        depends_on=(kind.variable,),
+        depends_on=kind.variables,
         **of_search,
     )
 
 
-def _curve_entry(
-    model: FitResult, known: Uncertainty, terms: Collection[str]
-) -> FoundEffect:
-    """Significant curves beside none of the formulas that they could be errors of."""
-    return FoundEffect(
-        kind="unexplained",
-        words=f"no effect of the library: {', '.join(terms)} change with alpha",
-        coefficients=find_peaks(model.by_name[CURVES], known, terms),
-        depends_on=("alpha",),
-    )
-
-
-def find_peaks(
-    own: FittedBlock, known: Uncertainty, terms: Collection[str]
-) -> dict[str, Estimate]:
-    """The largest value of terms of a function of one variable, and where it is.
+def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Estimate]:
+    """The largest value of a free function's term, and where it is.
 
     Standard errors follow from the covariance C of the coordinates w. With a term
-    f = b(ξ)·w, to first order a peak's height moves with δw as b·δw, its place as
-    -b'·δw / f'': their variances are b'C b and b''C b' / f''². A peak at the edge of
-    the flown range is not one of the function: its place has no error (NaN).
+    f = b(ξ)·w, to first order a peak's height moves with δw as b·δw, its place along a
+    variable as -b'·δw / f'': their variances are b'C b and b''C b' / f''². A peak at
+    the edge of the flown range is not one of the function: its place has no error.
     """
     block, places = own.block, known.places[own.block.name]
-    grid = np.linspace(block.centers.min(), block.centers.max(), 401)
-    functions = block.functions(grid[:, None])
-    found, [variable] = {}, block.variables
-    for term in terms:
-        mix = block.mix[block.terms.index(term) :: len(block.terms)]
-        rows = functions @ mix  # b, (n, q)
-        slopes = np.gradient(rows, grid, axis=0)
-        values, bends = rows @ own.coordinates, np.gradient(slopes, grid, axis=0)
-        peak = int(np.argmax(np.abs(values)))
-        both = np.stack([rows[peak], slopes[peak]])
-        height, place = known.std_along(places, both).tolist()
-        curvature = abs(float(bends[peak] @ own.coordinates))
-        is_inside = 0 < peak < len(grid) - 1 and curvature > 0.0
-        place = place / curvature if is_inside else math.nan
-        unit = TERM_UNITS.get(term, "-")
-        at = Estimate(float(grid[peak]), place, FIELD_UNITS[variable])
-        found[f"{term}_peak"] = Estimate(float(values[peak]), height, unit)
+    low, high = block.centers.min(axis=0), block.centers.max(axis=0)
+    count = 401 if len(low) == 1 else 61
+    axes = [np.linspace(*ends, count) for ends in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    rows = (
+        block.functions(points.reshape(-1, len(axes)))
+        @ (block.mix[block.terms.index(term) :: len(block.terms)])
+    )  # b, (n, q)
+    rows = rows.reshape(*points.shape[:-1], -1)
+    values = rows @ own.coordinates
+    peak = np.unravel_index(np.argmax(np.abs(values)), values.shape)
+    height = float(known.std_along(places, rows[peak]))
+    unit = TERM_UNITS.get(term, "-")
+    found = {f"{term}_peak": Estimate(float(values[peak]), height, unit)}
+    for i, (axis, variable) in enumerate(zip(axes, block.variables, strict=True)):
+        slopes, place = np.gradient(rows, axis, axis=i), math.nan
+        bend = np.gradient(slopes @ own.coordinates, axis, axis=i)[peak]
+        if 0 < peak[i] < count - 1 and bend:
+            place = float(known.std_along(places, slopes[peak])) / abs(float(bend))
+        at = Estimate(float(axis[peak[i]]), place, FIELD_UNITS[variable])
         found[f"{term}_peak_at_{variable}"] = at
     return found
 

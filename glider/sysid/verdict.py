@@ -90,15 +90,19 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
 def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     """Ratio of measured to modelled elevator travel, and its standard error.
 
-    The median over flights of regressions of travel on travel; 1 and infinity where
-    there is no servo.
+    The median over flights of regressions of travel on travel, where the elevator has
+    turned one way for as long before: what a play loses at a reversal counts not. It is
+    1 and infinity where there is no servo.
     """
     found = []
     for record in (record for record in task.records if record.has_servo):
         rows = np.flatnonzero(record.seen[:, 3])
         time, modelled = record.time[rows], signals(record, model.theta).logged[rows]
         ends = np.searchsorted(time, time + constants.TRAVEL_WINDOW)
-        first = np.flatnonzero(ends < len(time))
+        begins = np.searchsorted(time, time - constants.TRAVEL_WINDOW)
+        turns = np.append(0, np.cumsum(np.diff(np.sign(np.gradient(modelled))) != 0.0))
+        last = np.minimum(ends, len(time) - 1)
+        first = np.flatnonzero((ends < len(time)) & (turns[last] == turns[begins]))
         both = record.elevator[rows], modelled
         travel, ordered = (v[ends[first]] - v[first] for v in both)
         if (known := float(ordered @ ordered)) > constants.LEAST_TRAVEL:

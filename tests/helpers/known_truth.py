@@ -86,7 +86,7 @@ def starts_of(task: Task, noise: Noise, kinds: Sequence[str]) -> list[FitResult]
 
 def begin(task: Task, noise: Noise, kinds: Sequence[str] = ()) -> FitResult:
     """Start of a fit of kinds: nothing acts, shapes at their first guess."""
-    start = start_of(task, noise, with_curves=False)
+    start = start_of(task, noise)
     theta = start.theta.copy()
     for kind in kinds:
         coefficients = task.layout.kinds[kind].coefficients

@@ -23,7 +23,7 @@ def test_the_search_finds_planted_effects(kind):
     effect = typical(kind)
     task, noise = task_of(fly(effect, flights=5))
     search = Search(task, lambda text: None)
-    model = improved(search, start_of(task, noise, with_curves=True))
+    model = improved(search, start_of(task, noise))
     assert model.kinds == (kind,)
     for name, truth in effect.to_dict().items():
         found = model.theta[task.layout.index[kind, name]]

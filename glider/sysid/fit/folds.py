@@ -10,7 +10,6 @@ from glider.campaign.checks.motion import robust_std
 from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP
 from glider.sysid.fit.prediction import compare, flown_by, mean_squares
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.blocks import CURVES
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import counted_from
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
@@ -129,7 +128,9 @@ class _Refits:
 
     def __init__(self, task: Task, model: model_fit.FitResult, is_searched: bool):
         self.task, self.is_searched = task, is_searched
-        self.model = model = model_fit.with_constants(task, model)
+        self.model = model = model_fit.in_surroundings(
+            model, model_fit.error_flights(task, model)
+        )
         if is_searched:
             offered = without_late(task, model.kinds)
             found = gather_in_parts(offered, model, model.scales)
@@ -171,6 +172,4 @@ class _Refits:
         own = {slot: step[j] for j, slot in enumerate(slots) if j in always}
         found = np.zeros(len(model.free) + len(model.coordinates))
         found[: len(model.free)] = [own.get(slot, 0.0) for slot in model.free]
-        if places := model.places().get(CURVES):
-            found[list(places)] = step[list(self.model.places(len(slots))[CURVES])]
         return found

@@ -17,14 +17,19 @@ from glider.compiled.replay import LogPath, roll_out
 from glider.compiled.theta import OFFSET
 from glider.physics.effects import Field
 from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
-from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, linearize, path_of
+from glider.sysid.likelihood.linear_flight import (
+    STILL_AIR,
+    Surroundings,
+    linearize,
+    path_of,
+)
 from glider.sysid.likelihood.model_fit import FitResult, field_of
 from glider.sysid.likelihood.scales import (
     FLOOR,
     Scales,
     fit_scales,
     negative_log_likelihood,
-    smoothed_start,
+    smooth,
     typical_flights,
 )
 from glider.sysid.likelihood.task import Task
@@ -94,27 +99,27 @@ def beginning_rows(record: Record, per_flight_trims: bool) -> int:
 
 def find_launch(
     model: RolloutModel, record: Record, rows: int | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the likeliest state (n,) and constants (4,), by a flight's first rows."""
+) -> tuple[np.ndarray, Surroundings]:
+    """Returns the likeliest state (n,) and constants, by a flight's first rows."""
     rows = rows or beginning_rows(record, model.per_flight_trims)
-    beginning, constants = record.first(rows), NO_CONSTANTS
+    beginning, about = record.first(rows), STILL_AIR
     for _ in range(2):
-        flight = linearize(beginning, model.theta, model.field, (), constants)
+        flight = linearize(beginning, model.theta, model.field, (), about)
         launch, n = flight.nodes[0].copy(), len(flight.states)
-        own = smoothed_start(flight, model.scales)
+        own = smooth(flight, model.scales).start
         if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
-            return launch, constants
+            return launch, about
         launch[flight.states] += own[:n]
-        constants = own[n + PROCESSES :]
-    return launch, constants
+        about = Surroundings(own[n + PROCESSES :])
+    return launch, about
 
 
 def predict(model: RolloutModel, record: Record) -> Prediction:
     """Predicts one flight from its beginning."""
     rows = beginning_rows(record, model.per_flight_trims)
-    launch, constants = find_launch(model, record)
-    layout, (*_, trim, pitch_zero) = record.layout, constants
-    path, dynamics = path_of(record, model.theta, constants)
+    launch, about = find_launch(model, record)
+    layout, (*_, trim, pitch_zero) = record.layout, about.constants
+    path, dynamics = path_of(record, model.theta, about)
     kinds, zero = layout.compiled_kinds, np.array([0.0, 0.0, pitch_zero])
     states = roll_out(kinds, path, launch, dynamics, model.field)
 

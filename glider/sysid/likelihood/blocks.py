@@ -3,16 +3,11 @@
 A block adds a function of a flow's variables to one link: the air, the forces, the
 tail's force or the stream at the tail. It is a Gaussian process with a physical prior
 scale (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch. 45),
-and stands for any formula of a family of effects.
-
-Blocks compete with the library's formulas. The curves over the angle of attack are one
-more block and act always, with a weak prior: they absorb the residual of a formula of
-nearly the right shape, so that no second effect is added for it. What the simplest
-formulas can express is excluded from them.
+and stands for any formula of a family of effects. Blocks compete with the library's
+formulas; beside one they absorb what a formula of nearly the right shape leaves.
 """
 
 import dataclasses
-import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +15,7 @@ import scipy.linalg
 
 from glider.physics.effects import FIELD_VARIABLES
 from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, WING_TERM, FieldData
-from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.linear_flight import STILL_AIR, LinearFlight, Surroundings
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_variables
 
@@ -33,18 +28,23 @@ SPREADS = {
 tenth of a flat plate's largest coefficients, half of a tail's force, a fifth of a
 wing's."""
 
-# Gaussians over a variable; over the others there are 8.
-COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 12, "tail_load": 16}
+# Gaussians over a variable; over the others there are 8. Of two variables, over each.
+COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 20, "tail_load": 16}
+PAIR_COUNTS = 16, 3
 _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BlockKind:
-    """A family of effects: a link of the force chain, and what it varies with."""
+    """A family of effects: a link of the force chain, and what it varies with.
+
+    Of two variables where the past matters: to first order, what lags behind the angle
+    of attack is a function of it and of the pitch rate.
+    """
 
     link: str  #: Of the force chain, as reports have it.
     term: str  #: Of FIELD_TERMS.
-    variable: str  #: Of FIELD_VARIABLES.
+    variables: tuple[str, ...]  #: Of FIELD_VARIABLES, one or two.
     words: str  #: A short phrase for people.
     formulas: tuple[str, ...]  #: Effects of the library that are of the family.
     bends: frozenset[str]  #: Effects whose formula it may bend.
@@ -82,6 +82,7 @@ _FAMILIES = (
     ("air along z", "t", ""),
     ("lift", "alpha", f"attached_lift camber {_LAGGED}"),
     ("lift", "pitchdot", f"pitch_rate_lift {_LAGGED}"),
+    ("lift", "alpha pitchdot", f"pitch_rate_lift {_LAGGED}"),
     ("lift", "elevator_rate", ""),
     ("drag", "alpha", _DRAGS),
     ("drag", "V", ""),
@@ -90,6 +91,7 @@ _FAMILIES = (
     ("moment", "alpha", "center_of_pressure pitch_moment"),
     ("moment", "V", ""),
     ("moment", "pitchdot", "pitch_damping added_mass"),
+    ("moment", "alpha pitchdot", "pitch_damping added_mass"),
     ("moment", "elevator", ""),
     ("moment", "elevator_rate", ""),
     ("wing's force", "V", "airspeed_dependence"),
@@ -98,21 +100,22 @@ _FAMILIES = (
     ("tail's force", "alpha", "tail_wake"),
     ("tail's force", "elevator", ""),
     ("stream at the tail", "alpha", "downwash stalled_downwash"),
+    ("stream at the tail", "alpha pitchdot", "downwash stalled_downwash"),
     ("stream at the tail", "tail_load", "elevator_blowback"),
     ("stream at the tail", "elevator", ""),
 )
-"""Link, variable, and the library's formulas of the family."""
+"""Link, variables, and the library's formulas of the family."""
 
 BLOCKS = {
-    f"{link} over {variable}": BlockKind(
+    f"{link} over {' and '.join(variables.split())}": BlockKind(
         link=reported,
         term=term,
-        variable=variable,
-        words=f"{happens} with {variable}",
+        variables=tuple(variables.split()),
+        words=f"{happens} with {' and '.join(variables.split())}",
         formulas=tuple(formulas.split()),
         bends=frozenset(f"{formulas} {bent}".split()),
     )
-    for link, variable, formulas in _FAMILIES
+    for link, variables, formulas in _FAMILIES
     for reported, term, happens, bent in [_LINKS[link]]
 }
 """Families of effects that are searched without a formula, by name."""
@@ -126,7 +129,7 @@ class Block:
     coordinates with a common prior spread, the block's strength.
     """
 
-    name: str  #: Of BLOCKS, or CURVES.
+    name: str  #: Of BLOCKS.
     terms: tuple[str, ...]  #: T of FIELD_TERMS.
     variables: tuple[str, ...]  #: d of FIELD_VARIABLES.
     centers: np.ndarray  #: (M, d)
@@ -220,9 +223,14 @@ def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
     return np.concatenate([flow_variables(r, theta) for r in records])
 
 
-def midpoints(record: Record, theta: np.ndarray) -> np.ndarray:
+def midpoints(
+    record: Record, theta: np.ndarray, about: Surroundings = STILL_AIR
+) -> np.ndarray:
     """Returns FIELD_VARIABLES at the midpoint of each interval, (K, 10)."""
-    values = flow_variables(record, theta)
+    theta, wind = theta.copy(), about.wind(record)
+    theta[record.layout.index["pitch_offset", "angle"]] += about.constants[3]
+    wind = np.vstack([wind[:1], 0.5 * (wind[1:] + wind[:-1]), wind[-1:]])
+    values = flow_variables(record, theta, wind)
     return 0.5 * (values[1:] + values[:-1])
 
 
@@ -235,16 +243,24 @@ def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     found = {}
     for name, kind in BLOCKS.items():
-        column = FIELD_VARIABLES.index(kind.variable)
-        if high[column] - low[column] < _LEAST_RANGE:
+        columns = [FIELD_VARIABLES.index(name) for name in kind.variables]
+        if np.any(high[columns] - low[columns] < _LEAST_RANGE):
             continue
-        count = COUNTS.get(kind.variable, 8)
-        centers = np.linspace(low[column], high[column], count)[:, None]
-        widths = centers[1] - centers[0]
+        counts = (
+            (COUNTS.get(kind.variables[0], 8),) if len(columns) == 1 else PAIR_COUNTS
+        )
+        spaced = [
+            np.linspace(*ends, n)
+            for *ends, n in zip(low[columns], high[columns], counts, strict=True)
+        ]
+        widths = np.array([own[1] - own[0] for own in spaced])
+        centers = np.stack(np.meshgrid(*spaced, indexing="ij"), axis=-1)
+        centers = centers.reshape(-1, len(columns))
+        count = len(centers)
         adds = {kind.term: np.ones((count, 1))}
         basis = np.eye(count)
         if kind.term in ("c_drag", "c_moment"):
-            values = flown[:: max(1, len(flown) // 2000), [column]]
+            values = flown[:: max(1, len(flown) // 2000)][:, columns]
             along = np.cos(values) if name == "drag over alpha" else 1.0
             mean = np.mean(along * gaussian(values, centers, widths), axis=0)
             basis = scipy.linalg.null_space(mean[None])
@@ -257,66 +273,9 @@ def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
         found[name] = Block(
             name=name,
             terms=tuple(adds),
-            variables=(kind.variable,),
+            variables=kind.variables,
             centers=centers,
             widths=widths,
             mix=(weights[:, :, None] * basis[:, None, :]).reshape(-1, basis.shape[1]),
         )
     return found
-
-
-CURVES = "curves"  # Name of the block over the angle of attack that always acts.
-CURVE_TERMS = (*COEFFICIENTS, "elevator_factor")
-# Prior spread of the curves' weights of each term [-, -, m, -] at a strength of one: a
-# few hundredths of a flat plate's largest coefficients (2, 2, 2 · 0.06 m), and a tenth.
-CURVE_SPREADS = (0.02, 0.02, 0.0012, 0.1)
-COUNT = 12  # Gaussians of the curves.
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Curves(Block):
-    """The curves over the angle of attack."""
-
-    angles: np.ndarray  #: (n,) a sample of the flown angles of attack [rad].
-
-
-def make_curves(flown: np.ndarray) -> Curves:
-    """Spreads a basis over the angles of attack of `flown_values`."""
-    alpha = flown[:, FIELD_VARIABLES.index("alpha")]
-    low, high = np.percentile(alpha, [1.0, 99.0])
-    centers = np.linspace(low, max(high, low + 0.05), COUNT)
-    angles = np.sort(alpha)[:: max(1, len(alpha) // 2000)]
-    spreads = np.tile(CURVE_SPREADS, COUNT)
-    make = functools.partial(
-        Curves,
-        name=CURVES,
-        variables=("alpha",),
-        terms=CURVE_TERMS,
-        centers=centers[:, None],
-        widths=centers[1:2] - centers[:1],
-        angles=angles,
-    )
-    functions = make(mix=spreads).functions(angles[:, None])
-    shapes = [np.stack(shape, axis=1)[:, None, :] for shape in _simple_shapes(angles)]
-    overlaps = np.array(
-        [(functions[:, :, None] * s).mean(axis=0).ravel() for s in shapes]
-    )
-    _, _, rows = np.linalg.svd(overlaps * spreads)
-    free = rows[len(overlaps) :].T
-    return make(mix=spreads[:, None] * free)
-
-
-def _simple_shapes(alpha: np.ndarray) -> list[tuple[np.ndarray, ...]]:
-    """Shapes that the simplest formulas add to CURVE_TERMS, a tuple of (n,) each."""
-    s, c = np.sin(alpha), np.cos(alpha)
-    none, one = np.zeros_like(alpha), np.ones_like(alpha)
-    return [
-        (none, one, none, none),  # Profile drag.
-        (c * c, s * c, none, none),  # Camber: C_n = cos alpha.
-        (s * c, s * s, none, none),  # The flat plate's lift: mass, area.
-        (-s, c, none, none),  # Axial drag.
-        (none, none, one, none),  # Pitch moment.
-        (none, none, s, none),  # Center of pressure, and
-        (none, none, s**3, none),  # its travel.
-        (none, none, none, one),  # The elevator's area.
-    ]

@@ -13,7 +13,7 @@ from glider.sysid.constants import (
     SURVEY_FLIGHTS,
 )
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.blocks import CURVES, Block
+from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
 from glider.sysid.likelihood.linear_flight import (
     Direction,
@@ -42,7 +42,7 @@ class Candidates:
 
     task: Task  #: Of the flights.
     model: model_fit.FitResult  #: About which the flights are linear.
-    directions: tuple[Direction, ...]  #: Of the columns; the curves' columns follow.
+    directions: tuple[Direction, ...]  #: Of the columns; those of acting blocks follow.
     variants: dict[str, tuple[Variant, ...]]  #: By kind; one of a kind that acts.
     flights: Sequence[LinearFlight]  #: Linear in the directions and what acts.
     blocks: tuple[Block, ...] = ()  #: That do not act yet; their columns come last.
@@ -56,11 +56,9 @@ class Candidates:
 
     @property
     def always(self) -> list[int]:
-        """Columns that act in every set: unknown parameters and the curves."""
+        """Columns that act in every set: those of unknown parameters."""
         own = set(self.task.vehicle.nuisance)
-        vehicle = [j for j, slot in enumerate(self.slots) if slot in own]
-        places = self.model.places(len(self.directions))
-        return [*vehicle, *places.get(CURVES, ())]
+        return [j for j, slot in enumerate(self.slots) if slot in own]
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
@@ -96,9 +94,7 @@ class Candidates:
         more = sum(block.count for block in self.blocks)
         most = np.full(more, LARGEST_COORDINATE)
         prior = model_fit.Prior(  # Unknown parameters count from where they are.
-            mean=np.append(
-                np.where(stays & (index >= first), prior.mean, 0.0), 0 * most
-            ),
+            mean=np.zeros(len(prior.mean) + more),
             precision=np.append(prior.precision, np.ones(more)),
             lower=np.append(prior.lower + share, -most),
             upper=np.append(prior.upper + share, most),
@@ -265,15 +261,20 @@ def tamed(
     return tame, found
 
 
-def saturated_scales(candidates: Candidates, scales: Scales, rounds: int) -> Scales:
-    """Fits the scales with all candidates acting at once, shrunken.
+def saturated(candidates: Candidates, rounds: int) -> model_fit.FitResult:
+    """Returns the model with scales and surroundings as if all candidates acted.
 
-    Otherwise a missing effect would be taken for noise before it is searched for.
+    They act at once, shrunken: otherwise a missing effect would be taken for noise, or
+    for gusts, before it is searched for.
     """
-    prior = model_fit.prior_of(candidates.task, candidates.model, candidates.slots)
+    model = candidates.model
+    prior = model_fit.prior_of(candidates.task, model, candidates.slots)
+    scales = model.scales
     for _ in range(rounds):
         gram = model_fit.grams_of(candidates.flights, scales).sum(axis=0)
         change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in candidates.flights]
         scales, _ = fit_scales(flights, scales, iterations=3)
-    return scales
+    model = dataclasses.replace(model, scales=scales)
+    own = model_fit.in_surroundings(model, flights).about
+    return dataclasses.replace(model, about=model.about | own)

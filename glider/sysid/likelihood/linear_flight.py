@@ -6,7 +6,7 @@ A direction is one way in which a model may be wrong: a column of the flight's e
 import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -26,12 +26,25 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import nodes_at_rest, signals, trimmed, true_nodes
 
-# Per-flight constants: wind in x and z [m/s], trim and pitch zero [rad].
-NO_CONSTANTS = np.zeros(OWN_STATES - PROCESSES)
 SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
 SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
 FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
 Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and values.
+
+
+class Surroundings(NamedTuple):
+    """What a flight is linear about, beside its states."""
+
+    #: (4,) per-flight constants: wind in x and z [m/s], trim and pitch zero [rad].
+    constants: np.ndarray = np.zeros(OWN_STATES - PROCESSES)
+    gusts: np.ndarray = np.zeros((1, 2))  #: (K, 2) in x and z, of intervals [m/s].
+
+    def wind(self, record: Record) -> np.ndarray:
+        """Returns the velocity of the air in a flight's intervals, (K, 2)."""
+        return self.constants[:2] + self.gusts + record.side_wind
+
+
+STILL_AIR = Surroundings()
 
 
 class Direction(NamedTuple):
@@ -100,6 +113,7 @@ class LinearFlight:
     """
 
     record: Record
+    about: Surroundings
     nodes: np.ndarray
     states: list[int]  #: Of the nodes that the other arrays have.
     by_x: np.ndarray
@@ -139,10 +153,6 @@ class LinearFlight:
         more = sum(own.shape[1] for *_, own in self.forces)
         return self.combined(np.zeros(self.inputs.shape[2] - 1 + more))
 
-    def with_launch(self) -> "LinearFlight":
-        """Returns the flight with columns for its start, in the filter's order."""
-        return self.whole()._with_columns("start", -np.eye(len(self.start)))
-
     def with_force_errors(self) -> "LinearFlight":
         """Returns the flight with errors of C_L and C_D in place of moving air.
 
@@ -171,27 +181,27 @@ class LinearFlight:
         for basis, terms, mix in self.forces:
             product = basis[:, None, :, None] * self.by_term[:, :, None, terms]
             columns.append(-product.reshape(shape) @ mix)
+        inputs = np.concatenate(columns, axis=2)
+        wider = {
+            "inputs": inputs,
+            "outputs": np.zeros((*self.outputs.shape[:2], inputs.shape[2])),
+            "start": np.zeros((len(self.start), inputs.shape[2])),
+        }
+        for name, more in wider.items():
+            old = getattr(self, name)
+            wider[name] = np.concatenate([old[..., :-1], more, old[..., -1:]], axis=-1)
         bare = dataclasses.replace(self, forces=())
-        return bare._with_columns("inputs", np.concatenate(columns, axis=2))
-
-    def _with_columns(self, name: str, columns: np.ndarray) -> "LinearFlight":
-        """Returns the flight with more columns of one array, zero in the others."""
-        wider: dict[str, Any] = {}
-        for other in ("inputs", "outputs", "start"):
-            old = getattr(self, other)
-            more = np.zeros((*old.shape[:-1], columns.shape[-1]))
-            parts = [old[..., :-1], columns if other == name else more, old[..., -1:]]
-            wider[other] = np.concatenate(parts, axis=-1)
+        return dataclasses.replace(bare, **wider)
         return dataclasses.replace(self, **wider)
 
 
 def path_of(
-    record: Record, theta: np.ndarray, constants: np.ndarray
+    record: Record, theta: np.ndarray, about: Surroundings
 ) -> tuple[LogPath, np.ndarray]:
-    """Returns a flight's path and dynamics under a model, with its constants."""
+    """Returns a flight's path and dynamics under a model, in its surroundings."""
     elevator, rate, _ = signals(record, theta)
-    flown, shift = trimmed(record, theta, constants[2])
-    wind = constants[:2] + record.side_wind
+    flown, shift = trimmed(record, theta, about.constants[2])
+    wind = about.wind(record)
     path = log_path(record.time, elevator + shift, rate, wind, record.bank)
     return path, record.layout.dynamics(flown)
 
@@ -201,14 +211,14 @@ def linearize(
     theta: np.ndarray,
     field: Field,
     directions: Sequence[Direction] = (),
-    constants: np.ndarray = NO_CONSTANTS,
+    about: Surroundings = STILL_AIR,
     terms: Iterable[str] = (),
 ) -> LinearFlight:
-    """Makes a flight linear about its smoothed measurement and its constants (4,).
+    """Makes a flight linear about its smoothed measurement and its surroundings.
 
     Forces may be added to it later only by `terms` of FIELD_TERMS.
     """
-    layout, theta = record.layout, theta.copy()
+    layout, theta, constants = record.layout, theta.copy(), about.constants
     theta[layout.index["pitch_offset", "angle"]] += constants[3]  # It reads too much.
     with_states = any(d.kind in layout.states for d in directions)
     kinds, nodes = layout.compiled_kinds, true_nodes(record, theta, field, with_states)
@@ -217,7 +227,7 @@ def linearize(
     if record.trim_is_moment:
         terms["c_moment"] = None
     shown = tuple(terms)
-    path, dynamics = path_of(record, theta, constants)
+    path, dynamics = path_of(record, theta, about)
     moving = [j for j, d in enumerate(directions) if d.slot not in layout.sensor_slots]
     plain = [  # Those that leave the log's signals and the nodes as they are.
         j
@@ -239,10 +249,12 @@ def linearize(
         kinds, path, nodes, dynamics, moved, sizes, field, index, width
     )
     inputs = np.zeros((*ends.shape, columns))
-    inputs[:, :, plain], inputs[:, :, -1] = -by_plain, ends - nodes[1:]
+    by_air = by_term[:, :, :2]
+    still = ends - np.sum(by_air * about.gusts[:, None], axis=2)  # They count from 0.
+    inputs[:, :, plain], inputs[:, :, -1] = -by_plain, still - nodes[1:]
     others = [j for j in moving if j not in plain]
     beside = [directions[j] for j in others]
-    secants = _secants(record, theta, field, beside, constants, (nodes, ends))
+    secants = _secants(record, theta, field, beside, about, (nodes, ends))
     for j, secant in zip(others, secants, strict=True):
         inputs[:, :, j] = -secant
     by_x, by_term = by_x.take(states, 1).take(states, 2), by_term.take(states, 1)
@@ -254,6 +266,7 @@ def linearize(
         by_trim = per_radian * by_term[:, :, shown.index("c_moment")]
     return LinearFlight(
         record=record,
+        about=about,
         nodes=nodes,
         states=states,
         by_x=by_x,
@@ -273,7 +286,7 @@ def _secants(
     theta: np.ndarray,
     field: Field,
     directions: Sequence[Direction],
-    constants: np.ndarray,
+    about: Surroundings,
     usual: tuple[np.ndarray, np.ndarray],
 ) -> Iterator[np.ndarray]:
     """Yields the slopes (K, n) of intervals' ends where signals or nodes change.
@@ -282,7 +295,7 @@ def _secants(
     """
 
     def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        path, dynamics = path_of(record, theta, constants)
+        path, dynamics = path_of(record, theta, about)
         return advance_nodes(record.layout.compiled_kinds, path, nodes, dynamics, field)
 
     bases: dict[Shapes, tuple[np.ndarray, np.ndarray]] = {(): usual}

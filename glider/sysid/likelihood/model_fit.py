@@ -1,4 +1,4 @@
-"""Coefficients, curves and scales fitted together to the flights of a campaign.
+"""Coefficients, free functions and scales fitted together to the flights of a campaign.
 
 Gauss-Newton on the filter's innovations, which are linear in the coefficients about
 each linearisation, and Fisher scoring for the scales in between.
@@ -15,17 +15,18 @@ from glider.physics.effects.field import make_field
 from glider.sysid.constants import (
     FIT_TOLERANCE,
     LARGEST_COORDINATE,
+    LARGEST_STRENGTH,
     LEAST_STRENGTH,
     MOST_TRIES,
-    STRENGTH_RANGE,
 )
-from glider.sysid.likelihood.blocks import CURVES, Block, FittedBlock, midpoints
+from glider.sysid.likelihood.blocks import Block, FittedBlock, midpoints
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
-    NO_CONSTANTS,
+    STILL_AIR,
     Direction,
     LinearFlight,
+    Surroundings,
     linearize,
     slopes,
 )
@@ -33,9 +34,9 @@ from glider.sysid.likelihood.scales import (
     NAMES,
     Scales,
     fit_scales,
-    flight_constants,
     negative_log_likelihood,
     start_scales,
+    surroundings_of,
     whiten,
 )
 from glider.sysid.likelihood.task import Task
@@ -53,26 +54,15 @@ class FitResult:
     kinds: tuple[str, ...]  #: That act.
     theta: np.ndarray  #: Its parameters and coefficients.
     free: tuple[int, ...]  #: Slots of theta that are fitted.
-    #: Free functions that act: those of `kinds`, and the curves.
-    blocks: tuple[FittedBlock, ...] = ()
+    blocks: tuple[FittedBlock, ...] = ()  #: Free functions among the kinds.
     scales: Scales  #: Of all noise.
-    #: Name of each flight to its constants, about which it is linear.
-    constants: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    #: Name of each flight to what it is linear about.
+    about: dict[str, Surroundings] = dataclasses.field(default_factory=dict)
     #: Whether errors of the forces stand in for moving air, see
     #: `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
     has_force_errors: bool = False
     cost: float = np.inf  #: Negative log posterior [nats].
     freedom: float = 0.0  #: Penalty for prior volume that blocks do not fill [nats].
-
-    @property
-    def has_curves(self) -> bool:
-        """Whether curves act."""
-        return CURVES in self.by_name
-
-    @property
-    def strength(self) -> float:
-        """Prior strength of the curves; zero where there are none."""
-        return self.by_name[CURVES].strength if self.has_curves else 0.0
 
     @property
     def by_name(self) -> dict[str, FittedBlock]:
@@ -82,7 +72,7 @@ class FitResult:
     @property
     def free_kinds(self) -> tuple[str, ...]:
         """Free functions among the kinds."""
-        return tuple(b.block.name for b in self.blocks if b.block.name in self.kinds)
+        return tuple(own.block.name for own in self.blocks)
 
     @property
     def coordinates(self) -> np.ndarray:
@@ -102,15 +92,6 @@ class FitResult:
         ends = np.cumsum([own.block.count for own in self.blocks], dtype=int)
         return np.split(values, ends)[:-1]
 
-    def with_curves(self, curves: Block, strength: float) -> "FitResult":
-        """Returns the model with the curves' strength set; they act from now on."""
-        none = np.zeros(curves.count)
-        new = FittedBlock(block=curves, coordinates=none, strength=strength)
-        old = self.by_name.get(CURVES, new)
-        own = dataclasses.replace(new, coordinates=old.coordinates)
-        bare = self.without_blocks(CURVES)
-        return dataclasses.replace(bare, blocks=(own, *bare.blocks))
-
     def with_kinds(
         self, task: Task, kinds: tuple[str, ...], theta: np.ndarray
     ) -> "FitResult":
@@ -125,15 +106,14 @@ class FitResult:
         return dataclasses.replace(self, blocks=kept)
 
 
-def start_of(task: Task, noise: Noise, with_curves: bool) -> FitResult:
+def start_of(task: Task, noise: Noise) -> FitResult:
     """Returns the nominal model, unfitted, in still air."""
-    bare = FitResult(
+    return FitResult(
         kinds=(),
         theta=task.vehicle.theta.copy(),
         free=task.free(()),
         scales=start_scales(noise),
     )
-    return bare.with_curves(task.curves, 1.0) if with_curves else bare
 
 
 def field_of(model: FitResult) -> Field:
@@ -163,7 +143,7 @@ def linear_flights(
         directions = slopes(task.layout, model.free)
 
     def one(record: Record) -> LinearFlight:  # It holds one flight only.
-        own = model.constants.get(record.name, NO_CONSTANTS)
+        own = model.about.get(record.name, STILL_AIR)
         flight = linearize(record, model.theta, field, directions, own, sorted(terms))
         if model.has_force_errors:
             flight = flight.with_force_errors()
@@ -178,7 +158,7 @@ def with_blocks(
     """Returns a flight with the columns of blocks, before the last."""
     if not blocks:
         return flight
-    values = midpoints(flight.record, theta)
+    values = midpoints(flight.record, theta, flight.about)
     for block in blocks:
         flight = block.added_to(flight, values)
     return flight
@@ -284,8 +264,7 @@ def fit_model(
             break
         current = moved(task, best, step)
         if not tries:
-            constants = flight_constants([f.combined(step) for f in flights], scales)
-            current = dataclasses.replace(current, constants=constants)
+            current = in_surroundings(current, [f.combined(step) for f in flights])
     assert best is not None
     return best
 
@@ -307,10 +286,12 @@ def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
     return dataclasses.replace(model, theta=theta, blocks=blocks)
 
 
-def with_constants(task: Task, model: FitResult) -> FitResult:
-    """Returns a model with the constants of each flight of a task, old and new."""
-    constants = flight_constants(error_flights(task, model), model.scales)
-    return dataclasses.replace(model, constants=constants)
+def in_surroundings(model: FitResult, flights: Sequence[LinearFlight]) -> FitResult:
+    """Returns a model about what flights of one column, its error, show."""
+    about = surroundings_of(flights, model.scales)
+    if model.has_force_errors:  # They are no gusts.
+        about = {name: Surroundings(own.constants) for name, own in about.items()}
+    return dataclasses.replace(model, about=about)
 
 
 def fit_strength(task: Task, model: FitResult) -> FitResult:
@@ -324,6 +305,7 @@ def fit_strength(task: Task, model: FitResult) -> FitResult:
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
     own, start = slice(len(model.free), None), model.coordinates
+    before = float(prior_of(task, model).added_to(gram)[-1, -1])
     for _ in range(_STRENGTH_ROUNDS):
         total = prior_of(task, model).added_to(gram)
         covariance = np.linalg.inv(total[:-1, :-1])
@@ -331,13 +313,17 @@ def fit_strength(task: Task, model: FitResult) -> FitResult:
         squares = value**2 + np.diag(covariance)[own]
         blocks = []
         for fitted, mine in zip(model.blocks, model.split(squares), strict=True):
-            least, most = STRENGTH_RANGE
-            if fitted.block.name != CURVES:
-                least = LEAST_STRENGTH
-            strength = float(np.clip(np.sqrt(np.mean(mine)), least, most))
+            strength = float(np.sqrt(np.mean(mine)))
+            strength = min(max(strength, LEAST_STRENGTH), LARGEST_STRENGTH)
             blocks.append(dataclasses.replace(fitted, strength=strength))
         model = dataclasses.replace(model, blocks=tuple(blocks))
     corner = np.linalg.inv(covariance[own, own])
     freedom = 0.5 * float(np.linalg.slogdet(corner)[1])
     freedom -= 0.5 * sum(float(np.log(b.precision).sum()) for b in model.blocks)
-    return dataclasses.replace(model, freedom=freedom)
+    prior = prior_of(task, model)
+    step = prior.best_step(gram)
+    left = np.append(-step, 1.0)
+    gained = 0.5 * (before - float(left @ prior.added_to(gram) @ left))
+    return dataclasses.replace(
+        moved(task, model, step), freedom=freedom, cost=model.cost - gained
+    )

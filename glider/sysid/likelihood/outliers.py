@@ -44,7 +44,7 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 
 def mean_squares(task: Task, noise: Noise) -> np.ndarray:
     """Returns the mean square of each flight's remaining error (flights,)."""
-    model = model_fit.start_of(task, noise, with_curves=task.vehicle.knows_forces)
+    model = model_fit.start_of(task, noise)
     candidates, grams, _ = gather_in_parts(task, model, COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
     prior = model_fit.prior_of(task, model, candidates.slots)

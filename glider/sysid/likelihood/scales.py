@@ -6,7 +6,12 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from glider.compiled.filter_error import PROCESSES, filter_flight
+from glider.compiled.filter_error import (
+    OWN_STATES,
+    PROCESSES,
+    filter_flight,
+    smooth_flight,
+)
 from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import OFFSET
 from glider.physics.state import NUM_STATES
@@ -19,8 +24,8 @@ from glider.sysid.constants import (
     STATE_SPREAD,
     STILL,
 )
-from glider.sysid.likelihood.information import solve, solve_scaled
-from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings
 from glider.sysid.replay.record import Noise
 
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
@@ -131,33 +136,47 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     return np.square(np.concatenate([launch, extra, own]))
 
 
-def whiten(
-    flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
-) -> WhitenedFlight:
+def whiten(flight: LinearFlight, scales: Scales) -> WhitenedFlight:
     """Filters a flight."""
-    flight, record, n = flight.whole(), flight.record, flight.by_x.shape[1]
-    usual, channels = start_variances(flight, scales), record.seen.shape[1]
-    innovations, variances = np.empty(flight.outputs.shape), np.empty(record.seen.shape)
-    filter_flight(
-        record.time,
-        *(flight.by_x, flight.by_air, flight.by_trim, flight.inputs),
+    arguments = _filter_arguments(flight.whole(), scales, 0)
+    filter_flight(*arguments)
+    return WhitenedFlight(arguments[13], np.log(arguments[14]))
+
+
+def _filter_arguments(
+    flight: LinearFlight, scales: Scales, smoothed: int
+) -> tuple[np.ndarray, ...]:
+    """Arguments of `filter_columns`, with so many nodes to be smoothed."""
+    record, n = flight.record, flight.by_x.shape[1]
+    variances, channels = start_variances(flight, scales), record.seen.shape[1]
+    return (
+        *(record.time, flight.by_x, flight.by_air, flight.by_trim, flight.inputs),
         *(flight.pose_by_x, flight.outputs, record.seen),
         np.square(scales.sensors[:channels]),
-        usual if start is None else start,
+        variances,
         flight.start.copy(),
         1.0 / np.array(scales.times),
-        usual[n : n + PROCESSES],
-        innovations,
-        variances,
+        variances[n : n + PROCESSES],
+        *(np.empty(flight.outputs.shape), np.empty(record.seen.shape)),
+        np.empty((smoothed, channels, n + OWN_STATES)),
+        np.empty((smoothed, 2, n + OWN_STATES + 1)),
     )
-    return WhitenedFlight(innovations, np.log(variances))
 
 
-def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
-    """Returns the start given all rows, (n + 8,): deviations, then the constants."""
-    variances = start_variances(flight, scales)
-    gram = whiten(flight.with_launch(), scales, np.zeros_like(variances)).gram
-    return solve(gram, 1.0 / np.maximum(variances, 1e-16))
+class Smoothed(NamedTuple):
+    """What all rows of a flight of one column say of it."""
+
+    start: np.ndarray  #: (n + 8,) deviations at the first node, then the constants.
+    gusts: np.ndarray  #: (K, 2) mean velocities of the moving air in intervals [m/s].
+
+
+def smooth(flight: LinearFlight, scales: Scales) -> Smoothed:
+    """Smooths a flight of one column, its error."""
+    arguments = _filter_arguments(flight, scales, len(flight.record.time))
+    adjoint = np.zeros(len(flight.start))
+    smooth_flight(adjoint, *arguments)
+    gusts = arguments[16][:, :, -1]
+    return Smoothed(arguments[9] * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
 
 
 PER_FLIGHT = (
@@ -169,17 +188,23 @@ PER_FLIGHT = (
 
 def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
     """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
-    starts = in_parallel(lambda f: smoothed_start(f, scales), flights)
+    starts = in_parallel(lambda f: smooth(f, scales).start, flights)
     return np.array(starts)[:, -len(PER_FLIGHT) :]
 
 
-def flight_constants(
+def surroundings_of(
     flights: Sequence[LinearFlight], scales: Scales
-) -> dict[str, np.ndarray]:
-    """Returns each flight's constants (4,), given all its rows, by its name."""
+) -> dict[str, Surroundings]:
+    """Returns each flight's constants and gusts, given all its rows, by its name."""
     largest = 3.0 * np.array([scales.wind, scales.wind, scales.trim, scales.pitch_zero])
-    values = np.clip(flight_values(flights, scales), -largest, largest)
-    return {f.record.name: own for f, own in zip(flights, values, strict=True)}
+
+    def one(flight: LinearFlight) -> Surroundings:
+        start, gusts = smooth(flight, scales)
+        own = np.clip(start[-len(largest) :], -largest, largest)
+        return Surroundings(own, gusts)
+
+    found = in_parallel(one, flights)
+    return {f.record.name: own for f, own in zip(flights, found, strict=True)}
 
 
 def negative_log_likelihood(

@@ -8,13 +8,7 @@ import numpy as np
 from glider.compiled.theta import SERVO_LOG, Layout
 from glider.physics.effects import SERVO_LAG
 from glider.sysid.constants import CLOCK_REACH, HIDDEN_LAG, PRIOR_SCALES
-from glider.sysid.likelihood.blocks import (
-    Block,
-    Curves,
-    flown_values,
-    make_blocks,
-    make_curves,
-)
+from glider.sysid.likelihood.blocks import Block, flown_values, make_blocks
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.vehicle import Vehicle
 
@@ -26,7 +20,6 @@ class Task:
     records: Sequence[Record]  #: The flights.
     vehicle: Vehicle  #: What is known of the glider.
     kinds: tuple[str, ...]  #: Effects to try.
-    curves: Curves  #: Errors of their formulas.
     blocks: Mapping[str, Block]  #: Free functions to try, by name.
 
     @property
@@ -94,6 +87,5 @@ def make_task(
         records=records,
         vehicle=vehicle,
         kinds=kinds,
-        curves=make_curves(flown),
         blocks=make_blocks(flown, vehicle.theta[wing_offset]),
     )

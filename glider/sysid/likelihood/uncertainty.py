@@ -1,4 +1,4 @@
-"""Standard errors of a model, with allowance for errors of its formulas."""
+"""Standard errors of a model."""
 
 import dataclasses
 import functools
@@ -6,15 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.sysid.constants import CURVE_ALLOWANCE, STRENGTH_RANGE
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.candidates import Candidates, saturated_scales
-from glider.sysid.likelihood.information import counted_from, eliminate, solve_scaled
-from glider.sysid.likelihood.linear_flight import slopes
+from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.task import Task
 
 _LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
-STRENGTHS_ASKED = np.geomspace(0.003, STRENGTH_RANGE[1], 60)  # None to most.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,11 +88,7 @@ def alternatives_of(
     odds = np.exp([0.0, *(-lack for _, lack in rivals)])
     models = [model, *(rival for rival, _ in rivals)]
     return [
-        Alternative(
-            probability=float(p),
-            model=own,
-            known=uncertainty_of(task, with_allowed_curves(task, own)),
-        )
+        Alternative(probability=float(p), model=own, known=uncertainty_of(task, own))
         for own, p in zip(models, odds / odds.sum(), strict=True)
     ]
 
@@ -159,48 +151,3 @@ def larger_of(likelihood: np.ndarray, changes: np.ndarray) -> tuple[np.ndarray, 
     share = float(np.sum(larger - 1.0) / max(np.sum(larger), 1e-300))
     freedom = max(min(effective, flights) - 1.0, r) / max(share, _LEAST_SHARE)
     return root @ root.T, freedom
-
-
-def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.FitResult:
-    """Returns a model with the strongest prior of curves that its flights allow.
-
-    Curves over the angle of attack that the flights cannot show may have biased the
-    coefficients: standard errors are computed with such curves beside the formulas.
-
-    The strength s is the largest whose evidence, the coefficients integrated out, is
-    at most CURVE_ALLOWANCE below the best, where curves are not mistaken for moving
-    air: with eigenvalues λ of the curves' information, and g of the error along them,
-
-        log p(s) = ½ Σ g² / (λ + s⁻²) - ½ Σ log(1 + s² λ).
-    """
-    if model.has_force_errors:  # They allow for any shape already.
-        return model
-    bent = model.with_curves(task.curves, 1.0)
-    columns = Candidates(
-        task=task,
-        model=bent,
-        directions=tuple(slopes(task.layout, model.free)),
-        variants={},
-        flights=model_fit.linear_flights(task, bent),
-        columns=(),
-    )
-    scales = saturated_scales(columns, model.scales, 2)
-    prior, first = model_fit.prior_of(task, bent), len(model.free)
-    own = np.zeros(len(prior.mean))
-    curves = range(first, first + task.curves.count)
-    own[curves] = bent.coordinates[: task.curves.count]
-    known = [j for j in range(len(own)) if j not in curves]
-    reduced = eliminate(
-        counted_from(columns.grams(scales).sum(axis=0), own),
-        known,
-        prior.precision[known],
-        prior.mean[known],
-    )
-    values, axes = np.linalg.eigh(reduced[:-1, :-1])
-    values, error = np.maximum(values, 0.0), axes.T @ reduced[:-1, -1]
-    squares = np.square(STRENGTHS_ASKED)[:, None]
-    evidence = 0.5 * np.sum(
-        error**2 / (values + 1.0 / squares) - np.log1p(squares * values), axis=1
-    )
-    allowed = STRENGTHS_ASKED[evidence >= evidence.max() - CURVE_ALLOWANCE]
-    return bent.with_curves(task.curves, float(allowed.max()))

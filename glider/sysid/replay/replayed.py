@@ -152,11 +152,13 @@ def flow_along(
     theta: np.ndarray,
     field: Field = NO_FIELD,
     trim: float | None = None,
+    wind: np.ndarray | float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns smoothed true states (n, num_states) and the model's flow there (n, 15).
 
     The flow's columns are those of `compiled.replay.log_flow`, FIELD_VARIABLES last.
     With a trim, the elevator is off its path by that much, else as it was measured.
+    Velocities are relative to the wind.
     """
     if trim is None:
         nodes = true_nodes(record, theta)
@@ -164,15 +166,21 @@ def flow_along(
         theta, shift = trimmed(record, theta, trim)
         nodes = true_nodes(record, theta)
         nodes[:, OFFSET] = shift
+    nodes[:, 4:6] -= wind
     at_nodes, layout = signals(record, theta).at_nodes, record.layout
     kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
     flow = compiled.flow_at(kinds, record.time, nodes, *at_nodes, dynamics, field)
     return nodes, flow
 
 
-def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES along a flight, (n, 10), at its smoothed states."""
-    return flow_along(record, theta)[1][:, -len(FIELD_VARIABLES) :]
+def flow_variables(
+    record: Record, theta: np.ndarray, wind: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Returns FIELD_VARIABLES along a flight, (n, 10), at its smoothed states.
+
+    In air that moves with `wind` (n, 2) [m/s].
+    """
+    return flow_along(record, theta, wind=wind)[1][:, -len(FIELD_VARIABLES) :]
 
 
 def make_table(

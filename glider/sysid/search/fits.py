@@ -9,7 +9,6 @@ import numpy as np
 from glider.progress import Progress
 from glider.sysid.constants import (
     COEFFICIENT_THRESHOLD,
-    CURVE_THRESHOLD,
     EVIDENCE_THRESHOLD,
     MOST_COMPARED,
     SIMPLE_COEFFICIENT_THRESHOLD,
@@ -18,14 +17,8 @@ from glider.sysid.constants import (
     THRESHOLD_FLIGHTS,
 )
 from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
-from glider.sysid.likelihood.candidates import (
-    Candidates,
-    Variant,
-    gather,
-    saturated_scales,
-)
+from glider.sysid.likelihood.candidates import Candidates, Variant, gather, saturated
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
-from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer
@@ -50,7 +43,6 @@ class FirstOrder:
     """Sets of effects compared to first order about a model."""
 
     candidates: Candidates  #: About the model.
-    scales: Scales  #: Of noise.
     score: Scorer  #: Of sets.
 
     def begin(self, members: Members) -> FitResult:
@@ -74,11 +66,7 @@ class FirstOrder:
             values = task.priors(slots, theta)[0] + step
             theta[slots] = np.clip(values, *task.bounds(slots))
         return dataclasses.replace(
-            model,
-            kinds=kinds,
-            free=task.free(kinds),
-            blocks=tuple(blocks.values()),
-            scales=self.scales,
+            model, kinds=kinds, free=task.free(kinds), blocks=tuple(blocks.values())
         )
 
     def _block(
@@ -98,10 +86,7 @@ class Search:
 
     task: Task
     progress: Progress
-    #: By the set, and whether curves act.
-    fitted: dict[tuple[frozenset[str], bool], FitResult] = dataclasses.field(
-        default_factory=dict
-    )
+    fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
 
@@ -113,7 +98,6 @@ class Search:
         count, threshold = len(model.kinds) - free, threshold_of(self.task, model)
         penalty = threshold.effect * count + threshold.coefficient * (sizes - count)
         flights = len(self.task.records)
-        penalty += CURVE_THRESHOLD * model.has_curves
         penalty += sum(
             threshold_of_kind(flights, block_threshold(name, model.kinds))
             for name in model.free_kinds
@@ -126,7 +110,7 @@ class Search:
 
     def fit(self, model: FitResult, words: str = "") -> FitResult:
         """Fits a model, and the strengths of its blocks, unless its set is known."""
-        key = frozenset(model.kinds), model.has_curves
+        key = frozenset(model.kinds)
         if key not in self.fitted or not np.isfinite(self.fitted[key].cost):
             what = ", ".join(sorted(model.kinds)) or "the flat plate"
             self.progress(words or f"fitting {what}")
@@ -144,15 +128,17 @@ class Search:
             return self._near[2]
         few = self.task.thinned(MOST_COMPARED)
         candidates, found = gather(few, model, with_blocks=True), None
-        rounds = 2 if np.isfinite(model.cost) else 3
-        scales = saturated_scales(candidates, model.scales, rounds)
-        gram = candidates.total(scales)
+        about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
+        candidates = dataclasses.replace(candidates, model=about)
+        if not about.scales.is_still:
+            candidates = gather(few, about, with_blocks=True)
+        gram = candidates.total(about.scales)
         if np.all(np.isfinite(gram)):
-            score = marginal_scorer(candidates, gram[None], np.ones(1), scales)
+            score = marginal_scorer(candidates, gram[None], np.ones(1))
             if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
                 self.alone = score.among(few.kinds).alone() | self.alone
             candidates = dataclasses.replace(candidates, flights=())  # They are large.
-            found = FirstOrder(candidates=candidates, scales=scales, score=score)
+            found = FirstOrder(candidates=candidates, score=score)
         self._near = self.task, model, found
         return found
 
@@ -176,17 +162,14 @@ class Search:
 def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:
     """Returns the evidence that each effect of a model must bring, at least."""
     effect, coefficient = EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD
-    if is_simple(model, model.scales):
+    if is_simple(model):
         effect, coefficient = SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD
     effect = threshold_of_kind(len(task.records), effect)
     return EvidenceThreshold(effect=effect, coefficient=coefficient)
 
 
 def marginal_scorer(
-    candidates: Candidates,
-    grams: np.ndarray,
-    counts: np.ndarray,
-    scales: Scales | None = None,
+    candidates: Candidates, grams: np.ndarray, counts: np.ndarray
 ) -> Scorer:
     """Returns the evidence of sets on flights that count so often, less a penalty.
 
@@ -196,7 +179,7 @@ def marginal_scorer(
     """
     evidence = candidates.evidence(np.tensordot(counts, grams, 1))
     model = candidates.model
-    is_fair = is_simple(model, scales or model.scales)
+    is_fair = is_simple(model)
     base = float(np.log(len(candidates.task.kinds))) if is_fair else EVIDENCE_THRESHOLD
     blocks, flights = candidates.task.blocks, len(candidates.task.records)
 
@@ -222,7 +205,8 @@ def threshold_of_kind(flights: int, base: float) -> float:
     return base * max(1.0, flights / THRESHOLD_FLIGHTS)
 
 
-def is_simple(model: FitResult, scales: Scales) -> bool:
+def is_simple(model: FitResult) -> bool:
     """Whether one effect at most and air explain the flights, and nothing else."""
-    is_bare = not model.blocks and len(model.kinds) <= 1
-    return is_bare and not model.has_force_errors and scales.moment < SIMPLE_MOMENT
+    if model.blocks or model.has_force_errors or len(model.kinds) > 1:
+        return False
+    return model.scales.moment < SIMPLE_MOMENT

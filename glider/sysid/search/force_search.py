@@ -121,7 +121,7 @@ def search_forces(
     task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
 ) -> SearchResult:
     """Finds the effects that the forces along the measured attitude show."""
-    start = start_of(task, noise, with_curves=False)
+    start = start_of(task, noise)
     scales = dataclasses.replace(start.scales, **ALONG_ATTITUDE)
     model = dataclasses.replace(start, scales=scales, has_force_errors=True)
     alone: dict[str, float] = {}
@@ -133,7 +133,7 @@ def search_forces(
         score = held_out_scorer(candidates, grams, np.ones(len(grams)))
         alone = alone or score.alone()
         members = best_set(score)
-        near = FirstOrder(candidates=candidates, scales=model.scales, score=score)
+        near = FirstOrder(candidates=candidates, score=score)
         model = refit_forces(task, near.begin(members))
         if frozenset(model.kinds) in tried:
             break

@@ -10,15 +10,15 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glider.sysid.constants import CLEAR, HASTE, MOST_TRIED, OFF, SLACK, UNDERVALUED
-from glider.sysid.likelihood.blocks import BLOCKS, CURVES
+from glider.sysid.constants import CLEAR, MOST_TRIED, OFF, SLACK, UNDERVALUED
+from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.scales import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import FirstOrder, Search, bare_of, without
-from glider.sysid.search.subsets import Members, best_of_sizes, best_set
+from glider.sysid.search.fits import FirstOrder, Search, without
+from glider.sysid.search.subsets import Members, best_of_sizes, climb
 
 Move = Callable[[Search, FitResult], FitResult | None]
 
@@ -26,15 +26,16 @@ Move = Callable[[Search, FitResult], FitResult | None]
 def best(search: Search, model: FitResult) -> FitResult | None:
     """The best set about a model.
 
-    Errors of the linearization look like small effects: where the set is new, only
-    effects that gain much join it.
+    Errors of the linearization look like small effects, in proportion to the gain: the
+    smallest set that reaches most of it comes first.
     """
     if (near := search.near(model)) is None:
         return None
     score, start = near.score, near.score.by_first(model.kinds)
-    members = best_set(score, start)
-    haste = HASTE * (score(members) - score(start))
-    outstanding = best_set(score.for_newcomers(haste, start), start)
+    sizes = best_of_sizes(score)
+    members = climb(score, max([climb(score, start), *sizes], key=score))
+    enough = score(members) - SLACK * (score(members) - score(start))
+    outstanding = next((m for m in sizes if score(m) >= enough), members)
     return search.better(model, near, [outstanding, members], first=True)
 
 
@@ -96,7 +97,10 @@ def with_mean(search: Search, model: FitResult) -> FitResult | None:
         shift[places] = mean[places]
         other = dataclasses.replace(
             model.with_kinds(task, (*model.kinds, kind), theta),
-            constants={name: own - shift for name, own in model.constants.items()},
+            about={
+                name: own._replace(constants=own.constants - shift)
+                for name, own in model.about.items()
+            },
         )
         other = search.fit(other, f"{kind} in all flights?")
         if search.prefers(other, model):
@@ -114,23 +118,6 @@ def fewer(search: Search, model: FitResult) -> FitResult | None:
     most = max(map(score, sizes), default=0.0)
     near_best = [m for m in reversed(sizes) if score(m) >= (1.0 - SLACK) * most]
     return search.better(model, near, near_best, first=True)
-
-
-def without_curves(search: Search, model: FitResult) -> FitResult | None:
-    """The model without curves, or the best set where there never were any.
-
-    Beside a wrong effect or none, curves absorb what a small effect explains.
-    """
-    if not model.has_curves:
-        return None
-    bare = search.fit(model.without_blocks(CURVES), "are curves needed?")
-    if search.prefers(bare, model):
-        return bare
-    if len(model.kinds) > 1 or model.free_kinds:
-        return None
-    plate = search.fit(bare_of(search.task, model))
-    near = search.near(plate)
-    return search.better(model, near, [best_set(near.score)]) if near else None
 
 
 def renamed(search: Search, model: FitResult) -> FitResult | None:
@@ -196,7 +183,6 @@ MOVES: dict[str, Move] = {
     "mean over flights": with_mean,
     "prune": pruned,
     "smaller set": fewer,
-    "without curves": without_curves,
     "formula of a free function": renamed,
     "another effect": with_another,
 }

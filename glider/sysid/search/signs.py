@@ -42,7 +42,7 @@ def find_signs(
         noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
         records = prepare(turned, campaign, noise, vehicle.layout, masks)
         task = make_task(records, vehicle, vehicle.kinds)
-        model = start_of(task, noise, with_curves=False)
+        model = start_of(task, noise)
         model = dataclasses.replace(
             model, kinds=kinds, free=task.free(kinds), scales=COARSE_SCALES
         )

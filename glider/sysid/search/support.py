@@ -57,7 +57,7 @@ def weigh(
     score = scoring(candidates, grams, np.ones(len(grams)))
     chosen = score.by_first(model.kinds)
     near, rivals = near_and_rivals(score, chosen)
-    is_single = is_simple(model, model.scales)
+    is_single = is_simple(model)
     share = RESAMPLED_SHARE if is_single else 1.0
     enough = SIMPLE_SUPPORT if is_single else LEAST_SUPPORT
     resampled: list[set[str]] = []

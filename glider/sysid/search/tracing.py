@@ -39,7 +39,7 @@ def trace(
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     search = fits.Search(without_late(task), progress)
-    model = improved(search, start_of(task, noise, with_curves=True))
+    model = improved(search, start_of(task, noise))
     search.task = task
     model = improved(search, model)
     progress(Step("weighing the effects", 0.76))
@@ -83,7 +83,7 @@ def rivals_of(
         for members in heapq.nlargest(MOST_TRIED, others, key=near.score):
             search.fit(near.begin(members))
     found: dict[frozenset[str], tuple[FitResult, float]] = {}
-    for (kinds, _), other in search.fitted.items():
+    for kinds, other in search.fitted.items():
         lack = search.penalized_cost(other) - best
         if kinds in swapped:
             lack = max(lack, 0.0)
@@ -142,9 +142,9 @@ def search_about(
     """
     is_of_forces = candidates.model.has_force_errors
     scorer = held_out_scorer if is_of_forces else fits.marginal_scorer
-    score, scales = scorer(candidates, grams, counts), candidates.model.scales
+    score = scorer(candidates, grams, counts)
     chosen = score.by_first(candidates.model.kinds)
     offered, _ = near_and_rivals(scorer(candidates, grams, np.ones(len(grams))), chosen)
     members = climb(score.among(offered), chosen)
-    near = fits.FirstOrder(candidates=candidates, scales=scales, score=score)
+    near = fits.FirstOrder(candidates=candidates, score=score)
     return near.begin(members), [c for _, variant in members for c in variant]

@@ -22,7 +22,7 @@ from glider.compiled import replay
 from glider.compiled.kernel import Family
 from glider.physics.chain import derivatives, theta_of
 from glider.physics.effects import NO_FIELD
-from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, path_of
+from glider.sysid.likelihood.linear_flight import STILL_AIR, path_of
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
@@ -88,7 +88,7 @@ class Identification:
             for slot in layout.slots_of(kind)
         }
         self.guess = dict(zip(self.slots, USUAL, strict=True))
-        self.paths = [path_of(r, start.theta, NO_CONSTANTS)[0] for r in task.records]
+        self.paths = [path_of(r, start.theta, STILL_AIR)[0] for r in task.records]
         self.elevator = np.stack([path.elevator for path in self.paths], axis=2)
         self.rate = np.stack([path.rate for path in self.paths], axis=1)
         nodes = [true_nodes(record, start.theta)[0] for record in task.records]

@@ -54,7 +54,7 @@ def test_a_stall_is_found_behind_three_that_imitate_it():
     task, noise = task_of(fly(KINDS["attached_lift"](slope=2.0), flights=8))
     task = dataclasses.replace(task, kinds=(*imitate, "attached_lift"))
     search = Search(task, lambda text: None)
-    start = start_of(task, noise, with_curves=True)
+    start = start_of(task, noise)
     model = search.fit(start.with_kinds(task, imitate, start.theta))
     found = improved(search, model)
     assert found.kinds == ("attached_lift",)
@@ -67,7 +67,7 @@ def test_an_effect_is_found_that_curves_had_explained():
     task, noise = task_of(fly(*drags, flights=8))
     task = dataclasses.replace(task, kinds=("profile_drag", "induced_drag", "mass"))
     search = Search(task, lambda text: None)
-    start = start_of(task, noise, with_curves=True)
+    start = start_of(task, noise)
     model = search.fit(start.with_kinds(task, ("profile_drag",), start.theta))
     assert model.strength > 0.2
     found = improved(search, model)
@@ -80,7 +80,7 @@ def test_names_take_the_place_of_curves_that_explain_no_more():
     for offered, expected in ((("profile_drag", "mass"), True), (("mass",), False)):
         own = dataclasses.replace(task, kinds=offered, blocks={})
         search = Search(own, lambda text: None)
-        model = search.fit(start_of(own, noise, with_curves=True))
+        model = search.fit(start_of(own, noise))
         found = without_curves(search, model)
         if expected:
             assert found is not None
