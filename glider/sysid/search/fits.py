@@ -11,6 +11,7 @@ from glider.sysid.constants import (
     COEFFICIENT_THRESHOLD,
     EVIDENCE_THRESHOLD,
     MOST_COMPARED,
+    RIVAL_GAP,
     SIMPLE_COEFFICIENT_THRESHOLD,
     SIMPLE_MOMENT,
     SIMPLE_THRESHOLD,
@@ -105,8 +106,15 @@ class Search:
         return model.cost + model.freedom + penalty
 
     def prefers(self, model: FitResult, other: FitResult) -> bool:
-        """Whether a model is worth more than another."""
-        return self.penalized_cost(model) < self.penalized_cost(other)
+        """Whether a model is worth more than another.
+
+        Clearly so, unless it has some of the other's effects, or all and further
+        formulas, which their thresholds are for.
+        """
+        own, its = set(model.kinds), set(other.kinds)
+        is_simpler, is_larger = own <= its, its <= own and not own - its & BLOCKS.keys()
+        margin = 0.0 if is_simpler or is_larger else RIVAL_GAP
+        return self.penalized_cost(model) < self.penalized_cost(other) - margin
 
     def fit(self, model: FitResult, words: str = "") -> FitResult:
         """Fits a model, and the strengths of its blocks, unless its set is known."""
