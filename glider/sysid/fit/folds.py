@@ -129,7 +129,7 @@ class _Refits:
     def __init__(self, task: Task, model: model_fit.FitResult, is_searched: bool):
         self.task, self.is_searched = task, is_searched
         self.model = model = model_fit.in_surroundings(
-            model, model_fit.error_flights(task, model)
+            task, model, model_fit.error_flights(task, model)
         )
         if is_searched:
             offered = without_late(task, model.kinds)

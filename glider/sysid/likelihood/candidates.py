@@ -276,5 +276,5 @@ def saturated(candidates: Candidates, rounds: int) -> model_fit.FitResult:
         flights = [f.combined(change) for f in candidates.flights]
         scales, _ = fit_scales(flights, scales, iterations=3)
     model = dataclasses.replace(model, scales=scales)
-    own = model_fit.in_surroundings(model, flights).about
+    own = model_fit.in_surroundings(candidates.task, model, flights).about
     return dataclasses.replace(model, about=model.about | own)

@@ -264,7 +264,8 @@ def fit_model(
             break
         current = moved(task, best, step)
         if not tries:
-            current = in_surroundings(current, [f.combined(step) for f in flights])
+            moved_flights = [f.combined(step) for f in flights]
+            current = in_surroundings(task, current, moved_flights)
     assert best is not None
     return best
 
@@ -286,10 +287,12 @@ def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
     return dataclasses.replace(model, theta=theta, blocks=blocks)
 
 
-def in_surroundings(model: FitResult, flights: Sequence[LinearFlight]) -> FitResult:
+def in_surroundings(
+    task: Task, model: FitResult, flights: Sequence[LinearFlight]
+) -> FitResult:
     """Returns a model about what flights of one column, its error, show."""
     about = surroundings_of(flights, model.scales)
-    if model.has_force_errors:  # They are no gusts.
+    if not task.vehicle.knows_forces:  # Their errors are no gusts.
         about = {name: Surroundings(own.constants) for name, own in about.items()}
     return dataclasses.replace(model, about=about)
 
