@@ -3,8 +3,9 @@
 Lengths that are logged a times too long, and times b times too long, make gravity
 a / b² times what it is; nothing else in a log contradicts a wrong scale. Measured
 accelerations are explained by a constant, which is gravity, and by forces of the air in
-16 ways: lift and drag with camber and a stall, with and without a wind, a thrust, a
-tracked point off the center of mass, and lift by the pitch rate. Flights rarely show
+32 ways: lift and drag with camber and a stall, with and without a wind, a thrust, a
+tracked point off the center of mass, lift by the pitch rate, and lift coefficients that
+depend on the airspeed. Flights rarely show
 which of them is right, so that the scatter over the ways is part of the uncertainty.
 
 Measured (tests/benchmarks/bench_fall.py): of 164 campaigns and parts of campaigns of
@@ -35,12 +36,13 @@ _LEAST_ERROR = 0.02  # Of the logarithm of gravity: of the local cubics.
 _WAY_ERROR = 0.03  # Of each way, below which ways count as equally certain.
 _ITERATIONS = 4  # Of Huber's weights.
 
-_OPTIONAL = ([8, 9], [10], [11, 12])  # Columns of offset, thrust, turning.
-_FIXED = [*range(8), 13, 14]  # Forces and gravity.
+_OPTIONAL = ([8, 9], [10], [11, 12], [13])  # Of offset, thrust, turning, airspeed.
+_FIXED = [*range(8), 14, 15]  # Columns of forces and gravity.
 _GRAVITY = slice(8, 10)  # Where it stands among these.
-_PRIORS = np.repeat([10.0, 0.3, 10.0, 1.0, 1e3], [8, 2, 1, 2, 2])
+_PRIORS = np.repeat([10.0, 0.3, 10.0, 1.0, 10.0, 1e3], [8, 2, 1, 2, 1, 2])
 """Standard deviations of the coefficients: forces [1/m], offsets [m], thrust [m/s²],
-turning, gravity [m/s²]."""
+turning, a lift that is proportional to the airspeed's departure from its mean [1/m],
+gravity [m/s²]."""
 
 
 def check_fall(
@@ -116,13 +118,14 @@ def _each_way(
 
 
 def _columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
-    """Accelerations (15, k, 2) by forces, offsets, thrust, turning and gravity."""
+    """Accelerations (16, k, 2) by forces, offsets, thrust, turning and gravity."""
     body, normal = forces.body_axes(sign * motion.pose[:, 2])
     air = motion.velocity[:, :2] - wind
     speed = np.maximum(np.hypot(*air.T), 1e-3)[:, None]
     across = np.sum(air * normal, axis=1)[:, None] / speed
     stalling = [across * np.abs(across) * normal, across * np.abs(across) * body]
     stalling += [across**3 * normal, across**2 * body]
+    quicker = speed / np.mean(speed) - 1.0
     turning = [sign * motion.velocity[:, 2:] * speed * axis for axis in (normal, body)]
     return np.stack(
         [
@@ -131,6 +134,7 @@ def _columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
             *forces.offset_columns(motion, sign),
             body,
             *turning,
+            quicker * speed**2 * across * normal,
             *np.broadcast_to(np.eye(2)[:, None], (2, len(speed), 2)),
         ]
     )
