@@ -196,7 +196,7 @@ def _hold_out(
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """A model's residual over flights, each with the trim that it has."""
     find_launch = functools.partial(prediction.find_launch, flown)
-    trims = [float(constants[2]) for _, constants in in_parallel(find_launch, records)]
+    trims = [float(a.constants[2]) for _, a in in_parallel(find_launch, records)]
     return make_table(records, flown.theta, trims, flown.field)
 
 
