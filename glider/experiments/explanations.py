@@ -138,7 +138,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     candidates = gather(task, chosen)
     evidence = candidates.evidence(candidates.grams(chosen.scales).sum(axis=0))
     score = Scorer(evidence, candidates.variants, lambda kind, kinds: penalty)
-    first_order = FirstOrder(candidates=candidates, scales=chosen.scales, score=score)
+    first_order = FirstOrder(candidates=candidates, score=score)
     own = score.by_first(chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}

@@ -89,7 +89,6 @@ MOST_EFFECTS = 8  # Of a set (c).
 MOST_COMPARED = 60  # Flights that sets are compared on before they are fitted (c).
 BEAM = 4  # Sets that each size is reached from (c).
 HOPELESS = 30.0  # Loss below the best set at which larger ones are left [nats] (c).
-HASTE = 0.01  # Share of a gain below which an effect waits for the next set (c).
 SLACK = 0.1  # Share of the evidence that a smaller set may lack, to first order (c).
 OFF = 5.0  # Standard errors by which a mean over flights is off zero (d): by no chance.
 UNDERVALUED = 30.0  # Evidence, to first order, that another effect may cost [nats] (c).

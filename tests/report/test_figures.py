@@ -251,7 +251,7 @@ def test_every_free_function_can_be_drawn():
     for name, kind in BLOCKS.items():
         data = FieldData(
             kind="unexplained",
-            variables=[kind.variable],
+            variables=list(kind.variables),
             centers=[[0.0], [0.1]],
             widths=[0.1],
             weights={kind.term: [0.1, 0.2]},

@@ -250,8 +250,8 @@ def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
             (COUNTS.get(kind.variables[0], 8),) if len(columns) == 1 else PAIR_COUNTS
         )
         spaced = [
-            np.linspace(*ends, n)
-            for *ends, n in zip(low[columns], high[columns], counts, strict=True)
+            np.linspace(first, last, n)
+            for first, last, n in zip(low[columns], high[columns], counts, strict=True)
         ]
         widths = np.array([own[1] - own[0] for own in spaced])
         centers = np.stack(np.meshgrid(*spaced, indexing="ij"), axis=-1)

@@ -6,7 +6,7 @@ A direction is one way in which a model may be wrong: a column of the flight's e
 import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -182,7 +182,7 @@ class LinearFlight:
             product = basis[:, None, :, None] * self.by_term[:, :, None, terms]
             columns.append(-product.reshape(shape) @ mix)
         inputs = np.concatenate(columns, axis=2)
-        wider = {
+        wider: dict[str, Any] = {
             "inputs": inputs,
             "outputs": np.zeros((*self.outputs.shape[:2], inputs.shape[2])),
             "start": np.zeros((len(self.start), inputs.shape[2])),
@@ -192,7 +192,6 @@ class LinearFlight:
             wider[name] = np.concatenate([old[..., :-1], more, old[..., -1:]], axis=-1)
         bare = dataclasses.replace(self, forces=())
         return dataclasses.replace(bare, **wider)
-        return dataclasses.replace(self, **wider)
 
 
 def path_of(

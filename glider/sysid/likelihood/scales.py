@@ -136,27 +136,31 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     return np.square(np.concatenate([launch, extra, own]))
 
 
-def whiten(flight: LinearFlight, scales: Scales) -> WhitenedFlight:
-    """Filters a flight."""
-    arguments = _filter_arguments(flight.whole(), scales, 0)
+def whiten(
+    flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
+) -> WhitenedFlight:
+    """Filters a flight; the start's variances are given where they are others."""
+    if start is None:
+        start = start_variances(flight, scales)
+    arguments = _filter_arguments(flight.whole(), scales, start, 0)
     filter_flight(*arguments)
     return WhitenedFlight(arguments[13], np.log(arguments[14]))
 
 
 def _filter_arguments(
-    flight: LinearFlight, scales: Scales, smoothed: int
+    flight: LinearFlight, scales: Scales, start: np.ndarray, smoothed: int
 ) -> tuple[np.ndarray, ...]:
     """Arguments of `filter_columns`, with so many nodes to be smoothed."""
     record, n = flight.record, flight.by_x.shape[1]
-    variances, channels = start_variances(flight, scales), record.seen.shape[1]
+    usual, channels = start_variances(flight, scales), record.seen.shape[1]
     return (
         *(record.time, flight.by_x, flight.by_air, flight.by_trim, flight.inputs),
         *(flight.pose_by_x, flight.outputs, record.seen),
         np.square(scales.sensors[:channels]),
-        variances,
+        start,
         flight.start.copy(),
         1.0 / np.array(scales.times),
-        variances[n : n + PROCESSES],
+        usual[n : n + PROCESSES],
         *(np.empty(flight.outputs.shape), np.empty(record.seen.shape)),
         np.empty((smoothed, channels, n + OWN_STATES)),
         np.empty((smoothed, 2, n + OWN_STATES + 1)),
@@ -172,11 +176,12 @@ class Smoothed(NamedTuple):
 
 def smooth(flight: LinearFlight, scales: Scales) -> Smoothed:
     """Smooths a flight of one column, its error."""
-    arguments = _filter_arguments(flight, scales, len(flight.record.time))
+    start = start_variances(flight, scales)
+    arguments = _filter_arguments(flight, scales, start, len(flight.record.time))
     adjoint = np.zeros(len(flight.start))
     smooth_flight(adjoint, *arguments)
     gusts = arguments[16][:, :, -1]
-    return Smoothed(arguments[9] * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
+    return Smoothed(start * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
 
 
 PER_FLIGHT = (

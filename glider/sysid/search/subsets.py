@@ -50,13 +50,6 @@ class Scorer:
             self._kept[key] = self.evidence.log_marginal(columns)
         return self._kept[key]
 
-    def for_newcomers(self, penalty: float, members: Members) -> "Scorer":
-        """Returns the scorer with the penalty of all but members raised [nats]."""
-        known, own = dict(members), self.penalty
-        return self.with_penalty(
-            lambda kind, kinds: max(0.0 if kind in known else penalty, own(kind, kinds))
-        )
-
     def with_penalty(self, penalty: Penalty) -> "Scorer":
         """Returns the scorer with other penalties of members [nats]."""
         return self._like(self.variants, penalty)

@@ -85,18 +85,6 @@ def test_the_best_of_each_size_is_told(decoyed):
     assert kinds_of(sizes[1]) == {"a", "b"}
 
 
-def test_newcomers_may_cost_more(decoyed):
-    first, second = ("a", (0,)), ("b", (1,))
-    dear = decoyed.for_newcomers(50.0, (first,))
-    assert dear((first,)) == decoyed((first,))
-    assert dear((first, second)) == decoyed((first, second)) - (
-        50.0 - EVIDENCE_THRESHOLD
-    )
-    unchanged = decoyed.for_newcomers(0.0, ())
-    assert unchanged((first, second)) == decoyed((first, second))
-    assert best_set(decoyed.for_newcomers(1e6, (first,)), (first,)) == (first,)
-
-
 def test_a_member_costs_its_price_and_order_does_not_count(decoyed):
     pair = (("a", (0,)), ("b", (1,)))
     assert decoyed(pair) == decoyed(pair[::-1])
