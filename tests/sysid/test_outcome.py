@@ -1,4 +1,4 @@
-"""The parts of a result: curves, what differs from flight to flight."""
+"""The parts of a result: curves, free functions, what differs from flight to flight."""
 
 import dataclasses
 import types
@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 
 from glider.campaign.turning import Signs
-from glider.sysid.constants import CURVE_Z
-from glider.sysid.likelihood.blocks import CURVE_TERMS, CURVES, FittedBlock
+from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.outcome import carried_of, curves_of, effects_of, model_of, spreads_of
+from glider.sysid.outcome import curves_of, effects_of, model_of, spreads_of
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
-
-# ------------------------------------------------------------------------ curves
 
 
 @pytest.fixture(scope="module")
@@ -26,66 +23,19 @@ def plain():
     return task, begin(task, noise)
 
 
-def bent_by(task, model, coordinates):
-    """Returns the model with curves."""
-    (own,) = model.with_curves(task.curves, 1.0).blocks
-    own = dataclasses.replace(own, coordinates=coordinates)
-    return dataclasses.replace(model, blocks=(own,))
-
-
-def known_within(model, std):
-    """Returns an uncertainty in which all curves' coordinates have one error."""
-    count = len(model.free) + len(model.coordinates)
-    return Uncertainty(
-        free=model.free,
-        named=model.free,
-        places=model.places(),
-        likelihood=std**2 * np.eye(count),
-        changes=np.zeros((2, count)),
-    )
-
-
-def curve_of(task, term):
-    """Returns coordinates of a curve in one term only, as large as typical."""
-    curves, place = task.curves, CURVE_TERMS.index(term)
-    angles = curves.angles[:, None]
-    values = np.stack([curves.values(u, angles) for u in np.eye(curves.count)])
-    others = np.delete(values, place, axis=2).reshape(curves.count, -1)
-    _, _, rows = np.linalg.svd(others.T)
-    found = rows[-1]
-    assert np.abs(found @ values[:, :, place]).max() > 1e-4
-    return found
-
-
-def test_no_curves_none_carried(plain):
-    task, model = plain
-    assert carried_of(task, model, known_within(model, 0.1)) == ()
-    none = bent_by(task, model, np.zeros(task.curves.count))
-    assert carried_of(task, none, known_within(none, 0.1)) == ()
-
-
-@pytest.mark.parametrize("term", ["c_moment", "elevator_factor"])
-def test_a_curve_that_is_sure_is_carried_and_told_by_its_term(plain, term):
-    task, model = plain
-    coordinates = curve_of(task, term)
-    bent = bent_by(task, model, coordinates)
-    size = np.linalg.norm(coordinates)
-    assert carried_of(task, bent, known_within(bent, size / (20.0 * CURVE_Z))) == (
-        term,
-    )
-    assert carried_of(task, bent, known_within(bent, 10.0 * size)) == ()
-
-
 def test_what_is_carried_is_in_the_model_and_nothing_else_is(plain):
     task, model = plain
-    coordinates = curve_of(task, "c_moment")
-    bent = bent_by(task, model, coordinates)
+    bent = with_block(task, model, "moment over alpha").model
     campaign = fly(flights=1, duration=0.2)
     whole = model_of(task, bent, Signs(), campaign)
-    assert whole.field == task.curves.data(coordinates)
+    (own,) = bent.blocks
+    assert whole.field == own.block.data(own.coordinates)
     assert model_of(task, model, Signs(), campaign).field is None
     (effect,) = model_of(task, model, Signs(pitch=-1), campaign).effects
     assert effect.to_dict()["pitch"] == -1.0
+
+
+# ------------------------------------------------------------------------ curves
 
 
 def table(lift, drag, flights=6, rows=200):
@@ -140,13 +90,11 @@ def with_block(task, model, name):
 
 
 def test_a_free_functions_errors_are_its_own(plain):
-    """Standard errors allow for curves, which the model need not have."""
     task, model = plain
     traced = with_block(task, model, "air along x over x")
-    block, curves = task.blocks["air along x over x"], task.curves.count
-    free, end = len(model.free), len(model.free) + task.curves.count
-    std = np.concatenate([np.full(free + curves, 9.0), np.full(block.count, 0.1)])
-    places = {CURVES: range(free, end), block.name: range(end, len(std))}
+    block, first = task.blocks["air along x over x"], 3
+    std = np.append(np.full(first, 9.0), np.full(block.count, 0.1))
+    places = {block.name: range(first, len(std))}
     known = Uncertainty(
         free=model.free,
         named=(),
@@ -154,7 +102,7 @@ def test_a_free_functions_errors_are_its_own(plain):
         likelihood=np.diag(std**2),
         changes=np.zeros((2, len(std))),
     )
-    (effect,) = effects_of(task, traced, known, (), {}, Signs())
+    (effect,) = effects_of(task, traced, known, {}, Signs())
     assert effect.kind == "unexplained" and effect.family == "air"
     peak = effect.coefficients["wind_x_peak"]
     # A Gaussian beside its neighbours, each 0.5 m/s times 0.1.

@@ -1,4 +1,4 @@
-"""Functions without a formula: curves, and blocks that find what acts."""
+"""Functions without a formula find what acts."""
 
 import dataclasses
 
@@ -10,83 +10,13 @@ from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.constants import EVIDENCE_THRESHOLD
-from glider.sysid.likelihood.blocks import (
-    BLOCKS,
-    CURVE_TERMS,
-    flown_values,
-    make_blocks,
-    make_curves,
-)
+from glider.sysid.likelihood.blocks import BLOCKS, flown_values, make_blocks
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import families_of, renamed
 from glider.sysid.search.tracing import improved
 from tests.helpers.tasks import begin, fly, task_of
-
-SHAPES = {
-    "constant drag": lambda s, c: {"c_drag": 1.0 + 0.0 * s},
-    "camber": lambda s, c: {"c_lift": c * c, "c_drag": s * c},
-    "more area": lambda s, c: {"c_lift": s * c, "c_drag": s * s},
-    "axial drag": lambda s, c: {"c_lift": -s, "c_drag": c},
-    "constant moment": lambda s, c: {"c_moment": 1.0 + 0.0 * s},
-    "shifted center of pressure": lambda s, c: {"c_moment": s},
-    "larger elevator": lambda s, c: {"elevator_factor": 1.0 + 0.0 * s},
-}
-OTHERS = {
-    "drag of stall": lambda s, c: {"c_drag": (2.0 * s * c) ** 2},
-    "lift of stall": lambda s, c: {"c_lift": np.exp(-(((s - 0.3) / 0.1) ** 2))},
-    "bump of moment": lambda s, c: {"c_moment": np.exp(-(((s - 0.4) / 0.1) ** 2))},
-    "wake on the tail": lambda s, c: {"elevator_factor": s * s},
-}
-
-
-@pytest.fixture(scope="module")
-def curves():
-    task, _ = task_of(fly(flights=4))
-    return make_curves(flown_values(task.records, task.vehicle.theta))
-
-
-def shape_at(alpha, shape):
-    parts = shape(np.sin(alpha), np.cos(alpha))
-    return np.stack([parts.get(term, 0.0 * alpha) for term in CURVE_TERMS], axis=1)
-
-
-def explained(curves, shape):
-    """Returns the share of a shape that the curves can say."""
-    alpha = curves.angles
-    units, at = np.eye(curves.count), alpha[:, None]
-    values = [curves.values(unit, at).ravel() for unit in units]
-    wanted = shape_at(alpha, shape).ravel()
-    table = np.array(values).T
-    found = table @ np.linalg.lstsq(table, wanted, rcond=1e-9)[0]
-    return found @ found / (wanted @ wanted)
-
-
-@pytest.mark.parametrize("name", SHAPES)
-def test_what_a_simple_formula_says_has_no_coordinates(curves, name):
-    assert explained(curves, SHAPES[name]) < 1e-9
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_other_shapes_are_theirs(curves, name):
-    assert explained(curves, OTHERS[name]) > 0.1
-
-
-def test_the_field_in_a_model_file_has_the_curves_values(curves):
-    coordinates = np.random.default_rng(0).normal(size=curves.count)
-    alpha = np.linspace(*curves.centers[[0, -1], 0], 31)[:, None]
-    expected = curves.values(coordinates, alpha)
-    assert np.all(np.abs(expected).max(axis=0) > 1e-4)
-    field = make_field(curves.data(coordinates))
-    column = [FIELD_TERMS.index(term) for term in CURVE_TERMS]
-    values = gaussians(field, curves.columns, alpha) @ field.weights
-    np.testing.assert_allclose(values[:, column], expected, atol=1e-12)
-    others = [k for k in range(len(FIELD_TERMS)) if k not in column]
-    assert np.all(values[:, others] == 0.0)
-
-
-# ------------------------------------------------------------------------ blocks
 
 VENT = FieldData(
     kind="unexplained",
@@ -171,3 +101,19 @@ def test_blocks_are_spread_over_what_was_flown(vent):
     assert set(blocks) == set(BLOCKS)
     own = blocks["wing's force over V"]
     assert own.centers[0, 0] < 5.0 < own.centers[-1, 0]
+
+
+@pytest.mark.parametrize("name", ["drag over alpha", "moment over alpha and pitchdot"])
+def test_the_field_in_a_model_file_has_the_blocks_values(vent, name):
+    block = vent[0].task.blocks[name]
+    coordinates = np.random.default_rng(0).normal(size=block.count)
+    low, high = block.centers.min(axis=0), block.centers.max(axis=0)
+    values = np.random.default_rng(1).uniform(low, high, size=(31, len(low)))
+    expected = block.values(coordinates, values)
+    assert np.abs(expected).max() > 1e-4
+    field = make_field(block.data(coordinates))
+    column = [FIELD_TERMS.index(term) for term in block.terms]
+    found = gaussians(field, block.columns, values) @ field.weights
+    np.testing.assert_allclose(found[:, column], expected, atol=1e-12)
+    others = [k for k in range(len(FIELD_TERMS)) if k not in column]
+    assert np.all(found[:, others] == 0.0)

@@ -8,7 +8,7 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood import candidates as gathering
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.candidates import gather, gather_in_parts, saturated_scales
+from glider.sysid.likelihood.candidates import gather, gather_in_parts, saturated
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.task import Task
@@ -89,7 +89,7 @@ def test_a_formula_far_outside_of_what_it_is_for_is_no_candidate():
 
 def test_what_a_model_lacks_is_not_taken_for_noise(dragged):
     task, plate, model = dragged
-    scales = saturated_scales(gather(task, plate), plate.scales, 3)
+    scales = saturated(gather(task, plate), 3).scales
     assert plate.scales.air > 5.0 * model.scales.air
     assert scales.air < 0.3 * plate.scales.air
 

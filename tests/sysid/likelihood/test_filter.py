@@ -15,6 +15,7 @@ from glider.sysid.likelihood.scales import (
     SERVO_TIME,
     Scales,
     negative_log_likelihood,
+    smooth,
     start_variances,
     whiten,
 )
@@ -81,24 +82,24 @@ class Written:
         shown = [*pose, state[3] + state[n + 3], state[6]]
         return np.array(shown[: self.flight.record.seen.shape[1]])
 
+    def states(self, start, pushes):
+        """Returns the states (K + 1, n + 8) from a start, pushed in each interval."""
+        states = [start]
+        for k, push in enumerate(pushes):
+            states.append(self.ahead(k, states[-1]) + push)
+        return np.array(states)
+
     def respond(self, start, pushes):
         """Returns what is seen (K + 1, C) of a start, pushed in each interval."""
-        rows, state = [], start
-        for k in range(len(self.flight.record.time)):
-            rows.append(self.seen(k, state))
-            if k < len(pushes):
-                state = self.ahead(k, state) + pushes[k]
-        return np.array(rows)
+        states = self.states(start, pushes)
+        return np.array([self.seen(k, state) for k, state in enumerate(states)])
 
-    def gaussian(self):
-        """Returns errors (N, m) less their expectation, and covariance (N, N)."""
+    def factors(self):
+        """Returns starts and pushes, each as far as its standard deviation."""
         flight, s, n = self.flight, self.scales, self.n
         rows, total = len(flight.record.time), n + 8
         still = np.zeros((rows - 1, total))
-        factors = []
-        deviation = np.sqrt(start_variances(flight, s))
-        for i in range(total):
-            factors.append(self.respond(deviation[i] * np.eye(total)[i], still))
+        found = [(d, still) for d in np.diag(np.sqrt(start_variances(flight, s)))]
         steady = np.array([s.air, s.air, s.moment, s.servo])
         for k in range(rows - 1):
             step = flight.record.time[k + 1] - flight.record.time[k]
@@ -106,9 +107,14 @@ class Written:
                 push = still.copy()
                 left = 1.0 - np.exp(-2.0 * step / self.times[p])
                 push[k, n + p] = steady[p] * np.sqrt(left)
-                factors.append(self.respond(np.zeros(total), push))
-        mask = flight.record.seen
-        table = np.array([f[mask] for f in factors]).T
+                found.append((np.zeros(total), push))
+        return found
+
+    def gaussian(self):
+        """Returns errors (N, m) less their expectation, and covariance (N, N)."""
+        flight, s, n = self.flight, self.scales, self.n
+        rows, total, mask = len(flight.record.time), n + 8, flight.record.seen
+        table = np.array([self.respond(*f)[mask] for f in self.factors()]).T
         own = [s.position, s.position, s.pitch, s.elevator, s.rate]
         own = np.tile(own[: mask.shape[1]], (rows, 1))
         covariance = table @ table.T + np.diag(own[mask] ** 2)
@@ -145,6 +151,24 @@ def test_squares_and_volume_are_those_of_the_gaussian(flight, entries):
     np.testing.assert_allclose(value, nats, rtol=1e-6)
 
 
+@pytest.mark.parametrize("entries", MISSING, ids=["all", "gaps", "no elevator"])
+def test_the_smoothed_start_and_gusts_are_the_posterior_means(flight, entries):
+    flight = unseen(flight, *entries).error_only()
+    written = Written(flight, SCALES)
+    errors, covariance = written.gaussian()
+    factors, mask, n = written.factors(), flight.record.seen, written.n
+    states = np.array([written.states(*f) for f in factors])
+    table = np.array([written.respond(*f)[mask] for f in factors])
+    likeliest = table @ np.linalg.solve(covariance, errors[:, -1])
+    expected = np.tensordot(likeliest, states, 1)
+    found = smooth(flight, SCALES)
+    spreads = np.sqrt(start_variances(flight, SCALES))
+    np.testing.assert_allclose(found.start / spreads, expected[0] / spreads, atol=1e-5)
+    gusts = expected[:, n : n + 2]
+    assert np.abs(gusts).max() > 1e-3
+    np.testing.assert_allclose(found.gusts, 0.5 * (gusts[1:] + gusts[:-1]), atol=1e-6)
+
+
 def test_what_was_not_seen_does_not_count(flight):
     flight = unseen(flight, *MISSING[1])
     wild = np.where(flight.record.seen[:, :, None], flight.outputs, 1e9)
@@ -176,7 +200,7 @@ def test_every_flight_takes_the_filter_that_is_compiled_first(flight, monkeypatc
         filter_flight(*arguments)
 
     monkeypatch.setattr(scales, "filter_flight", spy)
-    for asked in (flight, flight.error_only(), flight.with_launch()):
+    for asked in (flight, flight.error_only()):
         whiten(asked, SCALES)
     assert set(types) == {tuple(map(numba.typeof, no_flight()))}
 

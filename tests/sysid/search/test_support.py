@@ -16,6 +16,7 @@ from glider.sysid.constants import (
     SIMPLE_SUPPORT,
     SIMPLE_THRESHOLD,
 )
+from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
@@ -114,20 +115,22 @@ def test_what_flights_drawn_again_choose_is_a_rival_and_backs_it():
 
 
 def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
-    """Beside others or curves, or a moment of no form, it has to bring more."""
+    """Beside others, free ones too, or a moment of no form, it has to bring more."""
     task, noise = task_of(fly(flights=3))
     rough, fine = (
         dataclasses.replace(begin(task, noise).scales, moment=times * SIMPLE_MOMENT)
         for times in (2.0, 0.5)
     )
     model = dataclasses.replace(begin(task, noise), scales=fine)
-    curved = model.with_curves(task.curves, 1.0)
-    assert is_simple(model, fine)
-    assert not is_simple(model, rough)
-    assert not is_simple(curved, fine)
-    assert is_simple(dataclasses.replace(model, kinds=("mass",)), fine)
-    assert not is_simple(dataclasses.replace(model, kinds=("mass", "thrust")), fine)
-    assert not is_simple(dataclasses.replace(model, has_force_errors=True), fine)
+    block = task.blocks["drag over alpha"]
+    own = FittedBlock(block=block, coordinates=np.zeros(block.count), strength=1.0)
+    freed = dataclasses.replace(model, blocks=(own,))
+    assert is_simple(model)
+    assert not is_simple(dataclasses.replace(model, scales=rough))
+    assert not is_simple(freed)
+    assert is_simple(dataclasses.replace(model, kinds=("mass",)))
+    assert not is_simple(dataclasses.replace(model, kinds=("mass", "thrust")))
+    assert not is_simple(dataclasses.replace(model, has_force_errors=True))
     candidates = gather(dataclasses.replace(task, kinds=("mass", "thrust")), model)
     grams, once = candidates.grams(model.scales), np.ones(3)
     plain = marginal_scorer(candidates, grams, once)
