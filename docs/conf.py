@@ -43,16 +43,13 @@ myst_heading_anchors = 3
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
     "beam": f"{constants.BEAM}",
-    "curve_price": f"{constants.CURVE_THRESHOLD:.0f}",
     "bend_threshold": f"{np.log(len(blocks.BLOCKS)):.1f}",
     "block_threshold": f"{constants.EVIDENCE_THRESHOLD:.0f}",
-    "curves": f"{blocks.COUNT}",
     "doubted": f"{constants.DOUBTED:.0f}",
     "flights_of_price": f"{constants.THRESHOLD_FLIGHTS}",
     "folds": f"{constants.FOLDS}",
     "gain_error": f"{constants.GAIN_ERROR:.0%}",
     "least_gain": f"{constants.SIGN_GAIN:.0f}",
-    "allowed": f"{constants.CURVE_ALLOWANCE:g}",
     "least_support": f"{constants.LEAST_SUPPORT:.0%}",
     "floor_accuracy": f"{100 * constants.FLOOR_ACCURACY:g} %",
     "undervalued": f"{constants.UNDERVALUED:.0f}",

@@ -154,7 +154,7 @@ def judge(
     if any(e.shape != LIBRARY_SHAPE for e in effects):
         reason = (
             "The effects are identified; where a formula has not the right shape, the "
-            "model carries a curve beside it"
+            "model carries a free function beside it"
         )
     elif is_as_plate:
         reason += (

@@ -22,12 +22,7 @@ from threadpoolctl import threadpool_limits
 from glider import close_the_loop
 from glider.physics.covariance import Covariance
 from glider.sysid.likelihood.model_fit import fit_model, grams_of, linear_flights
-from glider.sysid.likelihood.uncertainty import (
-    jackknife,
-    larger_of,
-    uncertainty_of,
-    with_allowed_curves,
-)
+from glider.sysid.likelihood.uncertainty import jackknife, larger_of, uncertainty_of
 from glider.sysid.outcome import covariance_of
 from glider.verification.dynamics.confidence import ConfidenceSet
 from tests.benchmarks.bench_floor import RIGHT
@@ -110,7 +105,7 @@ def of_truth(names: Iterable[str], values: Iterable[float], known, truth):
 def of_fitted(seed: int):
     """Returns the coverage of one lifelike campaign, its true effects fitted."""
     _, truth, task, model = fitted_campaign(seed)
-    known = covariance_of(task, uncertainty_of(task, with_allowed_curves(task, model)))
+    known = covariance_of(task, uncertainty_of(task, model))
     names = [".".join(task.layout.slots[i]) for i in model.free]
     return of_truth(names, model.theta[list(model.free)], known, truth)
 

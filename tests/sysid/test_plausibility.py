@@ -9,7 +9,7 @@ from glider.physics.effects import KINDS
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.verdict import BOUNDED, elevator_gain, find_doubt
 from tests.campaign.checks import breaking as b
-from tests.helpers.tasks import fit_kinds, fly
+from tests.helpers.tasks import fit_kinds, fly, task_of
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +55,24 @@ def test_an_elevator_that_moves_less_or_more_than_ordered_is_doubted(campaign, s
     gain, _ = elevator_gain(theirs, model)
     assert gain == pytest.approx(share, abs=0.01)
     assert f"{gain:.3f} times" in find_doubt(theirs, model)
+
+
+def with_play(path, play=0.03):
+    """Angles of an elevator that follows a path with a play either way."""
+    found = [path[0]]
+    for wanted in path[1:]:
+        found.append(np.clip(found[-1], wanted - play, wanted + play))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.95])
+def test_a_play_of_the_servo_is_no_wrong_unit(campaign, fitted, share):
+    """It loses travel at reversals alone."""
+    _, model = fitted
+    servo = b.with_servo(lambda f: share * with_play(f.elevator))
+    theirs, _ = task_of(b.change(campaign, servo))
+    gain, _ = elevator_gain(theirs, model)
+    assert gain == pytest.approx(share, abs=0.02)
 
 
 def test_without_a_servo_there_is_no_gain(fitted):

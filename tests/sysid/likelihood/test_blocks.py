@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.turning import Signs
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
 from glider.physics.model import GliderModel
@@ -13,9 +14,12 @@ from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.likelihood.blocks import BLOCKS, flown_values, make_blocks
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.outcome import model_of
 from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import families_of, renamed
 from glider.sysid.search.tracing import improved
+from tests.benchmarks.bench_forms import draw
+from tests.helpers.other_forms import FORMS
 from tests.helpers.tasks import begin, fly, task_of
 
 VENT = FieldData(
@@ -93,6 +97,29 @@ def test_a_stream_of_another_form_is_one_family_not_several_effects():
     found = improved(search, plate)
     assert found.free_kinds == ("stream at the tail over alpha",)
     assert not set(found.kinds) - {*found.free_kinds, "downwash", "stalled_downwash"}
+
+
+@pytest.mark.nightly
+def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypatch):
+    """Its model file holds it, and flies."""
+    form = FORMS["damping"]["attached_damping"]
+    monkeypatch.setitem(FORMS, "damping", {"attached_damping": form})
+    campaign, _ = draw(2, family="damping", count=1)
+    task, noise = task_of(campaign)
+    task = dataclasses.replace(task, kinds=("pitch_damping", "mass"))
+    found = improved(
+        Search(task, lambda text: None), fit_model(task, begin(task, noise))
+    )
+    assert "moment over alpha and pitchdot" in found.free_kinds
+    model = model_of(task, found, Signs(), campaign)
+    model.save(tmp_path / "model.yaml")
+    again = GliderModel.load(tmp_path / "model.yaml")
+    assert again.field is not None and "pitchdot" in again.field.variables
+    flown = CampaignPlan(flights=1).simulate(again, np.random.default_rng(0))
+    plate = CampaignPlan(flights=1).simulate(GliderModel(), np.random.default_rng(0))
+    pitch, other = (c.flights[0].pose[:, 2] for c in (flown, plate))
+    count = min(len(pitch), len(other))
+    assert np.abs(pitch[:count] - other[:count]).max() > 0.01
 
 
 def test_blocks_are_spread_over_what_was_flown(vent):
