@@ -52,7 +52,7 @@ class ReportedEffect:
     inclusion: Number = 1.0  #: Share of resampled flights that choose it, 0 to 1.
     #: Flight-to-flight standard deviations of coefficients that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
-    shape: str = LIBRARY_SHAPE  #: With OTHER_SHAPE the model carries a curve beside it.
+    shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model carries a free function.
     family: str = ""  #: `BlockKind.link` of a free function; empty for a formula.
     indistinguishable_from: tuple[str, ...] = ()  #: Kinds that would do as well.
     depends_on: tuple[str, ...]  #: Variables that it varies with.

@@ -71,7 +71,7 @@ def verdict(
     drawn=(1.0, 1.0),
     chance=0.5,
 ):
-    """Judges a trace that found kinds, and a field or curves without a name."""
+    """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
         unnamed = field or bool(terms)
     effects = [entry(kind, shape_fits) for kind in kinds]

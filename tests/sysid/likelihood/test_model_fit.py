@@ -220,10 +220,10 @@ def with_drag(task, model, strength=1.0):
 
 def test_the_cost_of_other_strengths_is_that_of_a_refit():
     task, noise = task_of(fly(KINDS["induced_drag"](k=0.04), flights=4))
-    model = fit_model(task, with_drag(task, begin(task, noise), strength=0.1))
+    model = fit_model(task, with_drag(task, begin(task, noise)))
     other = fit_strength(task, model)
-    assert other.blocks[0].strength > 0.2
-    assert other.cost < model.cost - 2.0
+    assert other.blocks[0].strength < 0.5
+    assert abs(other.cost - model.cost) > 2.0
     again = fit_model(task, other, free_scales=())
     assert other.cost == pytest.approx(again.cost, abs=0.3)
 
@@ -259,7 +259,6 @@ def test_linearization_about_smoothed_surroundings_converges(rough, monkeypatch)
     monkeypatch.undo()
     there = in_surroundings(task, still, error_flights(task, still))
     after = fit_model(task, there)
-    print("STILL", still.cost, after.cost, model.cost, again.cost)
     assert abs(after.cost - still.cost) > 10.0
 
 
@@ -270,5 +269,4 @@ def test_fits_from_different_starts_end_at_the_same_cost(rough):
     theta[list(task.layout.slots_of("profile_drag"))] = 0.2
     far = dataclasses.replace(start, theta=theta)
     costs = [fit_model(task, own).cost for own in (start, far)]
-    print("STARTS", costs)
     assert costs[0] == pytest.approx(costs[1], abs=1.0)
