@@ -213,10 +213,13 @@ def lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
 
 
 def carried_figure(result: Result) -> spec.Figure | None:
-    """The residual field of a corrected model over one variable, term by term."""
+    """The residual field of a corrected model, term by term.
+
+    Over one variable; of two, over the first, at three values of the second.
+    """
     field = result.model.field
     parts = [] if field is None else [field, *field.more]
-    parts = [p for p in parts if len(p.variables) == 1 and p.centers]
+    parts = [p for p in parts if len(p.variables) in (1, 2) and p.centers]
     panels = [panel for part in parts for panel in _carried_panels(part)]
     if not panels:
         return None
@@ -226,17 +229,23 @@ def carried_figure(result: Result) -> spec.Figure | None:
 
 def _carried_panels(part: FieldData) -> list[spec.Panel]:
     field = make_field(dataclasses.replace(part, more=[]))
-    (variable,) = part.variables
-    column = [FIELD_VARIABLES.index(variable)]
-    centers = field.centers[: len(part.centers), column[0]]
-    place = np.linspace(centers.min(), centers.max(), 121)
-    values = gaussians(field, column, place[:, None]) @ field.weights
-    scaled = place * VARIABLES[variable][1]
-    lines = [spec.Line("rest", scaled, value, is_solid=True) for value in values.T]
+    variable, *others = part.variables
+    columns = [FIELD_VARIABLES.index(name) for name in part.variables]
+    centers = field.centers[: len(part.centers), columns]
+    low, high = centers.min(axis=0), centers.max(axis=0)
+    place = np.linspace(low[0], high[0], 121)
+    lines: dict[str, list[spec.Line]] = {}
+    for other in np.linspace(low[1:], high[1:], 3 if others else 1):
+        at = np.column_stack([place, np.tile(other, (len(place), 1))])
+        values = gaussians(field, columns, at) @ field.weights
+        for term, value in zip(FIELD_TERMS, values.T, strict=True):
+            scaled = place * VARIABLES[variable][1]
+            line = spec.Line("rest", scaled, value, is_solid=True)
+            lines.setdefault(term, []).append(line)
     return [
-        term_panel(term, [line], variable)
-        for term, line in zip(FIELD_TERMS, lines, strict=False)
-        if np.any(line.y != 0.0)
+        term_panel(term, own, variable)
+        for term, own in lines.items()
+        if any(np.any(line.y != 0.0) for line in own)
     ]
 
 
