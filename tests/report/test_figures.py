@@ -258,4 +258,7 @@ def test_every_free_function_can_be_drawn():
         )
         model = types.SimpleNamespace(field=data)
         figure = carried_figure(types.SimpleNamespace(model=model))
-        assert figure is not None and len(figure.panels) == 1, name
+        if len(kind.variables) == 1:
+            assert figure is not None and len(figure.panels) == 1, name
+        else:  # No line shows a function of two variables.
+            assert figure is None

@@ -118,7 +118,7 @@ def test_nothing_found_is_no_effect():
 def test_effects_that_hold_are_found():
     word, reason = verdict(("wind",))
     assert word == "effect_found"
-    assert "curve" not in reason
+    assert "free function" not in reason
 
 
 def test_what_a_perfect_model_would_not_leave_is_not_all_explained():
@@ -136,7 +136,7 @@ def test_a_shape_that_is_not_the_librarys_is_told():
         ("wind",), terms=("c_drag",), shape_fits=False, unnamed=False
     )
     assert word == "effect_found"
-    assert "curve" in reason
+    assert "free function" in reason
 
 
 @pytest.mark.parametrize("kinds", [("wind",), ()], ids=["named", "unnamed"])

@@ -135,10 +135,11 @@ def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
     grams, once = candidates.grams(model.scales), np.ones(3)
     plain = marginal_scorer(candidates, grams, once)
     assert plain.penalty("mass", ("mass",)) == pytest.approx(np.log(2.0))
-    assert (
-        marginal_scorer(candidates, grams, once, rough).penalty("mass", ("mass",))
-        == EVIDENCE_THRESHOLD
+    about = dataclasses.replace(
+        candidates, model=dataclasses.replace(model, scales=rough)
     )
+    dear = marginal_scorer(about, grams, once)
+    assert dear.penalty("mass", ("mass",)) == EVIDENCE_THRESHOLD
     named = dataclasses.replace(model, kinds=("mass",), cost=0.0)
     search, other = Search(task, print), dataclasses.replace(named, scales=rough)
     assert search.penalized_cost(named) == SIMPLE_THRESHOLD
