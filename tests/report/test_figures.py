@@ -252,13 +252,12 @@ def test_every_free_function_can_be_drawn():
         data = FieldData(
             kind="unexplained",
             variables=list(kind.variables),
-            centers=[[0.0], [0.1]],
-            widths=[0.1],
+            centers=[[at] * len(kind.variables) for at in (0.0, 0.1)],
+            widths=[0.1] * len(kind.variables),
             weights={kind.term: [0.1, 0.2]},
         )
         model = types.SimpleNamespace(field=data)
         figure = carried_figure(types.SimpleNamespace(model=model))
-        if len(kind.variables) == 1:
-            assert figure is not None and len(figure.panels) == 1, name
-        else:  # No line shows a function of two variables.
-            assert figure is None
+        assert figure is not None and len(figure.panels) == 1, name
+        lines = [m for m in figure.panels[0].marks if isinstance(m, Line)]
+        assert len(lines) == (1 if len(kind.variables) == 1 else 3)
