@@ -234,7 +234,7 @@ def _carried_panels(part: FieldData) -> list[spec.Panel]:
     centers = field.centers[: len(part.centers), columns]
     low, high = centers.min(axis=0), centers.max(axis=0)
     place = np.linspace(low[0], high[0], 121)
-    lines: dict[str, list[spec.Line | spec.Band]] = {}
+    lines: dict[str, list[spec.Line]] = {}
     for other in np.linspace(low[1:], high[1:], 3 if others else 1):
         at = np.column_stack([place, np.tile(other, (len(place), 1))])
         values = gaussians(field, columns, at) @ field.weights
@@ -243,7 +243,7 @@ def _carried_panels(part: FieldData) -> list[spec.Panel]:
             line = spec.Line("rest", scaled, value, is_solid=True)
             lines.setdefault(term, []).append(line)
     return [
-        term_panel(term, own, variable)
+        term_panel(term, [*own], variable)
         for term, own in lines.items()
         if any(np.any(line.y != 0.0) for line in own)
     ]
