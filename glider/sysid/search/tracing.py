@@ -124,9 +124,14 @@ def supported(
 
 
 def without_late(task: Task, kept: Collection[str] = ()) -> Task:
-    """Returns the task with the effects that are tried first, and those kept."""
+    """Returns the task with the effects that are tried first, and those kept.
+
+    All of them where a user chose them.
+    """
+    if len(task.kinds) < len(task.vehicle.kinds):
+        return task
     kinds = tuple(kind for kind in task.kinds if kind not in LATE or kind in kept)
-    return dataclasses.replace(task, kinds=kinds or task.kinds)
+    return dataclasses.replace(task, kinds=kinds)
 
 
 def search_about(
