@@ -234,19 +234,27 @@ def _carried_panels(part: FieldData) -> list[spec.Panel]:
     centers = field.centers[: len(part.centers), columns]
     low, high = centers.min(axis=0), centers.max(axis=0)
     place = np.linspace(low[0], high[0], 121)
+    slices = np.linspace(low[1:], high[1:], 3 if others else 1)
     lines: dict[str, list[spec.Line]] = {}
-    for other in np.linspace(low[1:], high[1:], 3 if others else 1):
+    for i, other in enumerate(slices):
         at = np.column_stack([place, np.tile(other, (len(place), 1))])
         values = gaussians(field, columns, at) @ field.weights
+        width = 1.0 + i if others else None
         for term, value in zip(FIELD_TERMS, values.T, strict=True):
             scaled = place * VARIABLES[variable][1]
-            line = spec.Line("rest", scaled, value, is_solid=True)
+            line = spec.Line("rest", scaled, value, width=width, is_solid=True)
             lines.setdefault(term, []).append(line)
-    return [
+    panels = [
         term_panel(term, [*own], variable)
         for term, own in lines.items()
         if any(np.any(line.y != 0.0) for line in own)
     ]
+    for name in others:
+        label, factor = VARIABLES[name][:2]
+        shown = ", ".join(f"{value:.3g}" for value in slices[:, 0] * factor)
+        words = f", thin to thick: {label} {shown}"
+        panels = [dataclasses.replace(p, title=p.title + words) for p in panels]
+    return panels
 
 
 def residual_tables(result: Result) -> dict[str, ResidualTable]:
