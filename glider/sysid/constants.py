@@ -104,7 +104,9 @@ RESAMPLES = 25, 200  # Sets of flights drawn: at least, and at most in doubt (c)
 # Share of them that must choose an effect or a rival, and of a single effect, which
 # needs that share of its threshold there (c).
 LEAST_SUPPORT, SIMPLE_SUPPORT, RESAMPLED_SHARE = 0.85, 0.5, 0.5
-RIVAL_GAP = 6.0  # Evidence between rivals at most [nats] (d): odds of 400 to 1.
+# Evidence between rivals at most, by which a search leaves one set for another [nats]
+# (d): odds of 400 to 1.
+RIVAL_GAP = 6.0
 LEAST_STAND_IN = 0.1  # Share of draws with another effect that make it a rival (c).
 MOST_RIVALS = 0.5  # Share of the library above which rivals are no support (c).
 DOUBTED = 60.0  # Evidence up to which too little support drops an effect [nats] (c).
@@ -114,9 +116,8 @@ OFFERED = 25.0  # Loss up to which draws are offered an effect [nats] (c).
 LEAST_STRENGTH = 0.02  # Of a free function over its prior's, as good as none (c).
 STRENGTHS_TRIED = 0.1, 0.3, 1.0  # Of one that does not act yet (c).
 LARGEST_STRENGTH = 5.0  # That no error of a formula has (c).
-LARGEST_COORDINATE = (
-    30.0  # In prior spreads: a fit that diverges does not overflow (c).
-)
+# Of free functions, in prior spreads: a fit that diverges does not overflow (c).
+LARGEST_COORDINATE = 30.0
 LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has (c).
 SURVEY_FLIGHTS = 12  # On which the remainder is compared with free functions (c).
 FIT_TOLERANCE = 0.3  # Gain of an iteration below which a fit stops [nats] (c).

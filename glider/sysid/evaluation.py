@@ -131,8 +131,8 @@ def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
     gains = survey(task, model)
     real = [name for name, gain in gains.items() if gain > EVIDENCE_THRESHOLD]
     real.sort(key=lambda name: -gains[name])
-    found = [v for name in real[:3] for v in BLOCKS[name].variables]
-    return tuple(dict.fromkeys(found))
+    found = [v for name in real for v in BLOCKS[name].variables]
+    return tuple(dict.fromkeys(found))[:3]
 
 
 def without_model_errors(

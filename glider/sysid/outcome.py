@@ -144,7 +144,8 @@ def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Esti
     Standard errors follow from the covariance C of the coordinates w. With a term
     f = b(ξ)·w, to first order a peak's height moves with δw as b·δw, its place along a
     variable as -b'·δw / f'': their variances are b'C b and b''C b' / f''². A peak at
-    the edge of the flown range is not one of the function: its place has no error.
+    the edge of the flown range is not one of the function: its place has no error,
+    nor has that of a function of two variables.
     """
     block, places = own.block, known.places[own.block.name]
     low, high = block.centers.min(axis=0), block.centers.max(axis=0)
@@ -164,7 +165,7 @@ def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Esti
     for i, (axis, variable) in enumerate(zip(axes, block.variables, strict=True)):
         slopes, place = np.gradient(rows, axis, axis=i), math.nan
         bend = np.gradient(slopes @ own.coordinates, axis, axis=i)[peak]
-        if 0 < peak[i] < count - 1 and bend:
+        if len(axes) == 1 and 0 < peak[i] < count - 1 and bend:
             place = float(known.std_along(places, slopes[peak])) / abs(float(bend))
         at = Estimate(float(axis[peak[i]]), place, FIELD_UNITS[variable])
         found[f"{term}_peak_at_{variable}"] = at

@@ -97,6 +97,8 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     found = []
     for record in (record for record in task.records if record.has_servo):
         rows = np.flatnonzero(record.seen[:, 3])
+        if len(rows) < 2:
+            continue
         time, modelled = record.time[rows], signals(record, model.theta).logged[rows]
         ends = np.searchsorted(time, time + constants.TRAVEL_WINDOW)
         begins = np.searchsorted(time, time - constants.TRAVEL_WINDOW)

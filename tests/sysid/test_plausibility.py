@@ -82,6 +82,14 @@ def test_without_a_servo_there_is_no_gain(fitted):
     assert find_doubt(bare, model) is None
 
 
+def test_an_elevator_that_was_never_seen_has_no_gain(fitted):
+    """As where it is reconstructed from the commands."""
+    task, model = fitted
+    unseen = task.records[0].seen & np.array([True, True, True, False])
+    hidden = dataclasses.replace(task.records[0], seen=unseen)
+    assert elevator_gain(task.on([hidden] * 3), model) == (1.0, np.inf)
+
+
 def test_thrown_gliders_that_nobody_weighed_are_not_asked(fitted):
     task, model = fitted
     vehicle = dataclasses.replace(task.vehicle, knows_forces=False)

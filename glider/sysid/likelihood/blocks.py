@@ -204,10 +204,10 @@ class FittedBlock:
 def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
     """Returns the functions that a model carries, each with a factor to fit."""
     found = []
-    for part in () if data is None else (data, *data.more):
+    for i, part in enumerate(() if data is None else (data, *data.more)):
         weights = np.array(list(part.weights.values())).T.reshape(-1, 1)
         block = Block(
-            name="carried",
+            name=f"carried {i}",
             terms=tuple(part.weights),
             variables=tuple(part.variables),
             centers=np.array(part.centers),

@@ -262,7 +262,7 @@ def tamed(
 
 
 def saturated(candidates: Candidates, rounds: int) -> model_fit.FitResult:
-    """Returns the model with scales and surroundings as if all candidates acted.
+    """Returns the model with scales and surroundings as if all formulas acted.
 
     They act at once, shrunken: otherwise a missing effect would be taken for noise, or
     for gusts, before it is searched for.

@@ -72,7 +72,7 @@ class FitResult:
     @property
     def free_kinds(self) -> tuple[str, ...]:
         """Free functions among the kinds."""
-        return tuple(own.block.name for own in self.blocks)
+        return tuple(b.block.name for b in self.blocks if b.block.name in self.kinds)
 
     @property
     def coordinates(self) -> np.ndarray:

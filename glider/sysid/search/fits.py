@@ -108,12 +108,13 @@ class Search:
     def prefers(self, model: FitResult, other: FitResult) -> bool:
         """Whether a model is worth more than another.
 
-        Clearly so, unless it has some of the other's effects, or all and further
-        formulas, which their thresholds are for.
+        Clearly so, unless it has some of the other's effects, or formulas beside them
+        or in the place of free functions, which their thresholds are for.
         """
         own, its = set(model.kinds), set(other.kinds)
-        is_simpler, is_larger = own <= its, its <= own and not own - its & BLOCKS.keys()
-        margin = 0.0 if is_simpler or is_larger else RIVAL_GAP
+        is_simpler = own <= its
+        is_named = its - own <= BLOCKS.keys() and not (own - its) & BLOCKS.keys()
+        margin = 0.0 if is_simpler or is_named else RIVAL_GAP
         return self.penalized_cost(model) < self.penalized_cost(other) - margin
 
     def fit(self, model: FitResult, words: str = "") -> FitResult:
@@ -137,8 +138,10 @@ class Search:
         few = self.task.thinned(MOST_COMPARED)
         candidates, found = gather(few, model, with_blocks=True), None
         about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
-        candidates = dataclasses.replace(candidates, model=about)
-        if not about.scales.is_still:
+        if about.scales.is_still:
+            about = dataclasses.replace(about, about=model.about)
+            candidates = dataclasses.replace(candidates, model=about)
+        else:
             candidates = gather(few, about, with_blocks=True)
         gram = candidates.total(about.scales)
         if np.all(np.isfinite(gram)):

@@ -85,7 +85,8 @@ def rivals_of(
     found: dict[frozenset[str], tuple[FitResult, float]] = {}
     for kinds, other in search.fitted.items():
         lack = search.penalized_cost(other) - best
-        if kinds in swapped:
+        allowed = {*search.task.kinds, *search.task.blocks}
+        if kinds in swapped or (kinds <= allowed and lack > -RIVAL_GAP):
             lack = max(lack, 0.0)
         if kinds != own and 0.0 <= lack < found.get(kinds, (other, RIVAL_GAP))[1]:
             found[kinds] = other, lack
