@@ -128,7 +128,7 @@ class SimulatedGlider:
         self._elevator = scenario.sensors.elevator
         servo = scenario.servo
         self._wire = Wire(truth.parameters.servo, servo.neutral, servo.timeout)
-        self._coming: deque[tuple[float, float, float]] = deque()
+        self._coming: deque[tuple[float, ...]] = deque()
         self._bus, self._time, self._frame = bus, start, 0
         self._start = start
         self._ready = math.nan  # Since when the station is.
@@ -156,7 +156,7 @@ class SimulatedGlider:
         self, stamp: float, values: Sequence[float], names: Sequence[str]
     ) -> None:
         if len(values) == len(COMMAND_FIELDS):
-            self._coming.append((math.nan, values[0], values[2]))
+            self._coming.append((math.nan, values[0], *values[2:]))
 
     def _on_status(
         self, stamp: float, values: Sequence[float], names: Sequence[str]
@@ -184,9 +184,9 @@ class SimulatedGlider:
     def _move(self, until: float) -> None:
         """Moves the glider on to a time [s], through the commands that come."""
         while self._coming and self._coming[0][0] <= until:
-            when, sender, rate = self._coming.popleft()
+            when, sender, rate, angle = self._coming.popleft()
             self._move_held(max(when, self._time))
-            self._wire.obey(sender, rate, when)
+            self._wire.obey(sender, rate, when, angle)
         self._move_held(until)
 
     def _move_held(self, until: float) -> None:

@@ -8,6 +8,7 @@ import math
 
 from glider.physics.servo import Servo, rate_bounds
 
+JITTER = 0.01  # Angle that commands are off by as they come early or late [rad].
 ANOTHER = 1.0
 """Silence after which a servo listens to another sender [s]."""
 
@@ -49,12 +50,19 @@ class Wire:
         self.advance(now)
         return self.command((self.neutral - self.angle) / self.hold, now)
 
-    def obey(self, sender: float, rate: float, now: float) -> bool:
-        """Takes a rate from one sender at a time; returns whether it was heard."""
+    def obey(
+        self, sender: float, rate: float, now: float, angle: float = math.nan
+    ) -> bool:
+        """Takes a rate from one sender at a time; returns whether it was heard.
+
+        With the sender's angle [rad]: one that is off, as after lost commands, is made
+        up for within `hold`.
+        """
         if self._sender not in (None, sender) and now - self._heard < ANOTHER:
             return False
         self._sender = sender
-        self.command(rate, now)
+        away = angle - self.advance(now)
+        self.command(rate + away / self.hold if abs(away) > JITTER else rate, now)
         return True
 
     def advance(self, now: float) -> float:

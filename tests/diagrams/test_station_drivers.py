@@ -152,7 +152,7 @@ def test_a_board_gets_the_integral_of_the_rates():
     for k in range(100):
         now = 0.005 * k
         if k % 4 == 0:
-            board.take(1.0, 2.0, now)
+            board.take(1.0, 2.0, math.nan, now)
         board.update(now)
     expected = np.minimum(2.0 * 0.005 * np.arange(100), 0.9473)
     assert angles_of(bytes(sent)) == pytest.approx(expected, abs=0.01)

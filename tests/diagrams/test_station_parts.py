@@ -56,6 +56,21 @@ def test_a_wire_obeys_one_sender_until_it_is_silent():
     assert wire.obey(2.0, -5.0, 1.1) and wire.rate == -5.0
 
 
+@pytest.mark.parametrize("lost", [range(0), range(7, 9), range(5, 7)])
+def test_lost_commands_leave_no_elevator_deflected(lost):
+    """Neutral is an angle: rates alone would keep what was lost for good."""
+    station, servo = Wire(SERVO, 0.0, 0.05), Wire(SERVO, 0.0, 0.05)
+    for k in range(40):
+        now = 0.02 * k
+        rate = station.command(5.0, now) if k < 6 else station.to_neutral(now)
+        if k not in lost:
+            assert servo.obey(1.0, rate, now, station.angle)
+        if k == 6 and k not in lost:
+            assert servo.angle == pytest.approx(station.angle, abs=0.01)
+    assert station.advance(0.8) == pytest.approx(0.0, abs=1e-9)
+    assert servo.advance(0.8) == pytest.approx(0.0, abs=0.01)
+
+
 @pytest.mark.parametrize("drift", [-200e-6, 0.0, 200e-6])
 def test_the_cameras_clock_is_found_within_half_a_millisecond(drift):
     rng, clock, latency = np.random.default_rng(0), CameraClock(0.006), 0.006

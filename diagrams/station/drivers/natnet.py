@@ -26,6 +26,7 @@ GROUP, PORT = "239.255.42.99", 1511
 _FRAME = 7  # Identifier of a frame of motion capture.
 _SIZED = (4, 1)  # Version in which each section begins with its size in bytes.
 _MOST = 10_000  # Bodies or markers in a frame.
+_LONGEST = 1e9  # Time since Motive was started [s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -112,6 +113,8 @@ def parse_frame(data: bytes, version: tuple[int, int] = (4, 1)) -> MocapFrame | 
         )
     except struct.error:
         raise ValueError("a packet that is cut off") from None
+    if not 0.0 <= time < _LONGEST:
+        raise ValueError(f"a frame at {time:.3g} s")
     return MocapFrame(number=number, time=time, bodies=bodies)
 
 

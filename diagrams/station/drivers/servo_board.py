@@ -48,9 +48,9 @@ class ServoBoard:
         self._wire, self._send, self._channel = wire, send, channel
         self._center, self._gain = center, gain
 
-    def take(self, sender: float, rate: float, now: float) -> None:
-        """Takes a command of the bus [rad/s]."""
-        self._wire.obey(sender, rate, now)
+    def take(self, sender: float, rate: float, angle: float, now: float) -> None:
+        """Takes a command of the bus [rad/s], and the angle of its sender [rad]."""
+        self._wire.obey(sender, rate, now, angle)
 
     def update(self, now: float) -> None:
         """Sends the angle of this moment."""
@@ -73,7 +73,7 @@ def open_line(serial_port: str | None, udp: str | None) -> Callable[[bytes], obj
     def send(data: bytes) -> None:
         try:
             sender.send(data)
-        except ConnectionRefusedError:  # The board is not there (yet).
+        except OSError:  # The board is not there (yet), or the line is down.
             return
 
     return send
@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     def hear(stamp: float, values: Sequence[float], names: Sequence[str]) -> None:
         if len(values) == len(COMMAND_FIELDS):
-            board.take(values[0], values[2], time.monotonic())
+            board.take(values[0], values[2], values[3], time.monotonic())
 
     bus.listen(COMMAND, hear)
     hasten()
