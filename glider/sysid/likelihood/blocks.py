@@ -107,16 +107,17 @@ _FAMILIES = (
 """Link, variables, and the library's formulas of the family."""
 
 BLOCKS = {
-    f"{link} over {' and '.join(variables.split())}": BlockKind(
+    f"{link} over {named}": BlockKind(
         link=reported,
         term=term,
         variables=tuple(variables.split()),
-        words=f"{happens} with {' and '.join(variables.split())}",
+        words=f"{happens} with {named}",
         formulas=tuple(formulas.split()),
         bends=frozenset(f"{formulas} {bent}".split()),
     )
     for link, variables, formulas in _FAMILIES
     for reported, term, happens, bent in [_LINKS[link]]
+    for named in [" and ".join(variables.split())]
 }
 """Families of effects that are searched without a formula, by name."""
 

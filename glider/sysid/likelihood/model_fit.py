@@ -54,7 +54,8 @@ class FitResult:
     kinds: tuple[str, ...]  #: That act.
     theta: np.ndarray  #: Its parameters and coefficients.
     free: tuple[int, ...]  #: Slots of theta that are fitted.
-    blocks: tuple[FittedBlock, ...] = ()  #: Free functions among the kinds.
+    #: Free functions that act: those of `kinds`, and of a forecast those carried.
+    blocks: tuple[FittedBlock, ...] = ()
     scales: Scales  #: Of all noise.
     #: Name of each flight to what it is linear about.
     about: dict[str, Surroundings] = dataclasses.field(default_factory=dict)
