@@ -207,7 +207,8 @@ def read_while(read, bus, seconds, rate):
     data, begin = bytearray(), time.monotonic()
     while (now := time.monotonic()) < begin + seconds + 0.5:
         if now < begin + seconds:
-            bus.say(COMMAND, now, (1.0, 1.0, rate, 0.0), COMMAND_FIELDS)
+            angle = rate * (now - begin)
+            bus.say(COMMAND, now, (1.0, 1.0, rate, angle), COMMAND_FIELDS)
         time.sleep(0.01)
         data += read()
     return bytes(data)
