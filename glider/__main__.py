@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 
+from diagrams.lab import command as lab
 from diagrams.station import command as fly
 from glider.commands import (
     check_funnel,
@@ -25,6 +26,7 @@ COMMANDS = {
     "next-throw": (next_throw, "propose the most informative next throws"),
     "import": (import_logs, "convert logs of other software into a campaign"),
     "fly": (fly, "fly throws live, with a real or a simulated glider"),
+    "lab": (lab, "run a session in the lab, with the loop closed between throws"),
     "check-funnel": (check_funnel, "check a saved funnel in exact arithmetic"),
     "samples": (samples, "list the campaigns that ship with this package"),
     "doctor": (doctor, "check this installation"),

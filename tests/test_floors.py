@@ -48,6 +48,7 @@ FLOORS = [
     "diagrams",
     "diagrams.station",
     "diagrams.station.drivers",
+    "diagrams.lab",
     "glider.__main__",
     "examples",
     "examples.article",

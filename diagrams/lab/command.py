@@ -1,0 +1,87 @@
+"""The command `lab`: a session in the lab, with the loop closed between throws."""
+
+import argparse
+from pathlib import Path
+
+from glider.commands.parsing import CommandParser, check_seed
+from glider.errors import expect
+
+DESCRIPTION = """\
+Watches the folder of a session: each throw that comes is checked, flown again by the
+nominal and by the corrected model, and traced in the background with all before it. A
+page in the browser shows the last throw, all throws and what was excluded, the effects
+against the number of throws, the verdict, the perches and the next throw to make.
+"""
+
+EPILOG = """\
+The folder is a campaign, as `glider fly --log FOLDER` writes it live, or it holds a
+MAP.yaml and takes that other software exports (glider import --guess proposes the
+map). All that the session finds is in FOLDER/lab: report/ is that of close-the-loop,
+and a session that was ended goes on where it was. The page is served on this computer
+only, to those who have the address with its token.
+
+examples:
+  glider lab out/session
+  glider lab out/session --simulate head_wind --headless
+  glider fly --simulate head_wind --model out/session/lab/report/model.yaml
+
+exit code: 0 when the session was completed, 1 if launches or the trace failed, 2 when
+the input cannot be used.
+"""
+
+
+def add_arguments(parser: CommandParser) -> None:
+    """Adds its arguments to a parser."""
+    parser.add_argument("folder", type=Path, help="folder that throws come into")
+    words = "launch a simulated glider (--headless): a model file or a known truth"
+    parser.add_argument("--simulate", metavar="TRUTH", help=words)
+    parser.add_path("--scenario", "YAML", "scenario of simulated launches")
+    words = "simulated launches before the correction, and after (default: 10)"
+    parser.add_number("--throws", words, 10)
+    words = "no page: complete what there is, or the simulated session, and end"
+    parser.add_switch("--headless", words)
+    parser.add_number("--port", "of the page (default: any free one)", 0)
+    parser.add_seed("of simulated launches and noise")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs it; returns the exit code."""
+    check_seed(args.seed)
+    expect(args.throws >= 3, "--throws", args.throws, "at least 3")
+    expect(0 <= args.port < 1 << 16, "--port", args.port, "from 0 to 65535")
+    with_page = not args.headless
+    expect(
+        args.headless or args.simulate is None,
+        "--simulate",
+        args.simulate,
+        "--headless with it",
+    )
+    if args.simulate is not None:
+        args.folder.mkdir(parents=True, exist_ok=True)
+    from diagrams.lab.session import LabSession
+
+    session = LabSession(args.folder, _show)
+    try:
+        if with_page:
+            from diagrams.lab.server import serve
+
+            serve(session, args.port, _show)
+            return 0
+        if args.simulate is None:
+            session.finish()
+            return 0 if session.state.answer else 1
+        from diagrams.lab.simulated import Launches, run_simulated
+
+        launches = Launches(
+            folder=args.folder,
+            truth=args.simulate,
+            scenario=args.scenario,
+            seed=args.seed,
+        )
+        return 0 if run_simulated(session, launches, args.throws, _show) else 1
+    finally:
+        session.close()
+
+
+def _show(line: str) -> None:
+    print(line, flush=True)

@@ -1,0 +1,163 @@
+"""The folder of a session: its files, and the campaign that they are."""
+
+import dataclasses
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from diagrams.lab.state import CORRECTED, NOMINAL, Throw
+from diagrams.station.throw_log import read_throw
+from glider.campaign.importing.campaign_import import import_campaign
+from glider.errors import InputError, expect
+from glider.files import schema
+
+MAP = "MAP.yaml"
+"""A folder with it holds takes of other software; one without it is a campaign."""
+
+KEPT = "lab"
+"""What the session writes is in this folder of its folder."""
+
+
+class Watched:
+    """The files of a folder, and the campaign of those that no longer change.
+
+    Args:
+        path: with campaign.yaml, as the station writes it, or with MAP.yaml.
+
+    Raises:
+        InputError: there is neither.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.kept = path / KEPT
+        self._sizes: dict[Path, tuple[int, int]] = {}
+        self._imported: dict[Path, tuple[int, int]] = {}
+        expect(path.is_dir(), "the session's folder", str(path), "a folder")
+
+    @property
+    def has_takes(self) -> bool:
+        """Whether flights are cut out of takes."""
+        return (self.path / MAP).is_file()
+
+    @property
+    def campaign(self) -> Path:
+        """The folder of the campaign."""
+        return self.kept / "campaign" if self.has_takes else self.path
+
+    def changes(self) -> bool:
+        """Whether files are there that changed, and have come to rest since.
+
+        To be asked again and again: a file rests if it is as it was the last time.
+        """
+        before, now = self._sizes, _sizes(self._files())
+        self._sizes = now
+        return now == before and now != self._imported
+
+    def read(self) -> tuple[str, ...]:
+        """Imports the takes, if these are some; returns warnings.
+
+        All takes are imported together each time: clocks and signs are found from all.
+
+        Raises:
+            InputError: they cannot be imported.
+        """
+        files = self._files()
+        self._imported = self._sizes = _sizes(files)
+        takes = [file for file in files if file.name != MAP]
+        if not (self.has_takes and takes):
+            return ()
+        imported = import_campaign(takes, self.path / MAP, self.campaign, force=True)
+        names = {flight.name for flight in imported.campaign.flights}
+        for file in self.campaign.glob("flight_*.csv"):
+            if file.name not in names:  # Of a take that was cut differently before.
+                file.unlink()
+        return tuple(imported.warnings)
+
+    def throws(self, known: Sequence[Throw]) -> list[Throw]:
+        """The flights of the campaign; known ones whose files are the same stay."""
+        files = sorted(self.campaign.glob("flight_*.csv"))
+        found = [Throw(name=f.name, sha256=_digest(f)) for f in files]
+        first = next((r for t in found if (r := _record(self.path, t))), None)
+        nominal = read_throw(first)[0].get("model", "") if first else ""
+        same = {(throw.name, throw.sha256): throw for throw in known}
+        return [
+            same.get((throw.name, throw.sha256))
+            or _with_record(throw, self.path, nominal)
+            for throw in found
+        ]
+
+    def _files(self) -> list[Path]:
+        if not self.has_takes:
+            return sorted(self.path.glob("flight_*.csv"))
+        return sorted(
+            file
+            for file in self.path.iterdir()
+            if file.is_file() and not file.name.startswith(".")
+            if file.suffix not in (".md", ".png")
+        )
+
+
+def joint_digest(throws: Sequence[Throw]) -> str:
+    """Digest of the contents of flights, in their order."""
+    return hashlib.sha256("".join(t.sha256 for t in throws).encode()).hexdigest()
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _sizes(files: list[Path]) -> dict[Path, tuple[int, int]]:
+    found = {}
+    for file in files:
+        try:
+            stat = file.stat()
+        except FileNotFoundError:  # It was moved away since.
+            continue
+        found[file] = stat.st_size, stat.st_mtime_ns
+    return found
+
+
+def _record(folder: Path, throw: Throw) -> Path | None:
+    """The station's record of a flight, if it has one."""
+    name = throw.name.replace("flight", "throw").replace(".csv", ".mcap")
+    return folder / name if (folder / name).is_file() else None
+
+
+def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
+    """Adds what the station recorded: the plan's model, and how the throw ended."""
+    record = _record(folder, throw)
+    if record is None:
+        return throw
+    facts, topics = read_throw(record)
+    planned = NOMINAL if facts.get("model") == nominal else CORRECTED
+    results = [e for e in topics["/event"] if e.get("state") == "result"]
+    if not results:  # The station died before the throw was over.
+        return dataclasses.replace(
+            throw, planned=planned, fault="its record ends early"
+        )
+    try:
+        result = schema.convert(results[-1], _Result, str(record))
+    except InputError as error:
+        return dataclasses.replace(throw, fault=str(error))
+    return dataclasses.replace(
+        throw,
+        planned=planned,
+        perched=result.perched,
+        miss=result.miss_m,
+        fault=result.reason,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Result:
+    """What the station writes at the end of a throw."""
+
+    state: str
+    perched: bool
+    miss_m: schema.Number
+    speed_m_s: schema.Number
+    reason: str
+    commands: int
+    late: int
+    latency_s: list[float]

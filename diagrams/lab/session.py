@@ -1,0 +1,190 @@
+"""A session: each new throw is checked, flown again and traced, with all before it."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+from diagrams.lab.folder import Watched, joint_digest
+from diagrams.lab.prediction import predict_throw
+from diagrams.lab.state import (
+    CORRECTED,
+    NOMINAL,
+    Proposal,
+    State,
+    Throw,
+    Trace,
+    load_state,
+    save_state,
+)
+from diagrams.lab.tracing import Job, Worker
+from glider.campaign.checks.inspection import inspect
+from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
+from glider.errors import InputError
+from glider.files.writing import check_writable, replace_file
+from glider.physics.model import GliderModel
+from glider.progress import Progress, silent
+from glider.simulation.refly import nominal_model
+
+
+class LabSession:
+    """Keeps the answer for a folder up to date; all it knows is in FOLDER/lab too.
+
+    `step` is called again and again by a loop. A session that was ended, or killed, goes
+    on where it was.
+
+    Args:
+        folder: with campaign.yaml or MAP.yaml, into which throws come.
+        progress: is given a line for each thing that is done.
+
+    Raises:
+        InputError: the folder cannot be used.
+    """
+
+    def __init__(self, folder: Path, progress: Progress = silent) -> None:
+        self.watched, self._progress = Watched(folder), progress
+        check_writable(self.watched.kept)
+        self.watched.kept.mkdir(exist_ok=True)
+        self._file = self.watched.kept / "session.json"
+        self.state = load_state(self._file)
+        self.report = self.watched.kept / "report"
+        self._worker = Worker()
+        self.listeners: list[Callable[[State], object]] = []
+
+    @property
+    def model_file(self) -> Path | None:
+        """The file of the corrected model; None before the first trace."""
+        file = self.report / "model.yaml"
+        return file if self.state.answer and file.exists() else None
+
+    @property
+    def doing(self) -> str:
+        """What is done in the background; "" for nothing."""
+        job = self._worker.job
+        if job is None:
+            return ""
+        what = "looking for the next throw" if job.proposes else "tracing"
+        return f"{what} ({len(job.flights)} throws)"
+
+    def picture(self, name: str) -> Path:
+        """The file of a throw's picture."""
+        return self.watched.kept / "throws" / f"{name.removesuffix('.csv')}.png"
+
+    def step(self, *, traces: bool = True) -> None:
+        """Takes what is new: throws, and answers from the background."""
+        if self.watched.changes():
+            self.update()
+        if answer := self._worker.wait(0.0):
+            self._take(answer)
+        if traces and self._worker.job is None and (job := self._next_job()):
+            self._worker.start(job)
+            self._progress(self.doing)
+
+    def update(self) -> None:
+        """Reads, checks and flies again whatever is new in the folder, now."""
+        notes: list[str] = []
+        try:
+            notes += self.watched.read()
+            throws, campaign = self._read(notes)
+        except InputError as error:
+            self._change(notes=(*notes, str(error)))
+            return
+        excluded = self.state.excluded
+        if campaign is not None:
+            try:
+                inspection = inspect(campaign)
+                notes += inspection.warnings
+                excluded = inspection.excluded
+            except InputError as error:
+                notes.append(str(error))
+            throws = [self._predicted(t, campaign) for t in throws]
+        self._change(throws=tuple(throws), excluded=excluded, notes=tuple(notes))
+
+    def finish(self) -> None:
+        """Reads what is there and waits until it is traced."""
+        self.update()
+        while self._worker.job or (job := self._next_job(proposes=False)):
+            if self._worker.job is None:
+                self._worker.start(job)
+                self._progress(self.doing)
+            if answer := self._worker.wait(60.0):
+                self._take(answer)
+
+    def close(self) -> None:
+        """Ends what runs in the background."""
+        self._worker.close()
+
+    def _read(self, notes: list[str]) -> tuple[list[Throw], Campaign | None]:
+        """The throws that there are, and the campaign of those that can be read."""
+        throws, folder = self.watched.throws(self.state.throws), self.watched.campaign
+        known = {(t.name, t.sha256) for t in self.state.throws}
+        for k, throw in enumerate(throws):
+            if (throw.name, throw.sha256) not in known:
+                self._progress(f"{throw.name} has come")
+                try:
+                    load_campaign(folder, flights=[throw.name])
+                except InputError as error:
+                    changes = {"fault": str(error), "is_read": False}
+                    throws[k] = dataclasses.replace(throw, **changes)
+        names = [throw.name for throw in throws if throw.is_read]
+        try:
+            return throws, load_campaign(folder, flights=names) if names else None
+        except InputError as error:
+            notes.append(str(error))
+            return throws, None
+
+    def _predicted(self, throw: Throw, campaign: Campaign) -> Throw:
+        """Flies a throw again that was not yet, and draws it."""
+        if throw.errors or not throw.is_read:
+            return throw
+        models = {}
+        if nominal := nominal_model(campaign):
+            models[NOMINAL] = nominal
+        if self.model_file:
+            models[CORRECTED] = GliderModel.load(self.model_file)
+        if not models:
+            return throw
+        [flight] = [f for f in campaign.flights if f.name == throw.name]
+        try:
+            errors, png = predict_throw(campaign, flight, models)
+        except InputError as error:
+            return dataclasses.replace(throw, fault=throw.fault or str(error))
+        file = self.picture(throw.name)
+        file.parent.mkdir(exist_ok=True)
+        replace_file(file, lambda path: path.write_bytes(png))
+        return dataclasses.replace(throw, errors=errors)
+
+    def _next_job(self, *, proposes: bool = True) -> Job | None:
+        """What remains to be traced, or then to be proposed."""
+        state = self.state
+        given = [throw for throw in state.throws if throw.is_read]
+        if not given:
+            return None
+        digest, last = joint_digest(given), state.traces[-1] if state.traces else None
+        job = Job(
+            folder=self.watched.campaign,
+            out=self.report,
+            flights=state.flights,
+            sha256=digest,
+        )
+        if last is None or last.sha256 != digest:
+            return job
+        done = last.refusal or (state.proposal and state.proposal.flights == len(given))
+        return None if done or not proposes else dataclasses.replace(job, proposes=True)
+
+    def _take(self, answer: Trace | Proposal) -> None:
+        """Adds an answer to the state."""
+        if isinstance(answer, Trace):
+            self._progress(answer.headline or answer.refusal)
+            self._change(traces=(*self.state.traces, answer))
+        else:
+            self._change(proposal=answer)
+
+    def _change(self, **changes: object) -> None:
+        """Saves a changed state, then shows it."""
+        state = dataclasses.replace(self.state, **changes)  # type: ignore[arg-type]
+        if state != self.state:
+            save_state(state, self._file)
+            self.state = state
+        for listener in self.listeners:
+            listener(state)

@@ -1,0 +1,120 @@
+"""Traces and proposes in a process of its own, which stays warm between throws."""
+
+import dataclasses
+import multiprocessing
+import os
+import traceback
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from diagrams.lab.state import Proposal, Trace, trace_of
+from glider.errors import InputError
+
+NICENESS = 10
+"""Of the process: what flies, and the page, go first."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Job:
+    """A trace of the flights of a campaign, or the throw that comes after it."""
+
+    folder: Path  #: Of the campaign.
+    out: Path  #: Folder of the report.
+    flights: tuple[str, ...]
+    sha256: str  #: Of their contents.
+    proposes: bool = False  #: Whether the report is there, and a throw is wanted.
+
+    def run(self) -> Trace | Proposal:
+        """Does it; what the input does not permit is in the answer."""
+        try:
+            return self._propose() if self.proposes else self._trace()
+        except InputError as error:
+            return self.refused(str(error))
+
+    def refused(self, why: str) -> Trace | Proposal:
+        """The answer where there is none."""
+        if self.proposes:
+            return Proposal(flights=len(self.flights), sentences=(why,))
+        return Trace(flights=self.flights, sha256=self.sha256, refusal=why)
+
+    def _trace(self) -> Trace:
+        from glider.report.folder import write_report
+        from glider.report.wording import headline
+        from glider.sysid.pipeline import close_the_loop
+
+        result = close_the_loop(self.folder, flights=self.flights)
+        write_report(result, self.out)
+        return trace_of(result.report, headline(result), self.sha256)
+
+    def _propose(self) -> Proposal:
+        from glider.experiments.explanations import load_findings
+        from glider.experiments.proposal import next_throw
+        from glider.report.next_throw import sentences, throw_words, write_proposal
+
+        found = next_throw(self.folder, load_findings(self.out), launches=1)
+        write_proposal(found, self.out / "next_throw")
+        count = len(found.throws)
+        return Proposal(
+            flights=len(self.flights),
+            sentences=tuple(sentences(found)),
+            throws=tuple(throw_words(found, k) for k in range(1, count + 1)),
+        )
+
+
+class Worker:
+    """The process. It has one job at a time, and dies with us."""
+
+    def __init__(self) -> None:
+        self.job: Job | None = None  #: That it works on.
+        self._process: multiprocessing.process.BaseProcess | None = None
+        self._pipe: Connection | None = None
+
+    def start(self, job: Job) -> None:
+        """Begins a job."""
+        if self._process is None or not self._process.is_alive():
+            context = multiprocessing.get_context("spawn")
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=_serve, args=(theirs,))
+            self._process.start()
+            theirs.close()
+        assert self._pipe is not None
+        self._pipe.send(job)
+        self.job = job
+
+    def wait(self, seconds: float) -> Trace | Proposal | None:
+        """Waits for the answer of the job [s]; None where there is none yet."""
+        job = self.job
+        if self._pipe is None or job is None or not self._pipe.poll(seconds):
+            return None
+        self.job = None
+        try:
+            return self._pipe.recv()
+        except EOFError:
+            self.close()
+            return job.refused("The process that traces died.")
+
+    def close(self) -> None:
+        """Ends the process, in the midst of its job."""
+        if self._process is not None:
+            self._process.terminate()
+            self._process.join()
+        if self._pipe is not None:
+            self._pipe.close()
+        self._process = self._pipe = self.job = None
+
+
+def _serve(pipe: Connection) -> None:
+    """Does job after job until the pipe is closed."""
+    os.nice(NICENESS)
+    while True:
+        try:
+            job = pipe.recv()
+        except (EOFError, KeyboardInterrupt):
+            return
+        try:
+            pipe.send(job.run())
+        except KeyboardInterrupt:
+            return
+        except Exception as error:  # A fault of ours must not end a session.
+            traceback.print_exc()
+            pipe.send(job.refused(f"Tracing failed: {error!r}."))
