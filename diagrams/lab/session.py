@@ -30,7 +30,7 @@ from glider.simulation.refly import nominal_model
 class LabSession:
     """Keeps the answer for a folder up to date; all it knows is in FOLDER/lab too.
 
-    `step` is called again and again by a loop. A session that was ended, or killed, goes
+    `step` is called again and again by a loop. A session that was ended goes
     on where it was.
 
     Args:

@@ -1,0 +1,149 @@
+"""A session in the lab: throws that come one by one, restarts, and the page."""
+
+import shutil
+
+import pytest
+from starlette.testclient import TestClient
+
+from diagrams.lab.server import make_app
+from diagrams.lab.session import LabSession
+from diagrams.lab.state import load_state, trace_of
+from glider.campaign.samples import campaign_folder
+from glider.errors import InputError
+from glider.report.wording import headline
+from glider.sysid.pipeline import close_the_loop
+
+TOKEN = "right"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A session's folder with no throw yet."""
+    path = tmp_path / "head_wind"
+    path.mkdir()
+    shutil.copy(campaign_folder("head_wind") / "campaign.yaml", path)
+    return path
+
+
+@pytest.fixture
+def open_session(folder):
+    """Opens sessions of the folder, and closes them at the end."""
+    sessions = []
+
+    def opened():
+        sessions.append(LabSession(folder))
+        return sessions[-1]
+
+    yield opened
+    for session in sessions:
+        session.close()
+
+
+def drop(folder, *numbers):
+    for number in numbers:
+        shutil.copy(campaign_folder("head_wind") / f"flight_{number:03d}.csv", folder)
+
+
+def test_each_throw_is_flown_again_when_it_has_come(folder, open_session):
+    session = open_session()
+    seen = []
+    for number in range(3):
+        drop(folder, number)
+        session.step(traces=False)  # The file may still grow.
+        assert len(session.state.throws) == number
+        session.step(traces=False)
+        seen.append(session.state.throws[-1])
+        assert session.picture(seen[-1].name).read_bytes().startswith(b"\x89PNG")
+    assert session.state.throws == tuple(seen)  # Earlier ones are not done again.
+    assert all(set(throw.errors) == {"nominal"} for throw in seen)
+    assert all(0.01 < throw.errors["nominal"] < 1.0 for throw in seen)
+
+
+@pytest.mark.slow
+def test_throws_one_by_one_give_the_answer_of_a_full_run(folder, open_session):
+    session = open_session()
+    for number in range(6):
+        drop(folder, number)
+        session.update()
+        if number in (1, 3):
+            session.finish()
+    session.finish()
+    few, some, last = session.state.traces
+    assert "expected at least 3" in few.refusal
+    assert len(some.flights) == 4 and len(last.flights) == 6
+    full = close_the_loop(folder, flights=last.flights)
+    expected = trace_of(full.report, headline(full), last.sha256)
+    assert [e.kind for e in last.effects] == ["wind"]
+    assert last.effects == expected.effects
+    assert (last.verdict, last.errors) == (expected.verdict, expected.errors)
+    # What came after a trace was predicted by its model.
+    errors = session.state.throws[5].errors
+    assert errors["corrected"] < 0.5 * errors["nominal"]
+
+
+@pytest.mark.slow
+def test_a_restart_goes_on_where_the_session_was(folder, open_session):
+    drop(folder, 0, 1, 2)
+    first = open_session()
+    first.finish()
+    first.close()
+    second = open_session()
+    assert second.state == first.state and second.state.answer
+    second.finish()
+    assert second.state == first.state  # Nothing was traced again.
+    drop(folder, 3)
+    second.finish()
+    assert [len(t.flights) for t in second.state.traces] == [3, 4]
+    assert load_state(folder / "lab" / "session.json") == second.state
+
+
+def test_a_throw_that_cannot_be_read_is_named_and_the_others_count(
+    folder, open_session
+):
+    drop(folder, 0, 1)
+    (folder / "flight_002.csv").write_text("time,x\n0,oops\n")
+    session = open_session()
+    session.update()
+    *_, bad = session.state.throws
+    assert not bad.is_read and "flight_002.csv" in bad.fault
+    assert session.state.flights == ("flight_000.csv", "flight_001.csv")
+    drop(folder, 2)  # The same name again, whole.
+    session.update()
+    assert session.state.throws[-1].is_read and not session.state.throws[-1].fault
+
+
+def test_a_folder_that_is_none_is_refused(tmp_path):
+    with pytest.raises(InputError, match="expected a folder"):
+        LabSession(tmp_path / "none")
+
+
+@pytest.fixture
+def client(folder, open_session):
+    drop(folder, 0)
+    session = open_session()
+    session.update()
+    return TestClient(make_app(session, TOKEN), base_url="http://127.0.0.1")
+
+
+@pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=%C3%A9"])
+@pytest.mark.parametrize("path", ["/", "/events", "/throws/flight_000.png", "/none"])
+def test_without_the_token_there_is_nothing(client, path, query):
+    response = client.get(path + query)
+    assert response.status_code == 403 and not response.cookies
+
+
+def test_the_page_serves_who_has_the_token(client):
+    page = client.get(f"/?token={TOKEN}")
+    assert page.status_code == 200 and "lab.js" in page.text
+    # From here on by the cookie.
+    for path in ("lab.js", "lab.css", "page.css"):
+        assert client.get(f"/{path}").status_code == 200
+    picture = client.get("/throws/flight_000.png")
+    assert picture.headers["content-type"] == "image/png"
+    for path in ("throws/flight_001.png", "throws/..%2Fsession.json", "report"):
+        assert client.get(f"/{path}").status_code == 404
+
+
+def test_another_hosts_name_is_refused(client):
+    headers = {"host": "evil.example"}
+    assert client.get(f"/?token={TOKEN}", headers=headers).status_code == 400
