@@ -56,7 +56,7 @@ def test_each_throw_is_flown_again_when_it_has_come(folder, open_session):
         assert session.picture(seen[-1].name).read_bytes().startswith(b"\x89PNG")
     assert session.state.throws == tuple(seen)  # Earlier ones are not done again.
     assert all(set(throw.errors) == {"nominal"} for throw in seen)
-    assert all(0.01 < throw.errors["nominal"] < 1.0 for throw in seen)
+    assert all(0.0 < throw.errors["nominal"] < 0.5 for throw in seen)
 
 
 @pytest.mark.slow
