@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -144,7 +145,7 @@ def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
         throw,
         planned=planned,
         perched=result.perched,
-        miss=result.miss_m,
+        miss=result.miss_m if math.isfinite(result.miss_m) else None,
         fault=result.reason,
     )
 

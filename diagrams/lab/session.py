@@ -1,7 +1,6 @@
 """A session: each new throw is checked, flown again and traced, with all before it."""
 
 import dataclasses
-from collections.abc import Callable
 from pathlib import Path
 
 from diagrams.lab.folder import Watched, joint_digest
@@ -49,7 +48,6 @@ class LabSession:
         self.state = load_state(self._file)
         self.report = self.watched.kept / "report"
         self._worker = Worker()
-        self.listeners: list[Callable[[State], object]] = []
 
     @property
     def model_file(self) -> Path | None:
@@ -103,8 +101,11 @@ class LabSession:
     def finish(self) -> None:
         """Reads what is there and waits until it is traced."""
         self.update()
-        while self._worker.job or (job := self._next_job(proposes=False)):
+        while True:
             if self._worker.job is None:
+                job = self._next_job(proposes=False)
+                if job is None:
+                    return
                 self._worker.start(job)
                 self._progress(self.doing)
             if answer := self._worker.wait(60.0):
@@ -124,8 +125,9 @@ class LabSession:
                 try:
                     load_campaign(folder, flights=[throw.name])
                 except InputError as error:
-                    changes = {"fault": str(error), "is_read": False}
-                    throws[k] = dataclasses.replace(throw, **changes)
+                    throws[k] = dataclasses.replace(
+                        throw, fault=str(error), is_read=False
+                    )
         names = [throw.name for throw in throws if throw.is_read]
         try:
             return throws, load_campaign(folder, flights=names) if names else None
@@ -181,10 +183,8 @@ class LabSession:
             self._change(proposal=answer)
 
     def _change(self, **changes: object) -> None:
-        """Saves a changed state, then shows it."""
+        """Saves a changed state."""
         state = dataclasses.replace(self.state, **changes)  # type: ignore[arg-type]
         if state != self.state:
             save_state(state, self._file)
             self.state = state
-        for listener in self.listeners:
-            listener(state)

@@ -25,7 +25,7 @@ class Throw:
     #: was planned with; whether it perched; how far from the wire it passed [m].
     planned: str = ""
     perched: bool | None = None
-    miss: Number = math.nan
+    miss: float | None = None
     #: RMS of the position error of each model's prediction [m]. The corrected model is
     #: the one that was traced from earlier throws.
     errors: dict[str, Number] = dataclasses.field(default_factory=dict)
