@@ -9,7 +9,6 @@ from diagrams.lab.state import (
     CORRECTED,
     NOMINAL,
     Proposal,
-    State,
     Throw,
     Trace,
     load_state,
