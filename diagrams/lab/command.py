@@ -1,6 +1,7 @@
 """The command `lab`: a session in the lab, with the loop closed between throws."""
 
 import argparse
+import contextlib
 from pathlib import Path
 
 from glider.commands.parsing import CommandParser, check_seed
@@ -84,4 +85,5 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show(line: str) -> None:
-    print(line, flush=True)
+    with contextlib.suppress(OSError):  # A terminal that is gone ends no session.
+        print(line, flush=True)

@@ -55,6 +55,10 @@ class Watched:
         self._sizes = now
         return now == before and now != self._imported
 
+    def forget(self) -> None:
+        """Makes everything a change: what was read was lost in a fault."""
+        self._imported = {}
+
     def read(self) -> tuple[str, ...]:
         """Imports the takes, if these are some; returns warnings.
 

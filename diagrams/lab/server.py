@@ -1,6 +1,7 @@
 """The page of a session: on this computer only, for those who have its token."""
 
 import asyncio
+import contextlib
 import hmac
 import secrets
 import socket
@@ -35,6 +36,9 @@ HOST = "127.0.0.1"
 
 PERIOD = 0.2
 """Time between two looks at the folder, or at what is new for the page [s]."""
+
+AFTER_FAULT = 5.0
+"""The same after a fault [s]: whatever fails again does not fill the terminal."""
 
 COOKIE = "glider_lab"
 
@@ -125,6 +129,7 @@ def view_of(session: LabSession) -> dict[str, Any]:
     return {
         "folder": str(session.watched.path),
         "doing": session.doing,
+        "fault": session.fault,
         "state": state,
         "drawn": [t.name for t in state.throws if t.errors],
         "perches": {
@@ -138,8 +143,9 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
     token, ended = secrets.token_urlsafe(18), threading.Event()
 
     def work() -> None:
-        while not ended.wait(PERIOD):
-            session.step()
+        period = PERIOD
+        while not ended.wait(period):
+            period = PERIOD if session.try_step() else AFTER_FAULT
 
     with socket.create_server((HOST, port)) as listening:
         port = listening.getsockname()[1]
@@ -150,7 +156,8 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
         try:
-            uvicorn.Server(config).run(sockets=[listening])
+            with contextlib.suppress(KeyboardInterrupt):  # Raised again when it ended.
+                uvicorn.Server(config).run(sockets=[listening])
         finally:
             ended.set()
             thread.join()
@@ -158,10 +165,10 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
 
 async def _stream(session: LabSession, request: Request) -> AsyncIterator[str]:
     """Sends the view whenever it changes; the browser connects again by itself."""
-    sent: tuple[object, str] | None = None
+    sent: tuple[object, ...] = ()
     while not await request.is_disconnected():
-        now = session.state, session.doing
-        if sent is None or now[0] is not sent[0] or now[1] != sent[1]:
+        now = id(session.state), session.doing, session.fault
+        if now != sent:
             sent = now
             yield f"data: {json_text(view_of(session), indent=-1)}\n\n"
         await asyncio.sleep(PERIOD)

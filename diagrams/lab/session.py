@@ -1,6 +1,8 @@
 """A session: each new throw is checked, flown again and traced, with all before it."""
 
+import contextlib
 import dataclasses
+import traceback
 from pathlib import Path
 
 from diagrams.lab.folder import Watched, joint_digest
@@ -47,6 +49,7 @@ class LabSession:
         self.state = load_state(self._file)
         self.report = self.watched.kept / "report"
         self._worker = Worker()
+        self.fault = ""  #: Of this program, in the last step; "" for none.
 
     @property
     def model_file(self) -> Path | None:
@@ -76,6 +79,19 @@ class LabSession:
         if traces and self._worker.job is None and (job := self._next_job()):
             self._worker.start(job)
             self._progress(self.doing)
+
+    def try_step(self) -> bool:
+        """As `step`; a fault of this program is shown, and does not end the session."""
+        try:
+            self.step()
+        except Exception as error:
+            with contextlib.suppress(OSError):
+                traceback.print_exc()
+            self.fault = f"Fault of this program, tried again soon: {error!r}."
+            self.watched.forget()
+        else:
+            self.fault = ""
+        return not self.fault
 
     def update(self) -> None:
         """Reads, checks and flies again whatever is new in the folder, now."""

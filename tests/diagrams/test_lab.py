@@ -1,13 +1,19 @@
 """A session in the lab: throws that come one by one, restarts, and the page."""
 
 import shutil
+import subprocess
+import sys
+import time
 
 import pytest
 from starlette.testclient import TestClient
 
+import diagrams.lab.session as session_module
 from diagrams.lab.server import make_app
 from diagrams.lab.session import LabSession
+from diagrams.lab.simulated import Launches, run_simulated
 from diagrams.lab.state import load_state, trace_of
+from glider.__main__ import main
 from glider.campaign.samples import campaign_folder
 from glider.errors import InputError
 from glider.report.wording import headline
@@ -112,9 +118,68 @@ def test_a_throw_that_cannot_be_read_is_named_and_the_others_count(
     assert session.state.throws[-1].is_read and not session.state.throws[-1].fault
 
 
-def test_a_folder_that_is_none_is_refused(tmp_path):
+def test_a_folder_that_is_none_is_refused(tmp_path, capsys):
     with pytest.raises(InputError, match="expected a folder"):
         LabSession(tmp_path / "none")
+    assert main(["lab", str(tmp_path / "none"), "--headless"]) == 2
+    assert "expected a folder" in capsys.readouterr().err
+
+
+def test_a_fault_of_ours_is_shown_and_the_session_goes_on(
+    folder, open_session, monkeypatch, capsys
+):
+    session = open_session()
+    monkeypatch.setattr(LabSession, "_next_job", lambda self: None)
+    with monkeypatch.context() as patched:
+        patched.setattr(session_module, "predict_throw", lambda *given: 1 / 0)
+        drop(folder, 0)
+        assert [session.try_step() for _ in range(2)] == [True, False]
+    assert "ZeroDivisionError" in session.fault
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    assert session.state.throws == ()
+    assert session.try_step()
+    assert session.fault == "" and len(session.state.throws) == 1
+
+
+class DyingLaunches(Launches):
+    """Launches by a station that dies at once."""
+
+    def start(self, throws, model, flown):
+        return subprocess.Popen([sys.executable, "-c", "raise SystemExit(1)"])
+
+
+def test_launches_that_fail_leave_a_session_incomplete(folder, open_session):
+    shown = []
+    launches = DyingLaunches(folder=folder, truth="head_wind")
+    assert not run_simulated(open_session(), launches, 3, shown.append)
+    assert not any("Perches" in line for line in shown)
+
+
+@pytest.mark.slow
+def test_too_few_throws_leave_a_session_incomplete(folder, capsys):
+    drop(folder, 0)
+    assert main(["lab", str(folder), "--headless"]) == 1
+    assert "expected at least 3" in capsys.readouterr().out
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("truth", ["head_wind", "slow_servo", "floor_vent"])
+def test_a_session_is_over_in_three_minutes_and_the_glider_perches(tmp_path, truth):
+    """In real time: other work on this computer would delay commands."""
+    command = [sys.executable, "-m", "glider", "lab", tmp_path / "session"]
+    began = time.monotonic()
+    done = subprocess.run(
+        [*command, "--simulate", truth, "--headless"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    *_, last = done.stdout.splitlines()
+    assert last.startswith("Perches: 0 of 10 before, ")
+    perched = int(last.removeprefix("Perches: 0 of 10 before, ").split()[0])
+    assert perched >= 9 and last.endswith("of 10 after the correction.")
+    assert time.monotonic() - began < 180.0
 
 
 @pytest.fixture

@@ -127,7 +127,8 @@ function show(view) {
     if (flown) tiles.push(tile(`${perched} of ${flown}`, `perched, planned with the ${planned} model`));
   }
   byId("tiles").replaceChildren(...tiles);
-  byId("notes").replaceChildren(...state.notes.map((text) => make("p", text, { class: "warning" })));
+  const notes = [view.fault, ...state.notes].filter(Boolean);
+  byId("notes").replaceChildren(...notes.map((text) => make("p", text, { class: "warning" })));
   byId("report").hidden = !answer;
   showLast(view);
   showEffects(answers);
