@@ -8,7 +8,7 @@ from pathlib import Path
 
 import platformdirs
 
-_PACKAGE = Path(__file__).resolve().parent
+PACKAGE = Path(__file__).resolve().parent
 _VARIABLE = "DRAKE_GLIDER_CACHE"
 """Environment variable by which a process shares its temporary cache with others."""
 
@@ -25,7 +25,7 @@ def models_path(*parts: str) -> Path:
     Raises:
         FileNotFoundError: if there is no such file or no models folder.
     """
-    models = _models_folder(_PACKAGE)
+    models = _models_folder(PACKAGE)
     path = models.joinpath(*parts)
     if path.exists():
         return path

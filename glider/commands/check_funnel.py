@@ -31,14 +31,17 @@ This check applies to the third-order Taylor polynomials of the dynamics, with a
 on their remainder; between the times V is sampled in floating point. --prove proves it
 for the full dynamics and in continuous time: no flight that starts in the inlet leaves
 the funnel. That takes minutes; with --resume FILE an interrupted proof continues.
+The size of the inlet is printed; --least-inlet requires one.
 
 The check applies to one glider; --prove covers all gliders of a funnel that was made
-for a set of them. --confidence draws gliders that the data allow, from the covariance
-in --model's file (close-the-loop writes it), flies them from the boundary and climbs to
-the worst flights and the worst corner of their set. Flights alone prove nothing.
+for a set of them. If --model has a covariance, that set must contain the model's set
+of the same probability. --confidence draws gliders that the data allow, from the
+covariance in --model's file (close-the-loop writes it), flies them from the boundary
+and climbs to the worst flights and the worst corner of their set. Flights alone prove
+nothing.
 
-exit code: 0 if everything checked holds and no flight leaves, 1 if not, 2 if the file
-is not a funnel.
+exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
+whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
 """
 
 
@@ -51,6 +54,11 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_path("--problem", "YAML", words)
     words = "the problem's hook must accept every state of its last set"
     parser.add_switch("--hook", words)
+    words = (
+        "half-width that its inlet must have: in height [m], or in states that deviate "
+        "alone, as z=0.1,pitch=0.05 (default: any)"
+    )
+    parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
@@ -66,7 +74,10 @@ def add_arguments(parser: CommandParser) -> None:
         f"and more (default: {FLIGHTS})"
     )
     parser.add_number("--flights", words)
-    words = "with --confidence: of the draws; same seed, same flights (default: 0)"
+    words = (
+        "of what is drawn; same seed, same ascents and flights (default: 0 for the "
+        "flights of --confidence, for the ascents a new one each time)"
+    )
     parser.add_number("--seed", words)
     parser.add_json("JSON instead of sentences")
 
@@ -75,14 +86,15 @@ def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     from glider.verification.funnel.file import read_file
 
-    level, flights, seed = _checked_options(args)
+    level, flights = _checked_options(args)
+    least_inlet = _least_inlet(args.least_inlet)
     file = read_file(args.funnel)
 
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np
 
     from glider.files.schema import json_text
-    from glider.physics.model import GliderModel
+    from glider.physics.model import GliderModel, load_covariance
     from glider.planning.problem import PerchingProblem
     from glider.verification.check_report import (
         check_report,
@@ -98,10 +110,11 @@ def run(args: argparse.Namespace) -> int:
     funnel = funnel_of(args.funnel, *file)
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
+    covariance = load_covariance(args.model) if args.model else None
     confidence = None
     if level is not None:
         shape = "box" if args.box else "ellipsoid"
-        confidence = _confidence(funnel, args.model, level, shape)
+        confidence = _confidence(funnel, args.model, covariance, level, shape)
     proof = trial = None
     with working(is_even=True) as progress:
 
@@ -114,49 +127,72 @@ def run(args: argparse.Namespace) -> int:
             follow("certificate"),
             problem=problem,
             model=model,
+            covariance=covariance,
             hook=args.hook,
+            least_inlet=least_inlet,
+            seed=args.seed,
         )
         if args.prove and verdict.holds:
             proof = prove_flights(
                 funnel, args.every, resume=args.resume, progress=follow("proof")
             )
         if confidence and verdict.holds:
-            rng = np.random.default_rng(seed)
+            rng = np.random.default_rng(seed := args.seed or 0)
             trial = falsify_funnel(
                 funnel, flights, rng, confidence=confidence, progress=follow("gliders")
             )
-    good = verdict.holds and (proof is None or proof.complete)
-    good = good and (trial is None or trial.escapes == 0)
+    good = verdict.holds and (trial is None or trial.escapes == 0)
+    if args.prove:
+        good = good and verdict.is_whole and proof is not None and proof.is_whole
     if args.json:
         report = check_report(funnel, verdict, proof, problem)
-        report |= {"model_compared": model is not None}
+        report |= {
+            "model_compared": model is not None,
+            "set_compared": bool(model and covariance and funnel.gliders),
+        }
         if confidence and trial:
             report["gliders"] = trial_report(funnel, confidence, trial, seed)
         print(json_text(report))
     else:
-        print(describe_check(funnel, verdict, proof, problem, args.model))
+        has_covariance = covariance is not None
+        print(
+            describe_check(funnel, verdict, proof, problem, args.model, has_covariance)
+        )
         if confidence and trial:
             print(describe_trial(funnel, confidence, trial, seed))
     return 0 if good else 1
 
 
-def _checked_options(args: argparse.Namespace) -> tuple[float | None, int, int]:
-    """Probability of --confidence, number of flights and seed; checks all options."""
+def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
+    """Probability of --confidence and number of flights; checks all options."""
     expect(args.every >= 1, "--every", args.every, "a positive number")
     if args.resume and not args.prove:
         raise InputError("--resume has no effect without --prove; expected both.")
     level = _level(args.confidence)
-    given = {"box": args.box or None, "flights": args.flights, "seed": args.seed}
+    given = {"box": args.box or None, "flights": args.flights}
     for name, value in given.items():
         if level is None and value is not None:
             words = f"--{name} has no effect without --confidence; expected both."
             raise InputError(words)
     flights = FLIGHTS if args.flights is None else args.flights
-    seed = args.seed or 0
     expected = f"a number from 1 to {MOST_FLIGHTS:,}"
     expect(1 <= flights <= MOST_FLIGHTS, "--flights", flights, expected)
-    check_seed(seed)
-    return level, flights, seed
+    check_seed(args.seed or 0)
+    return level, flights
+
+
+def _least_inlet(text: str | None) -> dict[str, float]:
+    """Least half-widths of the inlet by state; of z where a number stands alone."""
+    found: dict[str, float] = {}
+    for part in (text or "").split(",") if text is not None else ():
+        name, _, width = part.rpartition("=")
+        try:
+            found[name.strip() or "z"] = value = float(width)
+        except ValueError:
+            value = math.nan
+        words = "a positive width, or several as z=0.1,pitch=0.05"
+        expect(0.0 < value < math.inf, "--least-inlet", text, words)
+    return found
 
 
 def _level(text: str | None) -> float | None:
@@ -172,12 +208,10 @@ def _level(text: str | None) -> float | None:
     return level
 
 
-def _confidence(funnel, model, level, shape):
+def _confidence(funnel, model, covariance, level, shape):
     """The set of gliders to fly, by the model's file or the funnel's own."""
-    from glider.physics.model import load_covariance
     from glider.verification.dynamics.confidence import make_confidence
 
-    covariance = load_covariance(model) if model else None
     if not model and funnel.gliders:
         covariance = funnel.gliders.confidence.covariance
     if covariance is None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 from glider.sysid.replay.vehicle import Vehicle
+from glider.verification.check_report import remainder_status, set_sizes
+from glider.verification.dynamics.confidence import describe_set
 from glider.verification.funnel.funnel import Funnel, load_funnel
-from glider.verification.proof.check import check_funnel
+from glider.verification.proof.check import Verdict, check_funnel
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -26,13 +29,33 @@ class KnownFunnel:
     funnel: Funnel  #: Of the states of STATE_NAMES alone, from 0 s on.
     #: That it was loaded from; None where it was given as a Funnel.
     file: str | None = None
-    #: Whether its certificate is known to hold, see `checked`.
-    is_checked: bool = False
+    #: What the check of its certificate found; None if it is not yet `checked`.
+    verdict: Verdict | None = None
 
     @property
     def name(self) -> str:
         """What an error begins with."""
         return self.file or "the given funnel"
+
+    @property
+    def is_checked(self) -> bool:
+        """Whether its certificate is known to hold."""
+        return self.verdict is not None and self.verdict.holds
+
+    @property
+    def relied_on(self) -> dict[str, Any]:
+        """What throws rely on, besides the sets, for JSON and sentences."""
+        verdict, gliders = self.verdict, self.funnel.gliders
+        return {
+            "exact_at_times": verdict.times if verdict else 0,
+            "remainder": remainder_status(self.funnel) if verdict else "unchecked",
+            "remainder_seen": verdict.remainder_seen if verdict else None,
+            "seed": verdict.seed if verdict else None,
+            "every_flight_proven": False,
+            "set_of_gliders": describe_set(gliders.confidence) if gliders else None,
+            "set_compared": False,
+            "inlet": set_sizes(self.funnel, 0.0),
+        }
 
     @property
     def proof(self) -> str:
@@ -135,13 +158,14 @@ def checked(known: KnownFunnel) -> KnownFunnel:
     """
     if known.is_checked:
         return known
-    faults = check_funnel(known.funnel).faults
-    if faults:
+    verdict = check_funnel(known.funnel)
+    if not verdict.holds:
+        fault = verdict.faults[0].rstrip(".")
         raise InputError(
-            f"{known.name}: its certificate does not hold: {faults[0].rstrip('.')}; "
+            f"{known.name}: its certificate does not hold: {fault}; "
             "expected a funnel without faults, see check-funnel."
         )
-    return dataclasses.replace(known, is_checked=True)
+    return dataclasses.replace(known, verdict=verdict)
 
 
 def check_vehicle(known: KnownFunnel, campaign: Campaign, vehicle: Vehicle) -> None:

@@ -165,6 +165,7 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
                 "sha256": known.funnel.sha256,
                 "certificate_checked": known.is_checked,
                 "proof_by": known.proof,
+                "relied_on": known.relied_on,
             },
             "chance": {
                 "now": p.chance_now,

@@ -11,12 +11,13 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from glider.errors import printable
 from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.confidence import ConfidenceSet, describe_set
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
-from glider.verification.proof.flight_proof import FlightProof
+from glider.verification.proof.flight_proof import FlightProof, checker_hash
 from glider.verification.proof.purpose import arrival, hook_faults, model_hash
 from glider.verification.trials.falsify import Falsification
 
@@ -39,6 +40,8 @@ def check_report(
         "hook_takes_all": not hook_faults(funnel, problem),
         "remainder": remainder_status(funnel, proof),
         "made_for": gliders_note(funnel),
+        "inlet": set_sizes(funnel, 0.0),
+        "last_set": set_sizes(funnel, funnel.nominal.times[-1]),
     }
     if proof:
         report |= {
@@ -50,9 +53,25 @@ def check_report(
             "proven_until": proof.until,
             "fault": proof.fault,
             "candidate": proof.candidate,
+            "checker_sha256": checker_hash(),
             "boxes": proof.boxes,
         }
     return report
+
+
+def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
+    """Returns how far each state may deviate at a time, in SI units.
+
+    Half-widths are those of a state that deviates alone, extents those of one that
+    deviates together with others.
+    """
+    extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
+    found = {"half_widths": funnel.half_widths(time), "extents": extents}
+    names = funnel.nominal.state_names
+    return {
+        what: dict(zip(names, values.tolist(), strict=True))
+        for what, values in found.items()
+    }
 
 
 def trial_report(
@@ -83,13 +102,17 @@ def describe_check(
     proof: FlightProof | None,
     problem: PerchingProblem,
     model: Path | None,
+    has_covariance: bool = False,
 ) -> str:
     """Returns the outcome of `check-funnel` in sentences, one a line.
 
-    A model is the file of the glider that it was compared with.
+    A model is the file of the glider that it was compared with; it may have a
+    covariance, which the funnel's set of gliders was then compared with.
     """
-    lines = [_text("certificate", funnel, verdict, model)]
+    lines = [_text("certificate", funnel, verdict, model, has_covariance)]
     if verdict.holds:
+        ends = (set_sizes(funnel, t) for t in funnel.nominal.times[[0, -1]])
+        lines.append(_text("sizes", *ends))
         lines += [describe_proof(funnel, proof)] if proof else []
         accepted = not hook_faults(funnel, problem)
         reached = arrival(funnel, problem)
@@ -138,7 +161,7 @@ def _made_for(funnel, trial):
 def _text(macro, *values):
     """Returns the text of a macro: a line for each paragraph."""
     paragraphs = getattr(_template().module, macro)(*values).split("\n\n")
-    lines = (" ".join(paragraph.split()) for paragraph in paragraphs)
+    lines = (printable(" ".join(paragraph.split())) for paragraph in paragraphs)
     return "\n".join(line for line in lines if line)
 
 

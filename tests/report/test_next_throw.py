@@ -17,6 +17,7 @@ from glider.report.next_throw import (
     write_proposal,
 )
 from glider.systems.command_tape import load_commands
+from glider.verification.proof.check import check_funnel
 from tests.helpers.late import late_proposal
 
 
@@ -62,11 +63,16 @@ def test_a_funnel_is_reported_recorded_and_drawn():
         "sha256": known.funnel.sha256,
         "certificate_checked": False,
         "proof_by": f"glider check-funnel {known.file} --prove",
+        "relied_on": known.relied_on,
     }
+    assert data["funnel"]["relied_on"]["remainder"] == "unchecked"
     assert [t["funnel_level"] for t in data["throws"]] == [0.8312, 0.4]
     durations = [t.duration for t in proposal.throws]
     assert [t["feedback_from_s"] for t in data["throws"]] == durations
-    said, unchecked = (s for s in sentences(proposal) if "funnel" in s)
+    said, inlet, unchecked = (
+        s for s in sentences(proposal) if "nel" in s or "inlet" in s
+    )
+    assert "±0.155 m" in inlet and "of one glider" in inlet
     assert {said, unchecked} <= set(data["says"])
     assert f"inside the funnel of {known.file} by" in said
     assert "up to level 0.84 of 1" in said
@@ -79,7 +85,8 @@ def test_a_funnel_is_reported_recorded_and_drawn():
 def test_what_was_checked_of_a_funnel_is_reported():
     known = known_funnel(models_path("funnels", "drawn_hook.npz"))
     given = known_funnel(known.funnel)
-    checked = dataclasses.replace(known, is_checked=True)
+    verdict = check_funnel(known.funnel, every=100, seed=3)
+    checked = dataclasses.replace(known, verdict=verdict)
 
     def told(funnel):
         place = dataclasses.replace(late_proposal().place, funnel=funnel)
@@ -87,9 +94,17 @@ def test_what_was_checked_of_a_funnel_is_reported():
         return [s for s in sentences(proposal) if "funnel" in s], to_json(proposal)
 
     (_, said), data = told(checked)
-    assert "was checked, exactly at all its 201 times" in said
+    assert "was checked, exactly at 3 of its 201 times" in said
+    assert "searched by ascent, up to 0.9" in said
     assert f"not proven here: `glider check-funnel {known.file} --p" in said
     assert data["funnel"]["certificate_checked"] is True
+    relied = data["funnel"]["relied_on"]
+    assert (relied["exact_at_times"], relied["remainder"]) == (3, "sampled")
+    assert (relied["seed"], relied["every_flight_proven"]) == (3, False)
+    assert relied["inlet"]["half_widths"]["z"] == pytest.approx(0.155, abs=1e-3)
+    assert relied["set_of_gliders"] is None
+    of_set = known_funnel(models_path("funnels", "head_wind_95.npz"))
+    assert of_set.relied_on["set_of_gliders"].startswith("95 % ellipsoid of wind.x")
     (inside, said), data = told(given)
     assert "inside the given funnel by" in inside
     assert "sets were not checked" in said

@@ -7,6 +7,7 @@ words of the sentence that refuses it. A review found the first; the others foll
 import json
 
 import numpy as np
+from scipy.stats import chi2
 
 
 def forge(source, path, change):
@@ -73,6 +74,65 @@ def _wrapping(arrays, notes):
     arrays["weights"][:, 4:] = 1e-300
 
 
+def _deviations(change):
+    """Of a funnel of a set of gliders: changes its covariance and level."""
+
+    def forge_set(arrays, notes):
+        note = notes["confidence"]
+        note["matrix"] = np.array(note["matrix"])
+        change(note)
+        note["matrix"] = note["matrix"].tolist()
+
+    return forge_set
+
+
+def _shrunk(note):
+    note["matrix"] *= 1e-12
+
+
+def _a_little_smaller(note):
+    note["matrix"] *= 0.999
+
+
+def _without_z(note):
+    note["names"], note["matrix"] = note["names"][:1], note["matrix"][:1, :1]
+
+
+def _turned_correlation(note):
+    note["matrix"] *= [[1.0, -1.0], [-1.0, 1.0]]
+
+
+def _surer(note):
+    """The same ellipsoid, called one of 100 %."""
+    note["matrix"] *= chi2.ppf(0.95, 2) / chi2.ppf(1.0 - 1e-12, 2)
+    note["level"] = 1.0 - 1e-12
+
+
+def _of_more_flights(note):
+    """The same numbers, of fewer degrees of freedom than is said."""
+    note["matrix"] *= 0.5
+    note["degrees_of_freedom"] = 1e9
+
+
+def _with_exact_mass_instead(note):
+    note["names"][1] = "mass"
+    note["matrix"][1] = note["matrix"][:, 1] = 0.0
+
+
+SETS = {
+    "a set of nearly nothing": _shrunk,
+    "a set 0.05 % too small": _a_little_smaller,
+    "a wind that deviates in x alone": _without_z,
+    "a correlation of the other sign": _turned_correlation,
+    "a set of 100 %": _surer,
+    "a set of more flights": _of_more_flights,
+    "a mass that does not deviate": _with_exact_mass_instead,
+}
+"""Forged sets of gliders, smaller than the model's covariance has them."""
+
+SETS = {name: _deviations(change) for name, change in SETS.items()}
+
+
 def _names(arrays, notes):
     notes["state_names"] = ["a"] * 7
 
@@ -94,6 +154,7 @@ def _scaled(arrays, notes):
 REVIEWED = {
     "a set 3 % wider": (_scaled, "The Gram matrix does not prove that V falls"),
     "half of the remainder": (_times("beta", 0.5), "The remainder is 1."),
+    "a remainder 14 % smaller": (_times("beta", 0.86), "The remainder is 1.0"),
     "a goal ten times as large": (_widened_goal, "from the wire; the hook reaches"),
     "a flight 1 m from the wire": (_shifted, "the problem's launch has"),
     "a flight cut in the middle": (_cut, "from the wire; the hook reaches"),

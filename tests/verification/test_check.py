@@ -138,12 +138,13 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     changed = dataclasses.replace(funnel, nominal=lighter(funnel))
     assert "not a flight" in " ".join(check_funnel(changed, every=1000).faults)
     wider = dataclasses.replace(funnel, S=0.8 * funnel.S)
-    assert largest_between(wider, NO_DEFECT, 20) > 0.0
-    assert largest_between(funnel, NO_DEFECT, 20) < 0.0
-    assert largest_between(funnel, NO_DEFECT + 2.0, 20) > 0.0
+    rng = np.random.default_rng(0)
+    assert largest_between(wider, NO_DEFECT, rng, 20) > 0.0
+    assert largest_between(funnel, NO_DEFECT, rng, 20) < 0.0
+    assert largest_between(funnel, NO_DEFECT + 2.0, rng, 20) > 0.0
     unknown = NO_DEFECT.copy()
     unknown[100] = np.nan  # Not the first that is looked at.
-    assert np.isnan(largest_between(funnel, unknown, 20))
+    assert np.isnan(largest_between(funnel, unknown, rng, 20))
 
 
 def test_a_funnel_of_another_glider_names_what_differs(funnel):

@@ -47,13 +47,13 @@ def test_the_command_line_proves_that_no_flight_leaves(tmp_path, capsys, monkeyp
     alone = functools.partial(prove_flights, workers=1)
     monkeypatch.setattr(flight_proof, "prove_flights", alone)
     few = ["check-funnel", str(path), "--every", "20", "--prove"]
-    assert main([*few, "--json", "--resume", str(noted)]) == 0
+    assert main([*few, "--json", "--resume", str(noted)]) == 1  # Not the whole funnel.
     found = json.loads(capsys.readouterr().out)
     assert found["every_flight"] is False
     assert (found["intervals_proven"], found["of_intervals"]) == (2, 21)
     assert found["remainder"].endswith("in 2 of 21 intervals")
     assert found["boxes"] > 1000
-    assert main([*few, "--resume", str(noted)]) == 0
+    assert main([*few, "--resume", str(noted)]) == 1
     words = capsys.readouterr().out
     assert "Proven: no flight leaves the funnel in 2 of its 21 intervals" in words
     assert "2 of the intervals were read from the file" in words
@@ -66,6 +66,11 @@ def test_the_command_line_proves_that_no_flight_leaves(tmp_path, capsys, monkeyp
     save_funnel(path, dataclasses.replace(part, seconds=0.0))
     assert main([*few, "--resume", str(noted)]) == 2
     assert "another funnel" in capsys.readouterr().err
+    whole = ["check-funnel", str(path), "--prove"]
+    good = IntervalProof(boxes=1, parts=1)
+    monkeypatch.setattr(flight_proof, "prove_interval", lambda piece, budget: good)
+    assert main(whole) == 0
+    assert "Proven: every flight" in capsys.readouterr().out
     assert main(["check-funnel", str(path), "--resume", str(noted)]) == 2
     assert "--prove" in capsys.readouterr().err
 
@@ -115,8 +120,40 @@ def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys
     GliderModel.load(model).save(worse, covariance=hardly)
     assert main([*command, "--model", str(worse)]) == 1
     words = capsys.readouterr().out
-    assert "The funnel was made for a smaller set than these" in words
-    assert "V about its own center: 0 of" not in words
+    assert "set of gliders, the 95 % ellipsoid of wind.x ± 0.00084" in words
+    assert "is smaller than the model's, the 95 % ellipsoid of wind.x ± 0.25" in words
+    alone = str(models_path("funnels", "proven", "head_wind.npz"))
+    load_funnel(alone).nominal.model.save(worse, covariance=hardly)
+    assert main(["check-funnel", alone, *command[2:], "--model", str(worse)]) == 1
+    words = capsys.readouterr().out
+    assert "It is of the estimated glider alone" in words
+    assert "The funnel was made for one glider, not for these" in words
+    assert "which does not move: 0 of" not in words
+
+
+def test_the_command_line_reports_the_inlet_and_may_require_one(capsys):
+    few = ["check-funnel", str(models_path("funnels", "drawn_hook.npz"))]
+    few += ["--every", "1000", "--seed", "5"]
+    assert main([*few, "--least-inlet", "0.15"]) == 0
+    words = capsys.readouterr().out
+    assert "(seed 5) finds up to 0.9" in words
+    assert "z ± 0.155 (" in words
+    assert main([*few, "--least-inlet", "z=0.15,pitch=0.01", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    inlet, last = found["inlet"], found["last_set"]
+    assert inlet["half_widths"]["z"] == pytest.approx(0.155, abs=1e-3)
+    assert found["seed"] == 5
+    for sizes in (inlet, last):
+        for name, width in sizes["half_widths"].items():
+            assert width <= sizes["extents"][name] * (1.0 + 1e-9)
+    assert max(last["extents"]["x"], last["extents"]["z"]) <= 0.05
+    assert main([*few, "--least-inlet", "0.16,pitch=9"]) == 1
+    words = capsys.readouterr().out
+    assert "The inlet's half-width in z is 0.155; expected at least 0.16." in words
+    assert "half-width in pitch is" in words
+    for wrong in ("", "q=1", "z=", "-1", "nan", "0.1,,"):
+        assert main([*few, f"--least-inlet={wrong}"]) == 2
+        assert "expected" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -134,7 +171,8 @@ def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys
         (["--confidence", "--seed", "-1"], "--seed is -1"),
         (["--box"], "--box has no effect without --confidence"),
         (["--flights", "100"], "--flights has no effect without --confidence"),
-        (["--seed", "0"], "--seed has no effect without --confidence"),
+        (["--box"], "--box has no effect without --confidence"),
+        (["--seed", "-3"], "--seed is -3"),
         (["--confidence"], "a --model with a covariance"),
         (["--confidence", "--model", "VEHICLE"], "a --model with a covariance"),
         (

@@ -64,6 +64,51 @@ def test_what_is_drawn_is_in_it_and_reaches_as_far_as_it_does(shape):
 
 
 @SHAPES
+def test_it_covers_what_it_holds_and_no_more(shape):
+    rng = np.random.default_rng(1)
+    edge = rng.normal(size=(2000, 3))
+    for _ in range(40):
+        factor = np.eye(3) + 0.3 * rng.normal(size=(3, 3))
+        matrix = rng.uniform(0.5, 1.0) * factor @ factor.T * np.outer(STD, STD)
+        sets = [
+            ConfidenceSet(covariance=c, shape=shape)
+            for c in (KNOWN, dataclasses.replace(KNOWN, matrix=matrix))
+        ]
+        for one, other in (sets, sets[::-1]):
+            inside = np.all(one.holds(other.on_boundary(edge[:, : other.dimension])))
+            inside &= np.all(one.holds(other.corners()))
+            if one.covers(other):
+                assert inside
+            elif shape == "box":
+                assert not inside
+        assert sets[0].covers(sets[0])
+        narrower = dataclasses.replace(KNOWN, matrix=0.999 * KNOWN.matrix)
+        assert not ConfidenceSet(covariance=narrower, shape=shape).covers(sets[0])
+
+
+@SHAPES
+def test_a_number_that_a_set_lacks_does_not_deviate_in_it(shape):
+    fewer = ConfidenceSet(covariance=KNOWN.among(["wind", "mass"]), shape=shape)
+    wider = 10.0 * KNOWN.matrix
+    most = ConfidenceSet(
+        covariance=dataclasses.replace(KNOWN, matrix=wider), shape=shape
+    )
+    assert most.covers(fewer) and not fewer.covers(most)
+    known = wider.copy()
+    known[2] = known[:, 2] = 0.0
+    exactly = ConfidenceSet(
+        covariance=dataclasses.replace(KNOWN, matrix=known), shape=shape
+    )
+    assert exactly.covers(fewer)
+    assert "cd0" not in describe_set(exactly)
+
+
+def test_no_set_is_said_to_hold_everything():
+    words = describe_set(ConfidenceSet(covariance=KNOWN, level=1.0 - 1e-12))
+    assert words.startswith("over 99.999 % ellipsoid of wind.z ± ")
+
+
+@SHAPES
 def test_what_is_known_exactly_does_not_deviate(shape):
     matrix = np.diag([1e-6, 0.0, 0.0])
     covariance = Covariance(names=NAMES, matrix=matrix)

@@ -6,11 +6,13 @@
 import dataclasses
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
 
 from glider.errors import InputError
+from glider.paths import PACKAGE
 from glider.verification.check_report import describe_proof, remainder_status
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.proof import flight_proof
@@ -150,6 +152,8 @@ def test_a_proof_goes_on_where_it_was_broken_off(proven, fake, tmp_path, monkeyp
 @pytest.mark.parametrize(
     ("line", "words"),
     [
+        ('{"interval": 0}', "not written by --resume"),
+        ('{"interval": 0, "seal": "é"}', "not written by --resume"),
         ('{"interval": 0, "boxes": "many"}', "field 'boxes' is 'many'"),
         ('{"interval": 0, "boxes": -1}', "field 'boxes' is -1"),
         ('{"interval": 0.5}', "field 'interval' is 0.5"),
@@ -167,6 +171,47 @@ def test_a_forged_record_of_a_proof_is_refused(line, words, proven, fake, tmp_pa
     with pytest.raises(InputError, match=re.escape(words)) as error:
         prove_flights(proven, every=200, workers=1, resume=path)
     assert str(error.value).startswith(f"{path}: line 4: ")
+
+
+def test_a_record_counts_for_its_own_header_and_program_only(
+    proven, fake, tmp_path, monkeypatch
+):
+    """Not in a file of another funnel, nor after an edit of the checker."""
+    path, other = tmp_path / "proof.jsonl", tmp_path / "other.jsonl"
+    prove_flights(proven, every=200, workers=1, resume=path)
+    forged = dataclasses.replace(proven, sha256="of another file")
+    prove_flights(forged, every=200, workers=1, resume=other)
+    lines = other.read_text().splitlines()[:1] + path.read_text().splitlines()[1:]
+    other.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match="line 2: cannot be resumed: it was not"):
+        prove_flights(forged, every=200, workers=1, resume=other)
+    kept = prove_flights(proven, every=200, workers=1, resume=path)
+    assert kept.from_file == 2
+    with pytest.raises(InputError, match="another version of this program"):
+        prove_flights(proven, every=200, budget=7, workers=1, resume=path)
+    monkeypatch.setattr(flight_proof, "checker_hash", lambda: "of another program")
+    with pytest.raises(InputError, match="another version of this program"):
+        prove_flights(proven, every=200, workers=1, resume=path)
+
+
+def test_the_hash_is_of_every_source_of_the_checker(tmp_path, monkeypatch):
+    before = flight_proof.checker_hash.__wrapped__()
+    shutil.copytree(PACKAGE, tmp_path / "glider", ignore=shutil.ignore_patterns("_*"))
+    monkeypatch.setattr(flight_proof, "PACKAGE", tmp_path / "glider")
+    found = {before, flight_proof.checker_hash.__wrapped__()}
+    for name in ("verification/proof/boxes.py", "physics/chain.py"):
+        with (tmp_path / "glider" / name).open("a") as stream:
+            stream.write("# Edited.\n")
+        found.add(flight_proof.checker_hash.__wrapped__())
+    assert len(found) == 4
+
+
+def test_a_record_of_a_size_that_nobody_wrote_is_not_read(proven, tmp_path):
+    path = tmp_path / "proof.jsonl"
+    with path.open("wb") as stream:
+        stream.truncate(10**11)
+    with pytest.raises(InputError, match="expected a smaller file"):
+        prove_flights(proven, every=200, workers=1, resume=path)
 
 
 def with_stop(funnel, stop):

@@ -1,5 +1,7 @@
 """No forged file passes `check-funnel`, and each is refused in a sentence."""
 
+import os
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -7,7 +9,8 @@ import pytest
 
 from glider.__main__ import main
 from glider.paths import models_path
-from tests.verification.forging import INVENTED, REVIEWED, forge
+from glider.physics.model import GliderModel
+from tests.verification.forging import INVENTED, REVIEWED, SETS, forge
 
 FORGED = REVIEWED | INVENTED
 FEW = ["--every", "100"]
@@ -55,6 +58,67 @@ def test_a_header_of_more_than_the_memory_is_refused_unread(
                     stream.write(good.read(name))
     assert main(["check-funnel", str(path), *FEW]) == 2
     assert "'S' has shape" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_set_of_gliders_that_the_model_does_not_have_is_refused(
+    name, tmp_path, capsys
+):
+    path = tmp_path / "funnel.npz"
+    forge(models_path("funnels", "head_wind_95.npz"), path, SETS[name])
+    model = str(models_path("identified", "head_wind.yaml"))
+    code = main(["check-funnel", str(path), *FEW, "--model", model, "--prove"])
+    said = capsys.readouterr().out
+    assert code == 1
+    assert "is smaller than the model's, the " in said
+    assert "Proven" not in said and " 100 %" not in said
+
+
+def test_a_set_without_a_model_is_said_to_be_the_files_own(tmp_path, capsys):
+    path, bare = tmp_path / "funnel.npz", tmp_path / "bare.yaml"
+    source = models_path("funnels", "head_wind_95.npz")
+    forge(source, path, lambda arrays, notes: None)
+    assert main(["check-funnel", str(path), *FEW]) == 0
+    assert "which is the file's own statement: compare" in capsys.readouterr().out
+    GliderModel.load(models_path("identified", "head_wind.yaml")).save(bare)
+    assert main(["check-funnel", str(path), *FEW, "--model", str(bare)]) == 0
+    assert "bare.yaml has no covariance" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "device", "large"])
+def test_what_is_no_file_of_a_funnels_size_is_not_read(kind, tmp_path, capsys):
+    path = tmp_path / "funnel.npz"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    else:
+        with path.open("wb") as stream:
+            stream.truncate(10**11)
+    assert main(["check-funnel", str(path)]) == 2
+    assert "is not a funnel" in capsys.readouterr().err
+
+
+def test_a_bomb_is_refused_without_the_memory_it_asks_for(source, tmp_path, capsys):
+    """3 MB that are 3 GB: of one array that no funnel has, and of a long one."""
+    path = tmp_path / "funnel.npz"
+    with zipfile.ZipFile(source) as good:
+        texts = {name: good.read(name) for name in good.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as forged:
+        for name, text in texts.items():
+            with forged.open(name, "w", force_zip64=True) as stream:
+                stream.write(text)
+                for _ in range(300 if name == "S.npy" else 0):
+                    stream.write(bytes(10**6))
+    tracemalloc.start()
+    code = main(["check-funnel", str(path), *FEW, "--least-inlet", "9"])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    capsys.readouterr()
+    assert code in (1, 2)
+    assert peak < 2e8
 
 
 def test_an_effects_name_reaches_no_terminal_raw(source, tmp_path, capsys):

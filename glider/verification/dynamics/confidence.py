@@ -222,6 +222,28 @@ class ConfidenceSet:
         )
         return np.all(in_span, axis=-1) & (self._size(w) <= 1.0 + 1e-9)
 
+    def covers(self, other: "ConfidenceSet") -> bool:
+        """Determines whether it contains another of its shape, but for rounding.
+
+        A number that it does not name may not deviate in the other.
+        """
+        places = {name: row for row, name in enumerate(self.names)}
+        theirs = np.zeros((len(self.names), other.dimension))
+        for name, row in zip(other.names, other.factor, strict=True):
+            if name in places:
+                theirs[places[name]] = row
+            elif row.any():
+                return False
+        mine = self.factor
+        size = np.maximum(*(np.linalg.norm(A, axis=1) for A in (mine, theirs)))
+        size = np.where(size > 0.0, size, 1.0)[:, None]
+        mine, theirs = mine / size, theirs / size
+        if self.shape == "box":
+            widths = (np.abs(A).sum(axis=1) for A in (mine, theirs))
+            return bool(np.all(np.subtract(*widths) >= -1e-9))
+        left = mine @ mine.T - theirs @ theirs.T
+        return bool(np.linalg.eigvalsh(left).min(initial=0.0) >= -1e-9)
+
 
 def make_confidence(
     model: GliderModel,
@@ -240,5 +262,8 @@ def describe_set(confidence: ConfidenceSet) -> str:
     within = ", ".join(
         f"{name} ± {width:.2g}"
         for name, width in zip(confidence.names, widths, strict=True)
+        if width > 0.0
     )
-    return f"{100.0 * confidence.level:g} % {confidence.shape} of {within or 'nothing'}"
+    level = f"{100.0 * confidence.level:g}"
+    level = "over 99.999" if level == "100" else level
+    return f"{level} % {confidence.shape} of {within or 'nothing'}"

@@ -24,6 +24,7 @@ import dataclasses
 import hashlib
 import io
 import math
+import stat
 import zipfile
 import zlib
 from pathlib import Path
@@ -36,7 +37,7 @@ from glider.verification.funnel.settings import FunnelSettings
 
 FORMAT = "drake-glider funnel 1"
 
-MOST_BYTES = 100_000_000
+MOST_BYTES = 30_000_000
 """Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
 
 _FAULTS = (
@@ -46,6 +47,8 @@ _FAULTS = (
     TypeError,
     KeyError,
     RuntimeError,
+    OverflowError,
+    MemoryError,
     zipfile.BadZipFile,
     zlib.error,
 )
@@ -134,8 +137,9 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
 
 def _may_be_a_funnel(path: Path | str) -> bool:
     """Determines whether a file is an archive with the notes that a funnel has."""
-    too_large = Path(path).is_dir() or Path(path).stat().st_size > MOST_BYTES
-    if too_large or not zipfile.is_zipfile(path):
+    status = Path(path).stat()
+    good = stat.S_ISREG(status.st_mode) and status.st_size <= MOST_BYTES
+    if not good or not zipfile.is_zipfile(path):
         return False
     with zipfile.ZipFile(path) as archive:
         return "notes.npy" in archive.namelist()

@@ -4,29 +4,31 @@
 `glider.verification.dynamics.defect`: its nominal is a flight, or nearly.
 `gliders_faults`: each glider of its set has margin about its own center.
 `exact_check`: V falls on the boundary at each time, in exact arithmetic. Then, in
-floating point: no remainder larger than β_k is seen, and V falls between the times too.
+floating point: ascent from new random points finds no remainder larger than β_k, and
+none where V rises between the times.
 Both are proven, in continuous time, by `flight_proof`; the theorem is in
 `glider.verification.proof`.
 """
 
 import dataclasses
 import math
-from collections.abc import Callable
+import secrets
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import scipy.linalg
 from threadpoolctl import threadpool_limits
 
+from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
-from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, growth_between
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
-    remainder_of,
-    split_directions,
+    SAMPLES,
+    sample_remainder,
 )
 from glider.verification.funnel.servo_limits import (
     goal_reach,
@@ -38,15 +40,14 @@ from glider.verification.proof.exact_check import (
     exact_faults,
     proven_slack,
 )
-from glider.verification.proof.purpose import hook_faults, model_faults, problem_faults
-from glider.verification.sos.forms import to_ball
+from glider.verification.proof.purpose import (
+    hook_faults,
+    inlet_faults,
+    model_faults,
+    problem_faults,
+    set_faults,
+)
 from glider.verification.sos.sphere import normalized
-
-SAMPLES = 1000
-"""Points of the boundary where the remainder is sampled, at each time."""
-
-SAMPLES_OF_SET = 4000
-"""Points of the boundary, with a glider of the set's boundary each."""
 
 STARTS = 8
 """Points where the ascent to the largest growth starts, besides the axes of its
@@ -67,12 +68,14 @@ class Verdict:
     defect: float
     #: Largest change of an eigenvalue by what rounding and solver left over [1/s].
     rounding: float
-    #: Largest |R_k| / β_k seen at these times, in floating point; infinite where β_k is
-    #: zero and R_k is not; zero where the certificate accounts for no remainder at all.
+    #: Largest |R_k| / β_k found by ascent at these times, in floating point; infinite
+    #: where β_k is zero and R_k is not; zero where the certificate accounts for no
+    #: remainder at all.
     remainder_seen: float
     #: Largest V̇/V found between the times, in floating point [1/s]; infinite after any
     #: other fault.
     between: float
+    seed: int  #: Seed of the points where the ascents start.
 
     @property
     def holds(self) -> bool:
@@ -93,7 +96,10 @@ def check_funnel(
     *,
     problem: PerchingProblem | None = None,
     model: GliderModel | None = None,
+    covariance: Covariance | None = None,
     hook: bool = False,
+    least_inlet: Mapping[str, float] | None = None,
+    seed: int | None = None,
 ) -> Verdict:
     """Checks a funnel.
 
@@ -102,12 +108,20 @@ def check_funnel(
         progress: called with the share that is done.
         problem: the problem that it must be a funnel of; any if None.
         model: the glider that it must be a funnel of; any if None.
+        covariance: of that glider: the funnel's set of gliders, if it is of one, must
+            contain the set of the same level; any if None.
         hook: whether the problem's hook must accept every state of the last set.
+        least_inlet: least half-widths of the inlet, of states that deviate alone.
+        seed: of the points where ascents start; one that no file can know if None.
     """
     last = len(funnel.nominal.times) - 1
     at = sorted({*range(0, last, every), last})
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
+    seed = secrets.randbits(32) if seed is None else seed
+    rng = np.random.default_rng(seed)
     faults = model_faults(funnel, model) if model else []
+    faults += set_faults(funnel, covariance) if covariance and not faults else []
+    faults += inlet_faults(funnel, least_inlet or {})
     faults += problem_faults(funnel, problem) if problem else []
     faults += hook_faults(funnel, problem) if hook and problem else []
     faults += _defect_faults(funnel, growth)
@@ -117,11 +131,11 @@ def check_funnel(
     if not faults:
         faults, rounding = exact_faults(funnel, at, growth, progress)
     if not faults and funnel.beta.any():
-        seen = remainder_seen(funnel, at)
+        seen = remainder_seen(funnel, at, rng)
         if not seen <= 1.0:
             faults.append(f"The remainder is {seen:.3g} times its bound.")
     if not faults:
-        between = largest_between(funnel, growth, every)
+        between = largest_between(funnel, growth, rng, every)
         if not between < 0.0:
             faults.append(f"Between the times V̇/V reaches {between:.2g} 1/s.")
     return Verdict(
@@ -133,6 +147,7 @@ def check_funnel(
         rounding=rounding,
         remainder_seen=seen,
         between=between,
+        seed=seed,
     )
 
 
@@ -148,42 +163,33 @@ def _defect_faults(funnel, growth):
     ]
 
 
-def remainder_seen(funnel: Funnel, at: list[int]) -> float:
-    """Returns the largest |R_k| / β_k at random points of the boundary at some times.
+def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> float:
+    """Returns the largest |R_k| / β_k that ascent finds on the boundary at some times.
 
-    For a funnel of a set of gliders, it is R of random ones on the set's boundary too.
+    For a funnel of a set of gliders, it is R of those on the set's boundary too.
     """
-    nominal, n, center = funnel.nominal, funnel.num_states, funnel.gliders
-    ratios, rng = [0.0], np.random.default_rng(0)
-    points = normalized(rng.normal(size=(SAMPLES, n)))
-    _, rows = nonlinear_parts(nominal.model)
-    trials: list[tuple] = [(None, points, rows)]
-    if center:
-        names, r = center.confidence.names, center.confidence.dimension
-        _, rows = nonlinear_parts(nominal.model, names)
-        more = rng.normal(size=(SAMPLES_OF_SET, n + r))
-        trials.append((center, normalized(more), rows))
-    for k in at:
-        L_inv = to_ball(funnel.S[k])[1].T[None]
-        for about, directions, of in trials:
-            errors, deviations = split_directions(
-                nominal, about, L_inv, directions[None]
-            )
-            found = remainder_of(nominal, np.array([k]), errors, about, deviations)
-            largest = np.abs(found[0]).max(axis=0)[of]
-            counts = ~(largest <= LEAST_REMAINDER)  # What is no number counts.
-            with np.errstate(divide="ignore"):
-                ratios.extend((largest / funnel.beta[k, of])[counts])
-    return float(np.max(ratios))  # np.max keeps a NaN, max does not.
+    nominal, n = funnel.nominal, funnel.num_states
+    sets, beta = funnel.S[at], funnel.beta[at]
+    worst = 0.0
+    for center in dict.fromkeys((None, funnel.gliders)):
+        total = n + (center.confidence.dimension if center else 0)
+        directions = normalized(rng.normal(size=(SAMPLES, total)))
+        found = sample_remainder(nominal, sets, directions, np.array(at), center)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # What is no number counts.
+            ratios = np.where(found <= LEAST_REMAINDER, 0.0, found / beta)
+        worst = float(np.maximum(worst, ratios.max()))  # np's keep a NaN, max does not.
+    return worst
 
 
-def largest_between(funnel: Funnel, defect: np.ndarray, every: int = 1) -> float:
+def largest_between(
+    funnel: Funnel, defect: np.ndarray, rng: np.random.Generator, every: int = 1
+) -> float:
     """Returns the largest V̇/V found between the times, by ascent [1/s].
 
     It includes growth (T,) by the nominal's defect [1/s], and is infinite where a set
     between them is no ellipsoid.
     """
-    rng = np.random.default_rng(0)
     starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
     around = np.maximum(defect[:-1], defect[1:])[::every]
     try:

@@ -2,21 +2,33 @@
 
 Intervals are independent, so that they are proven in several processes, and what is
 proven can be kept in a file: one JSON object a line, of a header and of an interval
-each. An interrupted proof continues from there.
+each. An interrupted proof continues from there. The header has the hashes of the funnel
+and of the program that proves it; each line is sealed with a key of this user's, so
+that only what the same program proved before counts.
 """
 
+import contextlib
 import dataclasses
+import functools
+import hashlib
+import hmac
 import math
+import secrets
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import flint
 import joblib
+import numba
 import numpy as np
+import scipy
 
 from glider.errors import InputError, expect
 from glider.files import schema
+from glider.paths import PACKAGE, cache_folder
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval_proof import (
     BUDGET,
@@ -26,7 +38,28 @@ from glider.verification.proof.interval_proof import (
     worst_candidate,
 )
 
-_FORMAT = "drake-glider funnel proof 1"
+_FORMAT = "drake-glider funnel proof 2"
+
+_CHECKER = ("verification", "physics", "compiled")
+"""Packages whose sources a proof depends on."""
+
+_MOST_BYTES = 10_000_000
+"""Largest record that is read; that of a shipped funnel has 40,000."""
+
+
+@functools.cache
+def checker_hash() -> str:
+    """Returns the hash of the program that proves, in hexadecimal.
+
+    It is of the sources, which hold the settings, and of the versions of what they use.
+    """
+    versions = [sys.version, *(m.__version__ for m in (np, scipy, numba, flint))]
+    digest = hashlib.sha256("\n".join(versions).encode())
+    for folder in _CHECKER:
+        for path in sorted((PACKAGE / folder).rglob("*.py")):
+            digest.update(path.relative_to(PACKAGE).as_posix().encode())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -106,7 +139,10 @@ def prove_flights(
     """
     count = len(funnel.nominal.times) - 1
     wanted = sorted({*range(0, count, every), count - 1})
-    known = _read(resume, funnel) if resume else {}
+    header = _Header(
+        format=_FORMAT, funnel=funnel.sha256, checker=checker_hash(), budget=budget
+    )
+    known = _read(resume, header) if resume else {}
     known = {k: known[k] for k in wanted if k in known}
     left = [k for k in wanted if k not in known]
     done = dict(known)
@@ -120,7 +156,9 @@ def prove_flights(
     for k, outcome in zip(left, found, strict=False):
         done[k] = outcome
         if resume and outcome.proven:
-            _append(resume, _Record(interval=k, **dataclasses.asdict(outcome)))
+            record = _Record(interval=k, **dataclasses.asdict(outcome))
+            seal = _seal(header, record)
+            _append(resume, dataclasses.replace(record, seal=seal))
         if progress:
             progress(len(done) / len(wanted))
         if not outcome.proven:
@@ -139,10 +177,12 @@ def prove_flights(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Header:
-    """First line of a file that a proof resumes from, with the hash of the funnel's."""
+    """First line of a file that a proof resumes from, with hashes."""
 
     format: str
     funnel: str
+    checker: str = ""
+    budget: int = BUDGET
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -150,6 +190,7 @@ class _Record(IntervalProof):
     """Each other line: an interval that was proven."""
 
     interval: int
+    seal: str = ""
 
     def __post_init__(self):
         for name in ("interval", "boxes", "parts", "ratio"):
@@ -158,12 +199,30 @@ class _Record(IntervalProof):
             expect(good, f"field '{name}'", value, "a number that is zero or positive")
 
 
-def _read(path, funnel):
+def _seal(header, record):
+    """Returns what only this user can write below a header, in hexadecimal."""
+    bare = dataclasses.replace(record, seal="")
+    text = "".join(schema.json_text(line, indent=-1) for line in (header, bare))
+    return hmac.new(_key(), text.encode(), "sha256").hexdigest()
+
+
+def _key():
+    """Returns this user's key; makes it where there is none."""
+    path = cache_folder() / "proof_key"
+    with contextlib.suppress(FileExistsError), open(path, "xb", 0) as stream:
+        stream.write(secrets.token_bytes(32))
+    return path.read_bytes()
+
+
+def _read(path, header):
     """Returns the proven intervals in a file; starts it where there is none."""
-    header = _Header(format=_FORMAT, funnel=funnel.sha256)
     if not path.exists():
         _append(path, header)
         return {}
+    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+        raise InputError(
+            f"{path}: is not a record of a proof; expected a smaller file."
+        )
     text = schema.read_text(path, "a record of a proof")
     # A line that was cut short is the last, and proven again.
     whole = text[: text.rfind("\n") + 1]
@@ -174,9 +233,18 @@ def _read(path, funnel):
         lines.append(schema.convert(schema.parse_json(line, source), kind, source))
     if not lines or lines[0] != header:
         raise InputError(
-            f"{path}: cannot be resumed: it is of another funnel or another kind; "
-            "expected a file that --resume wrote for this funnel, or a new name."
+            f"{path}: cannot be resumed: it is of another funnel or of another version "
+            "of this program or its libraries; expected a file that --resume wrote for "
+            "this funnel, or a new name."
         )
+    for number, record in enumerate(lines[1:], start=2):
+        if not hmac.compare_digest(
+            record.seal.encode(), _seal(header, record).encode()
+        ):
+            raise InputError(
+                f"{path}: line {number}: cannot be resumed: it was not written by "
+                "--resume with this user's key; expected a new name, to prove it again."
+            )
     if whole != text:
         path.write_text(whole, encoding="utf-8")
     return {record.interval: record for record in lines[1:] if record.proven}

@@ -7,14 +7,17 @@ lies in the goal (`exact_check`): no flight ends farther off than the goal reach
 
 import dataclasses
 import hashlib
+from collections.abc import Mapping
 
 import numpy as np
 
-from glider.errors import show
+from glider.errors import expect, show
 from glider.files.schema import parse_yaml
+from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.planning.problem import PerchingProblem
+from glider.verification.dynamics.confidence import describe_set, make_confidence
 from glider.verification.funnel.funnel import Funnel
 
 PLAN_TOLERANCE = 1e-4
@@ -78,6 +81,42 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     return [
         f"The funnel is of another glider: '{place}' of its model is {found}; "
         f"expected {expected}."
+    ]
+
+
+def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
+    """Returns why a funnel's set of gliders is not the one of a model's covariance.
+
+    It has to contain the model's set of the level and shape that the file states. A
+    funnel of one glider states no set.
+    """
+    if funnel.gliders is None:
+        return []
+    own, model = funnel.gliders.confidence, funnel.nominal.model
+    given = make_confidence(model, covariance, own.level, own.shape)
+    if own.covers(given):
+        return []
+    return [
+        f"The funnel's set of gliders, the {describe_set(own)}, is smaller than the "
+        f"model's, the {describe_set(given)}."
+    ]
+
+
+def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
+    """Returns where the inlet is narrower than it has to be, a sentence for each state.
+
+    Args:
+        least: least half-widths of states that deviate alone, by name.
+    """
+    widths = dict(zip(funnel.nominal.state_names, funnel.half_widths(), strict=True))
+    for name in least:
+        words = f"one of {', '.join(widths)}"
+        expect(name in widths, "the least inlet: a state", name, words)
+    return [
+        f"The inlet's half-width in {name} is {widths[name]:.3g}; expected at least "
+        f"{width:.3g}."
+        for name, width in least.items()
+        if not widths[name] >= width
     ]
 
 
