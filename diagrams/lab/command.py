@@ -18,11 +18,12 @@ EPILOG = """\
 The folder is a campaign, as `glider fly --log FOLDER` writes it live, or it holds a
 MAP.yaml and takes that other software exports (glider import --guess proposes the
 map). All that the session finds is in FOLDER/lab: report/ is that of close-the-loop,
-and a session that was ended goes on where it was. The page is served on this computer
-only, to those who have the address with its token.
+and a session that was ended goes on where it was, at the same address. The page is
+served on this computer only, to those who have the address with its token.
 
 examples:
   glider lab out/session
+  glider lab out/session --simulate head_wind             # launch from the page
   glider lab out/session --simulate head_wind --headless
   glider fly --simulate head_wind --model out/session/lab/report/model.yaml
 
@@ -34,7 +35,7 @@ the input cannot be used.
 def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
     parser.add_argument("folder", type=Path, help="folder that throws come into")
-    words = "launch a simulated glider (--headless): a model file or a known truth"
+    words = "launch a simulated glider: a model file, or a name in models/truths"
     parser.add_argument("--simulate", metavar="TRUTH", help=words)
     parser.add_path("--scenario", "YAML", "scenario of simulated launches")
     words = "simulated launches before the correction, and after (default: 10)"
@@ -50,35 +51,32 @@ def run(args: argparse.Namespace) -> int:
     check_seed(args.seed)
     expect(args.throws >= 3, "--throws", args.throws, "at least 3")
     expect(0 <= args.port < 1 << 16, "--port", args.port, "from 0 to 65535")
-    with_page = not args.headless
-    expect(
-        args.headless or args.simulate is None,
-        "--simulate",
-        args.simulate,
-        "--headless with it",
-    )
+    launches = None
     if args.simulate is not None:
+        from diagrams.lab.launches import Launches
+
         args.folder.mkdir(parents=True, exist_ok=True)
-    from diagrams.lab.session import LabSession
-
-    session = LabSession(args.folder, _show)
-    try:
-        if with_page:
-            from diagrams.lab.server import serve
-
-            serve(session, args.port, _show)
-            return 0
-        if args.simulate is None:
-            session.finish()
-            return 0 if session.state.answer else 1
-        from diagrams.lab.simulated import Launches, run_simulated
-
         launches = Launches(
             folder=args.folder,
             truth=args.simulate,
             scenario=args.scenario,
             seed=args.seed,
+            count=args.throws,
         )
+    from diagrams.lab.session import LabSession
+
+    session = LabSession(args.folder, _show, launches)
+    try:
+        if not args.headless:
+            from diagrams.lab.server import serve
+
+            serve(session, args.port, _show)
+            return 0
+        if launches is None:
+            session.finish()
+            return 0 if session.state.answer else 1
+        from diagrams.lab.simulated import run_simulated
+
         return 0 if run_simulated(session, launches, args.throws, _show) else 1
     finally:
         session.close()

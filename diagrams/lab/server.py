@@ -2,37 +2,44 @@
 
 import asyncio
 import contextlib
-import hmac
-import secrets
-import socket
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import (
     FileResponse,
+    HTMLResponse,
     PlainTextResponse,
     Response,
     StreamingResponse,
 )
 from starlette.routing import Route
-from starlette.types import ASGIApp, Receive, Scope, Send
 
+from diagrams.lab.figures import session_figures
+from diagrams.lab.gate import HOST, Address, TokenGate, listen
 from diagrams.lab.session import LabSession
 from diagrams.lab.state import CORRECTED, NOMINAL
+from glider.campaign.settings import read_settings
+from glider.errors import InputError
 from glider.files.schema import json_text
-from glider.report.as_page import STATIC
+from glider.report.as_page import STATIC, color_style
 
 PAGE = Path(__file__).parent / "page"
 
-HOST = "127.0.0.1"
+FILES = {
+    "lab.js": PAGE / "lab.js",
+    "lab.css": PAGE / "lab.css",
+    **{name: STATIC / name for name in ("page.css", "page.js")},
+    "plotly.js": STATIC / "plotly-basic.min.js",
+}
 
 PERIOD = 0.2
 """Time between two looks at the folder, or at what is new for the page [s]."""
@@ -40,118 +47,152 @@ PERIOD = 0.2
 AFTER_FAULT = 5.0
 """The same after a fault [s]: whatever fails again does not fill the terminal."""
 
-COOKIE = "glider_lab"
-
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
-    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
 
-
-class TokenGate:
-    """Lets in who has the token, in the address or in the cookie that it leaves."""
-
-    def __init__(self, app: ASGIApp, token: str) -> None:
-        self._app, self._token = app, token
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers 403, or passes a request on."""
-        if scope["type"] == "lifespan":
-            await self._app(scope, receive, send)
-            return
-        request = Request(scope)
-        shown = request.query_params.get("token") or request.cookies.get(COOKIE, "")
-        if hmac.compare_digest(shown.encode(), self._token.encode()):
-            await self._app(scope, receive, send)
-        else:
-            words = "Expected the token of this session: open the address it printed.\n"
-            await PlainTextResponse(words, 403)(scope, receive, send)
+# A replay and a report hold their own scripts.
+_OWN_SCRIPTS = {**_HEADERS, "Content-Security-Policy": "frame-ancestors 'self'"}
 
 
-def make_app(session: LabSession, token: str) -> Starlette:
-    """The application; the session is stepped elsewhere."""
+class Pages:
+    """What is behind each address; the session is stepped elsewhere."""
 
-    async def index(request: Request) -> Response:
+    def __init__(self, session: LabSession, address: Address) -> None:
+        self._session, self._address = session, address
+
+    async def index(self, request: Request) -> Response:
+        """The page; from here on the browser has the token as a cookie."""
         response = FileResponse(PAGE / "index.html", headers=_HEADERS)
-        # Of one port only by its name: other sessions have their own.
-        response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+        cookie, token = self._address.cookie, self._address.token
+        response.set_cookie(cookie, token, httponly=True, samesite="strict")
         return response
 
-    async def events(request: Request) -> Response:
-        headers = {**_HEADERS, "X-Accel-Buffering": "no"}
+    async def static(self, request: Request) -> Response:
+        """A file of the page."""
+        return _file(FILES.get(request.path_params["name"]))
+
+    async def colors(self, request: Request) -> Response:
+        """The colors of figures."""
+        return Response(color_style(), media_type="text/css", headers=_HEADERS)
+
+    async def events(self, request: Request) -> Response:
+        """The view, whenever it changes."""
+        stream = _stream(self._session, request)
         return StreamingResponse(
-            _stream(session, request), media_type="text/event-stream", headers=headers
+            stream, media_type="text/event-stream", headers=_HEADERS
         )
 
-    async def picture(request: Request) -> Response:
-        names = {
-            throw.name: session.picture(throw.name) for throw in session.state.throws
-        }
-        return _file(names.get(request.path_params["name"] + ".csv"))
+    async def figure(self, request: Request) -> Response:
+        """The figure of a throw."""
+        comparison = self._session.comparison(request.path_params["name"] + ".csv")
+        if comparison is None:
+            raise HTTPException(404)
+        text = json_text(comparison.figure(), indent=-1)
+        return Response(text, media_type="application/json", headers=_HEADERS)
 
-    async def report(request: Request) -> Response:
-        return _file(session.report / "report.html", {})  # It holds its own scripts.
+    async def replay(self, request: Request) -> Response:
+        """A throw in Meshcat."""
+        name = request.path_params["name"] + ".csv"
+        comparison = self._session.comparison(name)
+        if comparison is None:
+            raise HTTPException(404)
+        folder = self._session.watched.campaign
+        campaign, _ = read_settings(folder / "campaign.yaml")
+        [throw] = [t for t in self._session.state.throws if t.name == name]
+        html = await run_in_threadpool(
+            comparison.replay, campaign, has_wire=bool(throw.planned)
+        )
+        return HTMLResponse(html, headers=_OWN_SCRIPTS)
 
-    async def next_throw(request: Request) -> Response:
-        return _file(session.report / "next_throw" / "next_throw.png")
+    async def report(self, request: Request) -> Response:
+        """The report of the last trace."""
+        return _file(self._session.report / "report.html", _OWN_SCRIPTS)
 
-    def static(path: Path) -> Callable:
-        async def send(request: Request) -> Response:
-            return _file(path)
+    async def proposal(self, request: Request) -> Response:
+        """A file of the next throw: its picture, or its commands."""
+        name = request.path_params["name"]
+        folder = self._session.report / "next_throw"
+        known = {path.name: path for path in folder.glob("*") if path.is_file()}
+        return _file(known.get(name))
 
-        return send
+    async def fly(self, request: Request) -> Response:
+        """Asks for launches."""
+        launches = self._session.launches
+        if launches is None:
+            raise HTTPException(404)
+        asked = request.query_params
+        with _refusals():
+            throws = asked.get("throws", "")
+            launches.ask(
+                asked.get("planned", ""), int(throws) if throws.isdecimal() else 0
+            )
+        return PlainTextResponse("")
 
+
+def make_app(session: LabSession, address: Address) -> Starlette:
+    """The application."""
+    pages = Pages(session, address)
     return Starlette(
         routes=[
-            Route("/", index),
-            Route("/events", events),
-            Route("/throws/{name}.png", picture),
-            Route("/report", report),
-            Route("/next_throw.png", next_throw),
-            Route("/lab.js", static(PAGE / "lab.js")),
-            Route("/lab.css", static(PAGE / "lab.css")),
-            Route("/page.css", static(STATIC / "page.css")),
+            Route("/", pages.index),
+            Route("/events", pages.events),
+            Route("/static/{name}", pages.static),
+            Route("/colors.css", pages.colors),
+            Route("/throws/{name}.json", pages.figure),
+            Route("/throws/{name}/replay", pages.replay),
+            Route("/report", pages.report),
+            Route("/next/{name}", pages.proposal),
+            Route("/fly", pages.fly, methods=["POST"]),
         ],
         middleware=[
             # Another site's name that resolves to this computer gets nothing.
             Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"]),
-            Middleware(TokenGate, token=token),
+            Middleware(TokenGate, address=address),
         ],
     )
 
 
 def view_of(session: LabSession) -> dict[str, Any]:
     """What the page shows."""
-    state = session.state
+    state, launches = session.state, session.launches
+    faults = [session.fault, launches.fault if launches else ""]
     return {
         "folder": str(session.watched.path),
         "doing": session.doing,
-        "fault": session.fault,
+        "faults": [fault for fault in faults if fault],
         "state": state,
-        "drawn": [t.name for t in state.throws if t.errors],
         "perches": {
             planned: state.count_perches(planned) for planned in (NOMINAL, CORRECTED)
+        },
+        "figures": session_figures(state),
+        "launches": launches
+        and {
+            "truth": launches.truth,
+            "count": launches.count,
+            "flies": bool(launches.doing),
         },
     }
 
 
 def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None:
     """Serves the page and steps the session, until Ctrl-C."""
-    token, ended = secrets.token_urlsafe(18), threading.Event()
+    ended = threading.Event()
 
     def work() -> None:
         period = PERIOD
         while not ended.wait(period):
             period = PERIOD if session.try_step() else AFTER_FAULT
 
-    with socket.create_server((HOST, port)) as listening:
-        port = listening.getsockname()[1]
-        show(f"Session: http://{HOST}:{port}/?token={token} (Ctrl-C ends it)")
+    listening, address = listen(session.watched.kept / "address.json", port)
+    with listening:
+        show(f"Session: {address.url} (Ctrl-C ends it)")
         config = uvicorn.Config(
-            make_app(session, token), log_level="warning", timeout_graceful_shutdown=1
+            make_app(session, address), log_level="warning", timeout_graceful_shutdown=1
         )
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
@@ -167,11 +208,21 @@ async def _stream(session: LabSession, request: Request) -> AsyncIterator[str]:
     """Sends the view whenever it changes; the browser connects again by itself."""
     sent: tuple[object, ...] = ()
     while not await request.is_disconnected():
-        now = id(session.state), session.doing, session.fault
+        fault = session.launches.fault if session.launches else ""
+        now = id(session.state), session.doing, session.fault, fault
         if now != sent:
             sent = now
             yield f"data: {json_text(view_of(session), indent=-1)}\n\n"
         await asyncio.sleep(PERIOD)
+
+
+@contextlib.contextmanager
+def _refusals() -> Iterator[None]:
+    """Turns what cannot be used into an answer."""
+    try:
+        yield
+    except InputError as error:
+        raise HTTPException(400, str(error)) from None
 
 
 def _file(path: Path | None, headers: dict[str, str] = _HEADERS) -> Response:

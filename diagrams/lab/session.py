@@ -5,8 +5,9 @@ import dataclasses
 import traceback
 from pathlib import Path
 
+from diagrams.lab.comparison import Comparison, compare, load_comparison
 from diagrams.lab.folder import Watched, joint_digest
-from diagrams.lab.prediction import predict_throw
+from diagrams.lab.launches import Launches
 from diagrams.lab.state import (
     CORRECTED,
     NOMINAL,
@@ -21,7 +22,7 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.files.writing import check_writable, replace_file
+from glider.files.writing import check_writable
 from glider.physics.model import GliderModel
 from glider.progress import Progress, silent
 from glider.simulation.refly import nominal_model
@@ -36,18 +37,25 @@ class LabSession:
     Args:
         folder: with campaign.yaml or MAP.yaml, into which throws come.
         progress: is given a line for each thing that is done.
+        launches: of a simulated glider, if there is one to launch.
 
     Raises:
         InputError: the folder cannot be used.
     """
 
-    def __init__(self, folder: Path, progress: Progress = silent) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        progress: Progress = silent,
+        launches: Launches | None = None,
+    ) -> None:
         self.watched, self._progress = Watched(folder), progress
         check_writable(self.watched.kept)
         self.watched.kept.mkdir(exist_ok=True)
         self._file = self.watched.kept / "session.json"
         self.state = load_state(self._file)
         self.report = self.watched.kept / "report"
+        self.launches = launches
         self._worker = Worker()
         self.fault = ""  #: Of this program, in the last step; "" for none.
 
@@ -60,25 +68,33 @@ class LabSession:
     @property
     def doing(self) -> str:
         """What is done in the background; "" for nothing."""
+        if self.launches and self.launches.doing:
+            return self.launches.doing
         job = self._worker.job
-        if job is None:
-            return ""
-        what = "looking for the next throw" if job.proposes else "tracing"
-        return f"{what} ({len(job.flights)} throws)"
+        return job.words if job else ""
 
-    def picture(self, name: str) -> Path:
-        """The file of a throw's picture."""
-        return self.watched.kept / "throws" / f"{name.removesuffix('.csv')}.png"
+    def comparison(self, name: str) -> Comparison | None:
+        """A throw beside its predictions; None where there is none."""
+        known = {throw.name for throw in self.state.throws if throw.is_drawn}
+        return load_comparison(name, self._place(name)) if name in known else None
+
+    def _place(self, name: str) -> Path:
+        return self.watched.kept / "throws" / f"{name.removesuffix('.csv')}.npz"
 
     def step(self, *, traces: bool = True) -> None:
         """Takes what is new: throws, and answers from the background."""
         if self.watched.changes():
             self.update()
+        if self.launches:
+            flies = self.launches.step(self.model_file, len(self.state.throws))
+            self._worker.pause(flies)
+            traces = traces and not flies
         if answer := self._worker.wait(0.0):
             self._take(answer)
         if traces and self._worker.job is None and (job := self._next_job()):
             self._worker.start(job)
             self._progress(self.doing)
+        self._draw_again()
 
     def try_step(self) -> bool:
         """As `step`; a fault of this program is shown, and does not end the session."""
@@ -110,8 +126,11 @@ class LabSession:
                 excluded = inspection.excluded
             except InputError as error:
                 notes.append(str(error))
-            throws = [self._predicted(t, campaign) for t in throws]
         self._change(throws=tuple(throws), excluded=excluded, notes=tuple(notes))
+        for k, throw in enumerate(throws):
+            if campaign is not None and throw.is_read and not throw.is_drawn:
+                throws[k] = self._drawn(throw, campaign)
+                self._change(throws=tuple(throws))
 
     def finish(self) -> None:
         """Reads what is there and waits until it is traced."""
@@ -128,6 +147,8 @@ class LabSession:
 
     def close(self) -> None:
         """Ends what runs in the background."""
+        if self.launches:
+            self.launches.stop()
         self._worker.close()
 
     def _read(self, notes: list[str]) -> tuple[list[Throw], Campaign | None]:
@@ -150,26 +171,42 @@ class LabSession:
             notes.append(str(error))
             return throws, None
 
-    def _predicted(self, throw: Throw, campaign: Campaign) -> Throw:
-        """Flies a throw again that was not yet, and draws it."""
-        if throw.errors or not throw.is_read:
-            return throw
+    def _drawn(self, throw: Throw, campaign: Campaign) -> Throw:
+        """Flies a throw again by the models that there are, and saves that."""
         models = {}
         if nominal := nominal_model(campaign):
             models[NOMINAL] = nominal
+        answer = self.state.answer
         if self.model_file:
             models[CORRECTED] = GliderModel.load(self.model_file)
-        if not models:
-            return throw
         [flight] = [f for f in campaign.flights if f.name == throw.name]
         try:
-            errors, png = predict_throw(campaign, flight, models)
+            comparison = compare(campaign, flight, models)
         except InputError as error:
-            return dataclasses.replace(throw, fault=throw.fault or str(error))
-        file = self.picture(throw.name)
+            throw = dataclasses.replace(throw, fault=throw.fault or str(error))
+            comparison = compare(campaign, flight, {})
+        file = self._place(throw.name)
         file.parent.mkdir(exist_ok=True)
-        replace_file(file, lambda path: path.write_bytes(png))
-        return dataclasses.replace(throw, errors=errors)
+        comparison.save(file)
+        return dataclasses.replace(
+            throw,
+            is_drawn=True,
+            errors=comparison.errors,
+            is_fitted=answer is not None and throw.name in answer.flights,
+        )
+
+    def _draw_again(self) -> None:
+        """Flies the last throw again that no corrected model has flown yet, if any."""
+        if not self.model_file:
+            return
+        throws = list(self.state.throws)
+        for k, throw in reversed(list(enumerate(throws))):
+            if throw.is_drawn and CORRECTED not in throw.errors and not throw.is_fitted:
+                folder = self.watched.campaign
+                campaign = load_campaign(folder, flights=self.state.flights)
+                throws[k] = self._drawn(throw, campaign)
+                self._change(throws=tuple(throws))
+                return
 
     def _next_job(self, *, proposes: bool = True) -> Job | None:
         """What remains to be traced, or then to be proposed."""

@@ -1,39 +1,13 @@
 """A whole session with a simulated glider: launches before a correction, and after."""
 
-import dataclasses
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
+from diagrams.lab.launches import Launches
 from diagrams.lab.session import LabSession
 from diagrams.lab.state import CORRECTED, NOMINAL
 
 ATTEMPTS = 3
 """Times that launches are flown for those of which no flight came."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Launches:
-    """Launches by the station, a process of its own, into a session's folder."""
-
-    folder: Path
-    truth: str  #: Name or file of the simulated glider.
-    scenario: Path | None = None
-    seed: int = 0
-
-    def start(self, throws: int, model: Path | None, flown: int) -> subprocess.Popen:
-        """Starts launches planned with a model, after so many that were flown."""
-        options = {
-            "simulate": self.truth,
-            "throws": throws,
-            "log": self.folder,
-            "seed": self.seed + flown,
-            "scenario": self.scenario,
-            "model": model,
-        }
-        given = [f"--{name}={v}" for name, v in options.items() if v is not None]
-        return subprocess.Popen([sys.executable, "-m", "glider", "fly", *given])
 
 
 def run_simulated(

@@ -26,9 +26,10 @@ class Throw:
     planned: str = ""
     perched: bool | None = None
     miss: float | None = None
-    #: RMS of the position error of each model's prediction [m]. The corrected model is
-    #: the one that was traced from earlier throws.
+    is_drawn: bool = False  #: Whether it was flown again, by the models there were.
+    #: RMS of the position error of each model's prediction [m].
     errors: dict[str, Number] = dataclasses.field(default_factory=dict)
+    is_fitted: bool = False  #: Whether the corrected model was fitted to it, too.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

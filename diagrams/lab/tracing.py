@@ -3,6 +3,7 @@
 import dataclasses
 import multiprocessing
 import os
+import signal
 import traceback
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -23,6 +24,12 @@ class Job:
     flights: tuple[str, ...]
     sha256: str  #: Of their contents.
     proposes: bool = False  #: Whether the report is there, and a throw is wanted.
+
+    @property
+    def words(self) -> str:
+        """What is done."""
+        what = "looking for the next throw" if self.proposes else "tracing"
+        return f"{what} ({len(self.flights)} throws)"
 
     def run(self) -> Trace | Proposal:
         """Does it; what the input does not permit is in the answer."""
@@ -66,6 +73,7 @@ class Worker:
 
     def __init__(self) -> None:
         self.job: Job | None = None  #: That it works on.
+        self._is_paused = False
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
 
@@ -93,8 +101,18 @@ class Worker:
             self.close()
             return job.refused("The process that traces died.")
 
+    def pause(self, is_paused: bool) -> None:
+        """Stops the process in the midst of its job while something flies."""
+        if is_paused == self._is_paused:
+            return
+        self._is_paused = is_paused
+        if self._process is not None and self._process.is_alive():
+            assert self._process.pid is not None
+            os.kill(self._process.pid, signal.SIGSTOP if is_paused else signal.SIGCONT)
+
     def close(self) -> None:
         """Ends the process, in the midst of its job."""
+        self.pause(False)  # It could not end.
         if self._process is not None:
             self._process.terminate()
             self._process.join()

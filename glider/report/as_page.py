@@ -31,11 +31,22 @@ def render_page(
     return TEMPLATES.get_template(template).render(
         figures=figures,
         data=_script(page_data(figures)),
-        colors=INKS,
+        colors=color_style(),
         style=_static("page.css"),
         script=_static("page.js"),
         plotly=_static("plotly-basic.min.js"),
         **values,
+    )
+
+
+def color_style() -> Markup:
+    """CSS of the colors of figures, on light and on dark ground."""
+    light, dark = (
+        "".join(f"--c-{key}: {inks[i]}; " for key, inks in INKS.items()) for i in (0, 1)
+    )
+    return Markup(
+        f":root {{ {light}}}\n@media screen and (prefers-color-scheme: dark) {{\n"
+        f"  :root:not(.printing) {{ {dark}}}\n}}"
     )
 
 

@@ -72,7 +72,11 @@ def find_flight(campaign: Campaign, name: str) -> Flight:
 
 
 def refly(
-    campaign: Campaign, flight: Flight, models: Mapping[str, GliderModel]
+    campaign: Campaign,
+    flight: Flight,
+    models: Mapping[str, GliderModel],
+    *,
+    varies: bool = True,
 ) -> dict[str, Motion]:
     """Flies a logged flight again, each model from its own fitted launch.
 
@@ -85,6 +89,8 @@ def refly(
         flight: of the campaign.
         models: by name, at least one; the measured flight's forces are the last
             one's.
+        varies: whether flights vary by more than their launches. What a model lacks is
+            otherwise taken for such a variation if all models lack it.
 
     Returns:
         "measured", then the models by name. Angles have the signs that the last
@@ -92,7 +98,7 @@ def refly(
     """
     *_, last = models.values()
     true = signs_of(last)
-    scales = _scales(campaign, last)
+    scales = _scales(campaign, last) if varies else start_scales(_noise(campaign, last))
     motions = {}
     for label, model in models.items():
         signs = signs_of(model)
@@ -123,6 +129,11 @@ def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, flo
         distances = np.linalg.norm(across, axis=1)
         errors[name] = float(np.sqrt(np.mean(distances**2))), float(distances[-1])
     return errors
+
+
+def _noise(campaign: Campaign, model: GliderModel) -> Noise:
+    """The campaign's noise, angles as a model knows them."""
+    return measure_noise(turn_campaign(campaign, signs_of(model)))
 
 
 def _records(

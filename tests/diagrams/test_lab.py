@@ -1,5 +1,6 @@
 """A session in the lab: throws that come one by one, restarts, and the page."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -9,9 +10,11 @@ import pytest
 from starlette.testclient import TestClient
 
 import diagrams.lab.session as session_module
+from diagrams.lab.gate import Address, listen
+from diagrams.lab.launches import Launches
 from diagrams.lab.server import make_app
 from diagrams.lab.session import LabSession
-from diagrams.lab.simulated import Launches, run_simulated
+from diagrams.lab.simulated import run_simulated
 from diagrams.lab.state import load_state, trace_of
 from glider.__main__ import main
 from glider.campaign.samples import campaign_folder
@@ -19,7 +22,9 @@ from glider.errors import InputError
 from glider.report.wording import headline
 from glider.sysid.pipeline import close_the_loop
 
-TOKEN = "right"
+ADDRESS = Address(port=7000, token="a right token of the session")
+COOKIE = {ADDRESS.cookie: ADDRESS.token}
+CHANGES = {"x-glider-lab": "1"}
 
 
 @pytest.fixture
@@ -59,7 +64,8 @@ def test_each_throw_is_flown_again_when_it_has_come(folder, open_session):
         assert len(session.state.throws) == number
         session.step(traces=False)
         seen.append(session.state.throws[-1])
-        assert session.picture(seen[-1].name).read_bytes().startswith(b"\x89PNG")
+        shown = session.comparison(seen[-1].name)
+        assert list(shown.motions) == ["measured", "nominal"]
     assert session.state.throws == tuple(seen)  # Earlier ones are not done again.
     assert all(set(throw.errors) == {"nominal"} for throw in seen)
     assert all(0.0 < throw.errors["nominal"] < 0.5 for throw in seen)
@@ -131,14 +137,14 @@ def test_a_fault_of_ours_is_shown_and_the_session_goes_on(
     session = open_session()
     monkeypatch.setattr(LabSession, "_next_job", lambda self: None)
     with monkeypatch.context() as patched:
-        patched.setattr(session_module, "predict_throw", lambda *given: 1 / 0)
+        patched.setattr(session_module, "compare", lambda *given: 1 / 0)
         drop(folder, 0)
         assert [session.try_step() for _ in range(2)] == [True, False]
     assert "ZeroDivisionError" in session.fault
     assert "ZeroDivisionError" in capsys.readouterr().err
-    assert session.state.throws == ()
+    assert not session.state.throws[0].is_drawn
     assert session.try_step()
-    assert session.fault == "" and len(session.state.throws) == 1
+    assert session.fault == "" and session.state.throws[0].is_drawn
 
 
 class DyingLaunches(Launches):
@@ -187,28 +193,89 @@ def client(folder, open_session):
     drop(folder, 0)
     session = open_session()
     session.update()
-    return TestClient(make_app(session, TOKEN), base_url="http://127.0.0.1")
+    session.launches = Launches(folder=folder, truth="head_wind")
+    return TestClient(make_app(session, ADDRESS), base_url="http://127.0.0.1")
 
 
 @pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=%C3%A9"])
-@pytest.mark.parametrize("path", ["/", "/events", "/throws/flight_000.png", "/none"])
+@pytest.mark.parametrize("path", ["/", "/events", "/throws/flight_000.json", "/none"])
 def test_without_the_token_there_is_nothing(client, path, query):
     response = client.get(path + query)
     assert response.status_code == 403 and not response.cookies
+    assert client.post(path + query, headers=CHANGES).status_code == 403
 
 
 def test_the_page_serves_who_has_the_token(client):
-    page = client.get(f"/?token={TOKEN}")
+    page = client.get(f"/?token={ADDRESS.token}")
     assert page.status_code == 200 and "lab.js" in page.text
     # From here on by the cookie.
-    for path in ("lab.js", "lab.css", "page.css"):
-        assert client.get(f"/{path}").status_code == 200
-    picture = client.get("/throws/flight_000.png")
-    assert picture.headers["content-type"] == "image/png"
-    for path in ("throws/flight_001.png", "throws/..%2Fsession.json", "report"):
-        assert client.get(f"/{path}").status_code == 404
+    for path in re.findall(r'(?:href|src)="((?:static/|colors)[^"]+)"', page.text):
+        assert client.get(f"/{path}").status_code == 200, path
+    figure = client.get("/throws/flight_000.json").json()
+    assert set(figure["figures"]["throw"]["keys"]) == {"measured", "nominal", "fitted"}
+    assert "flight_000" in client.get("/throws/flight_000/replay").text
+    for path in (
+        *("throws/flight_001.json", "throws/flight_001/replay", "report"),
+        *("throws/..%2Fsession.json", "static/..%2Fserver.py", "next/..%2Fmodel.yaml"),
+    ):
+        assert client.get(f"/{path}").status_code == 404, path
 
 
 def test_another_hosts_name_is_refused(client):
     headers = {"host": "evil.example"}
-    assert client.get(f"/?token={TOKEN}", headers=headers).status_code == 400
+    address = f"/?token={ADDRESS.token}"
+    assert client.get(address, headers=headers).status_code == 400
+
+
+def test_a_page_of_another_port_cannot_fly(client):
+    """It shares our cookies, and cannot send our header."""
+    client.cookies.update(COOKIE)
+    assert client.post("/fly?planned=nominal&throws=3").status_code == 403
+    for query in ("planned=best&throws=3", "planned=nominal&throws=1e9", "planned=x"):
+        assert client.post(f"/fly?{query}", headers=CHANGES).status_code == 400
+    assert client.get("/fly?planned=nominal&throws=3").status_code == 405
+    answer = client.post("/fly?planned=nominal&throws=3", headers=CHANGES)
+    assert answer.status_code == 200
+
+
+def test_a_session_is_at_the_same_address_after_a_restart(tmp_path):
+    file = tmp_path / "address.json"
+    first, address = listen(file, 0)
+    assert file.stat().st_mode & 0o077 == 0
+    other, elsewhere = listen(file, 0)  # While it is served a second time.
+    assert elsewhere.token == address.token and elsewhere.port != address.port
+    with pytest.raises(InputError, match="expected a free port"):
+        listen(file, address.port)
+    other.close()
+    first.close()
+    again, same = listen(file, 0)
+    again.close()
+    assert same == elsewhere
+
+
+def test_launches_are_flown_one_request_after_the_other(tmp_path):
+    class Flown(Launches):
+        """Launches that end when a file is there."""
+
+        def start(self, throws, model, flown):
+            flights.append((throws, model, flown))
+            wait = f"until [ -e {tmp_path}/over ]; do sleep 0.01; done"
+            return subprocess.Popen(["sh", "-c", wait])
+
+    flights = []
+    launches = Flown(folder=tmp_path, truth="head_wind")
+    assert not launches.step(None, 0)
+    launches.ask("corrected", 2)
+    assert not launches.step(None, 0)
+    assert "no corrected model" in launches.fault
+    launches.ask("nominal", 3)
+    assert launches.step(None, 0) and "3 launches" in launches.doing
+    launches.ask("corrected", 4)
+    model = tmp_path / "model.yaml"
+    assert launches.step(model, 3)
+    assert flights == [(3, None, 0)]
+    (tmp_path / "over").touch()
+    launches._process.wait()
+    assert launches.step(model, 3)
+    assert flights == [(3, None, 0), (4, model, 3)]
+    launches.stop()

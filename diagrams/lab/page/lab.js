@@ -2,68 +2,81 @@
 "use strict";
 
 const byId = (id) => document.getElementById(id);
+const isNumber = (value) => typeof value === "number";
+const millimetres = (value) => (isNumber(value) ? `${(1e3 * value).toFixed(1)} mm` : "");
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const stem = (name) => name.replace(/\.csv$/, "");
 
-/** An element with a text and children; nothing is ever read as HTML. */
+/** An element with a text, attributes and children; nothing is ever read as HTML. */
 function make(tag, text = "", attributes = {}, ...children) {
-  const space = ["svg", "path", "line", "circle", "text"].includes(tag)
-    ? "http://www.w3.org/2000/svg" : "http://www.w3.org/1999/xhtml";
-  const element = document.createElementNS(space, tag);
+  const element = document.createElement(tag);
   element.textContent = text;
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
   element.append(...children);
   return element;
 }
 
-const isNumber = (value) => typeof value === "number";
-const millimetres = (value) => (isNumber(value) ? `${(1e3 * value).toFixed(1)} mm` : "");
+/** Asks the server for something to be done; returns its refusal, "" for none. */
+async function post(address, body) {
+  const answer = await fetch(address, { method: "POST", headers: { "X-Glider-Lab": "1" }, body });
+  return answer.ok ? "" : answer.text();
+}
 
-/** Evidence and coefficients of every effect, by name, against the number of throws. */
-function histories(traces) {
-  const found = new Map();
-  for (const trace of traces) {
-    for (const effect of trace.effects) {
-      for (const [name, estimate] of Object.entries(effect.coefficients)) {
-        const key = `${effect.kind}: ${name} [${estimate.unit}]`;
-        if (!found.has(key)) found.set(key, []);
-        found.get(key).push({ n: trace.flights.length, ...estimate });
-      }
-    }
+const drawn = {};  // What each figure shows, as text, and what ends its drawing.
+
+/** Draws figures of a page's data, those that changed. */
+function draw(data) {
+  for (const name of Object.keys(data.figures)) {
+    const text = JSON.stringify([data.figures[name], data.columns]);
+    if (drawn[name]?.text === text) continue;
+    drawn[name]?.end.abort();
+    const node = document.querySelector(`[data-figure="${name}"]`);
+    node.querySelectorAll(".plot").forEach((plot) => Plotly.purge(plot));
+    node.replaceChildren();
+    drawn[name] = { text, end: new AbortController() };
+    drawFigures({ ...data, figures: { [name]: data.figures[name] } }, drawn[name].end.signal);
   }
-  return found;
 }
 
-/** A curve of values with error bars of two standard errors. */
-function draw(points) {
-  const width = 300, height = 120, left = 10;
-  const most = Math.max(...points.map((p) => p.n));
-  const ends = points.flatMap((p) => [p.value - 2 * (p.std ?? 0), p.value + 2 * (p.std ?? 0)]);
-  const low = Math.min(0, ...ends), high = Math.max(0, ...ends);
-  const x = (n) => left + ((width - 2 * left) * n) / most;
-  const y = (v) => height - 20 - ((height - 30) * (v - low)) / (high - low || 1);
-  const svg = make("svg", "", { class: "history", viewBox: `0 0 ${width} ${height}`, role: "img" });
-  svg.append(make("line", "", { class: "zero", x1: 0, x2: width, y1: y(0), y2: y(0) }));
-  svg.append(make("path", "", { d: "M" + points.map((p) => `${x(p.n)},${y(p.value)}`).join("L") }));
-  for (const p of points) {
-    const std = p.std ?? 0;
-    svg.append(
-      make("line", "", { class: "error", x1: x(p.n), x2: x(p.n), y1: y(p.value - 2 * std), y2: y(p.value + 2 * std) }),
-      make("circle", "", { cx: x(p.n), cy: y(p.value), r: 3 }),
-    );
+// ------------------------------------------------------------------- one throw
+
+let picked = null;  // The throw that is shown: {name, sha256}.
+let latest = "";  // The last throw that was drawn without being asked for.
+
+async function showThrow(row) {
+  const key = JSON.stringify([row.sha256, row.errors]);  // Flown again later, too.
+  const isNew = byId("throw").dataset.key !== key;
+  byId("throw").dataset.key = key;
+  picked = row;
+  byId("throw").hidden = false;
+  byId("throw-title").textContent = `Throw ${stem(row.name)}, measured and predicted`;
+  const errors = Object.entries(row.errors).map(([model, rms]) => `${model} model ${millimetres(rms)}`);
+  const fitted = row.is_fitted && isNumber(row.errors.corrected) ? " (fitted to this throw too)" : "";
+  byId("throw-words").textContent = [
+    capital([endOf(row), row.fault].filter(Boolean).join("; ")),
+    errors.length ? `Error of the predicted position, RMS: ${errors.join(", ")}${fitted}` : "",
+  ].filter(Boolean).map((text) => `${text}.`).join(" ");
+  for (const node of byId("rows").children) {
+    node.toggleAttribute("aria-current", node.dataset.name === row.name);
   }
-  svg.append(make("text", `${most} throws`, { x: width - left, y: height - 4, "text-anchor": "end" }));
-  return svg;
+  if (!isNew) return;
+  const address = `throws/${encodeURIComponent(stem(row.name))}`;
+  const answer = await fetch(`${address}.json?${row.sha256}`);
+  if (!answer.ok || picked !== row) return;
+  draw(await answer.json());
+  byId("throw").dataset.shown = row.name;
+  showReplay();
 }
 
-function showEffects(traces) {
-  const panels = [...histories(traces)].map(([name, points]) => {
-    const last = points[points.length - 1];
-    const spread = isNumber(last.std) ? ` ± ${last.std.toPrecision(2)}` : "";
-    return make("div", "", {}, make("h3", name), draw(points),
-      make("p", `${last.value.toPrecision(4)}${spread} after ${last.n} throws`, { class: "value" }));
-  });
-  byId("effects").replaceChildren(...panels);
-  byId("no-effect").textContent = panels.length ? "" : "None was found yet.";
+/** Loads the replay, which is large, once it is to be seen. */
+function showReplay() {
+  const frame = byId("replay").querySelector("iframe");
+  frame.hidden = !byId("replay").open;
+  const version = encodeURIComponent(byId("throw").dataset.key);
+  const address = `throws/${encodeURIComponent(stem(picked.name))}/replay?${version}`;
+  if (!frame.hidden && frame.getAttribute("src") !== address) frame.setAttribute("src", address);
 }
+byId("replay").addEventListener("toggle", showReplay);
 
 /** Where a throw ended, in words. */
 function endOf(row) {
@@ -71,72 +84,152 @@ function endOf(row) {
   return `${row.perched ? "perched" : "no perch"}, ${millimetres(row.miss)} from the wire`;
 }
 
-function showThrows(state) {
-  const rows = [...state.throws].reverse().map((row) => {
-    const why = state.excluded.filter((e) => e.file === row.name)
-      .map((e) => (e.rows === "all" ? e.why : `lines ${e.rows}: ${e.why}`));
-    if (row.fault) why.unshift(row.fault);
-    const cells = [["plan", row.planned], ["end", endOf(row)],
-      ["nominal, RMS", millimetres(row.errors.nominal)],
-      ["corrected, RMS", millimetres(row.errors.corrected)], ["excluded", why.join("; ")]];
-    return make("tr", "", {}, make("th", row.name.replace(".csv", "")),
-      ...cells.map(([label, text]) => make("td", text, { "data-label": label })));
+// ------------------------------------------------------------------ all throws
+
+/** Reasons of exclusions that most throws share: said once, below the table. */
+function commonReasons(excluded, count) {
+  const files = new Map();
+  for (const { why, file } of excluded) files.set(why, new Set(files.get(why)).add(file));
+  return new Set([...files].filter(([, named]) => count > 2 && named.size > count / 2).map(([why]) => why));
+}
+
+function exclusions(row, excluded, common) {
+  const reasons = new Map();
+  for (const { why, rows } of excluded.filter((e) => e.file === row.name)) {
+    const key = common.has(why) ? "" : why;
+    reasons.set(key, [...(reasons.get(key) ?? []), rows]);
+  }
+  const words = [...reasons].map(([why, lines]) => {
+    if (lines.includes("all")) return why;
+    const numbers = lines.sort((a, b) => a - b).join(", ");
+    return `line${lines.length > 1 ? "s" : ""} ${numbers}${why && `: ${why}`}`;
   });
-  byId("throws").replaceChildren(...rows);
+  return [row.fault, ...words].filter(Boolean).join("; ");
 }
 
-function showLast(view) {
-  const last = view.drawn[view.drawn.length - 1], picture = byId("picture");
-  picture.hidden = !last;
-  if (!last) return;
-  const row = view.state.throws.find((one) => one.name === last);
-  const address = `throws/${encodeURIComponent(last.replace(".csv", ""))}.png?${row.sha256.slice(0, 12)}`;
-  if (picture.getAttribute("src") !== address) picture.setAttribute("src", address);
-  const errors = Object.entries(row.errors).map(([model, rms]) => `${model} ${millimetres(rms)}`);
-  byId("last").textContent = `${last}: RMS of the position, ${errors.join(", ")}. The corrected `
-    + "model is the one that was traced from earlier throws.";
+function showThrows({ throws, excluded }) {
+  byId("all").hidden = !throws.length;
+  const common = commonReasons(excluded, throws.length);
+  const rows = [...throws].reverse().map((row) => {
+    const name = make("button", stem(row.name), { type: "button" });
+    name.disabled = !row.is_drawn;
+    name.addEventListener("click", () => {
+      showThrow(row);
+      byId("throw").scrollIntoView({ behavior: "smooth" });
+    });
+    const cells = [["plan", row.planned], ["result", endOf(row), row.perched ? "yes" : ""],
+      ["nominal", millimetres(row.errors.nominal), "number"],
+      ["corrected", millimetres(row.errors.corrected), "number"],
+      ["excluded", exclusions(row, excluded, common), "soft"]];
+    return make("tr", "", { "data-name": row.name }, make("th", "", { scope: "row" }, name),
+      ...cells.map(([label, text, kind = ""]) => make("td", text, { "data-label": label, class: kind })));
+  });
+  byId("rows").replaceChildren(...rows);
+  byId("common").textContent = [...common].map((why) => `Lines without a reason: ${why}.`).join(" ");
 }
 
-function showProposal(state) {
-  const found = state.proposal, next = byId("next");
-  const words = found ? [...found.throws, ...found.sentences] : ["Not known yet."];
-  byId("proposal").replaceChildren(...words.map((text) => make("p", text)));
-  next.hidden = !(found && found.throws.length);
-  if (!next.hidden) next.setAttribute("src", `next_throw.png?${found.flights}`);
+// --------------------------------------------------------------------- answers
+
+function tile(value, label, kind = "") {
+  return make("div", "", { class: `tile ${kind}` }, make("b", value), make("span", label));
 }
 
-function tile(value, label) {
-  return make("div", "", { class: "tile" }, make("b", value), make("span", label));
+function showAnswer(view, answer) {
+  const { state } = view, last = state.traces[state.traces.length - 1];
+  const readable = state.throws.filter((row) => row.is_read).length;
+  byId("headline").textContent = answer ? answer.headline : last ? last.refusal
+    : readable ? "The throws are not traced yet" : "No throw yet";
+  if (answer) {
+    byId("headline").append(make("span", answer.verdict.replaceAll("_", " "), { class: `badge ${answer.verdict}` }));
+  }
+  const behind = answer ? `, ${answer.flights.length} behind the verdict` : "";
+  const tiles = [tile(String(state.throws.length), `throws${behind}`)];
+  for (const [planned, [perched, flown]] of Object.entries(view.perches)) {
+    if (flown) tiles.push(tile(`${perched} of ${flown}`, `perched with the ${planned} plan`, perched === flown ? "good" : ""));
+  }
+  if (answer) {
+    const { nominal, corrected } = answer.errors;
+    if (isNumber(nominal) && isNumber(corrected)) {
+      tiles.push(tile(`${millimetres(nominal)} → ${millimetres(corrected)}`, "error on held-out throws, RMS"));
+    }
+  }
+  byId("tiles").replaceChildren(...tiles);
+  byId("answer").hidden = !answer;
+  if (answer) {
+    const seconds = isNumber(answer.seconds) ? ` The last trace took ${answer.seconds.toFixed(0)} s.` : "";
+    byId("effects-words").textContent = (answer.effects.length
+      ? "Each coefficient as it was known after so many throws; zero is the nominal model."
+      : "No effect was found.") + seconds;
+  }
 }
+
+function showProposal({ proposal, throws }) {
+  byId("next").hidden = !proposal;
+  if (!proposal) return;
+  const readable = throws.filter((row) => row.is_read).length;
+  const old = readable > proposal.flights ? `Found from the first ${proposal.flights} throws.` : "";
+  byId("proposal").replaceChildren(
+    ...proposal.throws.map((text) => make("p", `${capital(text)}.`, { class: "reason" })),
+    ...[...proposal.sentences, old].filter(Boolean).map((text) => make("p", text)));
+  byId("commands").replaceChildren(...proposal.throws.map((_, i) => make("a", "Save the commands (CSV)",
+    { class: "pick", href: `next/commands_${i + 1}.csv`, download: `commands_${i + 1}.csv` })));
+  byId("next-picture").hidden = !proposal.throws.length;
+  const picture = byId("next-picture").querySelector("img"), source = `next/next_throw.png?${proposal.flights}`;
+  if (picture.getAttribute("src") !== source) picture.setAttribute("src", source);
+}
+
+// -------------------------------------------------------------------- launches
+
+function showLaunches({ launches }, answer) {
+  byId("launches").hidden = !launches;
+  if (!launches) return;
+  byId("truth").textContent = launches.truth;
+  if (!byId("count").value) byId("count").value = launches.count;
+  for (const button of document.querySelectorAll("[data-planned]")) {
+    button.disabled = launches.flies || (button.dataset.planned === "corrected" && !answer);
+  }
+}
+for (const button of document.querySelectorAll("[data-planned]")) {
+  button.addEventListener("click", async () => {
+    const asked = new URLSearchParams({ planned: button.dataset.planned, throws: byId("count").value });
+    const refusal = await post(`fly?${asked}`);
+    byId("launch-answer").textContent = refusal;
+    byId("launch-answer").hidden = !refusal;
+  });
+}
+
+// ----------------------------------------------------------------------- views
 
 function show(view) {
   const { state } = view;
   const answers = state.traces.filter((trace) => !trace.refusal);
-  const answer = answers[answers.length - 1], latest = state.traces[state.traces.length - 1];
-  document.title = `${state.throws.length} throws: ${view.folder}`;
+  const answer = answers[answers.length - 1];
+  document.title = `${state.throws.length} throws · ${view.folder}`;
   byId("folder").textContent = view.folder;
   byId("doing").textContent = view.doing;
-  byId("headline").replaceChildren(answer ? answer.headline
-    : latest ? latest.refusal : state.throws.length ? "Not traced yet" : "No throw yet");
-  if (answer) {
-    byId("headline").append(make("span", answer.verdict.replaceAll("_", " "), { class: `badge ${answer.verdict}` }));
-  }
-  const tiles = [tile(String(state.throws.length), "throws")];
-  if (answer) tiles.push(tile(String(answer.flights.length), "throws behind the verdict"));
-  for (const [planned, [perched, flown]] of Object.entries(view.perches)) {
-    if (flown) tiles.push(tile(`${perched} of ${flown}`, `perched, planned with the ${planned} model`));
-  }
-  byId("tiles").replaceChildren(...tiles);
-  const notes = [view.fault, ...state.notes].filter(Boolean);
-  byId("notes").replaceChildren(...notes.map((text) => make("p", text, { class: "warning" })));
-  byId("report").hidden = !answer;
-  showLast(view);
-  showEffects(answers);
+  byId("doing").hidden = !view.doing;
+  byId("notes").replaceChildren(...[...view.faults, ...state.notes].map((text) => make("p", text, { class: "warning" })));
+  showAnswer(view, answer);
+  showLaunches(view, answer);
   showProposal(state);
   showThrows(state);
+  draw(view.figures);
+  const rows = new Map(state.throws.map((row) => [row.name, row]));
+  const last = state.throws.filter((row) => row.is_drawn).at(-1);
+  const isNew = last && latest !== last.sha256;
+  if (isNew) latest = last.sha256;
+  const row = isNew ? last : rows.get(picked?.name) ?? last;
+  if (row) showThrow(row);
 }
 
-const events = new EventSource("events");
-events.onopen = () => { byId("connection").textContent = "live"; };
-events.onerror = () => { byId("connection").textContent = "the session has ended, or is starting again"; };
-events.onmessage = (event) => show(JSON.parse(event.data));
+function connect() {
+  const events = new EventSource("events"), connection = byId("connection");
+  const say = (text, kind) => { connection.textContent = text; connection.className = kind; };
+  events.onopen = () => say("live", "live");
+  events.onmessage = (event) => show(JSON.parse(event.data));
+  events.onerror = () => {
+    say("The session has ended; start it again, and this page goes on", "off");
+    if (events.readyState === EventSource.CLOSED) setTimeout(connect, 2000);
+  };
+}
+connect();

@@ -1,7 +1,9 @@
 // Draws the figures of a page with plotly.js: the JSON of glider/report/as_page.py.
 "use strict";
-(() => {
-  const { figures, columns } = JSON.parse(document.getElementById("figures").textContent);
+
+// Draws figures into the elements that name them; until the signal, if any, it redraws
+// them when the colors change.
+function drawFigures({ figures, columns }, signal) {
   const root = document.documentElement;
   const isTouch = window.matchMedia("(pointer: coarse)").matches;
   const isNarrow = window.matchMedia("(max-width: 40rem)").matches;
@@ -290,9 +292,11 @@
     modeBarButtonsToRemove: ["select2d", "lasso2d", "toImage", "sendDataToCloud", "sendChartToCloud", ...(isTouch ? ["zoom2d"] : [])],
   };
 
-  const drawn = [...document.querySelectorAll("[data-figure]")].map((node) => new Figure(node, figures[node.dataset.figure]));
+  const drawn = [...document.querySelectorAll("[data-figure]")]
+    .filter((node) => node.dataset.figure in figures)
+    .map((node) => new Figure(node, figures[node.dataset.figure]));
   const drawAll = () => drawn.forEach((figure) => figure.draw());
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll, { signal });
 
   // On paper: light, and as wide as the sheet.
   function printing(isOn) {
@@ -300,6 +304,11 @@
     drawAll();
     if (!isOn) drawn.forEach((figure) => figure.plots.forEach(({ node }) => Plotly.Plots.resize(node)));
   }
-  window.addEventListener("beforeprint", () => printing(true));
-  window.addEventListener("afterprint", () => printing(false));
-})();
+  window.addEventListener("beforeprint", () => printing(true), { signal });
+  window.addEventListener("afterprint", () => printing(false), { signal });
+}
+
+{
+  const data = document.getElementById("figures");  // Of a page that is a file.
+  if (data) drawFigures(JSON.parse(data.textContent));
+}

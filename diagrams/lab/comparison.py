@@ -1,0 +1,129 @@
+"""A throw as it was measured, beside what the models predict from its beginning."""
+
+import dataclasses
+import io
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Meshcat
+
+from diagrams.lab.state import CORRECTED, NOMINAL
+from diagrams.page import write_html
+from diagrams.playback import GREEN, RED, legend_of, play, stage_of, track_of
+from glider.campaign.logs import Campaign, Flight
+from glider.files.writing import replace_file
+from glider.physics.model import GliderModel
+from glider.report.as_page import page_data
+from glider.report.flight_figures import flight_panels
+from glider.report.plots.figure import Figure
+from glider.report.plots.style import LABELS
+from glider.simulation.refly import Motion, nominal_parameters, position_errors, refly
+from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
+from glider.sysid.replay.vehicle import make_vehicle
+from glider.sysid.result import HeldOutFlight
+
+MEASURED = "measured"
+
+SLOWED = 0.2
+"""Seconds of flight in one second of a replay."""
+
+_COLORS = {NOMINAL: RED, CORRECTED: GREEN}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A throw, measured and predicted."""
+
+    name: str  #: Of the flight's file.
+    motions: dict[str, Motion]  #: MEASURED, then that of each model.
+    fitted_until: float = 0.0  #: End of the part that the launch was fitted to [s].
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """RMS of the position error of each model [m]."""
+        errors = position_errors(self.motions)
+        return {name: rms for name, (rms, _) in errors.items()}
+
+    def figure(self) -> dict[str, Any]:
+        """Path, pitch and distance, as a page draws them at "throw"."""
+        measured, *models = self.motions
+        time = self.motions[measured].time
+        flight = HeldOutFlight(
+            name=self.name,
+            time=time,
+            measured=self.motions[measured].poses[:, :3],
+            flown={name: _to_end(self.motions[name], time) for name in models},
+            fitted_until=self.fitted_until,
+        )
+        keys = {name: LABELS[name] for name in self.motions}
+        keys |= {"fitted": "launch state fitted"} if models else {}
+        return page_data({"throw": Figure(keys=keys, panels=flight_panels(flight))})
+
+    def replay(self, campaign: Campaign, *, has_wire: bool) -> str:
+        """HTML of a Meshcat that replays it, with the models as ghosts."""
+        tracks = [track_of(n, m, _COLORS.get(n)) for n, m in self.motions.items()]
+        stage = None if has_wire else stage_of(tracks[0], wire=None)
+        meshcat = Meshcat()
+        parameters = nominal_parameters(campaign)
+        play(tracks, meshcat, rate=SLOWED, parameters=parameters, stage=stage)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "replay.html")
+            write_html(file, meshcat, legend_of(tracks, self.name, SLOWED))
+            return file.read_text(encoding="utf-8")
+
+    def save(self, file: Path) -> None:
+        """Saves it as .npz."""
+        arrays = {"fitted_until": np.array(self.fitted_until)}
+        for name, motion in self.motions.items():
+            arrays |= {f"{name}_time": motion.time, f"{name}_poses": motion.poses}
+            if motion.forces is not None:
+                arrays[f"{name}_forces"] = motion.forces
+        data = io.BytesIO()
+        np.savez(data, **arrays)  # type: ignore[arg-type]
+        replace_file(file, lambda path: path.write_bytes(data.getvalue()))
+
+
+def load_comparison(name: str, file: Path) -> Comparison:
+    """Loads the comparison of a flight."""
+    with np.load(file) as data:
+        motions = {
+            model: Motion(
+                time=data[f"{model}_time"],
+                poses=data[f"{model}_poses"],
+                forces=data.get(f"{model}_forces"),
+            )
+            for model in (MEASURED, NOMINAL, CORRECTED)
+            if f"{model}_time" in data
+        }
+        until = float(data["fitted_until"])
+    return Comparison(name=name, motions=motions, fitted_until=until)
+
+
+def compare(
+    campaign: Campaign, flight: Flight, models: dict[str, GliderModel]
+) -> Comparison:
+    """Flies a throw again with models, each from the launch fitted to its beginning."""
+    if not models:
+        return Comparison(name=flight.name, motions={MEASURED: _measured(flight)})
+    motions = refly(campaign, flight, models, varies=CORRECTED in models)
+    time, known = motions[MEASURED].time, make_vehicle(campaign).trim_is_known
+    share = BEGINNING if known else BEGINNING_WITH_TRIM
+    until = max(share * time[-1], time[min(BEGINNING_ROWS, len(time)) - 1])
+    return Comparison(name=flight.name, motions=motions, fitted_until=float(until))
+
+
+def _measured(flight: Flight) -> Motion:
+    """A flight as its log has it."""
+    angle = np.zeros(len(flight.time)) if flight.elevator is None else flight.elevator
+    poses = np.column_stack([flight.pose, angle])
+    rows = np.isfinite(poses).all(axis=1)
+    return Motion(time=(flight.time - flight.time[0])[rows], poses=poses[rows])
+
+
+def _to_end(motion: Motion, time: np.ndarray) -> np.ndarray:
+    """Poses (n, 3) of a model at all times; NaN after it has diverged."""
+    poses = np.full((len(time), 3), np.nan)
+    poses[: len(motion.time)] = motion.poses[:, :3]
+    return poses

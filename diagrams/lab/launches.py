@@ -1,0 +1,87 @@
+"""Launches of a simulated glider by the station, into the folder of a session."""
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+from diagrams.lab.state import CORRECTED, NOMINAL
+from glider.errors import expect
+
+MOST = 100
+"""Launches that one request may ask for."""
+
+
+@dataclasses.dataclass(kw_only=True)
+class Launches:
+    """Launches by the station, a process of its own.
+
+    `ask` may be called by any thread; `step`, again and again, by that of the session.
+    """
+
+    folder: Path
+    truth: str  #: Name or file of the simulated glider.
+    scenario: Path | None = None
+    seed: int = 0
+    count: int = 10  #: That a person is offered.
+    fault: str = ""  #: Of the last launches.
+    _asked: tuple[str, int] | None = None  # Planned with, and number.
+    _words: str = ""
+    _process: subprocess.Popen | None = None
+
+    def start(self, throws: int, model: Path | None, flown: int) -> subprocess.Popen:
+        """Starts launches planned with a model, after so many that were flown."""
+        options = {
+            "simulate": self.truth,
+            "throws": throws,
+            "log": self.folder,
+            "seed": self.seed + flown,
+            "scenario": self.scenario,
+            "model": model,
+        }
+        given = [f"--{name}={v}" for name, v in options.items() if v is not None]
+        return subprocess.Popen([sys.executable, "-m", "glider", "fly", *given])
+
+    def ask(self, planned: str, throws: int) -> None:
+        """Asks for launches; they begin with the next step, after those that fly.
+
+        Raises:
+            InputError: they cannot be.
+        """
+        models = (NOMINAL, CORRECTED)
+        expect(planned in models, "planned", planned, f"one of {', '.join(models)}")
+        expect(1 <= throws <= MOST, "throws", throws, f"from 1 to {MOST}")
+        self._asked = planned, throws
+
+    @property
+    def doing(self) -> str:
+        """What flies; "" for nothing."""
+        return self._words
+
+    def step(self, model: Path | None, flown: int) -> bool:
+        """Starts what was asked for, and ends what is over; returns whether one flies.
+
+        Args:
+            model: file of the corrected model, if there is one.
+            flown: number of throws so far.
+        """
+        if self._process is not None and (code := self._process.poll()) is not None:
+            self._process, self._words = None, ""
+            self.fault = "The launches failed; the terminal shows why." if code else ""
+        if self._process is None and self._asked is not None:
+            (planned, throws), self._asked = self._asked, None
+            if planned == CORRECTED and model is None:
+                self.fault = "There is no corrected model yet to plan with."
+                return False
+            self.fault = ""
+            self._words = f"flying {throws} launches planned with the {planned} model"
+            with_model = model if planned == CORRECTED else None
+            self._process = self.start(throws, with_model, flown)
+        return self._process is not None
+
+    def stop(self) -> None:
+        """Ends what flies; what was logged stays."""
+        self._asked = None
+        if self._process is not None:
+            self._process.terminate()
+            self._process.wait()

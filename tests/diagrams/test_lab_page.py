@@ -1,0 +1,146 @@
+"""The page of a session in a real browser, while throws come."""
+
+import contextlib
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from glider.campaign.samples import campaign_folder
+from tests.helpers.browser import open_browser, visit, why_not
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(why_not() is not None, reason=str(why_not())),
+]
+
+TABLET = {"viewport": {"width": 768, "height": 1024}, "has_touch": True}
+
+SOON = 2.0
+"""Time within which a new throw is to be on screen [s]."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with open_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def folder(tmp_path):
+    path = tmp_path / "head_wind"
+    path.mkdir()
+    shutil.copy(campaign_folder("head_wind") / "campaign.yaml", path)
+    return path
+
+
+@contextlib.contextmanager
+def served(folder, *options):
+    """Runs `glider lab`; yields the address of its page."""
+    command = [sys.executable, "-m", "glider", "lab", str(folder), *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield re.search(r"http://\S+", process.stdout.readline())[0]
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+    assert process.returncode == 0
+
+
+def drop(folder, number):
+    name = f"flight_{number:03d}.csv"
+    shutil.copy(campaign_folder("head_wind") / name, folder)
+    return name
+
+
+def has_shown(window, name):
+    """Whether the figure of a throw is drawn, and its row is in the table."""
+    page = window.page
+    return (
+        page.locator(f'#throw[data-shown="{name}"] .main-svg').count() > 0
+        and page.locator(f'#rows tr[data-name="{name}"]').is_visible()
+    )
+
+
+def rows(window):
+    names = "(nodes) => nodes.map((node) => node.dataset.name)"
+    return window.page.eval_on_selector_all("#rows tr", names)
+
+
+def text(window, selector):
+    return " ".join(window.page.inner_text(selector).split())
+
+
+def test_throws_come_while_the_page_is_open(browser, folder):
+    with served(folder) as url, visit(browser, url, **TABLET) as seen:
+        assert seen.wait_for(lambda: text(seen, "#connection") == "live")
+        assert text(seen, "#headline") == "No throw yet"
+        first = drop(folder, 0)
+        assert seen.wait_for(lambda: has_shown(seen, first))
+        began = time.monotonic()
+        second = drop(folder, 1)
+        assert seen.wait_for(lambda: has_shown(seen, second))
+        assert time.monotonic() - began < SOON
+        assert rows(seen) == [second, first]
+        assert "nominal model" in text(seen, "#throw-words")
+        width = "document.scrollingElement.scrollWidth"
+        assert seen.page.evaluate(width) <= TABLET["viewport"]["width"]
+        seen.page.click(f'tr[data-name="{first}"] button')
+        assert seen.wait_for(lambda: has_shown(seen, first))
+        seen.page.reload()
+        assert seen.wait_for(lambda: has_shown(seen, second))
+        assert rows(seen) == [second, first]
+        assert seen.faults == []
+        assert all(address.startswith(url.split("?")[0]) for address in seen.requests)
+
+
+def test_a_page_goes_on_after_a_restart(browser, folder):
+    with contextlib.ExitStack() as stack:
+        with served(folder) as url:
+            seen = stack.enter_context(visit(browser, url, **TABLET))
+            for number in range(3):
+                name = drop(folder, number)
+            assert seen.wait_for(lambda: has_shown(seen, name))
+            assert seen.wait_for(lambda: "wind" in text(seen, "#headline"))
+        assert seen.wait_for(lambda: "has ended" in text(seen, "#connection"))
+        with served(folder) as again:
+            assert again == url
+            assert seen.wait_for(lambda: text(seen, "#connection") == "live")
+            name = drop(folder, 3)
+            assert seen.wait_for(lambda: has_shown(seen, name))
+            assert "corrected model" in text(seen, "#throw-words")
+            # A new page knows all of it, too.
+            with visit(browser, again, **TABLET) as other:
+                assert other.wait_for(lambda: has_shown(other, name))
+                assert len(rows(other)) == 4
+                panels = other.page.locator('[data-figure="effects"] .main-svg')
+                assert panels.count() > 0
+                assert "wind" in text(other, "#headline")
+
+
+def test_a_throw_is_replayed_in_meshcat(browser, folder):
+    with served(folder) as url, visit(browser, url) as seen:
+        name = drop(folder, 0)
+        assert seen.wait_for(lambda: has_shown(seen, name))
+        assert seen.page.locator("iframe").get_attribute("src") is None
+        seen.page.click("#replay summary")
+        frame = seen.page.frame_locator("#replay iframe")
+        assert seen.wait_for(lambda: frame.locator("#meshcat-pane canvas").count() > 0)
+        assert "nominal" in frame.locator("body").inner_text()
+        assert seen.faults == []
+
+
+def test_hostile_names_of_files_are_text(browser, folder):
+    name = "flight_<img src=x onerror=alert(1)>.csv"
+    source = campaign_folder("head_wind") / "flight_000.csv"
+    (folder / name).write_bytes(source.read_bytes())
+    with served(folder) as url, visit(browser, url) as seen:
+        row = seen.page.locator("#rows tr")
+        assert seen.wait_for(lambda: row.count() == 1)
+        assert "<img src=x" in row.inner_text()
+        assert seen.page.locator("#rows img").count() == 0
+        assert seen.faults == []
