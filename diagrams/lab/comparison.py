@@ -21,6 +21,7 @@ from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.simulation.refly import Motion, nominal_parameters, position_errors, refly
 from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
+from glider.sysid.fit.prediction import RolloutModel
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import HeldOutFlight
 
@@ -102,12 +103,15 @@ def load_comparison(name: str, file: Path) -> Comparison:
 
 
 def compare(
-    campaign: Campaign, flight: Flight, models: dict[str, GliderModel]
+    campaign: Campaign,
+    flight: Flight,
+    models: dict[str, GliderModel],
+    rollouts: dict[str, RolloutModel],
 ) -> Comparison:
     """Flies a throw again with models, each from the launch fitted to its beginning."""
     if not models:
         return Comparison(name=flight.name, motions={MEASURED: _measured(flight)})
-    motions = refly(campaign, flight, models, varies=CORRECTED in models)
+    motions = refly(campaign, flight, models, rollouts=rollouts)
     time, known = motions[MEASURED].time, make_vehicle(campaign).trim_is_known
     share = BEGINNING if known else BEGINNING_WITH_TRIM
     until = max(share * time[-1], time[min(BEGINNING_ROWS, len(time)) - 1])

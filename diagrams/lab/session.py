@@ -25,7 +25,8 @@ from glider.errors import InputError
 from glider.files.writing import check_writable
 from glider.physics.model import GliderModel
 from glider.progress import Progress, silent
-from glider.simulation.refly import nominal_model
+from glider.simulation.refly import nominal_model, rollout_models
+from glider.sysid.fit.prediction import RolloutModel
 
 
 class LabSession:
@@ -56,6 +57,8 @@ class LabSession:
         self.state = load_state(self._file)
         self.report = self.watched.kept / "report"
         self.launches = launches
+        #: With the trace that they are of.
+        self._rollouts: tuple[str, dict[str, RolloutModel]] | None = None
         self._worker = Worker()
         self.fault = ""  #: Of this program, in the last step; "" for none.
 
@@ -94,7 +97,7 @@ class LabSession:
         if traces and self._worker.job is None and (job := self._next_job()):
             self._worker.start(job)
             self._progress(self.doing)
-        self._draw_again()
+        self._prepare()
 
     def try_step(self) -> bool:
         """As `step`; a fault of this program is shown, and does not end the session."""
@@ -173,18 +176,14 @@ class LabSession:
 
     def _drawn(self, throw: Throw, campaign: Campaign) -> Throw:
         """Flies a throw again by the models that there are, and saves that."""
-        models = {}
-        if nominal := nominal_model(campaign):
-            models[NOMINAL] = nominal
-        answer = self.state.answer
-        if self.model_file:
-            models[CORRECTED] = GliderModel.load(self.model_file)
+        answer, models = self.state.answer, self._models(campaign)
         [flight] = [f for f in campaign.flights if f.name == throw.name]
         try:
-            comparison = compare(campaign, flight, models)
+            rollouts = self._rollouts_of(campaign, models)
+            comparison = compare(campaign, flight, models, rollouts)
         except InputError as error:
             throw = dataclasses.replace(throw, fault=throw.fault or str(error))
-            comparison = compare(campaign, flight, {})
+            comparison = compare(campaign, flight, {}, {})
         file = self._place(throw.name)
         file.parent.mkdir(exist_ok=True)
         comparison.save(file)
@@ -195,18 +194,50 @@ class LabSession:
             is_fitted=answer is not None and throw.name in answer.flights,
         )
 
-    def _draw_again(self) -> None:
-        """Flies the last throw again that no corrected model has flown yet, if any."""
+    def _models(self, campaign: Campaign) -> dict[str, GliderModel]:
+        """The models that there are by now."""
+        models = {}
+        if nominal := nominal_model(campaign):
+            models[NOMINAL] = nominal
+        if self.model_file:
+            models[CORRECTED] = GliderModel.load(self.model_file)
+        return models
+
+    def _rollouts_of(
+        self, campaign: Campaign, models: dict[str, GliderModel]
+    ) -> dict[str, RolloutModel]:
+        """The models with what the flights have in common: once for each trace.
+
+        One throw more changes that too little to make people wait for it.
+        """
+        if self._rollouts is None or self._rollouts[0] != self._last_sha256:
+            varies = CORRECTED in models
+            found = rollout_models(campaign, models, varies=varies) if models else {}
+            self._rollouts = self._last_sha256, found
+        return self._rollouts[1]
+
+    @property
+    def _last_sha256(self) -> str:
+        return self.state.answer.sha256 if self.state.answer else ""
+
+    def _prepare(self) -> None:
+        """Does what the next throw needs; flies one throw again by a first answer."""
         if not self.model_file:
             return
-        throws = list(self.state.throws)
-        for k, throw in reversed(list(enumerate(throws))):
-            if throw.is_drawn and CORRECTED not in throw.errors and not throw.is_fitted:
-                folder = self.watched.campaign
-                campaign = load_campaign(folder, flights=self.state.flights)
-                throws[k] = self._drawn(throw, campaign)
-                self._change(throws=tuple(throws))
-                return
+        throws, campaign = list(self.state.throws), None
+        late = [
+            k
+            for k, throw in enumerate(throws)
+            if throw.is_drawn and CORRECTED not in throw.errors and not throw.is_fitted
+        ]
+        is_known = self._rollouts is not None and self._rollouts[0] == self._last_sha256
+        if late or not is_known:
+            folder = self.watched.campaign
+            campaign = load_campaign(folder, flights=self.state.flights)
+            self._rollouts_of(campaign, self._models(campaign))
+        if late and campaign:
+            throws[late[-1]] = self._drawn(throws[late[-1]], campaign)
+            self._change(throws=tuple(throws))
 
     def _next_job(self, *, proposes: bool = True) -> Job | None:
         """What remains to be traced, or then to be proposed."""

@@ -13,14 +13,9 @@ from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.sysid.fit.prediction import Prediction, RolloutModel, predict
+from glider.sysid.fit.prediction import RolloutModel, predict
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.scales import (
-    Scales,
-    fit_scales,
-    start_scales,
-    typical_flights,
-)
+from glider.sysid.likelihood.scales import fit_scales, start_scales, typical_flights
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.replayed import flow_along, signals
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
@@ -76,7 +71,7 @@ def refly(
     flight: Flight,
     models: Mapping[str, GliderModel],
     *,
-    varies: bool = True,
+    rollouts: Mapping[str, RolloutModel] | None = None,
 ) -> dict[str, Motion]:
     """Flies a logged flight again, each model from its own fitted launch.
 
@@ -89,8 +84,7 @@ def refly(
         flight: of the campaign.
         models: by name, at least one; the measured flight's forces are the last
             one's.
-        varies: whether flights vary by more than their launches. What a model lacks is
-            otherwise taken for such a variation if all models lack it.
+        rollouts: of the same models; None: those of the campaign as it is.
 
     Returns:
         "measured", then the models by name. Angles have the signs that the last
@@ -98,11 +92,12 @@ def refly(
     """
     *_, last = models.values()
     true = signs_of(last)
-    scales = _scales(campaign, last) if varies else start_scales(_noise(campaign, last))
+    rollouts = rollouts or rollout_models(campaign, models)
     motions = {}
     for label, model in models.items():
         signs = signs_of(model)
-        record, predicted = _predicted(campaign, flight, model, scales)
+        [record], _ = _records(campaign, [flight], model)
+        predicted = predict(rollouts[label], record)
         elevator = signals(record, theta_of(model)).logged + predicted.trim
         poses = np.column_stack([predicted.pose, elevator])
         poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
@@ -120,6 +115,38 @@ def refly(
     return {"measured": measured, **motions}
 
 
+def rollout_models(
+    campaign: Campaign, models: Mapping[str, GliderModel], *, varies: bool = True
+) -> dict[str, RolloutModel]:
+    """Models with what a campaign's flights have in common: noise, variation, trim.
+
+    Args:
+        campaign: with the flights.
+        models: by name, at least one; flights vary about the last one.
+        varies: whether flights vary by more than their launches. What all models lack
+            would be taken for such a variation.
+    """
+    *_, last = models.values()
+    some = typical_flights(campaign.flights)
+    records, noise = _records(campaign, some, last)
+    scales = start_scales(noise)
+    if varies:
+        theta = theta_of(last)
+        flights = [linearize(r, theta, last.residual_field) for r in records]
+        fitted, cost = fit_scales(flights, scales)
+        scales = fitted if np.isfinite(cost) else scales  # A model may diverge.
+    has_trims = not make_vehicle(campaign).trim_is_known
+    return {
+        name: RolloutModel(
+            theta=theta_of(model),
+            field=model.residual_field,
+            scales=scales,
+            per_flight_trims=has_trims,
+        ).on(records if model is last else _records(campaign, some, model)[0])
+        for name, model in models.items()
+    }
+
+
 def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, float]]:
     """RMS and last distance in x and z of each model's rows from the measured [m]."""
     (_, measured), *models = motions.items()
@@ -131,11 +158,6 @@ def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, flo
     return errors
 
 
-def _noise(campaign: Campaign, model: GliderModel) -> Noise:
-    """The campaign's noise, angles as a model knows them."""
-    return measure_noise(turn_campaign(campaign, signs_of(model)))
-
-
 def _records(
     campaign: Campaign, flights: Sequence[Flight], model: GliderModel
 ) -> tuple[list[Record], Noise]:
@@ -145,30 +167,6 @@ def _records(
     noise = measure_noise(turned)
     flights = tuple(turn(flight, signs) for flight in flights)
     return prepare(flights, turned, noise, layout_for(model)), noise
-
-
-def _scales(campaign: Campaign, model: GliderModel) -> Scales:
-    """Returns the noise of a campaign's flights, and what differs between them."""
-    records, noise = _records(campaign, typical_flights(campaign.flights), model)
-    start, theta = start_scales(noise), theta_of(model)
-    flights = [linearize(r, theta, model.residual_field) for r in records]
-    scales, cost = fit_scales(flights, start)
-    return scales if np.isfinite(cost) else start  # A model may diverge.
-
-
-def _predicted(
-    campaign: Campaign, flight: Flight, model: GliderModel, scales: Scales
-) -> tuple[Record, Prediction]:
-    """Returns a flight and what a model predicts, by the scales of the best model."""
-    flights = (flight, *typical_flights(campaign.flights))
-    ((record, *others), _) = _records(campaign, flights, model)
-    flown = RolloutModel(
-        theta=theta_of(model),
-        field=model.residual_field,
-        scales=scales,
-        per_flight_trims=not make_vehicle(campaign).trim_is_known,
-    )
-    return record, predict(flown.on(others), record)
 
 
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:

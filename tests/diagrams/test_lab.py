@@ -109,6 +109,22 @@ def test_a_restart_goes_on_where_the_session_was(folder, open_session):
     assert load_state(folder / "lab" / "session.json") == second.state
 
 
+@pytest.mark.slow
+def test_throws_before_the_first_answer_are_flown_again_by_it(folder, open_session):
+    session = open_session()
+    drop(folder, 0, 1, 2)
+    session.finish()
+    assert all(set(t.errors) == {"nominal"} for t in session.state.throws)
+    session.step(traces=False)
+    *others, last = session.state.throws
+    assert last.errors["corrected"] < 0.2 * last.errors["nominal"] and last.is_fitted
+    assert not any(throw.is_fitted for throw in others)  # One at a time.
+    drop(folder, 3)
+    session.update()
+    assert not session.state.throws[-1].is_fitted
+    assert set(session.state.throws[-1].errors) == {"nominal", "corrected"}
+
+
 def test_a_throw_that_cannot_be_read_is_named_and_the_others_count(
     folder, open_session
 ):
