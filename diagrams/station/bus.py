@@ -1,19 +1,25 @@
-"""The bus: what is said on it, and LCM under it.
+"""The bus: its messages, and LCM below.
 
 Every message is Drake's `lcmt_drake_signal`: numbers with names, and a time [µs].
 
 POSE, on the cameras' clock: frame, x, z [m], pitch, elevator [rad] (NaN: not measured).
-COMMAND, on the station's clock: sender, number, rate [rad/s] and angle [rad] of the
-elevator. STATUS: number of the throw, with the station's state and its reason for
-names. OPERATOR: "kill" or "arm" for a name.
+COMMAND, on the station's clock: sender, number, rate [rad/s] (NaN: to neutral) and
+angle [rad] of the elevator. STATUS: number of throws and 1 if ready, with the state and
+its reason for names. OPERATOR: the sender, with "kill", "arm" or "killed" for its name.
 """
 
+import re
 import struct
 import time
 from collections.abc import Callable, Sequence
 
 from drake import lcmt_drake_signal
 from pydrake.lcm import DrakeLcm
+
+from glider.errors import expect
+
+ADDRESS = re.compile(r"memq://|udpm://(\d{1,3}\.){3}\d{1,3}:\d{1,5}(\?ttl=\d+)?")
+"""Addresses of LCM; of any other it makes a bus of its own, without a word."""
 
 POSE, COMMAND, STATUS, OPERATOR = (
     f"GLIDER_{name}" for name in ("POSE", "COMMAND", "STATUS", "OPERATOR")
@@ -30,12 +36,18 @@ class Bus:
 
     Args:
         lcm: LCM, or its address: udpm:// between processes, memq:// within one.
+
+    Raises:
+        InputError: the address is none.
     """
 
     def __init__(self, lcm: DrakeLcm | str):
         """Connects."""
+        if isinstance(lcm, str):
+            expected = "memq:// or such as udpm://239.255.76.67:7667?ttl=0"
+            expect(ADDRESS.fullmatch(lcm), "the bus", lcm, expected)
         self._lcm = DrakeLcm(lcm) if isinstance(lcm, str) else lcm
-        self.refused = 0  #: Messages that were none of ours.
+        self.refused = 0  #: Number of messages that are none of ours.
 
     def say(
         self, channel: str, when: float, values: Sequence[float], names: Sequence[str]
@@ -47,7 +59,7 @@ class Bus:
         self._lcm.Publish(channel, message.encode())
 
     def listen(self, channel: str, handler: Handler) -> None:
-        """Calls a handler with each message of a channel; what is none is counted."""
+        """Calls a handler with each message of a channel; others are counted."""
 
         def take(data: bytes) -> None:
             try:

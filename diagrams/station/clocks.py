@@ -1,19 +1,22 @@
-"""Time: the cameras' clock in terms of ours, and our share of the processor."""
+"""Time: the cameras' clock in terms of ours."""
 
-import os
+from collections import deque
 
-LEAK = 5e-4
-"""Rate at which the least delay is forgotten [s/s]: clocks drift apart by less."""
+WINDOW = 2.0
+"""Time over which the soonest frame counts [s]: longer than a flight, so that no delay
+in flight moves the clock. Clocks that drift by 200 ppm move by 0.4 ms meanwhile."""
 
-RESTART = 0.5
-"""Change of the delay that is another clock, not a delay [s]."""
+AHEAD = 0.005
+"""Time by which a frame may come sooner than the soonest so far [s]: a network's jitter
+is 1 ms or so; at 7 m/s this is 35 mm."""
 
 
 class CameraClock:
     """Converts times of frames to our clock.
 
     The frame that came soonest shows the clocks' difference: nothing else takes the
-    least latency. A clock that drifts makes it grow or shrink slowly.
+    least latency. Only usable frames count, and for WINDOW only: one that is wrong is
+    forgotten, and a camera that was started again is followed after as long.
 
     Args:
         latency: least time from exposure to reception [s].
@@ -21,27 +24,24 @@ class CameraClock:
 
     def __init__(self, latency: float) -> None:
         self._latency = latency
-        self._least: float | None = None  # Reception minus stamp.
-        self._since = 0.0
+        # Receptions, and receptions minus stamps: both ascend, the first is the least.
+        self._delays: deque[tuple[float, float]] = deque()
 
     def to_ours(self, stamp: float, received: float) -> float:
         """When a frame was exposed, by our clock [s], from its stamp and reception."""
         delay = received - stamp
-        if self._least is None or abs(delay - self._least) > RESTART:
-            self._least = delay
-        self._least = min(delay, self._least + LEAK * (received - self._since))
-        self._since = received
-        return stamp + self._least - self._latency
+        while self._delays and self._delays[0][0] < received - WINDOW:
+            self._delays.popleft()
+        least = self._delays[0][1] if self._delays else delay
+        return stamp + least - self._latency
 
+    def calc_lead(self, when: float, received: float) -> float:
+        """Time by which a frame came sooner than the soonest so far [s]."""
+        return when + self._latency - received
 
-def hasten() -> bool:
-    """Asks for a processor at once, whatever else runs; returns whether we get it.
-
-    Linux grants it to root, and with `ulimit -r`.
-    """
-    try:
-        for thread in os.listdir("/proc/self/task"):  # LCM receives in one of them.
-            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(10))
-    except (AttributeError, OSError):
-        return False
-    return True
+    def learn(self, stamp: float, received: float) -> None:
+        """Takes a usable frame into account."""
+        delay = received - stamp
+        while self._delays and self._delays[-1][1] >= delay:
+            self._delays.pop()
+        self._delays.append((received, delay))

@@ -22,7 +22,8 @@ EPILOG = """\
 For each throw one line: whether it perched, the miss, the time from a pose to its
 command, and the deadlines missed. Whatever is not right (no poses, impossible ones,
 late commands, a filter that loses the glider, another operator, any key) turns the
-elevator to neutral and says why; Enter arms again.
+elevator to neutral and says why; Enter arms again. A key stops every servo on the bus,
+whichever station it obeys, until Enter is pressed at the same station.
 
 The folder of --log is a campaign: flight_NNN.csv for close-the-loop, and throw_NNN.mcap
 with all poses, commands, estimates, times, the plan and the versions.
@@ -50,7 +51,7 @@ def add_arguments(parser: CommandParser) -> None:
     words = "end after so many (default: 10 with --simulate, else never)"
     parser.add_number("--throws", words)
     parser.add_path("--log", "FOLDER", "campaign to write (default: out/fly)")
-    parser.add_seed("of simulated launches and noise")
+    parser.add_number("--seed", "of simulated launches and noise (default: 0)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -58,6 +59,7 @@ def run(args: argparse.Namespace) -> int:
     throws, folder = args.throws, args.log or Path("out/fly")
     expect(throws is None or throws >= 1, "--throws", throws, "at least 1")
     check_writable(folder)
+    expect(args.seed is None or args.seed >= 0, "--seed", args.seed, "0 or more")
     from diagrams.station.bus import Bus
     from diagrams.station.controllers import make_guidance
     from diagrams.station.realtime import KEYS, run_station, simulated_glider
@@ -70,16 +72,18 @@ def run(args: argparse.Namespace) -> int:
     changed = {"controller": args.controller, "model": args.model and str(args.model)}
     changed = {name: value for name, value in changed.items() if value is not None}
     scenario = dataclasses.replace(scenario, **changed)
-    if args.simulate is not None:
+    changed = {"truth": args.simulate, "seed": args.seed}
+    changed = {name: value for name, value in changed.items() if value is not None}
+    if args.simulate is not None or scenario.simulation is not None:
         simulation = scenario.simulation or Simulation()
-        simulation = dataclasses.replace(
-            simulation, truth=args.simulate, seed=args.seed
-        )
+        simulation = dataclasses.replace(simulation, **changed)
         scenario = dataclasses.replace(scenario, simulation=simulation)
+    else:
+        expect(not changed, "--seed", args.seed, "it only with --simulate")
     with working() as progress:
         progress("planning (compiles once)")
         guidance = make_guidance(scenario)
-        session = Session(folder, scenario, guidance)
+        session = Session(folder, scenario, guidance, _show)
         station = Station(scenario, guidance, Bus(scenario.bus), session, show=_show)
     print(f"Station on {scenario.bus}: {KEYS}.", flush=True)
     if scenario.simulation is None:

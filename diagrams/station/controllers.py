@@ -115,6 +115,10 @@ class Guidance:
     policy: TrackingPolicy
     controller: Controller
 
+    def state_at(self, time: float) -> np.ndarray:
+        """State (n,) of the plan at a time [s]."""
+        return self.plan.state_trajectory.value(time)[:, 0]
+
     def nearest(self, state: np.ndarray) -> float:
         """Time of the plan [s] from which a state (n,) costs least to bring back.
 

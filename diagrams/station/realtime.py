@@ -10,7 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from diagrams.station.clocks import hasten
+from diagrams.station.operators import ARM, KILL
+from diagrams.station.processes import Ending, hasten
 from diagrams.station.scenario import Scenario
 from diagrams.station.station import Station
 from glider.files import schema
@@ -46,27 +47,34 @@ def run_station(
 ) -> None:
     """Runs a station until it has seen so many throws; None: until it is ended.
 
+    However it ends, the elevator is neutral then, and the record of a throw complete.
+
     Args:
         station: ready to run.
         throws: their number.
         is_alive: asked now and then; the loop ends when it is false.
+
+    Raises:
+        KeyboardInterrupt: the process was asked to end.
     """
     asked = time.monotonic()
     if not hasten():
         print("No real-time priority: other programs may delay commands (ulimit -r).")
-    try:
-        with keyboard() as pressed:
-            while throws is None or len(station.throws) < throws:
-                station.bus.rest_until(station.tick())
-                if key := pressed():
-                    name = "arm" if key in "\r\n" else "kill"
-                    station.on_operator(0.0, (), (name,))
-                if time.monotonic() > asked + 1.0:
-                    asked = time.monotonic()
-                    if not (station.in_flight or is_alive()):
-                        return
-    finally:
-        station.close()
+    with Ending() as ending:
+        try:
+            with keyboard() as pressed:
+                while throws is None or len(station.throws) < throws:
+                    station.bus.rest_until(station.tick())
+                    if key := pressed():
+                        station.operate(ARM if key in "\r\n" else KILL)
+                    if ending:
+                        raise KeyboardInterrupt
+                    if time.monotonic() > asked + 1.0:
+                        asked = time.monotonic()
+                        if not (station.in_flight or is_alive()):
+                            return
+        finally:
+            station.close()
 
 
 @contextlib.contextmanager

@@ -1,10 +1,14 @@
-"""Poses that can be, and why the station stops trusting the others."""
+"""Which poses are possible, and why the station stops trusting the others."""
 
 import math
 
 import numpy as np
 
+from diagrams.station.clocks import AHEAD
+from diagrams.station.operators import Kills
 from diagrams.station.scenario import Limits
+from glider.physics.servo import Servo
+from glider.physics.state import ELEVATOR
 
 REGAIN = 0.2
 """Time without a usable pose after which any pose may be the next [s]."""
@@ -15,34 +19,51 @@ RIVAL = 1.0
 LOST = 3
 """Poses in a row that are far from the prediction: the filter has lost the glider."""
 
+SLACK = 0.15
+"""Angle by which a measured elevator may exceed its travel, or what its servo's rate
+allows [rad]: a wrong zero, a horn that bends, and noise."""
+
 
 class PoseCheck:
     """Passes poses that can follow each other.
 
     Args:
         limits: of places, speed and turn rate.
+        servo: travel and rate of the elevator.
     """
 
-    def __init__(self, limits: Limits) -> None:
-        self._limits = limits
+    def __init__(self, limits: Limits, servo: Servo) -> None:
+        self._limits, self._servo = limits, servo
         self._last = np.full(4, math.nan)
         self._time = -math.inf
+        self._angle, self._angle_time = math.nan, -math.inf  # Of the elevator.
         self.reason = ""  #: Why the last pose was refused.
 
-    def find_fault(self, time: float, pose: np.ndarray) -> str:
-        """Why a pose (4,) cannot be used, "" where it can; times are ours [s]."""
-        self.reason = self._find(time, pose)
+    def find_fault(self, time: float, pose: np.ndarray, lead: float = 0.0) -> str:
+        """Why a pose (4,) cannot be used, "" if it can.
+
+        An elevator that cannot be is no fault of the pose: `pose` then has NaN for it.
+
+        Args:
+            time: of the exposure, by our clock [s].
+            pose: x, z, pitch, elevator.
+            lead: time by which it came sooner than possible [s].
+        """
+        self.reason = self._find(time, pose, lead)
         if not self.reason:
+            self._check_elevator(time, pose)
             self._last, self._time = pose, time
         return self.reason
 
-    def _find(self, time: float, pose: np.ndarray) -> str:
+    def _find(self, time: float, pose: np.ndarray, lead: float) -> str:
         limits, span = self._limits, time - self._time
         x, z, pitch = pose[:3].tolist()
         if not (math.isfinite(x) and math.isfinite(z) and math.isfinite(pitch)):
             return "a pose that is no number"
         if not (limits.x[0] < x < limits.x[1] and limits.z[0] < z < limits.z[1]):
             return f"a pose at x {x:.2f} m, z {z:.2f} m, outside the room"
+        if lead > AHEAD:
+            return f"a frame stamped {1e3 * lead:.0f} ms ahead of the cameras' clock"
         if span <= 0.0:
             return "a frame that comes late or twice"
         if span > REGAIN:
@@ -56,20 +77,32 @@ class PoseCheck:
             return f"a jump of the pitch by {pitch - last_pitch:.1f} rad"
         return ""
 
+    def _check_elevator(self, time: float, pose: np.ndarray) -> None:
+        """Takes an angle out of a pose (4,) that the elevator cannot have."""
+        angle, servo = float(pose[ELEVATOR]), self._servo
+        turns = SLACK + servo.rate * (time - self._angle_time)
+        inside = servo.low - SLACK < angle < servo.high + SLACK
+        if inside and not abs(angle - self._angle) > turns:  # NaN: none before.
+            self._angle, self._angle_time = angle, time
+        else:
+            pose[ELEVATOR] = math.nan
+
 
 class Watch:
     """Knows why commands would not be safe now.
 
     Args:
         limits: of time, place and prediction.
+        servo: travel and rate of the elevator.
+        operator: our number among the senders of kills.
     """
 
-    def __init__(self, limits: Limits) -> None:
-        self.check = PoseCheck(limits)
-        self.locked = ""  #: Why the operator lets no throw begin.
-        self.seen = -math.inf  #: When the last usable pose came [s].
+    def __init__(self, limits: Limits, servo: Servo, operator: float) -> None:
+        self.check = PoseCheck(limits, servo)
+        self.kills = Kills()
+        self.seen = -math.inf  #: When the last usable pose was exposed [s].
         self.rival = -math.inf  #: When another operator sent a command [s].
-        self._limits = limits
+        self._limits, self._operator = limits, operator
         self._late = self._far = 0
 
     def reset(self) -> None:
@@ -89,15 +122,16 @@ class Watch:
         return late
 
     def find_fault(self, now: float) -> str:
-        """Why commands would not be safe now; "" where they are."""
-        if self.locked:
-            return self.locked
+        """Why commands would not be safe now; "" if they are."""
+        if self.kills:
+            is_ours = self._operator in self.kills
+            return f"{'the' if is_ours else 'another'} operator stopped it"
         if now < self.rival + RIVAL:
             return "another operator sends commands on the bus"
-        gap = now - self.seen
-        if gap > self._limits.stale:
+        age = now - self.seen
+        if age > self._limits.stale:
             why = f" ({self.check.reason})" if self.check.reason else ""
-            since = f"for {1e3 * gap:.0f} ms" if math.isfinite(gap) else "yet"
+            since = f"for {1e3 * age:.0f} ms" if math.isfinite(age) else "yet"
             return f"no usable pose {since}{why}"
         if self._far >= LOST:
             return "the filter has lost the glider"

@@ -1,4 +1,4 @@
-"""What a session on the station is made of, as a YAML file has it."""
+"""What a session on the station consists of, read from YAML."""
 
 import dataclasses
 import math
@@ -6,12 +6,39 @@ from pathlib import Path
 from typing import Literal
 
 from glider.errors import expect
+from glider.estimation.perching import CAPTURE
 from glider.files import schema
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 
 CONTROLLERS = ("tvlqr", "mpc", "mppi")
+
+
+def _check(part: object, signed: tuple[str, ...] = (), **most: float) -> None:
+    """Raises InputError where a number of a part of the scenario cannot be.
+
+    Args:
+        part: a dataclass.
+        signed: names of fields that may be negative; lists may be, too.
+        most: largest sizes by name.
+    """
+    for name, value in vars(part).items():
+        if not isinstance(value, int | float):
+            continue
+        limit, expected = most.get(name, math.inf), "finite"
+        if name not in signed:
+            expected += " and not negative"
+        if name in most:
+            expected += f", at most {limit:g}"
+        good = math.isfinite(value) and (name in signed or value >= 0.0)
+        expect(good and abs(value) <= limit, f"field '{name}'", value, expected)
+
+
+def _check_positive(part: object, *names: str) -> None:
+    for name in names:
+        value = getattr(part, name)
+        expect(value > 0.0, f"field '{name}'", value, "positive")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -22,6 +49,25 @@ class Sensors:
     latency: float = 0.006  #: Least time from exposure to reception [s].
     elevator: bool = True  #: Whether the elevator's angle is measured too.
 
+    def __post_init__(self):
+        """Raises InputError where a number cannot be."""
+        _check(self, rate=1000.0, latency=1.0)
+        _check_positive(self, "rate")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Filter:
+    """Standard deviations of the poses, as the Kalman filter assumes them."""
+
+    position: float = CAPTURE.position  #: [m]
+    pitch: float = CAPTURE.pitch  #: [rad]
+    elevator: float = CAPTURE.elevator  #: [rad]
+
+    def __post_init__(self):
+        """Raises InputError where a number cannot be."""
+        _check(self)
+        _check_positive(self, "position", "pitch", "elevator")
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Servo:
@@ -31,24 +77,34 @@ class Servo:
     neutral: float = 0.0  #: Safe angle of the elevator [rad].
     timeout: float = 0.04  #: Silence after which the servo goes to neutral [s].
 
+    def __post_init__(self):
+        """Raises InputError where a number cannot be."""
+        _check(self, ("neutral",), neutral=math.pi, timeout=1.0, latency=1.0)
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Release:
-    """What is taken for the start of free flight."""
+    """What counts as the start of free flight, and how far it may be off the plan."""
 
     speed: float = 4.0  #: Least speed [m/s].
     #: Along the path; above it the glider is pushed, below it free [m/s²].
     acceleration: float = 8.0
     radius: float = 1.0  #: Largest distance from the planned launch [m].
+    off_speed: float = 2.5  #: Most that the speed may be off the plan [m/s].
+    off_pitch: float = 0.6  #: Most that the pitch may be off the plan [rad].
+
+    def __post_init__(self):
+        """Raises InputError where a number cannot be."""
+        _check(self)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Limits:
     """When the station stops trusting what it sees or does."""
 
-    #: Time between the receptions of two usable poses [s]: at 120 Hz four frames may be
-    #: lost in a row. With a latency of 6 ms, neutral is sent 50 ms after the last pose.
-    stale: float = 0.042
+    #: Age of the last usable pose [s], since its exposure: at 120 Hz, and a latency of
+    #: 6 ms, four frames may be lost in a row.
+    stale: float = 0.048
     speed: float = 20.0  #: Between two poses [m/s].
     turn_rate: float = 40.0  #: Between two poses [rad/s].
     x: list[float] = dataclasses.field(default_factory=lambda: [-8.0, 4.0])  #: [m]
@@ -57,14 +113,26 @@ class Limits:
     angle: float = 0.4  #: The same of the pitch [rad].
     deadline: float = 0.01  #: Delay of a command [s]; two delayed in a row stop it.
 
+    def __post_init__(self):
+        """Raises InputError where a number cannot be."""
+        _check(self)
+        for name in ("x", "z"):
+            room = getattr(self, name)
+            good = len(room) == 2 and -math.inf < room[0] < room[1] < math.inf
+            expect(good, f"field 'limits.{name}'", room, "[lower, upper]")
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
     """A fault of the simulated cameras, planned for each throw."""
 
-    kind: Literal["lost", "nan", "swapped", "frozen"] = "lost"
+    kind: Literal["lost", "nan", "swapped", "frozen", "no_elevator", "turned"] = "lost"
     at: float = 0.3  #: Since release [s].
     duration: float = 0.1  #: [s]
+
+    def __post_init__(self):
+        """Raises InputError where a number cannot be."""
+        _check(self, ("at",))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,19 +152,28 @@ class Simulation:
     servo_latency: float = 0.004  #: From a command on the bus to the servo [s].
     faults: list[Fault] = dataclasses.field(default_factory=list)
 
+    def __post_init__(self):
+        """Raises InputError where a number cannot be."""
+        shares = dict.fromkeys(("lost", "duplicated", "late"), 1.0)
+        delays = dict.fromkeys(("latency", "jitter", "servo_latency"), 1.0)
+        clock = {"clock_offset": 1e9, "clock_drift": 0.01}
+        _check(self, tuple(clock), **shares, **delays, **clock)
+        _check_positive(self, "acceleration")
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A session: glider, plan, controller, filter, sensors, servo and bus."""
+    """A session: glider, problem, controller, bus, sensors, filter, servo, limits."""
 
     model: str | None = None  #: Model that is planned with; None: the nominal glider.
     problem: str = "perching"  #: Problem file, or one of models/problems.
     controller: Literal["tvlqr", "mpc", "mppi"] = "tvlqr"
-    #: Rate of the commands [Hz]; None: one for each pose. At 50 Hz the poses' clock and
-    #: the commands' beat, so that a log shows when each command was given.
+    #: Rate of the commands [Hz]; None: one for each pose. Poses at 120 Hz and commands
+    #: at 50 Hz drift past each other, so that a log shows when each command was given.
     command_rate: float | None = 50.0
     bus: str = "udpm://239.255.76.67:7667?ttl=0"  #: Address of LCM.
     sensors: Sensors = Sensors()
+    filter: Filter = Filter()
     servo: Servo = Servo()
     release: Release = Release()
     limits: Limits = Limits()
@@ -104,22 +181,22 @@ class Scenario:
 
     def __post_init__(self):
         """Raises InputError where a number cannot be."""
-        for part in (self.sensors, self.servo, self.release, self.limits):
-            for name, value in vars(part).items():
-                numbers = value if isinstance(value, list) else [value]
-                signed = isinstance(value, list) or name == "neutral"
-                good = all(map(math.isfinite, numbers))
-                good = good and (signed or min(numbers) >= 0.0)
-                expect(good, f"field '{name}'", value, "finite and not negative")
-        for name in ("x", "z"):
-            low_high = getattr(self.limits, name)
-            good = len(low_high) == 2 and low_high[0] < low_high[1]
-            expect(good, f"field 'limits.{name}'", low_high, "[lower, upper]")
-        expect(self.sensors.rate > 0, "field 'rate'", self.sensors.rate, "positive")
         rate, expected = self.command_rate, "a number of Hz from 10 to 200"
-        expect(
-            rate is None or 10 <= rate <= 200, "field 'command_rate'", rate, expected
-        )
+        good = rate is None or 10 <= rate <= 200
+        expect(good, "field 'command_rate'", rate, expected)
+        least = self.command_step + self.limits.deadline
+        expected = f"at least {least:.3g} s, a command's time and its deadline"
+        timeout, stale = self.servo.timeout, self.limits.stale
+        expect(timeout >= least - 1e-9, "field 'servo.timeout'", timeout, expected)
+        least = self.sensors.latency + 1.0 / self.sensors.rate
+        expected = f"above {least:.3g} s, the age of a pose when the next one comes"
+        expect(stale > least, "field 'limits.stale'", stale, expected)
+
+    @property
+    def command_step(self) -> float:
+        """Time between two commands [s]; without a rate the longest one."""
+        rate = self.command_rate
+        return 1.5 / self.sensors.rate if rate is None else 1.0 / rate
 
     @property
     def truth(self) -> GliderModel | None:

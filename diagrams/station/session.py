@@ -1,21 +1,32 @@
-"""The folder of a session: the records of its throws, and the campaign of them."""
+"""The folder of a session: the records of its throws, and their campaign."""
 
+import contextlib
 import dataclasses
+import fcntl
 import functools
 import importlib.metadata
+import os
 import platform
+from collections.abc import Callable
 from pathlib import Path
 
 from diagrams.station.controllers import Guidance
 from diagrams.station.scenario import Scenario
-from diagrams.station.throw_log import ThrowLog, flight_of
+from diagrams.station.throw_log import RESERVES, ThrowLog, flight_of, read_throw
 from glider.campaign.logs import ServoLog, campaign_of
 from glider.campaign.settings import read_settings
 from glider.campaign.writer import flight_csv, save_campaign
 from glider.errors import InputError
+from glider.errors import show as show_value
 from glider.files import schema
 from glider.files.writing import replace_file
 from glider.physics.model import model_text
+
+_SAME = (
+    *("vehicle", "elevator", "elevator_limits", "elevator_rate_limit"),
+    *("pose_rate", "command_rate", "servo"),
+)
+"""What all flights of a folder have in common."""
 
 
 class Session:
@@ -24,22 +35,32 @@ class Session:
     In the folder campaign.yaml stands from the start, throw_NNN.mcap grows from the
     moment the station is ready, and flight_NNN.csv appears whole when a throw is over.
     Records that a killed process left become flights when the folder is opened again,
-    or before the next throw.
+    or before the next throw; damaged ones stay as they are, and are shown.
 
     Args:
         folder: of the session; it may hold throws of the same glider.
         scenario: what is flown.
         guidance: plan and model.
+        show: is given each line for the operator.
 
     Raises:
-        InputError: the folder holds another campaign.
+        InputError: the folder holds another campaign, or another station writes to it.
     """
 
-    def __init__(self, folder: Path, scenario: Scenario, guidance: Guidance) -> None:
-        self.folder = folder
+    def __init__(
+        self,
+        folder: Path,
+        scenario: Scenario,
+        guidance: Guidance,
+        show: Callable[[str], object] = print,
+    ) -> None:
+        self.folder, self._show = folder, show
+        self._useless: set[Path] = set()  # Records without a flight.
+        truth = scenario.truth
         self._facts = {
             "scenario": schema.yaml_text(scenario),
             "model": model_text(guidance.model),
+            "truth": model_text(truth) if truth else "",
             "plan": schema.json_text(guidance.plan, indent=0),
             "versions": schema.yaml_text(_versions()),
         }
@@ -56,28 +77,76 @@ class Session:
         file = folder / "campaign.yaml"
         if file.exists():
             known, _ = read_settings(file)
-            if (known.vehicle, known.servo) != (campaign.vehicle, campaign.servo):
-                raise InputError(
-                    f"{file}: is of another glider; expected a new folder."
-                )
+            for name in _SAME:
+                ours, theirs = getattr(campaign, name), getattr(known, name)
+                if ours != theirs:
+                    raise InputError(
+                        f"{file}: is of another session (its {name} is "
+                        f"{show_value(theirs)}, ours {show_value(ours)}); expected a "
+                        "new folder."
+                    )
         else:
             save_campaign(folder, campaign)
+        self._lock: int | None = self._hold()
+        for reserve in folder.glob(RESERVES):
+            reserve.unlink()
+        self._check_truth()
         self.recover()
+
+    def _hold(self) -> int:
+        """Locks the folder for this process, however that ends."""
+        file = os.open(self.folder / ".station", os.O_WRONLY | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(file)
+            raise InputError(
+                f"{self.folder}: another station writes to it; expected a new folder."
+            ) from None
+        return file
+
+    def close(self) -> None:
+        """Lets another station have the folder."""
+        if self._lock is not None:
+            os.close(self._lock)
+        self._lock = None
+
+    def _check_truth(self) -> None:
+        """Refuses throws of another simulated glider, or of a real one."""
+        for record in self._records():
+            with contextlib.suppress(InputError):
+                ours = self._facts["truth"]
+                if read_throw(record)[0].get("truth", ours) != ours:
+                    break
+        else:
+            return
+        self.close()
+        raise InputError(
+            f"{record}: is of another glider (simulated with other effects, or real); "
+            "expected a new folder."
+        )
+
+    def _records(self) -> list[Path]:
+        return sorted(self.folder.glob("throw_*.mcap"))
 
     def recover(self) -> None:
         """Makes flights of records that were not closed."""
-        for record in sorted(self.folder.glob("throw_*.mcap")):
-            if not (self.folder / _flight_name(record)).exists():
-                self.save(record)
+        for record in self._records():
+            known = record in self._useless
+            if not known and not (self.folder / _flight_name(record)).exists():
+                try:
+                    self.save(record)
+                except InputError as error:
+                    self._useless.add(record)
+                    self._show(f"skipped: {error}")
 
     def new_log(self) -> ThrowLog:
         """Begins the record of the next throw."""
         self.recover()
-        numbers = [
-            int(name)
-            for file in self.folder.glob("throw_*.mcap")
-            if (name := file.stem.removeprefix("throw_")).isdecimal()
-        ]
+        # A flight without a record keeps its number, too.
+        files = [*self._records(), *self.folder.glob("flight_*.csv")]
+        names = [file.stem.partition("_")[2] for file in files]
+        numbers = [int(name) for name in names if name.isdecimal()]
         number = max(numbers, default=0) + 1
         return ThrowLog(self.folder / f"throw_{number:03d}.mcap", self._facts)
 
@@ -85,6 +154,7 @@ class Session:
         """Writes the flight of a record; None where there is too little of one."""
         flight = flight_of(record)
         if flight is None:
+            self._useless.add(record)
             return None
         file, text = self.folder / flight.name, flight_csv(flight)
         replace_file(file, functools.partial(Path.write_bytes, data=text))

@@ -20,8 +20,16 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.program import run
-from diagrams.station.bus import COMMAND, COMMAND_FIELDS, POSE, POSE_FIELDS, STATUS, Bus
-from diagrams.station.clocks import hasten
+from diagrams.station.bus import (
+    COMMAND,
+    COMMAND_FIELDS,
+    OPERATOR,
+    POSE,
+    POSE_FIELDS,
+    STATUS,
+    Bus,
+)
+from diagrams.station.processes import hasten
 from diagrams.station.scenario import Fault, Scenario, Simulation, load_scenario
 from diagrams.station.wire import Wire
 from glider.campaign.motion_capture import MotionCapture
@@ -78,6 +86,8 @@ class Cameras:
             seen = (math.nan,) * 4
         elif fault == "swapped":
             seen = (x, z, pitch + math.pi, angle)
+        elif fault in ("no_elevator", "turned"):
+            seen = (x, z, pitch, angle + math.pi if fault == "turned" else math.nan)
         self._last = seen
         if fault == "lost" or rng.random() < cameras.lost:
             return
@@ -127,7 +137,8 @@ class SimulatedGlider:
         self._cameras = Cameras(scenario.sensors.rate, settings, self._rng)
         self._elevator = scenario.sensors.elevator
         servo = scenario.servo
-        self._wire = Wire(truth.parameters.servo, servo.neutral, servo.timeout)
+        limits, hold = truth.parameters.servo, scenario.command_step
+        self._wire = Wire(limits, servo.neutral, servo.timeout, hold)
         self._coming: deque[tuple[float, ...]] = deque()
         self._bus, self._time, self._frame = bus, start, 0
         self._start = start
@@ -136,10 +147,11 @@ class SimulatedGlider:
         self._miss = math.inf
         self.landings: list[Landing] = []
         self._place()
-        self._advance_flight(2.0 * STEP)  # Compiles.
+        self._advance_flight(2.0 * STEP, 0.0)  # Compiles.
         self._place()
         bus.listen(COMMAND, self._on_command)
         bus.listen(STATUS, self._on_status)
+        bus.listen(OPERATOR, self._on_operator)
 
     def _place(self) -> None:
         """Puts the glider into the launcher."""
@@ -157,6 +169,11 @@ class SimulatedGlider:
     ) -> None:
         if len(values) == len(COMMAND_FIELDS):
             self._coming.append((math.nan, values[0], *values[2:]))
+
+    def _on_operator(
+        self, stamp: float, values: Sequence[float], names: Sequence[str]
+    ) -> None:
+        self._wire.operate(values, names, self._time)
 
     def _on_status(
         self, stamp: float, values: Sequence[float], names: Sequence[str]
@@ -192,30 +209,29 @@ class SimulatedGlider:
     def _move_held(self, until: float) -> None:
         if self._time < self.released < until:
             self._move_held(self.released)
-        angle = self._wire.advance(until)
+        before, angle = self._wire.angle, self._wire.advance(until)
         span, self._time = until - self._time, until
         if until <= self.released:
             self._state[ELEVATOR] = angle
         elif until < self._landed:
-            self._advance_flight(span)
+            self._advance_flight(span, (angle - before) / max(span, 1e-9))
         if until > self._landed + REST:
             self._place()
 
-    def _advance_flight(self, span: float) -> None:
-        """Flies for a while under the rate that is held."""
+    def _advance_flight(self, span: float, rate: float) -> None:
+        """Flies for a while under a rate [rad/s] that is held."""
         if span <= 0.0:
             return
         count = max(math.ceil(span / STEP), 1)
         count *= self._truth.count_laps(span / count)
         nothing = np.zeros((1, NUM_STATES))
-        rate = np.array([self._wire.rate])
         wire = self._problem.wire
         miss, arrival, states = fly_feedback(
             self._truth,
             self._state[None],
             count,
             span / count,
-            Feedback(rate, nothing, count, np.empty((1, 0, NUM_STATES))),
+            Feedback(np.array([rate]), nothing, count, np.empty((1, 0, NUM_STATES))),
             wire=(wire[0], wire[1]),
         )
         before, self._state = self._state, states[0, -1].copy()

@@ -13,17 +13,22 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import IndexType, Writer
 
+from diagrams.station.scenario import Scenario
 from glider.campaign.logs import Flight
+from glider.errors import InputError
+from glider.files import schema
 
 TOPICS = ("/pose", "/command", "/estimate", "/event")
 
 RESERVE = 1 << 20
-"""Room on the disk that is kept for the throw that runs [bytes]; one takes 0.3 MB."""
+"""Space on the disk that is kept for the throw that runs [bytes]; one takes 0.3 MB."""
+
+RESERVES = ".throw_*.mcap.reserve"
+"""Names of the files that keep it."""
 
 FEWEST = 20
 """Rows of a flight, as the campaign's reader wants them."""
@@ -119,7 +124,24 @@ class ThrowLog:
 
 
 def read_throw(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any]]]]:
-    """Facts and messages, by topic, of a throw; one cut off is read to its end."""
+    """Facts and messages, by topic, of a throw; one cut off is read to its end.
+
+    Raises:
+        InputError: it is damaged, or no record.
+    """
+    try:
+        return _read(path)
+    except OSError:
+        raise
+    except Exception as error:
+        # Of damaged records mcap and struct raise whatever they meet.
+        name = type(error).__name__
+        raise InputError(
+            f"{path}: is damaged ({name}); expected a record of the station."
+        ) from None
+
+
+def _read(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any]]]]:
     facts: dict[str, str] = {}
     topics: dict[str, list[dict[str, Any]]] = {topic: [] for topic in TOPICS}
     channels: dict[int, str] = {}
@@ -139,7 +161,7 @@ def _records(path: Path) -> Iterator[object]:
         while True:
             try:
                 yield next(records)
-            except (StopIteration, McapError):
+            except StopIteration:
                 return
             except Exception as error:
                 # Of a record that is cut off mcap raises whatever it meets there.
@@ -152,11 +174,33 @@ def flight_of(path: Path) -> Flight | None:
     """The free flight of a throw, by the cameras' clock; None if it is too short.
 
     The command of a row is the one that acts on the servo then. The flight ends where
-    it was stopped: what is commanded then no row shows, as poses are missing.
+    it was stopped: what is commanded then no row shows, as poses are missing. A pose
+    without its elevator is no row, if the elevator is measured.
+
+    Raises:
+        InputError: the record is damaged.
     """
-    _, topics = read_throw(path)
+    facts, topics = read_throw(path)
+    if not topics["/pose"]:
+        return None
+    try:
+        scenario = schema.parse_yaml(facts["scenario"], str(path))
+        sensors = schema.convert(scenario, Scenario, str(path)).sensors
+        return _flight_of(path, topics, sensors.elevator)
+    except (KeyError, TypeError) as error:
+        raise InputError(
+            f"{path}: field {error} is missing; expected a record of the station."
+        ) from None
+
+
+def _flight_of(
+    path: Path, topics: Mapping[str, list[dict[str, Any]]], measured: bool
+) -> Flight | None:
+    """The flight of a record's messages; `measured`: the elevator is, too."""
     poses = [pose for pose in topics["/pose"] if pose["free"] and not pose["fault"]]
-    if len(poses) < FEWEST:
+    if measured:
+        poses = [pose for pose in poses if pose["shows_elevator"]]
+    if len(poses) < FEWEST or not topics["/command"]:
         return None
     table = np.array(
         [
@@ -167,15 +211,15 @@ def flight_of(path: Path) -> Flight | None:
     )
     acts = np.array([command["acts"] for command in topics["/command"]])
     rates = np.array([0.0, *(command["rate"] for command in topics["/command"])])
-    angles = np.array([0.0, *(command["angle"] for command in topics["/command"])])
+    known = [command["angle"] for command in topics["/command"]]
+    angles = np.array([*known[:1], *known])  # Before the first the elevator rests.
     latest = np.searchsorted(acts, table[:, 1], side="right")
     since = table[:, 1] - np.append(table[0, 1], acts)[latest]
     commanded = angles[latest] + rates[latest] * since
-    seen = np.isfinite(table[:, 5]).all()
     return Flight(
         name=path.with_suffix(".csv").name.replace("throw", "flight"),
         time=table[:, 0] - table[0, 0],
         pose=table[:, 2:5].copy(),
-        elevator=table[:, 5].copy() if seen else commanded,
+        elevator=table[:, 5].copy() if measured else commanded,
         command=rates[latest],
     )

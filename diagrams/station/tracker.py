@@ -7,11 +7,13 @@ from collections import deque
 
 import numpy as np
 
-from diagrams.station.scenario import Sensors
+from diagrams.station.scenario import Filter, Release, Sensors
+from glider.campaign.motion_capture import MotionCapture
+from glider.estimation.ekf import Ekf
 from glider.estimation.perching import perching_filter
 from glider.estimation.running import Belief, Estimates, make_prior, run_ekf
 from glider.physics.model import GliderModel
-from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, STATE_NAMES
+from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, STATE_NAMES, VELOCITY
 
 RELEASE_STD = (0.002, 0.002, 0.01, 0.02, 0.3, 0.3, 0.5)
 """Standard deviations of the state at release, from the last poses before it: a slope
@@ -50,13 +52,20 @@ class Tracker:
     Args:
         model: the glider.
         sensors: what is measured, and how often.
+        noise: of what is measured.
     """
 
-    def __init__(self, model: GliderModel, sensors: Sensors) -> None:
+    def __init__(self, model: GliderModel, sensors: Sensors, noise: Filter) -> None:
         start = model.initial_state(np.zeros(NUM_STATES))
-        self.ekf, self.belief = perching_filter(model, start, elevator=sensors.elevator)
+        capture = MotionCapture(rate=sensors.rate, **vars(noise))
+        # Of poses with and without an elevator.
+        self._filters: dict[bool, Ekf] = {}
+        for seen in (False, True):
+            self._filters[seen], self.belief = perching_filter(
+                model, start, elevator=seen, capture=capture
+            )
+        self._measures_elevator = sensors.elevator
         self.tape = CommandTape()
-        self.rows = len(self.ekf.noise)
         self._frame = 1.0 / sensors.rate
         self.time = -math.inf  #: Of the belief [s].
         self.nis = 0.0  #: Normalized innovation squared of the last pose.
@@ -70,12 +79,16 @@ class Tracker:
 
     def start(self, time: float, state: np.ndarray) -> None:
         """Begins with a state (7,) that poses showed [s]."""
-        self.belief = make_prior(self.ekf, state, RELEASE_STD)
+        self.belief = make_prior(self._filters[False], state, RELEASE_STD)
         self.time = time
 
     def update(self, time: float, measured: np.ndarray) -> None:
-        """Takes a pose (4,), x, z, pitch and elevator, of a later time [s]."""
-        found = self._advance(time, measured[: self.rows])
+        """Takes a pose (4,), x, z, pitch and elevator, of a later time [s].
+
+        An elevator that is NaN was not seen.
+        """
+        seen = self._measures_elevator and math.isfinite(measured[ELEVATOR])
+        found = self._advance(time, measured[: 4 if seen else 3])
         self.belief = Belief(
             mean=found.means[0, -1], covariance=found.covariances[0, -1]
         )
@@ -89,7 +102,7 @@ class Tracker:
         """The state (n,) at a time to come [s], under what was commanded."""
         if time <= self.time:
             return self.mean
-        nothing = np.full(self.rows, np.nan)
+        nothing = np.full(3, np.nan)
         return self._advance(time, nothing).means[0, -1]
 
     def _advance(self, time: float, measured: np.ndarray) -> Estimates:
@@ -99,10 +112,11 @@ class Tracker:
         times = np.linspace(self.time, time, count + 1)
         mean_rate = self.tape.mean_rate
         inputs = [mean_rate(a, b) for a, b in itertools.pairwise(times)]
-        shown = np.full((1, count, self.rows), np.nan)
+        chosen = self._filters[len(measured) == 4]
+        shown = np.full((1, count, len(measured)), np.nan)
         shown[0, -1] = measured
         ekf = dataclasses.replace(
-            self.ekf, period=span / count, step=span / count / self.ekf.steps
+            chosen, period=span / count, step=span / count / chosen.steps
         )
         return run_ekf(ekf, self.belief, np.reshape(inputs, (1, count, 1)), shown)
 
@@ -129,14 +143,21 @@ class PoseHistory:
         self._rows.clear()
 
     @property
+    def shows_elevator(self) -> bool:
+        """Whether the elevator was seen in most of them."""
+        seen = [math.isfinite(row[1 + ELEVATOR]) for row in self._rows]
+        return 2 * sum(seen) > len(seen)
+
+    @property
     def state(self) -> np.ndarray:
-        """(7,) at the last pose; its velocities are those of the last three."""
+        """(7,) at the last pose; its velocities are those of the last three.
+
+        An elevator that was not seen is NaN.
+        """
         rows = np.array(self._rows)[-3:]
         span = max(rows[-1, 0] - rows[0, 0], 1e-6)
         slopes = (rows[-1, 1:] - rows[0, 1:]) / span
-        slopes[ELEVATOR:] = 0.0
-        state = np.nan_to_num(np.concatenate([rows[-1, 1:], slopes[:3]]))
-        return state
+        return np.concatenate([rows[-1, 1:], slopes[:3]])
 
     def motion(self) -> tuple[float, float]:
         """Speed [m/s], and acceleration along the path [m/s²], of all poses."""
@@ -148,21 +169,19 @@ class PoseHistory:
         return speed, float(acceleration @ velocity) / max(speed, 1e-6)
 
 
-@dataclasses.dataclass
 class ReleaseDetector:
     """Sees from poses when the glider leaves the hand or the catapult.
 
     While it is pushed it accelerates along its path; free, it does not. It counts
     only near the planned launch, and after a rest.
+
+    Args:
+        limits: speed, acceleration and place of a release.
+        launch: planned place (2,) [m].
     """
 
-    speed: float  #: As in `scenario.Release` [m/s].
-    acceleration: float  #: As there [m/s²].
-    radius: float  #: As there [m].
-    launch: np.ndarray  #: Planned place (2,) [m].
-
-    def __post_init__(self):
-        """Waits for a rest."""
+    def __init__(self, limits: Release, launch: np.ndarray) -> None:
+        self._limits, self._launch = limits, launch
         self.poses = PoseHistory()
         self.pushed = False
 
@@ -171,11 +190,21 @@ class ReleaseDetector:
         self.poses.add(time, pose)
         if len(self.poses) < PoseHistory.COUNT:
             return False
-        speed, acceleration = self.poses.motion()
-        self.pushed = self.pushed or acceleration > self.acceleration
-        near = math.hypot(*(pose[POSITION] - self.launch)) < self.radius
-        free = self.pushed and acceleration < self.acceleration
-        return free and near and speed > self.speed
+        limits, (speed, acceleration) = self._limits, self.poses.motion()
+        self.pushed = self.pushed or acceleration > limits.acceleration
+        near = math.hypot(*(pose[POSITION] - self._launch)) < limits.radius
+        free = self.pushed and acceleration < limits.acceleration
+        return free and near and speed > limits.speed
+
+    def find_fault(self, state: np.ndarray, planned: np.ndarray) -> str:
+        """Why a release at a state (7,) is no start of a plan, "" if it is one."""
+        limits, away = self._limits, state[:NUM_STATES] - planned[:NUM_STATES]
+        speed, pitch = math.hypot(*away[VELOCITY]), float(away[_PITCH])
+        if speed > limits.off_speed:
+            return f"released with a velocity {speed:.1f} m/s off the plan"
+        if abs(pitch) > limits.off_pitch:
+            return f"released with a pitch {pitch:.2f} rad off the plan"
+        return ""
 
     @property
     def rests(self) -> bool:

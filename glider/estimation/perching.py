@@ -25,8 +25,9 @@ def perching_filter(
     *,
     slow: tuple[SlowState, ...] = (),
     elevator: bool = True,
+    capture: MotionCapture = CAPTURE,
 ) -> tuple[Ekf, Belief]:
-    """Makes a filter of CAPTURE, and what it believes of a launch.
+    """Makes a filter of motion capture, and what it believes of a launch.
 
     Args:
         model: the glider.
@@ -34,7 +35,8 @@ def perching_filter(
         unsure: standard deviation of the launch error, in LAUNCH_STD.
         slow: what else to estimate.
         elevator: whether its angle is measured too.
+        capture: rate and noise of the measurements.
     """
-    noise = np.square(CAPTURE.std[: 4 if elevator else 3])
-    ekf = make_ekf(model, rate=CAPTURE.rate, process=PROCESS, noise=noise, slow=slow)
+    noise = np.square(capture.std[: 4 if elevator else 3])
+    ekf = make_ekf(model, rate=capture.rate, process=PROCESS, noise=noise, slow=slow)
     return ekf, make_prior(ekf, launch, unsure * np.array(LAUNCH_STD))

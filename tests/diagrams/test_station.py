@@ -1,9 +1,18 @@
 """The station with a simulated glider, by turns in one process: throws and logs."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from diagrams.station.scenario import Scenario, Simulation, load_scenario
+from diagrams.station.scenario import (
+    Scenario,
+    Sensors,
+    Servo,
+    Simulation,
+    load_scenario,
+)
+from diagrams.station.session import Session
 from diagrams.station.throw_log import read_throw
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.reader import load_campaign
@@ -65,7 +74,7 @@ def test_a_record_holds_all_that_is_needed_to_repeat_a_throw(tmp_path, nominal):
     lab = Lockstep(tmp_path / "s", Simulation(truth=nominal))
     lab.fly()
     facts, topics = read_throw(tmp_path / "s" / "throw_001.mcap")
-    assert {"scenario", "model", "plan", "versions"} == set(facts)
+    assert {"scenario", "model", "truth", "plan", "versions"} == set(facts)
     assert (
         schema.convert(schema.parse_yaml(facts["scenario"], "s"), Scenario, "s")
         == lab.scenario
@@ -87,13 +96,71 @@ def test_a_command_for_each_pose(tmp_path, nominal):
     assert len(topics["/command"]) == pytest.approx(len(topics["/estimate"]), abs=3)
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"command_rate": 40.0}, "its command_rate is 50.0, ours 40.0"),
+        ({"sensors": Sensors(elevator=False)}, "its servo is"),
+        ({"simulation": Simulation(truth="head_wind")}, "simulated with other effects"),
+    ],
+)
+def test_a_folder_of_other_throws_is_refused(tmp_path, nominal, changes, message):
+    lab = Lockstep(tmp_path / "s", Simulation(truth=nominal))
+    lab.run(lambda: lab.station.state == "ready")
+    lab.station.close()
+    lab = Lockstep(tmp_path / "s", Simulation(truth=nominal, seed=3))
+    lab.fly()
+    lab.station.close()
+    scenario = dataclasses.replace(lab.scenario, **changes)
+    with pytest.raises(InputError, match="expected a new folder") as error:
+        Session(tmp_path / "s", scenario, lab.guidance)
+    assert message in str(error.value)
+
+
 def test_a_folder_of_another_glider_is_refused(tmp_path, nominal):
-    GliderModel.load("models/vehicles/heavy.yaml").save(tmp_path / "heavy.yaml")
-    Lockstep(tmp_path / "s", Simulation(truth=nominal))
+    Lockstep(tmp_path / "s", Simulation(truth=nominal)).station.close()
     text = (tmp_path / "s" / "campaign.yaml").read_text()
     (tmp_path / "s" / "campaign.yaml").write_text(text.replace("mass: 0.08", "mass: 1"))
-    with pytest.raises(InputError, match="is of another glider"):
+    with pytest.raises(InputError, match="its vehicle is"):
         Lockstep(tmp_path / "s", Simulation(truth=nominal))
+
+
+def test_two_stations_do_not_share_a_folder(tmp_path, nominal):
+    lab = Lockstep(tmp_path / "s", Simulation(truth=nominal))
+    with pytest.raises(InputError, match="another station writes to it"):
+        Session(tmp_path / "s", lab.scenario, lab.guidance)
+
+
+def test_a_folder_with_damaged_records_and_lone_flights_goes_on(tmp_path, nominal):
+    folder = tmp_path / "s"
+    lab = Lockstep(folder, Simulation(truth=nominal))
+    lab.fly(2)
+    lab.station.close()
+    whole = (folder / "throw_002.mcap").read_bytes()
+    (folder / "throw_002.mcap").unlink()  # Its flight stays.
+    kept = (folder / "flight_002.csv").read_bytes()
+    place = whole.index(b"/pose") + 2000
+    damaged = whole[:place] + bytes(200) + whole[place + 200 :]
+    (folder / "throw_003.mcap").write_bytes(damaged)
+    (folder / "throw_004.mcap").write_bytes(b"no record at all")
+    (folder / ".throw_005.mcap.reserve").write_bytes(b"1")
+    lab.start_station()
+    assert [line for line in lab.lines if line.startswith("skipped: ")] == [
+        line for line in lab.lines if "expected a record of the station" in line
+    ]
+    assert sum("throw_003" in line for line in lab.lines) == 1
+    assert not list(folder.glob(".*.reserve"))
+    lab.fly()
+    assert (folder / "flight_002.csv").read_bytes() == kept
+    assert (folder / "flight_005.csv").exists()
+
+
+def test_before_the_first_command_the_elevator_rests_at_neutral(tmp_path, nominal):
+    parts = {"sensors": Sensors(elevator=False), "servo": Servo(neutral=0.2)}
+    lab = Lockstep(tmp_path / "s", Simulation(truth=nominal), **parts)
+    lab.fly()
+    [flight] = load_campaign(tmp_path / "s").flights
+    assert flight.elevator[0] == pytest.approx(0.2, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +173,15 @@ def test_a_folder_of_another_glider_is_refused(tmp_path, nominal):
         ("simulation: {truth: breeze}", "expected a model file or one of"),
         ("sensor: {}", "did you mean 'sensors'"),
         ("servo: {timeout: -1}", "field 'timeout' is -1.0"),
+        ("servo: {timeout: 0.02}", "at least 0.03 s, a command's time and its"),
+        ("servo: {neutral: .nan}", "field 'neutral' is nan; expected finite"),
+        ("limits: {stale: 0.01}", "above 0.0143 s, the age of a pose when"),
+        ("filter: {pitch: 0}", "field 'pitch' is 0.0; expected positive"),
+        ("simulation: {lost: 1.5}", "field 'lost' is 1.5; expected finite and not"),
+        ("simulation: {jitter: -1}", "field 'jitter' is -1.0"),
+        ("simulation: {acceleration: 0}", "field 'acceleration' is 0.0; expected pos"),
+        ("simulation: {clock_drift: .inf}", "field 'clock_drift' is inf"),
+        ("simulation: {faults: [{duration: -1}]}", "field 'duration' is -1.0"),
     ],
 )
 def test_a_wrong_scenario_is_one_sentence(tmp_path, text, message):

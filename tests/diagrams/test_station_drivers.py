@@ -4,6 +4,7 @@ import contextlib
 import math
 import os
 import pty
+import signal
 import socket
 import struct
 import subprocess
@@ -17,11 +18,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from diagrams.station.bus import COMMAND, COMMAND_FIELDS, POSE, Bus
-from diagrams.station.drivers.natnet import parse_frame, publish
+from diagrams.station.bus import COMMAND, COMMAND_FIELDS, OPERATOR, POSE, Bus
+from diagrams.station.drivers.natnet import joined, parse_frame, publish
 from diagrams.station.drivers.poses import PosePublisher, Room
 from diagrams.station.drivers.servo_board import ServoBoard
 from diagrams.station.wire import Wire
+from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 
 VERSIONS = [(3, 0), (4, 1)]
@@ -158,6 +160,45 @@ def test_a_board_gets_the_integral_of_the_rates():
     assert angles_of(bytes(sent)) == pytest.approx(expected, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("center", "gain"),
+    [(1500.0, math.nan), (math.inf, 600.0), (1500.0, 6000.0), (0.0, 600.0), (900, 0)],
+)
+def test_pulses_that_no_servo_takes_are_refused(center, gain):
+    with pytest.raises(InputError, match="expected 500 to 2500 µs"):
+        ServoBoard(Wire(GliderParameters().servo, 0.0, 0.05), bytes, 0, center, gain)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"up": "w"}, "axis 'up' is 'w'; expected x, y, z"),
+        ({"up": "z", "forward": "-z"}, "axis 'forward' is '-z'; expected one across z"),
+        ({"wire": [0.0, 1.0]}, "place 'wire' is [0.0, 1.0]; expected 3 finite"),
+        ({"tracked_point": [0.0, math.nan]}, "expected 2 finite numbers"),
+    ],
+)
+def test_a_room_that_cannot_be_is_refused(fields, message):
+    with pytest.raises(InputError) as error:
+        Room(**fields)
+    assert message in str(error.value)
+
+
+def test_axes_with_a_minus_need_no_equals_sign():
+    given = ["--forward", "-z", "--wire", "-1,0,2", "--body", "1", "--group="]
+    assert joined(given) == [
+        "--forward=-z",
+        "--wire=-1,0,2",
+        *("--body", "1", "--group="),
+    ]
+
+
+@pytest.mark.parametrize("address", ["foo://x", "udpm://here:7667", "239.255.76.67"])
+def test_an_address_that_lcm_would_ignore_is_refused(address):
+    with pytest.raises(InputError, match=r"the bus is .*expected memq:// or such as"):
+        Bus(address)
+
+
 @contextlib.contextmanager
 def driver(name, *arguments):
     """Runs a driver as a process."""
@@ -202,6 +243,61 @@ def test_the_camera_driver_is_a_process(tmp_path):
     assert np.array(seen)[:, 2:] == pytest.approx(poses, abs=1e-6)
 
 
+def pseudo_terminal():
+    """Our end of a serial line, and the name of the other."""
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    os.set_blocking(ours, False)
+    return ours, os.ttyname(theirs)
+
+
+def read_terminal(ours):
+    with contextlib.suppress(BlockingIOError):
+        return os.read(ours, 1 << 20)
+    return b""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["SIGTERM", "SIGINT", "kill"])
+def test_the_servo_is_neutral_when_its_driver_is_ended_or_killed_by_an_operator(way):
+    address, (ours, name) = bus_address(), pseudo_terminal()
+    bus = Bus(address)
+    said = []
+    bus.listen(OPERATOR, lambda stamp, values, names: said.append(names[0]))
+
+    def command(seconds):
+        begin = time.monotonic()
+        while (now := time.monotonic()) < begin + seconds:
+            bus.say(COMMAND, now, (1.0, 1.0, 0.0, 0.6), COMMAND_FIELDS)
+            bus.handle(0.01)
+
+    with driver("servo_board", "--serial", name, "--bus", address, "--channel=3") as it:
+        command(0.5)
+        assert angles_of(read_terminal(ours))[-1] == pytest.approx(0.6, abs=0.01)
+        if way == "kill":
+            bus.say(OPERATOR, 0.0, (2.0,), ("kill",))
+            command(0.5)  # Nobody is obeyed.
+            assert "killed" in said
+        else:
+            it.send_signal(getattr(signal, way))
+            it.wait(2.0)
+            assert it.returncode == 0
+        assert angles_of(read_terminal(ours))[-1] == 0.0
+
+
+@pytest.mark.slow
+def test_a_serial_line_that_takes_nothing_for_a_while_ends_no_driver():
+    address, (ours, name) = bus_address(), pseudo_terminal()
+    bus = Bus(address)
+    with driver("servo_board", "--serial", name, "--bus", address, "--channel=3") as it:
+        time.sleep(6.0)  # 200 packets a second: its buffer of 4096 bytes is full.
+        assert it.poll() is None
+        assert len(read_terminal(ours)) >= 4000
+        data = read_while(lambda: read_terminal(ours), bus, 0.3, 2.0)
+        angles = angles_of(data[len(data) % 4 :])
+    assert np.max(angles) > 0.4 and angles[-1] == 0.0
+
+
 def read_while(read, bus, seconds, rate):
     """What a servo gets while a station commands, and half a second after it dies."""
     data, begin = bytearray(), time.monotonic()
@@ -221,15 +317,10 @@ def test_the_servo_driver_is_a_process(line):
     bus = Bus(address)
     with contextlib.ExitStack() as stack:
         if line == "serial":
-            ours, theirs = pty.openpty()
-            tty.setraw(theirs)
-            os.set_blocking(ours, False)
-            target = os.ttyname(theirs)
+            ours, target = pseudo_terminal()
 
             def read():
-                with contextlib.suppress(BlockingIOError):
-                    return os.read(ours, 4096)
-                return b""
+                return read_terminal(ours)
 
         else:
             board = stack.enter_context(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import errno
+import gc
 import os
 from pathlib import Path
 
@@ -9,9 +10,16 @@ import numpy as np
 import pytest
 
 from diagrams.station import throw_log
-from diagrams.station.bus import COMMAND, COMMAND_FIELDS, POSE, POSE_FIELDS, Bus
-from diagrams.station.scenario import Fault, Limits, Simulation
-from diagrams.station.throw_log import flight_of, read_throw
+from diagrams.station.bus import (
+    COMMAND,
+    COMMAND_FIELDS,
+    OPERATOR,
+    POSE,
+    POSE_FIELDS,
+    Bus,
+)
+from diagrams.station.scenario import Fault, Limits, Release, Servo, Simulation
+from diagrams.station.throw_log import ThrowLog, flight_of, read_throw
 from glider.campaign.reader import load_campaign
 from glider.physics.model import GliderModel
 from tests.helpers.lockstep import Lockstep
@@ -26,10 +34,9 @@ def make_lab(tmp_path):
     GliderModel().save(tmp_path / "nominal.yaml")
     truth = str(tmp_path / "nominal.yaml")
 
-    def make(*faults, limits=None, **simulation):
+    def make(*faults, changes=None, **simulation):
         sim = Simulation(truth=truth, faults=list(faults), **simulation)
-        changes = {} if limits is None else {"limits": limits}
-        return Lockstep(tmp_path / "s", sim, **changes)
+        return Lockstep(tmp_path / "s", sim, **(changes or {}))
 
     return make
 
@@ -104,7 +111,13 @@ def test_two_bad_frames_are_flown_through(make_lab, kind):
 )
 def test_what_the_station_lives_with(make_lab, faults):
     lab = make_lab(**faults)
+    came = []
+    lab.bus.listen(POSE, lambda stamp, values, names: came.append(stamp))
     assert all(throw.perched for throw in lab.fly(2)), lab.lines
+    for record in sorted(lab.folder.glob("throw_*.mcap")):
+        stamps = [pose["stamp"] for pose in read_throw(record)[1]["/pose"]]
+        inside = [s for s in came if min(stamps) <= s <= max(stamps)]
+        assert sorted(stamps) == sorted(inside), "every frame that came, and how often"
 
 
 def test_a_fifth_of_the_frames_lost(make_lab):
@@ -207,6 +220,20 @@ def test_without_room_for_a_record_there_is_no_throw(make_lab, monkeypatch):
     check_next_throw(lab)
 
 
+def test_a_record_that_fails_before_the_throw_lets_none_begin(make_lab, monkeypatch):
+    lab = make_lab()
+    disk = Disk(monkeypatch, 10**7)
+    assert lab.run(lambda: lab.station._release.pushed)
+    disk.room = -(10**8)
+    assert lab.run(lambda: lab.station.state == "waiting", 0.1)
+    assert "No space left" in lab.station.reason
+    lab.run(lambda: False, 2.0)
+    assert not lab.station.throws
+    assert all(np.isnan(command[3]) for command in lab.commands)
+    disk.room = 10**8
+    lab.fly()
+
+
 def test_a_disk_that_is_full_in_flight_has_room_for_this_throw(make_lab, monkeypatch):
     lab = make_lab()
     disk = Disk(monkeypatch, 10**7)
@@ -247,11 +274,170 @@ def test_a_second_operator(make_lab):
 def test_the_kill_key_stops_until_it_is_armed_again(make_lab):
     lab = make_lab()
     begin = lab.run_into_flight(0.3)
-    lab.station.on_operator(0.0, (), ("kill",))
+    lab.station.operate("kill")
     check_stopped(lab, begin, "the operator stopped it")
     assert not lab.run(lambda: lab.station.state == "ready", 2.0)
-    lab.station.on_operator(0.0, (), ("arm",))
+    lab.station.operate("arm")
     check_next_throw(lab)
+
+
+def test_another_operator_kills_and_only_its_arm_counts(make_lab):
+    lab = make_lab()
+    begin = lab.run_into_flight(0.3)
+    other = Bus(lab.lcm)
+
+    def say(name):
+        other.say(OPERATOR, lab.now, (7.0,), (name,))
+
+    say("kill")
+    check_stopped(lab, begin, "another operator stopped it")
+    for _ in range(4):
+        say("kill")  # As a station repeats it.
+        lab.station.operate("arm")
+        assert not lab.run(lambda: lab.station.state == "ready", 0.5)
+    assert "not armed: another operator stopped it" in lab.lines
+    say("arm")
+    check_next_throw(lab)
+
+
+def test_a_kill_reaches_a_servo_that_obeys_a_rival_and_no_arm_of_it_counts(make_lab):
+    lab = make_lab()
+    rival, wire = Bus(lab.lcm), lab.glider._wire
+    lab.run(lambda: lab.station.state == "ready")
+    lab.station_bus.is_in = False  # The rival takes the servo over.
+    lab.run(lambda: False, 1.1)
+
+    def command(seconds, arm=False):
+        end = lab.now + seconds
+        while lab.now < end:
+            values = (7.0, 1.0, 10.0, 0.5)
+            rival.say(COMMAND, lab.now, values, COMMAND_FIELDS)
+            if arm:
+                rival.say(OPERATOR, lab.now, (7.0,), ("arm",))
+            lab.run(lambda: False, 0.01)
+
+    command(0.3)
+    assert wire.angle > 0.4
+    lab.station_bus.is_in = True
+    lab.station.operate("kill")
+    command(0.15)
+    assert wire.angle == wire.neutral
+    command(3.0, arm=True)  # The station repeats its kill as long as it lives.
+    assert wire.angle == wire.neutral
+    lab.station.operate("arm")
+    command(0.3)
+    assert wire.angle > 0.4
+
+
+def test_a_kill_outlives_its_station_and_the_next_one_knows_it(make_lab):
+    lab = make_lab()
+    lab.run(lambda: lab.station.state == "ready")
+    lab.station.operate("kill")
+    lab.run(lambda: False, 0.1)
+    lab.station_bus.is_in = False
+    lab.start_station()
+    servo = Bus(lab.lcm)
+    lab.run(lambda: False, 1.2)
+    lab.glider._wire.kills.repeat(servo, lab.now)  # As a servo's driver does.
+    assert not lab.run(lambda: lab.station.state == "ready", 1.0)
+    lab.station.operate("arm")
+    assert lab.run(lambda: not lab.glider._wire.kills, 0.1)
+    [throw] = lab.fly()
+    assert throw.perched, lab.lines
+
+
+@pytest.mark.parametrize("rate", [50.0, None])
+def test_the_way_to_neutral_does_not_overshoot(make_lab, rate):
+    lab = make_lab(changes={"command_rate": rate, "servo": Servo(neutral=-0.1)})
+    wire = lab.glider._wire
+    lab.run_into_flight(0.3)
+    lab.run(lambda: wire.angle > 0.25)
+    lab.station.operate("kill")
+    angles = []
+    lab.run(lambda: angles.append(wire.angle), 0.5)
+    assert angles[0] > 0.2 and angles[-1] == wire.neutral
+    assert min(angles) == wire.neutral, "it stops there"
+
+
+def test_a_frame_that_is_stamped_ahead_is_refused_alone(make_lab):
+    lab = make_lab()
+    lab.run_into_flight(0.3)
+    x, z, pitch = lab.glider._show()[:3]
+    stamp = lab.now + lab.glider._settings.clock_offset + 0.4
+    Bus(lab.lcm).say(POSE, stamp, (1.0, x, z, pitch, 0.0), POSE_FIELDS)
+    assert lab.run(lambda: len(lab.station.throws) == 1)
+    assert lab.station.throws[0].perched, lab.lines
+    _, topics = read_throw(lab.folder / "throw_001.mcap")
+    [fault] = [p["fault"] for p in topics["/pose"] if "ahead" in p["fault"]]
+    assert fault.startswith("a frame stamped 40")
+
+
+def test_frames_that_become_old_stop_the_throw(make_lab):
+    """They keep coming, each later than the one before by its own delay."""
+    lab = make_lab()
+    begin = lab.run_into_flight(0.3)
+    cameras = lab.glider._cameras
+    settings = cameras._settings
+    cameras._settings = dataclasses.replace(settings, latency=0.08)
+    check_stopped(lab, begin, "no usable pose for")
+    cameras._settings = settings
+    check_next_throw(lab)
+
+
+@pytest.mark.parametrize("kind", ["no_elevator", "turned"])
+def test_an_elevator_that_is_not_seen_costs_its_rows_and_nothing_else(make_lab, kind):
+    lab = make_lab(Fault(kind=kind, at=0.2, duration=0.2))
+    [throw] = lab.fly()
+    assert throw.perched, lab.lines
+    [flight] = load_campaign(lab.folder).flights
+    assert 0.19 < np.max(np.diff(flight.time)) < 0.25
+    # What is there is measured, with its noise: commands have none.
+    rest = np.diff(flight.elevator) - flight.command[:-1] * np.diff(flight.time)
+    assert np.std(rest[np.abs(rest) < 0.05]) > 0.003
+
+
+def test_an_elevator_that_is_never_seen_lets_no_throw_begin(make_lab):
+    lab = make_lab()
+    lab.glider._elevator = False
+    assert not lab.run(lambda: lab.station.state == "ready", 2.0)
+    assert "the elevator is not seen" in lab.station.reason
+
+
+def test_a_release_far_off_the_plan_is_not_steered(make_lab):
+    lab = make_lab(changes={"release": Release(off_pitch=1e-6)})
+    assert lab.run(lambda: len(lab.station.throws) == 1)
+    assert "rad off the plan" in lab.lines[-1] and not lab.station.throws[0].perched
+    assert all(np.isnan(command[3]) for command in lab.commands)
+
+
+def test_a_message_that_is_no_pose_is_shown(make_lab):
+    lab = make_lab()
+    lab.glider_bus.is_in = False
+    Bus(lab.lcm).say(POSE, lab.now, (1.0, 2.0), ("x", "z"))
+    lab.run(lambda: False, 0.5)
+    assert "a pose of 2 numbers" in lab.station.reason
+
+
+def test_garbage_is_collected_on_the_ground(make_lab):
+    lab = make_lab()
+    lab.run(lambda: lab.station.state == "ready")
+    assert not gc.isenabled()
+    lab.glider_bus.is_in = False
+    lab.run(lambda: lab.station.state == "waiting")
+    assert gc.isenabled()
+
+
+def test_a_slow_disk_delays_no_command(make_lab, monkeypatch):
+    lab = make_lab(changes={"command_rate": None})
+    add = ThrowLog.add
+
+    def slow(log, *message, **values):
+        lab.now += 0.0005
+        add(log, *message, **values)
+
+    monkeypatch.setattr(ThrowLog, "add", slow)
+    [throw] = lab.fly()
+    assert throw.perched and np.median(throw.latencies) < 1e-6, lab.lines
 
 
 @pytest.mark.parametrize(
@@ -275,7 +461,7 @@ def test_a_controller_that_fails(make_lab, monkeypatch, delay, answer, reason):
 
 
 def test_a_filter_that_loses_the_glider(make_lab):
-    lab = make_lab(limits=Limits(distance=1e-5))
+    lab = make_lab(changes={"limits": Limits(distance=1e-5)})
     assert lab.run(lambda: len(lab.station.throws) == 1)
     assert "the filter has lost the glider" in lab.lines[-1]
     assert lab.station.throws[0].stopped < 0.2

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagrams.station.clocks import CameraClock
+from diagrams.station.clocks import AHEAD, WINDOW, CameraClock
+from diagrams.station.scenario import Release
 from diagrams.station.tracker import CommandTape, ReleaseDetector
 from diagrams.station.wire import Wire
 from glider.physics.parameters import GliderParameters
@@ -80,13 +81,41 @@ def test_the_cameras_clock_is_found_within_half_a_millisecond(drift):
         received = exposed + latency + rng.exponential(0.0005)
         stamp = exposed * (1.0 + drift) - 1234.5
         errors.append(clock.to_ours(stamp, received) - exposed)
+        clock.learn(stamp, received)
     assert np.max(np.abs(errors[120:])) < 5e-4
 
 
 def test_a_clock_that_starts_again_is_followed():
     clock = CameraClock(0.0)
-    clock.to_ours(1000.0, 10.0)
-    assert clock.to_ours(0.0, 11.0) == 11.0
+    clock.learn(1000.0, 10.0)
+    assert clock.to_ours(0.0, 11.0) == -990.0
+    assert clock.to_ours(1.5, 10.0 + WINDOW + 0.5) == 10.0 + WINDOW + 0.5
+
+
+def test_a_frame_stamped_ahead_does_not_move_the_clock():
+    """Nor does one that came first of all, for longer than the window."""
+    clock = CameraClock(0.006)
+    clock.learn(100.5, 200.006)  # Half a second ahead.
+    errors = []
+    for k in range(600):
+        exposed = 200.0 + k / 120.0
+        received = exposed + 0.006
+        stamp = exposed - 100.0 + (0.4 if k == 480 else 0.0)
+        when = clock.to_ours(stamp, received)
+        if clock.calc_lead(when, received) < AHEAD:
+            clock.learn(stamp, received)
+        errors.append(when - exposed)
+    after = np.delete(errors, 480)[math.ceil(120 * WINDOW) + 2 :]
+    assert np.max(np.abs(after)) < 1e-9
+
+
+def test_a_delay_in_flight_does_not_move_the_clock():
+    clock = CameraClock(0.006)
+    for k in range(240):
+        delay = 0.006 + (0.03 if k > 120 else 0.0)
+        when = clock.to_ours(k / 120.0, k / 120.0 + delay)
+        clock.learn(k / 120.0, k / 120.0 + delay)
+        assert when == pytest.approx(k / 120.0, abs=1e-9)
 
 
 def test_the_tape_integrates_what_was_commanded():
@@ -115,7 +144,7 @@ def thrown(push, seconds=0.5, rate=120.0, lost=(), speed=7.0):
 @pytest.mark.parametrize("push", [20.0, 40.0, 70.0])
 @pytest.mark.parametrize("lost", [(), (58, 61, 63)])
 def test_release_is_seen_in_time(push, lost):
-    detector = ReleaseDetector(4.0, 8.0, 1.0, np.array([-3.5, 0.1]))
+    detector = ReleaseDetector(Release(), np.array([-3.5, 0.1]))
     found = [r[0] for r in thrown(push, lost=lost) if detector.add(r[0], r[1:])]
     assert 0.0 <= found[0] < 0.042 + 0.003 * len(lost), found[0]
 
@@ -126,7 +155,7 @@ def test_release_is_seen_in_time(push, lost):
     ids=["too slow", "far from the launch"],
 )
 def test_what_is_no_release(push, speed, place):
-    detector = ReleaseDetector(4.0, 8.0, 1.0, np.array([-3.5, 0.1]))
+    detector = ReleaseDetector(Release(), np.array([-3.5, 0.1]))
     rows = thrown(push, speed=speed)
     rows[:, 1] += place + 3.5
     assert not any(detector.add(r[0], r[1:]) for r in rows)

@@ -75,3 +75,26 @@ def test_a_killed_glider_stops_its_throw(tmp_path, make_command):
     stopped = [e for e in topics["/event"] if e["state"] == "stopped"]
     neutral = min(c["sent"] for c in topics["/command"] if "asked" not in c)
     assert len(stopped) == 1 and neutral - killed < 0.05
+
+
+def test_a_station_that_is_ended_in_flight_leaves_neutral_and_a_whole_record(
+    tmp_path, make_command
+):
+    record = tmp_path / "s" / "throw_001.mcap"
+    with make_command(3) as process:
+        wait_for_flight(record)
+        process.send_signal(signal.SIGTERM)
+        process.communicate()
+    assert process.returncode == 130
+    _, topics = read_throw(record)
+    result = topics["/event"][-1]
+    assert result["state"] == "result" and result["reason"] == "the station was ended"
+    assert "asked" not in topics["/command"][-1]
+
+
+def test_a_seed_without_a_simulated_glider_is_refused(tmp_path):
+    command = [sys.executable, "-m", "glider", "fly", "--seed", "3", "--log"]
+    command.append(str(tmp_path))
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "error: --seed is 3; expected it only with --simulate.\n"

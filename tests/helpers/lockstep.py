@@ -46,7 +46,7 @@ class Lockstep:
         self.bus.listen(COMMAND, self._hear)
         self.guidance = guidance_for(self.scenario.controller)
         self.folder = folder
-        self.lines = []
+        self.lines, self.session = [], None
         self.start_station()
         self.start_glider()
 
@@ -55,7 +55,11 @@ class Lockstep:
         self.glider = SimulatedGlider(self.scenario, self.glider_bus, self.now)
 
     def start_station(self):
-        self.session = Session(self.folder, self.scenario, self.guidance)
+        if self.session is not None:
+            self.session.close()  # As when the process died.
+        self.session = Session(
+            self.folder, self.scenario, self.guidance, self.lines.append
+        )
         self.station_bus = Plug(self.lcm)
         self.station = Station(
             self.scenario,
@@ -92,9 +96,9 @@ class Lockstep:
     def neutral_since(self, begin, end):
         """When commands began to turn the elevator to neutral, for good."""
         since = end
-        for when, _, _, rate, angle in reversed(self.commands):
+        for when, _, _, rate, _ in reversed(self.commands):
             if when <= end:
-                if when < begin or abs(angle + 0.02 * rate) > abs(angle) + 1e-9:
+                if when < begin or rate == rate:  # NaN: to neutral.
                     break
                 since = when
         return since

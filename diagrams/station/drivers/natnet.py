@@ -15,8 +15,8 @@ import sys
 from collections.abc import Sequence
 
 from diagrams.program import run
-from diagrams.station.clocks import hasten
 from diagrams.station.drivers.poses import PosePublisher, Room
+from diagrams.station.processes import hasten
 from diagrams.station.scenario import Scenario
 from glider.errors import InputError
 
@@ -45,6 +45,10 @@ class MocapFrame:
     number: int
     time: float  #: Since Motive was started [s].
     bodies: dict[int, Body]  #: By streaming ID.
+
+
+_SIGNED = ("--up", "--forward", "--nose", "--wire", "--point")
+"""Options with values that may begin with a minus."""
 
 
 class _Reader:
@@ -143,11 +147,20 @@ def publish(
 
 
 def numbers(text: str) -> list[float]:
-    """Reads three numbers between commas."""
-    values = [float(part) for part in text.split(",")]
-    if len(values) != 3:
-        raise ValueError
-    return values
+    """Reads numbers between commas."""
+    return [float(part) for part in text.split(",")]
+
+
+def joined(arguments: Sequence[str]) -> list[str]:
+    """Arguments in which a value such as -z is joined to its option by "="."""
+    found: list[str] = []
+    for argument in arguments:
+        is_value = argument[:1] == "-" and argument[:2] != "--"
+        if is_value and found and found[-1] in _SIGNED:
+            found[-1] += f"={argument}"
+        else:
+            found.append(argument)
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -172,7 +185,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.add_argument(f"--{name}", default=default, help=words)
     words = "its place in Motive [m] (default: 0,0,0)"
     parser.add_argument("--wire", type=numbers, default=[0.0] * 3, help=words)
-    args = parser.parse_args(arguments)
+    words = "rigid body's origin ahead of and above the center of mass [m]"
+    parser.add_argument("--point", type=numbers, default=[0.0] * 2, help=words)
+    args = parser.parse_args(joined(sys.argv[1:] if arguments is None else arguments))
+    room = Room(
+        up=args.up,
+        forward=args.forward,
+        nose=args.nose,
+        wire=args.wire,
+        tracked_point=args.point,
+    )
+    publisher = PosePublisher(args.bus, room)
     try:
         major, minor = (int(part) for part in args.version.split(".")[:2])
         receiver = open_socket(args.group, args.port, args.interface)
@@ -180,8 +203,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise InputError(
             f"--version is '{args.version}'; expected such as 4.1."
         ) from None
-    room = Room(up=args.up, forward=args.forward, nose=args.nose, wire=args.wire)
-    publisher = PosePublisher(args.bus, room)
     hasten()
     print(f"Motive on port {args.port}, poses to {args.bus}.", flush=True)
     while True:

@@ -25,12 +25,14 @@ has the same in full.
 
 import dataclasses
 import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from diagrams.station.bus import POSE, POSE_FIELDS, Bus
 from glider.campaign.settings import unit_vector
+from glider.errors import expect
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,6 +46,18 @@ class Room:
     wire: Sequence[float] = (0.0, 0.0, 0.0)
     #: The rigid body's origin, (ahead, above) the center of mass [m].
     tracked_point: Sequence[float] = (0.0, 0.0)
+
+    def __post_init__(self):
+        """Raises InputError where an axis or a place cannot be."""
+        for name in ("up", "forward", "nose"):
+            axis, expected = getattr(self, name), "x, y, z, -x, -y or -z"
+            expect(re.fullmatch("-?[xyz]", axis), f"the axis '{name}'", axis, expected)
+        differ, expected = self.up[-1] != self.forward[-1], f"one across {self.up}"
+        expect(differ, "the axis 'forward'", self.forward, expected)
+        for name, count in (("wire", 3), ("tracked_point", 2)):
+            place = getattr(self, name)
+            good = len(place) == count and all(map(math.isfinite, place))
+            expect(good, f"the place '{name}'", place, f"{count} finite numbers [m]")
 
     def pitch_of(self, quaternion: Sequence[float]) -> float:
         """Pitch [rad], positive with the nose down, of a quaternion (x, y, z, w)."""
