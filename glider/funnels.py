@@ -9,7 +9,8 @@ Funnel, FunnelSettings, load_funnel, save_funnel: the funnel and its file.
 make_confidence, describe_set: the set of gliders that logs allow, for which a funnel
 can be made too. Verdict, FlightProof, describe_proof, remainder_status: what check and
 proof show. falsify_funnel, Falsification: flights from the boundary that
-try to leave. fly_inside: flights from inside. study_estimates, EstimatedFlights:
+try to leave; fly_loop, FlownLoop, FlownTrial: the same of held and late commands in
+wind. fly_inside: flights from inside. study_estimates, EstimatedFlights:
 flights on a filter's estimate. tube_outline, tube_radii: the positions that a funnel
 allows, to draw. FunnelMonitor: a Drake System that reports the margin of a state.
 funnel_regulator: the funnel's own feedback as a Drake System. SolverError: there is no
@@ -35,5 +36,6 @@ from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.sos.programs import SolverError
+from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates
 from glider.verification.trials.falsify import Falsification, falsify_funnel, fly_inside

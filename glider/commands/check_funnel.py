@@ -16,6 +16,9 @@ LEVEL = 0.95
 FLIGHTS = 9000
 """Flights before the climb: 21,000 with it."""
 
+HOLD, LATENCY = 0.02, 0.01
+"""Defaults of --as-flown [s]."""
+
 MOST_FLIGHTS = 1_000_000
 """Flights that fit the memory of any machine."""
 
@@ -39,6 +42,10 @@ of the same probability. --confidence draws gliders that the data allow, from th
 covariance in --model's file (close-the-loop writes it), flies them from the boundary
 and climbs to the worst flights and the worst corner of their set. Flights alone prove
 nothing.
+
+--as-flown flies what the theorem leaves out: commands from a clock at any phase, held,
+computed from a state of some time ago, and wind; from the inlet's boundary, climbing to
+the worst starts, phases and winds.
 
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
@@ -70,8 +77,8 @@ def add_arguments(parser: CommandParser) -> None:
     words = "with --confidence: a box of intervals instead of an ellipsoid"
     parser.add_switch("--box", words)
     words = (
-        "with --confidence: flights before the climb, which adds half as many again "
-        f"and more (default: {FLIGHTS})"
+        "with --confidence or --as-flown: flights before the climb, which adds half as "
+        f"many again and more (default: {FLIGHTS})"
     )
     parser.add_number("--flights", words)
     words = (
@@ -79,6 +86,17 @@ def add_arguments(parser: CommandParser) -> None:
         "flights of --confidence, for the ascents a new one each time)"
     )
     parser.add_number("--seed", words)
+    words = "fly held and late commands; states how many flights leave the funnel"
+    parser.add_switch("--as-flown", words)
+    for name, default, words in (
+        ("--hold", HOLD, "time that a command is held [s]"),
+        ("--latency", LATENCY, "time from a state to the command that acts on it [s]"),
+        ("--wind", 0.0, "largest wind beyond the model's own [m/s]"),
+    ):
+        help_ = f"with --as-flown: {words} (default: {default:g})"
+        parser.add_argument(name, metavar="X", type=float, help=help_)
+    words = "with --as-flown: a predictor makes up for the latency and half of the hold"
+    parser.add_switch("--predict", words)
     parser.add_json("JSON instead of sentences")
 
 
@@ -93,21 +111,15 @@ def run(args: argparse.Namespace) -> int:
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np
 
-    from glider.files.schema import json_text
     from glider.physics.model import GliderModel, load_covariance
     from glider.planning.problem import PerchingProblem
-    from glider.verification.check_report import (
-        check_report,
-        describe_check,
-        describe_trial,
-        trial_report,
-    )
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
+    from glider.verification.trials.as_flown import fly_loop
     from glider.verification.trials.falsify import falsify_funnel
 
-    funnel = funnel_of(args.funnel, *file)
+    funnel, seed = funnel_of(args.funnel, *file), args.seed or 0
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None
@@ -115,7 +127,8 @@ def run(args: argparse.Namespace) -> int:
     if level is not None:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, covariance, level, shape)
-    proof = trial = None
+    loop = _flown_loop(args) if args.as_flown else None
+    proof = trial = flown = None
     with working(is_even=True) as progress:
 
         def follow(what):
@@ -137,30 +150,46 @@ def run(args: argparse.Namespace) -> int:
                 funnel, args.every, resume=args.resume, progress=follow("proof")
             )
         if confidence and verdict.holds:
-            rng = np.random.default_rng(seed := args.seed or 0)
+            rng, say = np.random.default_rng(seed), follow("gliders")
             trial = falsify_funnel(
-                funnel, flights, rng, confidence=confidence, progress=follow("gliders")
+                funnel, flights, rng, confidence=confidence, progress=say
             )
-    good = verdict.holds and (trial is None or trial.escapes == 0)
+        if loop and verdict.holds:
+            rng = np.random.default_rng(seed)
+            flown = fly_loop(funnel, loop, flights, rng, follow("flights"))
+    _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flown)
+    good = verdict.holds and not any(t.escapes for t in (trial, flown) if t)
     if args.prove:
         good = good and verdict.is_whole and proof is not None and proof.is_whole
-    if args.json:
-        report = check_report(funnel, verdict, proof, problem)
-        report |= {
-            "model_compared": model is not None,
-            "set_compared": bool(model and covariance and funnel.gliders),
-        }
-        if confidence and trial:
-            report["gliders"] = trial_report(funnel, confidence, trial, seed)
-        print(json_text(report))
-    else:
-        has_covariance = covariance is not None
-        print(
-            describe_check(funnel, verdict, proof, problem, args.model, has_covariance)
-        )
-        if confidence and trial:
-            print(describe_trial(funnel, confidence, trial, seed))
     return 0 if good else 1
+
+
+def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flown):
+    """Prints what was checked, proven and flown, in sentences or as JSON."""
+    from glider.files.schema import json_text
+    from glider.verification import check_report as words
+
+    seed, has_covariance = args.seed or 0, covariance is not None
+    if args.json:
+        report = words.check_report(funnel, verdict, proof, problem)
+        report |= {
+            "model_compared": args.model is not None,
+            "set_compared": has_covariance and funnel.gliders is not None,
+        }
+        if trial:
+            report["gliders"] = words.trial_report(funnel, trial, seed)
+        if flown:
+            report["as_flown"] = words.flown_report(flown, seed)
+        print(json_text(report))
+        return
+    said = words.describe_check(
+        funnel, verdict, proof, problem, args.model, has_covariance
+    )
+    print(said)
+    if trial:
+        print(words.describe_trial(funnel, trial, seed))
+    if flown:
+        print(words.describe_flown(flown, seed))
 
 
 def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
@@ -169,11 +198,22 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.resume and not args.prove:
         raise InputError("--resume has no effect without --prove; expected both.")
     level = _level(args.confidence)
-    given = {"box": args.box or None, "flights": args.flights}
-    for name, value in given.items():
-        if level is None and value is not None:
-            words = f"--{name} has no effect without --confidence; expected both."
-            raise InputError(words)
+    flown = {name: getattr(args, name) for name in ("hold", "latency", "wind")}
+    flown["predict"] = args.predict or None
+    given = [
+        ("--confidence", level is not None, {"box": args.box or None}),
+        ("--as-flown", args.as_flown, flown),
+        (
+            "--confidence or --as-flown",
+            level is not None or args.as_flown,
+            {"flights": args.flights},
+        ),
+    ]
+    for option, is_given, of_it in given:
+        for name, value in of_it.items():
+            if not is_given and value is not None:
+                words = f"--{name} has no effect without {option}; expected both."
+                raise InputError(words)
     flights = FLIGHTS if args.flights is None else args.flights
     expected = f"a number from 1 to {MOST_FLIGHTS:,}"
     expect(1 <= flights <= MOST_FLIGHTS, "--flights", flights, expected)
@@ -206,6 +246,19 @@ def _level(text: str | None) -> float | None:
     expected = f"a probability between 0 and 1, such as {LEVEL:g}, or no value"
     expect(0.0 < level < 1.0, "--confidence", text, expected)
     return level
+
+
+def _flown_loop(args):
+    """The loop of --as-flown."""
+    from glider.control.predictor import Hold
+    from glider.verification.trials.as_flown import FlownLoop
+
+    hold = HOLD if args.hold is None else args.hold
+    latency = LATENCY if args.latency is None else args.latency
+    return FlownLoop(
+        hold=Hold(period=hold, latency=latency, predicts=args.predict),
+        wind=args.wind or 0.0,
+    )
 
 
 def _confidence(funnel, model, covariance, level, shape):

@@ -83,6 +83,13 @@ class TrackingPolicy:
         """Number of equal steps, none longer, that the plan divides into."""
         return aligned_count(self.plan, step)
 
+    @functools.cached_property
+    def _curves(self):
+        """K and k₀ as functions of time."""
+        curve = functools.partial(make_interp_spline, k=1)
+        curve = curve if self.is_linear else CubicSpline
+        return [curve(self.times, values) for values in (self.gains, self.corrections)]
+
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns the policy as u = offset - gain x at some times.
 
@@ -95,10 +102,7 @@ class TrackingPolicy:
             offset (J,) [rad/s] and gain (J, n).
         """
         at = np.clip(times, 0.0, self.duration)
-        curve = functools.partial(make_interp_spline, k=1)
-        curve = curve if self.is_linear else CubicSpline
-        gain = curve(self.times, self.gains)(at)
-        correction = curve(self.times, self.corrections)(at)
+        gain, correction = (curve(at) for curve in self._curves)
         nominal, _, inputs = sample_plan(self.plan, at)
         return inputs - correction + np.sum(gain * nominal, axis=1), gain
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from glider.errors import printable
 from glider.planning.problem import PerchingProblem
-from glider.verification.dynamics.confidence import ConfidenceSet, describe_set
+from glider.verification.dynamics.confidence import describe_set
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
 from glider.verification.proof.flight_proof import FlightProof, checker_hash
 from glider.verification.proof.purpose import arrival, hook_faults, model_hash
+from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
 
 HASH_DIGITS = 16
@@ -74,10 +75,10 @@ def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
     }
 
 
-def trial_report(
-    funnel: Funnel, confidence: ConfidenceSet, trial: Falsification, seed: int
-) -> dict[str, Any]:
+def trial_report(funnel: Funnel, trial: Falsification, seed: int) -> dict[str, Any]:
     """Returns the outcome of flights of a set as it is written to JSON."""
+    confidence = trial.confidence
+    assert confidence is not None
     worst = int(np.argmax(trial.later))
     return {
         "names": list(confidence.names),
@@ -94,6 +95,30 @@ def trial_report(
         "worst_start_time": float(trial.starts[worst]),
         "seed": seed,
     }
+
+
+def flown_report(trial: FlownTrial, seed: int) -> dict[str, Any]:
+    """Returns the outcome of flights as they are flown as it is written to JSON."""
+    hold = trial.loop.hold
+    return {
+        "period_s": hold.period,
+        "latency_s": hold.latency,
+        "predicts": hold.predicts,
+        "wind_m_s": trial.loop.wind,
+        "flights": len(trial.levels),
+        "of_the_ascent": int(trial.climbed.sum()),
+        "escapes": trial.escapes,
+        "end_outside": trial.astray,
+        "largest_level": float(trial.levels.max()),
+        "largest_later_level": float(trial.later.max()),
+        "largest_end_level": float(trial.ends.max()),
+        "seed": seed,
+    }
+
+
+def describe_flown(trial: FlownTrial, seed: int) -> str:
+    """Returns the outcome of flights as they are flown in sentences, one a line."""
+    return _text("as_flown", trial, seed)
 
 
 def describe_check(
@@ -125,13 +150,11 @@ def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
     return _text("proof", funnel, proof)
 
 
-def describe_trial(
-    funnel: Funnel, confidence: ConfidenceSet, trial: Falsification, seed: int
-) -> str:
+def describe_trial(funnel: Funnel, trial: Falsification, seed: int) -> str:
     """Returns the outcome of flights of a set in sentences, one a line."""
     worst, made_for = int(np.argmax(trial.later)), _made_for(funnel, trial)
     of_worst = trial.deviations[worst], trial.starts[worst]
-    return _text("flights", funnel, confidence, trial, seed, made_for, *of_worst)
+    return _text("flights", funnel, trial, seed, made_for, *of_worst)
 
 
 def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:

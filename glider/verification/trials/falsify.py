@@ -10,6 +10,7 @@ about its own center. Flights that escape are counted, never dropped.
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,8 @@ class Falsification:
     states: np.ndarray  #: States (B, n) where they started.
     #: Deviations δ (B, m) of the gliders that flew; m is 0 where it was the same.
     deviations: np.ndarray
+    #: Set that they were drawn from; None where all flew the same glider.
+    confidence: ConfidenceSet | None = None
 
     @property
     def samples(self) -> int:
@@ -149,7 +152,8 @@ class _Trial:
         """Returns all that was flown."""
         names = [field.name for field in dataclasses.fields(Falsification)]
         columns = map(np.concatenate, zip(*self._found, strict=True))
-        return Falsification(**dict(zip(names, columns, strict=True)))
+        found: dict[str, Any] = dict(zip(names, columns, strict=False))
+        return Falsification(**found, confidence=self._confidence)
 
     def _draw(self, count):
         """Returns gliders, and random points for each: [(δ, points)]."""

@@ -1,0 +1,136 @@
+"""Held commands of a policy, and a predictor that makes up for their known latency.
+
+A command that is computed from the state at a time s acts from s + latency on, and is
+held for a period. The predictor flies the model from that state, first under the
+commands that are on their way, then under the policy itself to the middle of the hold,
+and commands what the policy would command there. So the held commands are those of the
+continuous feedback but for the second order of the period.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.control.tvlqr import TrackingPolicy
+from glider.errors import expect
+from glider.physics.model import GliderModel
+from glider.physics.servo import limited_rates
+from glider.physics.state import ELEVATOR
+
+STEP = 0.0025
+"""Longest Runge-Kutta step [s]; half as long changes commands by less than 1e-4 of the
+rate limit."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Hold:
+    """How commands reach the servo."""
+
+    period: float = 0.02  #: Time between commands, each held until the next [s].
+    latency: float = 0.0  #: Time from the state to the command that acts on it [s].
+    predicts: bool = False  #: Whether the latency and half of the period are predicted.
+
+    def __post_init__(self):
+        """Raises InputError where a time is out of range."""
+        good = 1e-3 <= self.period <= 1.0
+        expect(good, "the period of commands", self.period, "0.001 to 1 s")
+        expect(0.0 <= self.latency <= 1.0, "the latency", self.latency, "0 to 1 s")
+
+    @property
+    def waiting(self) -> int:
+        """Number of whole periods in the latency: commands that wait to act."""
+        return int(self.latency / self.period * (1.0 + 1e-12))
+
+    @property
+    def rest(self) -> float:
+        """What is left of the latency [s]."""
+        return max(self.latency - self.waiting * self.period, 0.0)
+
+
+def rates_of(
+    model: GliderModel,
+    states: np.ndarray,
+    command: np.ndarray,
+    wind: np.ndarray | None = None,
+) -> np.ndarray:
+    """Returns ẋ (B, n) of gliders under commands (B,), servo limits included.
+
+    The wind (B, 2) is that beyond the model's own [m/s].
+    """
+    rate = limited_rates(command, states[:, ELEVATOR], model.parameters.servo)
+    air = (0.0, 0.0) if wind is None else (wind[:, 0], wind[:, 1])
+    found = model.chain.derivatives(0.0, list(states.T), rate, *air, model.numbers)
+    rates = np.empty_like(states)
+    for column, value in zip(rates.T, found, strict=True):
+        column[:] = value
+    return rates
+
+
+def policy_command(
+    policy: TrackingPolicy, times: np.ndarray, states: np.ndarray
+) -> np.ndarray:
+    """Returns the commands (B,) of a policy for states (B, n) at times (B,)."""
+    offset, gain = policy.sample(times)
+    return offset - np.sum(gain * states[:, : gain.shape[1]], axis=1)
+
+
+def held_command(
+    model: GliderModel,
+    policy: TrackingPolicy,
+    times: np.ndarray,
+    states: np.ndarray,
+    waiting: Sequence[np.ndarray],
+    hold: Hold,
+) -> np.ndarray:
+    """Returns the command (B,) that is computed from states at some times [rad/s].
+
+    Args:
+        model: the glider that the predictor flies.
+        policy: the continuous feedback.
+        times: (B,) of the states; the command acts a latency later [s].
+        states: (B, n).
+        waiting: the commands (B,) that act until then: the one that acts now, then one
+            for each whole period of the latency.
+        hold: period and latency; without `predicts` the state as it is counts.
+    """
+    if not hold.predicts:
+        return policy_command(policy, times, states)
+    for number, command in enumerate(waiting):
+        time = hold.rest if number == 0 else hold.period
+        states = _flown(model, states, time, lambda x, t, u=command: u)
+        times = times + time
+
+    def feedback(x, since):
+        return policy_command(policy, times + since, x)
+
+    states = _flown(model, states, 0.5 * hold.period, feedback)
+    return feedback(states, 0.5 * hold.period)
+
+
+def _flown(model, states, duration, command):
+    """Returns states (B, n) some time later, under commands u(x, t)."""
+    count = math.ceil(duration / STEP - 1e-9)
+    step = duration / max(count, 1)
+    for k in range(count):
+        states = advance(
+            lambda x, t, at=k * step: rates_of(model, x, command(x, at + t)),
+            states,
+            step,
+        )
+    return states
+
+
+def advance(rates, states, step):
+    """Returns states (B, n) one Runge-Kutta step, a number or (B, 1), later.
+
+    Args:
+        rates: ẋ of states and of the time since the step began.
+    """
+    half = 0.5 * step
+    k1 = rates(states, 0.0 * step)
+    k2 = rates(states + half * k1, half)
+    k3 = rates(states + half * k2, half)
+    k4 = rates(states + step * k3, step)
+    return states + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)

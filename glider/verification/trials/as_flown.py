@@ -1,0 +1,215 @@
+"""Flights of the loop as it is flown: held commands, latency, moving air.
+
+The theorem is about a feedback that knows the state and acts at once, in the model's
+air. Here commands come from a clock, each computed from the state one latency ago and
+held, and any phase between clock and launch may occur; the wind beyond the model's is
+at most so strong. Flights start on the boundary of the inlet; from the worst of them,
+their start, phase and wind climb. Half of them meet a steady wind, and half one that at
+each moment blows to where V rises fastest. Nothing here is proven; flights show what
+the loop does not tolerate.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from glider.control.predictor import (
+    STEP,
+    Hold,
+    advance,
+    held_command,
+    policy_command,
+    rates_of,
+)
+from glider.errors import expect
+from glider.verification.funnel.funnel import Funnel, funnel_policy
+from glider.verification.sos.sphere import normalized
+from glider.verification.trials.falsify import (
+    CLIMB_NARROWING,
+    CLIMB_ROUNDS,
+    CLIMB_WIDTH,
+    ESCAPE_LEVEL,
+    boundary_states,
+)
+
+MOST_WIND = 20.0
+"""Strongest wind that is flown [m/s]."""
+
+_FRESH = 1e-3
+"""Wind by which the direction where V rises fastest is found [m/s]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FlownLoop:
+    """What a loop has that the theorem does not."""
+
+    hold: Hold  #: How commands reach the servo.
+    wind: float = 0.0  #: Largest speed of the wind beyond the model's own [m/s].
+
+    def __post_init__(self):
+        """Raises InputError where the wind is out of range."""
+        good = 0.0 <= self.wind <= MOST_WIND
+        expect(good, "the wind", self.wind, f"a speed from 0 to {MOST_WIND:g} m/s")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FlownTrial:
+    """The outcome of flights of a loop as it is flown, from the inlet's boundary."""
+
+    loop: FlownLoop  #: What was flown.
+    levels: np.ndarray  #: Largest V (B,) of each; 1 is the boundary, where it starts.
+    later: np.ndarray  #: Largest V (B,) once a command of the clock has acted.
+    ends: np.ndarray  #: V (B,) at the end, in the last set if at most 1.
+    climbed: np.ndarray  #: Whether it is of the ascent, (B,).
+    starts: np.ndarray  #: States (B, n) at the launch.
+    phases: np.ndarray  #: Times (B,) from the launch to the clock's first sample [s].
+
+    @property
+    def escapes(self) -> int:
+        """Number of flights that left the funnel."""
+        return int((~(self.levels <= ESCAPE_LEVEL)).sum())  # NaN is an escape.
+
+    @property
+    def astray(self) -> int:
+        """Number of flights that end outside the last set."""
+        return int((~(self.ends <= ESCAPE_LEVEL)).sum())
+
+
+def fly_loop(
+    funnel: Funnel,
+    loop: FlownLoop,
+    samples: int,
+    rng: np.random.Generator,
+    progress: Callable[[float], None] | None = None,
+) -> FlownTrial:
+    """Flies from random points of the inlet's boundary, then climbs from the worst.
+
+    Args:
+        samples: flights from random points; the climb adds as many and a fifth more.
+        progress: called with the share that is done.
+    """
+    n = funnel.num_states
+    # Directions of start (n) and wind (2), the phase, whether the wind is steady.
+    genes = np.hstack(
+        [
+            normalized(rng.normal(size=(samples, n))),
+            normalized(rng.normal(size=(samples, 2))),
+            rng.uniform(size=(samples, 1)),
+            np.arange(samples)[:, None] % 2,
+        ]
+    )
+    found = [(genes, *_flights(funnel, loop, genes))]
+    for turn in range(CLIMB_ROUNDS):
+        if progress:
+            progress((turn + 1) / (CLIMB_ROUNDS + 1))
+        genes, levels, later, _ = map(np.concatenate, zip(*found, strict=True))
+        worst = np.where(levels > ESCAPE_LEVEL, levels, later)
+        best = genes[np.argsort(-worst)[: max(1, samples // 25)]]
+        width = CLIMB_WIDTH * CLIMB_NARROWING**turn
+        moved = np.repeat(best, 5, axis=0)
+        noise = width * rng.normal(size=moved[:, : n + 3].shape)
+        noise[:, :n] /= math.sqrt(n)
+        moved[:, : n + 3] += noise
+        moved[:, :n] = normalized(moved[:, :n])
+        moved[:, n : n + 2] = normalized(moved[:, n : n + 2])
+        moved[:, n + 2] %= 1.0
+        found.append((moved, *_flights(funnel, loop, moved)))
+    genes, levels, later, ends = map(np.concatenate, zip(*found, strict=True))
+    return FlownTrial(
+        loop=loop,
+        levels=levels,
+        later=later,
+        ends=ends,
+        climbed=np.arange(len(levels)) >= samples,
+        starts=boundary_states(funnel, 0, genes[:, :n]),
+        phases=genes[:, n + 2] * loop.hold.period,
+    )
+
+
+BATCH = 4000
+"""Flights at once: more do not fit the cache."""
+
+
+def _flights(funnel, loop, genes):
+    """Returns the largest V, the largest later and that at the end, (B,), of genes."""
+    parts = np.array_split(genes, math.ceil(len(genes) / BATCH))
+    found = [_Flight(funnel, loop, part).levels() for part in parts]
+    # What diverges has no level: it is the worst.
+    columns = map(np.concatenate, zip(*found, strict=True))
+    return tuple(np.where(np.isfinite(v), v, np.inf) for v in columns)
+
+
+class _Flight:
+    """Flights of a batch, each at its own time: their clocks are."""
+
+    def __init__(self, funnel: Funnel, loop: FlownLoop, genes: np.ndarray):
+        """Launches them."""
+        n = funnel.num_states
+        self._funnel, self._loop = funnel, loop
+        self._model, self._policy = funnel.nominal.model, funnel_policy(funnel)
+        self._wind = loop.wind * genes[:, n : n + 2]
+        self._steady = genes[:, n + 3] > 0.5
+        self._first = genes[:, n + 2] * loop.hold.period
+        self._states = boundary_states(funnel, 0, genes[:, :n])
+        self._times = np.zeros(len(genes))
+        self._largest, self._later = np.zeros((2, len(genes)))
+
+    def levels(self):
+        """Flies to the funnel's end; returns levels, later and ends, (B,)."""
+        hold, model, policy = self._loop.hold, self._model, self._policy
+        # Until the clock's first command acts, that of the launch does.
+        before = policy_command(policy, self._times, self._states)
+        waiting = [before] * (hold.waiting + 1)
+        self._fly(before, self._first)
+        with np.errstate(over="ignore", invalid="ignore"):  # A flight may diverge.
+            while np.any(self._times < policy.duration):
+                new = held_command(
+                    model, policy, self._times, self._states, waiting, hold
+                )
+                self._fly(waiting.pop(0), hold.rest)
+                waiting.append(new)
+                self._fly(waiting[0], hold.period - hold.rest)
+        return self._largest, self._later, self._level()
+
+    def _level(self):
+        return self._funnel.level(self._times, self._states)
+
+    def _fly(self, command, duration):
+        """Flies under a command (B,) for some time, (B,) or one for all [s]."""
+        count = max(math.ceil(np.max(duration) / STEP - 1e-9), 1)
+        step = duration / count * np.ones(len(self._times))
+        for _ in range(count):
+            left = np.clip(self._policy.duration - self._times, 0.0, step)
+            wind = self._wind_now(command)
+            flown = advance(
+                lambda x, t, u=command, w=wind: rates_of(self._model, x, u, w),
+                self._states,
+                left[:, None],
+            )
+            self._states = np.where(left[:, None] > 0.0, flown, self._states)
+            self._times = self._times + np.where(left < step, left, step)
+            late = left < step - 1e-15
+            self._times[late] = self._policy.duration
+            level, hold = self._level(), self._loop.hold
+            self._largest = np.maximum(self._largest, level)
+            acts = self._times > self._first + hold.latency
+            self._later = np.where(acts, np.maximum(self._later, level), self._later)
+
+    def _wind_now(self, command):
+        """Returns the wind (B, 2): steady, or where V rises fastest."""
+        if not self._loop.wind:
+            return None
+        error = self._states - self._funnel.center(self._times)
+        pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
+        slopes = []
+        for axis in np.eye(2):
+            breeze = np.broadcast_to(_FRESH * axis, (len(error), 2))
+            pushed = rates_of(self._model, self._states, command, breeze)
+            pushed = pushed - rates_of(self._model, self._states, command, -breeze)
+            slopes.append(np.sum(pull * pushed, axis=1))
+        toward = np.array(slopes).T
+        size = np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
+        worst = self._loop.wind * toward / size
+        return np.where(self._steady[:, None], self._wind, worst)
