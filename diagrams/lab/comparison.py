@@ -60,7 +60,8 @@ class Comparison:
         )
         keys = {name: LABELS[name] for name in self.motions}
         keys |= {"fitted": "launch state fitted"} if models else {}
-        return page_data({"throw": Figure(keys=keys, panels=flight_panels(flight))})
+        panels = flight_panels(flight)[: None if models else 2]  # No distance alone.
+        return page_data({"throw": Figure(keys=keys, panels=panels)})
 
     def replay(self, campaign: Campaign, *, has_wire: bool) -> str:
         """HTML of a Meshcat that replays it, with the models as ghosts."""

@@ -23,10 +23,11 @@ class Watched:
     """The files of a folder, and the campaign of those that no longer change.
 
     Args:
-        path: with campaign.yaml, as the station writes it, or with MAP.yaml.
+        path: with campaign.yaml, as the station writes it, or with MAP.yaml; one
+            with neither waits for either.
 
     Raises:
-        InputError: there is neither.
+        InputError: it is no folder.
     """
 
     def __init__(self, path: Path) -> None:
@@ -46,14 +47,33 @@ class Watched:
         """The folder of the campaign."""
         return self.kept / "campaign" if self.has_takes else self.path
 
-    def changes(self) -> bool:
-        """Whether files are there that changed, and have come to rest since.
+    @property
+    def is_open(self) -> bool:
+        """Whether it is not decided yet what the throws of this folder are."""
+        return not (self.has_takes or (self.path / "campaign.yaml").is_file())
 
-        To be asked again and again: a file rests if it is as it was the last time.
-        """
+    @property
+    def takes(self) -> list[Path]:
+        """Files that are takes, or may be."""
+        if not (self.has_takes or self.is_open):
+            return []
+        return sorted(
+            file
+            for file in self.path.iterdir()
+            if file.is_file() and not file.name.startswith(".")
+            if file.suffix not in (".md", ".png", ".yaml")
+        )
+
+    def rests(self) -> bool:
+        """Whether all files are as they were the last time that this was asked."""
         before, now = self._sizes, _sizes(self._files())
         self._sizes = now
-        return now == before and now != self._imported
+        return now == before
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the files are not those that were read."""
+        return not self.is_open and self._sizes != self._imported
 
     def forget(self) -> None:
         """Makes everything a change: what was read was lost in a fault."""
@@ -67,9 +87,8 @@ class Watched:
         Raises:
             InputError: they cannot be imported.
         """
-        files = self._files()
-        self._imported = self._sizes = _sizes(files)
-        takes = [file for file in files if file.name != MAP]
+        self._imported = self._sizes = _sizes(self._files())
+        takes = self.takes
         if not (self.has_takes and takes):
             return ()
         imported = import_campaign(takes, self.path / MAP, self.campaign, force=True)
@@ -93,14 +112,9 @@ class Watched:
         ]
 
     def _files(self) -> list[Path]:
-        if not self.has_takes:
-            return sorted(self.path.glob("flight_*.csv"))
-        return sorted(
-            file
-            for file in self.path.iterdir()
-            if file.is_file() and not file.name.startswith(".")
-            if file.suffix not in (".md", ".png")
-        )
+        if self.has_takes or self.is_open:
+            return [*self.takes, *self.path.glob(MAP)]
+        return sorted(self.path.glob("flight_*.csv"))
 
 
 def joint_digest(throws: Sequence[Throw]) -> str:

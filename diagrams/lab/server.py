@@ -23,12 +23,14 @@ from starlette.responses import (
 )
 from starlette.routing import Route
 
+from diagrams.lab.assistant import save_map, save_take
 from diagrams.lab.figures import session_figures
 from diagrams.lab.gate import HOST, Address, TokenGate, listen
 from diagrams.lab.session import LabSession
 from diagrams.lab.state import CORRECTED, NOMINAL
-from glider.campaign.settings import read_settings
-from glider.errors import InputError
+from glider.campaign.importing.recording import UNITS
+from glider.campaign.settings import FRAME_CHOICES, read_settings
+from glider.errors import InputError, expect
 from glider.files.schema import json_text
 from glider.report.as_page import STATIC, color_style
 
@@ -46,6 +48,16 @@ PERIOD = 0.2
 
 AFTER_FAULT = 5.0
 """The same after a fault [s]: whatever fails again does not fill the terminal."""
+
+LONGEST_MAP = 100_000
+"""Characters of a map."""
+
+MAP_CHOICES = {
+    "frame": {name: values for name, (values, _) in FRAME_CHOICES.items()},
+    "units": {kind: list(units) for kind, units in UNITS.items()},
+    "meanings": {name: meaning for name, (_, meaning) in FRAME_CHOICES.items()},
+}
+"""What a person may choose from in a map."""
 
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
@@ -133,6 +145,28 @@ class Pages:
             )
         return PlainTextResponse("")
 
+    async def take(self, request: Request) -> Response:
+        """Saves a take that was dropped on the page."""
+        with _refusals():
+            watched, name = self._session.watched, request.path_params["name"]
+            await save_take(watched, name, request.stream())
+        return PlainTextResponse("")
+
+    async def map(self, request: Request) -> Response:
+        """Checks a map, or saves it."""
+        text = await _small_text(request)
+        with _refusals():
+            if request.path_params["what"] == "save":
+                save_map(self._session.watched, self._session.state.draft, text)
+            else:
+                expect(bool(text.strip()), "the map", "nothing", "its columns")
+                self._session.asked_map = text
+        return PlainTextResponse("")
+
+    async def map_picture(self, request: Request) -> Response:
+        """The flights as the map reads them."""
+        return _file(self._session.watched.kept / "draft" / "MAP.png")
+
 
 def make_app(session: LabSession, address: Address) -> Starlette:
     """The application."""
@@ -148,6 +182,9 @@ def make_app(session: LabSession, address: Address) -> Starlette:
             Route("/report", pages.report),
             Route("/next/{name}", pages.proposal),
             Route("/fly", pages.fly, methods=["POST"]),
+            Route("/takes/{name}", pages.take, methods=["POST"]),
+            Route("/map/{what}", pages.map, methods=["POST"]),
+            Route("/map.png", pages.map_picture),
         ],
         middleware=[
             # Another site's name that resolves to this computer gets nothing.
@@ -170,6 +207,12 @@ def view_of(session: LabSession) -> dict[str, Any]:
             planned: state.count_perches(planned) for planned in (NOMINAL, CORRECTED)
         },
         "figures": session_figures(state),
+        "import": {
+            "is_open": session.watched.is_open,
+            "has_takes": session.watched.has_takes,
+            "takes": [file.name for file in session.watched.takes],
+            "choices": MAP_CHOICES,
+        },
         "launches": launches
         and {
             "truth": launches.truth,
@@ -204,12 +247,23 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
             thread.join()
 
 
+async def _small_text(request: Request) -> str:
+    """The body of a request, as text."""
+    data = b""
+    async for part in request.stream():
+        data += part
+        if len(data) > LONGEST_MAP:
+            raise HTTPException(413, "The map is too long.")
+    return data.decode(errors="replace")
+
+
 async def _stream(session: LabSession, request: Request) -> AsyncIterator[str]:
     """Sends the view whenever it changes; the browser connects again by itself."""
     sent: tuple[object, ...] = ()
     while not await request.is_disconnected():
         fault = session.launches.fault if session.launches else ""
-        now = id(session.state), session.doing, session.fault, fault
+        takes = session.watched.is_open, len(session.watched.takes)
+        now = id(session.state), session.doing, session.fault, fault, takes
         if now != sent:
             sent = now
             yield f"data: {json_text(view_of(session), indent=-1)}\n\n"

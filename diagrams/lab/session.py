@@ -5,12 +5,14 @@ import dataclasses
 import traceback
 from pathlib import Path
 
+from diagrams.lab.assistant import MapJob, next_map_job
 from diagrams.lab.comparison import Comparison, compare, load_comparison
 from diagrams.lab.folder import Watched, joint_digest
 from diagrams.lab.launches import Launches
 from diagrams.lab.state import (
     CORRECTED,
     NOMINAL,
+    Draft,
     Proposal,
     Throw,
     Trace,
@@ -60,6 +62,7 @@ class LabSession:
         #: With the trace that they are of.
         self._rollouts: tuple[str, dict[str, RolloutModel]] | None = None
         self._worker = Worker()
+        self.asked_map: str | None = None  #: A map's text to be checked.
         self.fault = ""  #: Of this program, in the last step; "" for none.
 
     @property
@@ -86,7 +89,8 @@ class LabSession:
 
     def step(self, *, traces: bool = True) -> None:
         """Takes what is new: throws, and answers from the background."""
-        if self.watched.changes():
+        rests = self.watched.rests()
+        if rests and self.watched.is_new:
             self.update()
         if self.launches:
             flies = self.launches.step(self.model_file, len(self.state.throws))
@@ -94,7 +98,7 @@ class LabSession:
             traces = traces and not flies
         if answer := self._worker.wait(0.0):
             self._take(answer)
-        if traces and self._worker.job is None and (job := self._next_job()):
+        if traces and rests and self._worker.job is None and (job := self._next_job()):
             self._worker.start(job)
             self._progress(self.doing)
         self._prepare()
@@ -239,27 +243,34 @@ class LabSession:
             throws[late[-1]] = self._drawn(throws[late[-1]], campaign)
             self._change(throws=tuple(throws))
 
-    def _next_job(self, *, proposes: bool = True) -> Job | None:
-        """What remains to be traced, or then to be proposed."""
+    def _next_job(self, *, proposes: bool = True) -> Job | MapJob | None:
+        """What remains: a map to be checked, throws to be traced, then a proposal."""
         state = self.state
+        asked, self.asked_map = self.asked_map, None
+        if job := next_map_job(self.watched, state.draft, asked):
+            return job
         given = [throw for throw in state.throws if throw.is_read]
         if not given:
             return None
         digest, last = joint_digest(given), state.traces[-1] if state.traces else None
-        job = Job(
+        trace = Job(
             folder=self.watched.campaign,
             out=self.report,
             flights=state.flights,
             sha256=digest,
         )
         if last is None or last.sha256 != digest:
-            return job
+            return trace
         done = last.refusal or (state.proposal and state.proposal.flights == len(given))
-        return None if done or not proposes else dataclasses.replace(job, proposes=True)
+        if done or not proposes:
+            return None
+        return dataclasses.replace(trace, proposes=True)
 
-    def _take(self, answer: Trace | Proposal) -> None:
+    def _take(self, answer: Trace | Proposal | Draft) -> None:
         """Adds an answer to the state."""
-        if isinstance(answer, Trace):
+        if isinstance(answer, Draft):
+            self._change(draft=answer)
+        elif isinstance(answer, Trace):
             self._progress(answer.headline or answer.refusal)
             self._change(traces=(*self.state.traces, answer))
         else:

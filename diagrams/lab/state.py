@@ -65,6 +65,17 @@ class Proposal:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Draft:
+    """A map for takes: proposed, or corrected and checked."""
+
+    text: str  #: Of MAP.yaml.
+    takes: tuple[str, ...]  #: That it was checked on.
+    flights: int = 0  #: That were found in them; their picture is there if any.
+    refusal: str = ""  #: Why it cannot be.
+    warnings: tuple[str, ...] = ()  #: What the flights do not show.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class State:
     """All that a session has found."""
 
@@ -73,6 +84,7 @@ class State:
     notes: tuple[str, ...] = ()  #: Warnings of import and checks, refusals.
     traces: tuple[Trace, ...] = ()  #: In the order of time.
     proposal: Proposal | None = None
+    draft: Draft | None = None
 
     @property
     def flights(self) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ import traceback
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from diagrams.lab.state import Proposal, Trace, trace_of
+from diagrams.lab.assistant import MapJob
+from diagrams.lab.state import Draft, Proposal, Trace, trace_of
 from glider.errors import InputError
 
 NICENESS = 10
@@ -36,7 +37,7 @@ class Job:
         try:
             return self._propose() if self.proposes else self._trace()
         except InputError as error:
-            return self.refused(str(error))
+            return self.refused(str(error).removeprefix(f"{self.folder}: "))
 
     def refused(self, why: str) -> Trace | Proposal:
         """The answer where there is none."""
@@ -68,16 +69,19 @@ class Job:
         )
 
 
+AnyJob = Job | MapJob
+
+
 class Worker:
     """The process. It has one job at a time, and dies with us."""
 
     def __init__(self) -> None:
-        self.job: Job | None = None  #: That it works on.
+        self.job: AnyJob | None = None  #: That it works on.
         self._is_paused = False
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
 
-    def start(self, job: Job) -> None:
+    def start(self, job: AnyJob) -> None:
         """Begins a job."""
         if self._process is None or not self._process.is_alive():
             context = multiprocessing.get_context("spawn")
@@ -89,7 +93,7 @@ class Worker:
         self._pipe.send(job)
         self.job = job
 
-    def wait(self, seconds: float) -> Trace | Proposal | None:
+    def wait(self, seconds: float) -> Trace | Proposal | Draft | None:
         """Waits for the answer of the job [s]; None where there is none yet."""
         job = self.job
         if self._pipe is None or job is None or not self._pipe.poll(seconds):

@@ -7,11 +7,12 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from glider.campaign.samples import campaign_folder
-from tests.helpers.browser import open_browser, visit, why_not
+from tests.helpers.browser import PATIENCE, open_browser, visit, why_not
 
 pytestmark = [
     pytest.mark.browser,
@@ -19,6 +20,8 @@ pytestmark = [
 ]
 
 TABLET = {"viewport": {"width": 768, "height": 1024}, "has_touch": True}
+
+TAKES = Path(__file__).parents[3] / "shared" / "measured" / "raw_motive"
 
 SOON = 2.0
 """Time within which a new throw is to be on screen [s]."""
@@ -143,4 +146,28 @@ def test_hostile_names_of_files_are_text(browser, folder):
         assert seen.wait_for(lambda: row.count() == 1)
         assert "<img src=x" in row.inner_text()
         assert seen.page.locator("#rows img").count() == 0
+        assert seen.faults == []
+
+
+@pytest.mark.skipif(not TAKES.is_dir(), reason="no measured takes are here")
+def test_takes_are_dropped_and_their_map_corrected(browser, tmp_path):
+    with served(tmp_path) as url, visit(browser, url, **TABLET) as seen:
+        page = seen.page
+        page.set_input_files("#files", sorted(TAKES.glob("*.csv")))
+        page.wait_for_selector("#draft-words:visible", timeout=1e3 * PATIENCE)
+        assert seen.wait_for(lambda: "2 flights" in text(seen, "#draft-words"))
+        right = page.input_value("#map")
+        page.select_option('[data-key="up"]', "z")
+        assert "\n  up: z\n" in page.input_value("#map")
+        assert page.locator("#save").is_disabled()
+        assert seen.wait_for(lambda: "cannot be read" in text(seen, "#draft-words"))
+        assert page.locator("#save").is_disabled()
+        page.select_option('[data-key="up"]', "y")
+        assert page.input_value("#map") == right
+        assert seen.wait_for(lambda: page.locator("#save").is_enabled())
+        drawn = "(image) => image.complete && image.naturalWidth > 0"
+        assert page.locator("#map-picture").evaluate(drawn)
+        page.click("#save")
+        assert seen.wait_for(lambda: has_shown(seen, "flight_001.csv"))
+        assert (tmp_path / "MAP.yaml").read_text() == right
         assert seen.faults == []

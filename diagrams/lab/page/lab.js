@@ -137,7 +137,8 @@ function tile(value, label, kind = "") {
 function showAnswer(view, answer) {
   const { state } = view, last = state.traces[state.traces.length - 1];
   const readable = state.throws.filter((row) => row.is_read).length;
-  byId("headline").textContent = answer ? answer.headline : last ? last.refusal
+  byId("headline").textContent = answer ? answer.headline : last ? `Not traced: ${last.refusal}`
+    : view.import.is_open && !state.throws.length ? "Waiting for throws, or takes"
     : readable ? "The throws are not traced yet" : "No throw yet";
   if (answer) {
     byId("headline").append(make("span", answer.verdict.replaceAll("_", " "), { class: `badge ${answer.verdict}` }));
@@ -198,6 +199,121 @@ for (const button of document.querySelectorAll("[data-planned]")) {
   });
 }
 
+// ---------------------------------------------------------------------- import
+
+/** Entries of a map's text: section ("" at the left), key, value, and their line. */
+function entriesOf(text) {
+  let section = "";
+  return text.split("\n").flatMap((line, i) => {
+    const found = /^( *)(\w+):\s*(.*?)\s*(?:#.*)?$/.exec(line);
+    if (!found) return [];
+    const [, indent, key, value] = found;
+    if (!indent && !value) section = key;
+    return value ? [{ section: indent ? section : "", key, value, line: i }] : [];
+  });
+}
+
+/** The text with another value of an entry, "" for none; its comment goes. */
+function withValue(text, section, key, value) {
+  const lines = text.split("\n"), entry = entriesOf(text).find((e) => e.section === section && e.key === key);
+  const quoted = value === "y" ? '"y"' : value;  // To some readers of YAML y is a yes.
+  const written = value ? [`${section && "  "}${key}: ${quoted}`] : [];
+  if (entry) lines.splice(entry.line, 1, ...written);
+  else if (!section) lines.push(...written);
+  else {
+    const head = lines.findIndex((line) => line.startsWith(`${section}:`));
+    if (head < 0) lines.push(`${section}:`, ...written);
+    else lines.splice(head + 1, 0, ...written);
+  }
+  return lines.join("\n");
+}
+
+function showChoices({ frame, units, meanings }) {
+  const text = byId("map").value, entries = entriesOf(text);
+  const offered = [
+    ...Object.entries(frame).map(([key, values]) => ["frame", key, values, meanings[key]]),
+    ...Object.entries(units).map(([key, values]) => ["units", key, values, `unit of ${key}, where the file has none`]),
+    ["", "clock", ["same", "find"], "clock of the elevator: that of the poses, or to be found"],
+  ];
+  byId("choices").replaceChildren(...offered.flatMap(([section, key, values, meaning]) => {
+    const entry = entries.find((e) => e.section === section && e.key === key);
+    const now = entry ? entry.value.replace(/^["']|["']$/g, "") : "";
+    const isRare = section === "units" && !["time", "length", "angle", "rate"].includes(key);
+    if (isRare && !entry) return [];
+    const options = ["", ...new Set([...values, now])].filter((v, i) => v || !i);
+    const select = make("select", "", { class: "pick", title: meaning, "data-key": key },
+      ...options.map((value) => make("option", value || "by default", { value })));
+    select.value = now;
+    select.addEventListener("change", () => {
+      byId("map").value = withValue(byId("map").value, section, key, select.value);
+      edited();
+      check();
+    });
+    const label = { frame: key, units: `unit of ${key}` }[section] ?? `${key} of the elevator`;
+    return [make("label", label, { title: meaning }, select)];
+  }));
+}
+
+let lastDraft = "";  // As text; what a person has typed since stays.
+let choices = null;
+
+function edited() {
+  byId("save").disabled = true;
+  if (choices) showChoices(choices);
+}
+
+async function check() {
+  answerDrop(await post("map/check", byId("map").value));
+}
+
+/** Shows refusals of what was asked for. */
+function answerDrop(...refusals) {
+  byId("drop-answers").replaceChildren(...refusals.filter(Boolean).map((text) => make("p", text, { class: "warning" })));
+}
+
+function showImport(view) {
+  const { draft } = view.state, offer = view.import, { takes } = offer;
+  byId("import").hidden = !(offer.is_open || offer.has_takes);
+  byId("takes").textContent = takes.length ? `${takes.length} takes: ${takes.join(", ")}` : "";
+  byId("draft").hidden = !draft;
+  if (!draft || lastDraft === JSON.stringify(draft)) return;
+  lastDraft = JSON.stringify(draft);
+  byId("draft").open = offer.is_open || Boolean(draft.refusal);
+  choices = offer.choices;
+  byId("map").value = draft.text;
+  showChoices(choices);
+  byId("draft-words").textContent = draft.refusal ? "The takes cannot be read like this:"
+    : `${draft.flights} flights, as the map reads them. Do the arrows point where the nose did, and are the throws as they were? Correct what is not, then save.`;
+  const notes = [draft.refusal, ...draft.warnings].filter(Boolean);
+  byId("draft-notes").replaceChildren(...notes.map((text) => make("p", text, { class: draft.refusal ? "warning" : "remark" })));
+  byId("save").disabled = Boolean(draft.refusal);
+  byId("map-picture").hidden = !draft.flights;
+  if (draft.flights) byId("map-picture").setAttribute("src", `map.png?${Date.now()}`);
+}
+
+async function upload(files) {
+  const refusals = [];
+  for (const file of files) {
+    byId("takes").textContent = `Sending ${file.name}`;
+    const refusal = await post(`takes/${encodeURIComponent(file.name)}`, file).catch(() => "it was not sent");
+    if (refusal) refusals.push(`${file.name}: ${refusal}`);
+  }
+  byId("files").value = "";
+  answerDrop(...refusals);
+}
+
+byId("files").addEventListener("change", (event) => upload([...event.target.files]));
+byId("map").addEventListener("input", edited);
+byId("check").addEventListener("click", check);
+byId("save").addEventListener("click", async () => answerDrop(await post("map/save", byId("map").value)));
+for (const kind of ["dragover", "dragleave", "drop"]) {
+  byId("drop").addEventListener(kind, (event) => {
+    event.preventDefault();
+    byId("drop").classList.toggle("over", kind === "dragover");
+    if (kind === "drop") upload([...event.dataTransfer.files]);
+  });
+}
+
 // ----------------------------------------------------------------------- views
 
 function show(view) {
@@ -211,6 +327,7 @@ function show(view) {
   byId("notes").replaceChildren(...[...view.faults, ...state.notes].map((text) => make("p", text, { class: "warning" })));
   showAnswer(view, answer);
   showLaunches(view, answer);
+  showImport(view);
   showProposal(state);
   showThrows(state);
   draw(view.figures);

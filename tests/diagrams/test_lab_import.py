@@ -1,0 +1,134 @@
+"""The import assistant: takes that are dropped on the page, and a map for them."""
+
+import math
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+import diagrams.lab.assistant as assistant
+from diagrams.lab.assistant import MapJob
+from diagrams.lab.gate import Address
+from diagrams.lab.server import LONGEST_MAP, make_app
+from diagrams.lab.session import LabSession
+from glider.campaign.reader import load_campaign
+
+ADDRESS = Address(port=7000, token="a right token of the session")
+
+
+@pytest.fixture
+def session(tmp_path):
+    session = LabSession(tmp_path)
+    yield session
+    session.close()
+
+
+@pytest.fixture
+def client(session):
+    client = TestClient(make_app(session, ADDRESS), base_url="http://127.0.0.1")
+    client.cookies.set(ADDRESS.cookie, ADDRESS.token)
+    client.headers["x-glider-lab"] = "1"
+    return client
+
+
+def make_take(number=0):
+    """CSV of a ballistic throw: millimetres, degrees, height down, nose up."""
+    time = np.arange(90) / 120.0
+    pitch = 4.0 + number - 30.0 * time
+    x, down = 6000.0 * time, -(1500.0 + 1500.0 * time - 4905.0 * time**2)
+    columns = zip(time, x, down, pitch, strict=True)
+    rows = [f"{t:.4f},{a:.2f},{b:.2f},{c:.3f}" for t, a, b, c in columns]
+    return "\n".join(["time,x_mm,down_mm,pitch_deg", *rows, ""])
+
+
+def step(session):
+    """Works until nothing is left to do."""
+    session.step()
+    session.step()
+    while session.doing:
+        if answer := session._worker.wait(60.0):
+            session._take(answer)
+        session.step()
+
+
+def test_dropped_takes_become_throws_by_a_map_that_is_corrected(client, session):
+    for number in range(3):
+        answer = client.post(f"/takes/take {number}.csv", content=make_take(number))
+        assert answer.status_code == 200, answer.text
+    step(session)
+    draft = session.state.draft
+    assert draft.takes == ("take 0.csv", "take 1.csv", "take 2.csv")
+    assert "columns:" in draft.text and client.get("/map.png").status_code == 200
+    assert not session.state.throws  # Nothing is imported by a guess.
+    good = (
+        "columns: {time: time, x: x_mm, z: down_mm, pitch: pitch_deg}\n"
+        "units: {length: mm, angle: deg}\n"
+        "frame: {up: -z, pitch: nose_up}\nvehicle: {elevator: fixed_per_flight}\n"
+    )
+    for text, words in (
+        (
+            "columns: {x: nothing, z: down_mm, pitch: pitch_deg}\n",
+            "no column 'nothing'",
+        ),
+        (good.replace("up: -z", "up: z"), "up"),
+        ("[", "MAP.yaml"),
+    ):
+        assert client.post("/map/check", content=text).status_code == 200
+        step(session)
+        assert words in session.state.draft.refusal
+        assert str(session.watched.path) not in session.state.draft.refusal
+        refused = client.post("/map/save", content=text)
+        assert refused.status_code == 400 and not session.watched.has_takes
+    client.post("/map/check", content=good)
+    step(session)
+    assert session.state.draft.refusal == "" and session.state.draft.flights == 3
+    assert client.post("/map/save", content=good + " ").status_code == 400
+    assert client.post("/map/save", content=good).status_code == 200
+    session.update()
+    assert [throw.is_drawn for throw in session.state.throws] == [True] * 3
+    flight = load_campaign(session.watched.campaign).flights[0]
+    speed = np.gradient(flight.pose[:, 0], flight.time).mean()
+    assert speed == pytest.approx(6.0, abs=0.01)
+    assert flight.pose[0, 2] == pytest.approx(-math.radians(4.0), abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("..%2Fx.csv", "..%5Cx.csv", "%2Ftmp%2Fx.csv", ".hidden.csv", "x.yaml"),
+        *("MAP.yaml", "campaign.yaml", "x.csv%00.png", "x%0A.csv", "x.py", "x"),
+        *("%E2%80%AEvsc.csv", "a" * 130 + ".csv", "<b>.csv", "-rf.csv"),
+    ],
+)
+def test_hostile_names_are_refused(client, session, name):
+    before = sorted(session.watched.path.rglob("*"))
+    assert client.post(f"/takes/{name}", content="x").status_code in (400, 404)
+    assert sorted(session.watched.path.rglob("*")) == before
+
+
+def test_a_take_is_all_there_or_not_at_all(client, session, monkeypatch):
+    assert client.post("/takes/a.csv", content=make_take()).status_code == 200
+    again = client.post("/takes/a.csv", content="other")
+    assert again.status_code == 400 and "exists" in again.text
+    assert (session.watched.path / "a.csv").read_text() == make_take()
+    assert client.post("/takes/empty.csv", content="").status_code == 400
+    monkeypatch.setattr(assistant, "MOST_BYTES", 1000)
+    large = client.post("/takes/large.csv", content="x" * 1001)
+    assert large.status_code == 400 and "too large" in large.text
+    monkeypatch.setattr(assistant, "MOST_TAKES", 1)
+    assert client.post("/takes/b.csv", content="x").status_code == 400
+    assert [path.name for path in session.watched.takes] == ["a.csv"]
+    assert not list(session.watched.kept.glob("upload-*"))
+    assert client.post("/map/check", content="x" * (LONGEST_MAP + 1)).status_code == 413
+
+
+def test_takes_are_not_for_the_stations_folder(client, session):
+    (session.watched.path / "campaign.yaml").write_text("vehicle: {mass: 0.08}\n")
+    answer = client.post("/takes/a.csv", content=make_take())
+    assert answer.status_code == 400 and "no takes" in answer.text
+
+
+def test_a_log_that_no_map_can_be_proposed_for_says_so(tmp_path):
+    (tmp_path / "a.csv").write_text("a,b\n" + "1,2\n" * 50)
+    draft = MapJob(folder=tmp_path, out=tmp_path / "out", takes=("a.csv",)).run()
+    assert "no columns of a position" in draft.refusal and draft.text == ""
