@@ -25,6 +25,10 @@ class FunnelMonitor(LeafSystem):
             the share of its way to the boundary that a deviation may still grow.
         inside: 1 where V <= 1, else 0.
 
+    V is about the nominal flight. The theorem of a funnel of a set of gliders is about
+    the center of the glider that flies, which is nowhere known: its monitor is of the
+    estimated glider.
+
     After the funnel's end the last set counts, about the last nominal state.
     """
 

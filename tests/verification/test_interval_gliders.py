@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
+from glider import effects
 from glider.paths import models_path
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
@@ -27,6 +28,7 @@ from glider.verification.proof.interval import (
     make_interval,
     servo_reach,
     tight_cover,
+    unproven_numbers,
 )
 from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.sos.exact import exact, line
@@ -167,3 +169,57 @@ def test_a_number_on_which_a_linear_rate_depends_is_seen():
     rows = nonlinear_parts(model)[1]
     assert set(rows) < set(nonlinear_parts(model, names)[1])
     assert rows == nonlinear_parts(model, ("mass",))[1]
+
+
+@effects.scalar
+def _offset(rate, by):
+    return rate + by
+
+
+@effects.scalar
+def _buoyancy(flow, slope):
+    return slope * flow.z
+
+
+def _effect(kind, stage, adds_to, formula, name, words):
+    number = effects.Coefficient(name=name, unit="-", scale=0.1, lower=-1.0, upper=1.0)
+    return effects.EffectKind(
+        kind=kind,
+        stage=stage,
+        adds_to=adds_to,
+        coefficients=(number,),
+        formula=formula,
+        words=words,
+        depends_on=(),
+    )
+
+
+OFFSET = _effect("rate_offset", "actuator", (), _offset, "by", "a rate that is off")
+BUOYANCY = _effect(
+    "buoyancy", "wrench", ("force_z",), _buoyancy, "slope", "a force by height"
+)
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "unproven"),
+    [
+        (OFFSET(by=0.1), "rate_offset.by", True),
+        (BUOYANCY(slope=0.1), "buoyancy.slope", False),
+        (OFFSET(by=0.1), "wing_area", False),
+        (BUOYANCY(slope=0.1), "mass", False),
+        (KINDS["wind"](x=-0.6), "wind.x", False),
+    ],
+)
+def test_a_number_that_acts_where_the_remainder_does_not_is_seen(
+    funnel, effect, name, unproven
+):
+    """As added to a linear rate; a force by height is rotated, and so is in R."""
+    model = GliderModel(effects=(effect,))
+    known = Covariance(names=(name,), matrix=np.array([[1e-12]]))
+    nominal = dataclasses.replace(funnel.nominal, model=model)
+    gliders = make_moving_center(nominal, ConfidenceSet(covariance=known))
+    piece = dataclasses.replace(funnel, nominal=nominal, gliders=gliders)
+    piece = piece.between(AT, AT + 1)
+    assert unproven_numbers(piece) == unproven
+    if unproven:
+        assert "deviates" in prove_interval(piece).fault

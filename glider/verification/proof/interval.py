@@ -19,7 +19,13 @@ import numpy as np
 
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.nominal import nonlinear_parts, table_of
+from glider.verification.dynamics.confidence import theta_at
+from glider.verification.dynamics.jets import dependences
+from glider.verification.dynamics.nominal import (
+    nonlinear_parts,
+    open_loop_rates,
+    table_of,
+)
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import (
@@ -290,9 +296,19 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
 
 
 def unproven_numbers(piece: Funnel) -> bool:
-    """Determines whether an otherwise linear rate depends on a number that deviates."""
+    """Determines whether numbers that deviate act where R does not account for them.
+
+    That is in an otherwise linear rate, or on a state that R does not depend on.
+    """
     if piece.gliders is None:
         return False
-    model = piece.nominal.model
+    model, n = piece.nominal.model, piece.num_states
     names = piece.gliders.confidence.names
-    return nonlinear_parts(model, names)[1] != nonlinear_parts(model)[1]
+    which, rows = nonlinear_parts(model)
+    with_them, of_them = nonlinear_parts(model, names)
+    variables = dependences(n + 1 + len(names))
+    theta = theta_at(model, names, variables[n + 1 :])
+    rates = open_loop_rates(model, variables[:n], variables[n], theta)
+    linear = (rate for row, rate in enumerate(rates) if row not in rows)
+    met = frozenset().union(*(getattr(rate, "variables", ()) for rate in linear))
+    return rows != of_them or which != [i for i in with_them if i <= n] or max(met) > n

@@ -201,9 +201,10 @@ def prove_remainder(
     """
     basis, stretch = tight_cover(interval)
     found = _bounded(False, boxes=0, ratio=np.inf)
-    if (stretch <= STRETCH or not halvings) and covers(interval, basis):
+    remainder = make_remainder(piece, basis, span)  # It turns the basis.
+    if (stretch <= STRETCH or not halvings) and covers(interval, remainder.basis):
         most = min(PATIENCE, budget) if halvings else budget
-        found = bound_remainder(make_remainder(piece, basis, span), most)
+        found = bound_remainder(remainder, most)
         halvings = halvings if found.ratio <= HOPELESS else 0
     if found.proven or not halvings:
         return found
