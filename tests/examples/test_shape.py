@@ -29,13 +29,20 @@ WRITES = {name: SHOWN for name in NAMES} | {
     "close_the_loop": {"--json", "--model"},
     "cruise": {"--json", "--html"},
     "residual_coefficients": {*SHOWN, "--model"},
+    "lab_session": {"--json"},
     "launch_map": {"--json", "--figure"},
     "van_der_pol": {"--json", "--figure"},
     "watch_log": {"--json", "--html"},
 }
 """The files that an example writes."""
 
-TRUTHS = ["learn_residual", "perch_corrected", "perching_funnel", "sample_plans"]
+TRUTHS = [
+    "lab_session",
+    "learn_residual",
+    "perch_corrected",
+    "perching_funnel",
+    "sample_plans",
+]
 """Examples that fly a glider of the user's choice."""
 
 

@@ -1,0 +1,103 @@
+"""A session in the lab, from the first throw to the corrected perch, without a page.
+
+The station flies a simulated glider live, in two processes in real time: throws that
+are planned with the nominal model and miss the wire. They are traced, the plan is made
+again with the corrected model, and as many throws are flown with it.
+
+    python examples/lab_session.py
+    python examples/lab_session.py --truth slow_servo --folder out/servo --json out.json
+
+The folder is a campaign for `glider close-the-loop`, and `glider lab FOLDER` shows it
+in the browser. A session that was ended goes on where it was.
+
+--json: {"truth", "verdict", "effects", "position_rms_m", "before", "after"}; before and
+after are perches and throws.
+"""
+
+import dataclasses
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from diagrams import program
+from diagrams.lab.launches import Launches
+from diagrams.lab.session import LabSession
+from diagrams.lab.simulated import run_simulated
+from diagrams.lab.state import CORRECTED, NOMINAL, Trace
+from glider import InputError
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Session:
+    """A session that was completed."""
+
+    truth: str  #: Name or file of the simulated glider.
+    answer: Trace  #: Of the throws with the nominal plan.
+    before: tuple[int, int]  #: Perches and throws with the nominal plan.
+    after: tuple[int, int]  #: The same with the corrected plan.
+
+    def key_figures(self) -> dict[str, Any]:
+        """Returns the result for a file."""
+        return {
+            "truth": self.truth,
+            "verdict": self.answer.verdict,
+            "effects": [effect.kind for effect in self.answer.effects],
+            "position_rms_m": dict(self.answer.errors),
+            "before": list(self.before),
+            "after": list(self.after),
+        }
+
+
+def run(
+    truth: str,
+    launches: int,
+    seed: int,
+    folder: Path,
+    progress: program.Progress = program.silent,
+) -> Session:
+    """Flies as many launches, traces, plans again and flies as many.
+
+    Raises:
+        InputError: launches, or the trace, failed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    session = LabSession(folder, progress)
+    station = Launches(folder=folder, truth=truth, seed=seed)
+    try:
+        is_complete = run_simulated(session, station, launches, progress)
+    finally:
+        session.close()
+    state = session.state
+    if not is_complete or state.answer is None:
+        raise InputError(f"{folder}: the session was not completed; see above.")
+    return Session(
+        truth=truth,
+        answer=state.answer,
+        before=state.count_perches(NOMINAL),
+        after=state.count_perches(CORRECTED),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Flies as the command line says and prints the result."""
+    parser = program.make_parser(__doc__)
+    program.add_truth(parser, "head_wind")
+    program.add_launches(parser, 10, 3)
+    program.add_file(parser, "--json", "the result")
+    words = "of the session (default: %(default)s)"
+    folder = Path("out/lab_session")
+    parser.add_argument("--folder", type=Path, default=folder, help=words)
+    args = parser.parse_args(arguments)
+    program.check_files(args.json)
+    program.load_truth(args.truth)  # Is there one?
+    found = run(args.truth, args.launches, args.seed, args.folder, _show)
+    program.write_json(args, found.key_figures())
+
+
+def _show(line: str) -> None:
+    print(line, flush=True)  # The station prints, too.
+
+
+if __name__ == "__main__":
+    sys.exit(program.run(main))
