@@ -15,6 +15,7 @@ from diagrams.station.scenario import (
 from diagrams.station.session import Session
 from diagrams.station.throw_log import read_throw
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.travel import calc_travel
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.files import schema
@@ -67,7 +68,10 @@ def test_a_slow_servo_under_feedback_is_no_wrong_clock(tmp_path):
     lab = Lockstep(tmp_path / "s", Simulation(truth="slow_servo"))
     lab.fly(4)
     campaign = load_campaign(tmp_path / "s")
-    assert len(inspect(campaign).campaign.flights) == 4
+    found = inspect(campaign)
+    assert len(found.campaign.flights) == 4 and found.warnings == ()
+    gain, error = calc_travel(campaign.flights, {})
+    assert abs(gain - 1.0) < 0.03 < 3.0 * error
 
 
 def test_a_record_holds_all_that_is_needed_to_repeat_a_throw(tmp_path, nominal):

@@ -37,14 +37,10 @@ Measured: 0.93 at least for 600 flights; nine in ten with commands of another fl
 fall below, as few rates correlate by chance."""
 _WIDE = 0.15  # Travel above which one flight alone can be judged [rad].
 _BEYOND = 0.15  # Angle beyond its limits that no zero of an elevator explains [rad].
-_NOISES = 6.0  # Noise beyond its limits above which an elevator passes them [-].
+NOISES = 6.0  # Noise beyond its limits above which an elevator passes them [-].
 SCALE = "Scale:"
 """How warnings begin that make findings doubtful."""
 
-_TRAVEL = 0.06, 0.2
-"""Part by which the elevator's travel may be off. Measured: 0.04 at most in 35
-simulated campaigns with lags of up to 0.1 s."""
-_LATEST, _STILL_LATE = -6, 0.1  # The longest delays, and their part of the travel.
 _OFF = 0.02
 """Share by which a rate may be off: times are rounded, commands show a row later."""
 _FEWEST = 30  # Intervals that a rate is taken from, at least.
@@ -55,8 +51,8 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
     """Refuses an elevator that does not follow its commands, or precedes them."""
     if campaign.elevator != "servo":
         return
-    commanded = max(np.ptp(_integrate(f)) for f in campaign.flights)
-    kept = [_known_angles(f, masks)[1] for f in campaign.flights]
+    commanded = max(np.ptp(integrate_commands(f)) for f in campaign.flights)
+    kept = [known_angles(f, masks)[1] for f in campaign.flights]
     moved = max((np.ptp(angles) for angles in kept if len(angles)), default=0.0)
     if commanded < _MOVES and moved < _MOVES:
         return
@@ -88,19 +84,6 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
         )
 
 
-def check_travel(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, ...]:
-    """Warns of an elevator that turns farther or less than commanded, or refuses it."""
-    if campaign.elevator != "servo":
-        return ()
-    gain, error = calc_travel(campaign.flights, masks)
-    words = (
-        f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
-        "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
-    )
-    gain = max(gain, 1e-9)
-    return claim_scale(campaign, gain, _NOISES * error / gain, _TRAVEL, words)
-
-
 def claim_scale(
     campaign: Campaign,
     ratio: float,
@@ -114,28 +97,6 @@ def claim_scale(
     if abs(ratio - 1.0) > parts[1]:
         raise InputError(f"{campaign.path}: {words}.")
     return (f"{SCALE} {words}.",)
-
-
-def calc_travel(
-    flights: Sequence[Flight], masks: Mapping[str, Masks]
-) -> tuple[float, float]:
-    """Measured over commanded travel without its sign, and its standard error.
-
-    The elevator's changes are fitted by those commanded at many delays, whose sum is
-    the gain whatever the servo's delay and lag; the error is infinite where the servo
-    still follows at the longest delay.
-    """
-    pairs = [_rates(flight, masks, _DELAYS[::2]) for flight in flights]
-    change = np.concatenate([elevator for elevator, _ in pairs])
-    ordered = np.concatenate([commands for _, commands in pairs], axis=1)
-    ordered = np.where(np.isfinite(ordered), ordered, 0.0)
-    inverse = np.linalg.pinv(ordered @ ordered.T, hermitian=True)
-    response = inverse @ ordered @ change
-    gain = float(np.sum(response))
-    rest = float(np.mean((change - response @ ordered) ** 2))
-    late = np.sum(response[_LATEST:]) / (gain or 1.0)
-    is_known = len(change) > _MIN_RATES and (late < _STILL_LATE or abs(gain) > 1.0)
-    return abs(gain), float(np.sqrt(rest * np.sum(inverse))) if is_known else np.inf
 
 
 def check_rates(campaign: Campaign) -> tuple[str, ...]:
@@ -198,8 +159,8 @@ def find_stops(
     lower, upper = campaign.elevator_limits
     lowest, highest = float(np.min(angles)), float(np.max(angles))
     return (
-        lowest if lowest < lower - _NOISES * noise else lower,
-        highest if highest > upper + _NOISES * noise else upper,
+        lowest if lowest < lower - NOISES * noise else lower,
+        highest if highest > upper + NOISES * noise else upper,
     )
 
 
@@ -210,7 +171,7 @@ def find_unrelated(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str,
     usual, delay = calc_correlation(campaign.flights, masks)
     near = delay + np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
     least = _FOLLOWS_ALONE * abs(usual)
-    wide = [f for f in campaign.flights if np.ptp(_integrate(f)) > _WIDE]
+    wide = [f for f in campaign.flights if np.ptp(integrate_commands(f)) > _WIDE]
     return tuple(
         f.name for f in wide if abs(calc_correlation([f], masks, near)[0]) < least
     )
@@ -247,30 +208,32 @@ def _rates(
     flight: Flight, masks: Mapping[str, Masks], delays: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Changes (k,) of the elevator and (delays, k) by earlier commands [rad]."""
-    time, angle = _known_angles(flight, masks)
+    time, angle = known_angles(flight, masks)
     if len(time) < 2:
         return np.empty(0), np.empty((len(delays), 0))
     ends, rate = mean_rates(time, angle)
-    path, at = _integrate(flight), ends - delays[:, None, None]
+    path, at = integrate_commands(flight), ends - delays[:, None, None]
     earlier = np.interp(at, flight.time, path, left=np.nan, right=np.nan)
     return rate, earlier[:, 1] - earlier[:, 0]
 
 
-def mean_rates(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mean_rates(
+    time: np.ndarray, angle: np.ndarray, window: float = _WINDOW
+) -> tuple[np.ndarray, np.ndarray]:
     """Ends (2, k) of windows in a log (n,), and by how much the angle (k,) changes."""
-    begin = np.arange(time[0], time[-1] - _WINDOW, _WINDOW / 2)
-    ends = np.stack([begin, begin + _WINDOW])
+    begin = np.arange(time[0], time[-1] - window, _WINDOW / 2)
+    ends = np.stack([begin, begin + window])
     return ends, np.diff(np.interp(ends, time, angle), axis=0)[0]
 
 
-def _integrate(flight: Flight) -> np.ndarray:
+def integrate_commands(flight: Flight) -> np.ndarray:
     """The angle by which commands would have moved the elevator (n,) [rad]."""
     assert flight.command is not None
     moved = np.cumsum(flight.command[:-1] * np.diff(flight.time))
     return np.concatenate([[0.0], moved])
 
 
-def _known_angles(
+def known_angles(
     flight: Flight, masks: Mapping[str, Masks]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times [s] and angles [rad] (k,) of the elevator that are not masked."""
@@ -282,7 +245,7 @@ def _known_angles(
 
 def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:
     """All angles (k,) of the elevator that are not masked [rad]."""
-    return np.concatenate([_known_angles(f, masks)[1] for f in campaign.flights])
+    return np.concatenate([known_angles(f, masks)[1] for f in campaign.flights])
 
 
 def _pace(clocks: Iterable[np.ndarray], rate: float) -> float | None:

@@ -6,18 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.campaign.checks.clocks import (
-    check_clocks,
-    check_rates,
-    check_travel,
-    find_unrelated,
-)
+from glider.campaign.checks.clocks import check_clocks, check_rates, find_unrelated
 from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.forces import calc_heading, fit_forces, join, usable_motion
 from glider.campaign.checks.frame import check_frame
 from glider.campaign.checks.masks import ALL, ExcludedRows, Masks, name_rows
 from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rows import find_faults, find_hand
+from glider.campaign.checks.travel import check_travel
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 

@@ -13,12 +13,13 @@ sign by 16 standard errors or more, and its rate correlates with the commands by
 import numpy as np
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.clocks import check_clocks, check_travel, follow_sign
+from glider.campaign.checks.clocks import check_clocks, follow_sign
 from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.frame import check_frame
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.checks.rows import find_faults
+from glider.campaign.checks.travel import check_travel
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.clocks import calc_travel
 from glider.campaign.checks.fall import measure_fall
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.travel import calc_travel
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS

@@ -1,0 +1,136 @@
+"""Do elevators turn as far as commanded?
+
+An elevator in another unit, or behind a gear, turns all commands into other forces. Its
+changes are fitted by those of a servo: gain, delay and first-order lag, together. So a
+servo that is slow keeps its gain, under feedback too, where commands answer its lag.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from glider.campaign.checks.clocks import (
+    NOISES,
+    claim_scale,
+    integrate_commands,
+    known_angles,
+    mean_rates,
+)
+from glider.campaign.checks.masks import Masks
+from glider.campaign.logs import Campaign, Flight
+
+_DELAYS = np.arange(-0.02, 0.355, 0.02)
+"""Delays that are tried [s]: command_delay is < 0.3."""
+_LAGS = np.array([0.0, 0.01, 0.02, 0.04, 0.06, 0.09, 0.13, 0.19, 0.28, 0.4])
+"""Lags that are tried [s]: servo_lag is < 0.3; with the last the gain is unknown."""
+_FINER = np.linspace(-1.0, 1.0, 9)  # Between the best of these and their neighbors.
+_TRAVEL = 0.06, 0.2
+"""Part by which the travel may be off; calibrated by bench_travel."""
+_FEWEST = 8
+"""Parts that a jackknife is over, at least: of fewer flights, parts of flights."""
+_WINDOW = 0.1  # Time over which changes are taken [s].
+_SCATTER = 0.05
+"""Standard deviation of the gain of one flight, as logs show commands a row late or not
+[-]: measured by bench_travel."""
+_MIN_CHANGES = 15  # Changes that a gain is taken from, at least.
+
+
+def check_travel(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, ...]:
+    """Warns of an elevator that turns farther or less than commanded, or refuses it."""
+    if campaign.elevator != "servo":
+        return ()
+    gain, error = calc_travel(campaign.flights, masks)
+    words = (
+        f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
+        "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
+    )
+    gain = max(gain, 1e-9)
+    return claim_scale(campaign, gain, NOISES * error / gain, _TRAVEL, words)
+
+
+def calc_travel(
+    flights: Sequence[Flight], masks: Mapping[str, Masks]
+) -> tuple[float, float]:
+    """Measured over commanded travel without its sign, and its standard error.
+
+    Least squares over all flights. The error is that of a jackknife over flights, and
+    what logs scatter by; it is infinite if the lag is too long.
+    """
+    flights = [f for f in flights if len(known_angles(f, masks)[0]) > _FEWEST]
+    if not flights:
+        return 0.0, np.inf
+    (first, second), _ = _find_best(_sums(flights, masks, _DELAYS, _LAGS))
+    lags = np.interp(second + _FINER, np.arange(len(_LAGS)), _LAGS)
+    delays = np.interp(first + _FINER, np.arange(len(_DELAYS)), _DELAYS)
+    sums = _sums(flights, masks, np.unique(delays), np.unique(lags))
+    best, gain = _find_best(sums)
+    changes = float(np.sum(sums, axis=0)[(3, *best)])
+    one = np.arange(len(sums))
+    others = [_find_best(sums[one != k])[1] for k in one]
+    spread = np.std(others) * np.sqrt(len(one) - 1.0)
+    error = math.hypot(spread, _SCATTER / math.sqrt(len(flights)))
+    is_known = changes > _MIN_CHANGES and (second < len(_LAGS) - 1 or abs(gain) > 1.0)
+    return abs(gain), float(error) if is_known else np.inf
+
+
+def _find_best(sums: np.ndarray) -> tuple[tuple[int, int], float]:
+    """Rows of the best delay and lag in sums (parts, 4, ...), and the gain."""
+    square, product, power, _ = np.sum(sums, axis=0)
+    explained = product**2 / np.maximum(power, 1e-30)
+    first, second = np.unravel_index(np.argmin(square - explained), square.shape)
+    at = int(first), int(second)
+    return at, float(product[at] / max(power[at], 1e-30))
+
+
+def _sums(
+    flights: Sequence[Flight],
+    masks: Mapping[str, Masks],
+    delays: np.ndarray,
+    lags: np.ndarray,
+) -> np.ndarray:
+    """Sums (parts, 4, delays, lags) over flights, or over parts of few flights.
+
+    Of squared changes of the elevator, of products with a servo's, of its squares, and
+    their number.
+
+    A servo may turn at the start, because of earlier commands: that part of a change,
+    which fades as exp(-t / lag), is taken out of both.
+    """
+    parts = math.ceil(_FEWEST / len(flights))
+    sums = np.zeros((len(flights), parts, 4, len(delays), len(lags)))
+    for flight, found in zip(flights, sums, strict=True):
+        ends, change = mean_rates(*known_angles(flight, masks), _WINDOW)
+        if len(change) < parts:
+            continue
+        path = _follow(flight, delays, lags)
+        place = np.interp(ends, flight.time, np.arange(len(flight.time)))
+        before = np.minimum(place.astype(int), len(flight.time) - 2)
+        share = place - before
+        at = path[..., before] * (1.0 - share) + path[..., before + 1] * share
+        turned = at[..., 1, :] - at[..., 0, :]  # (delays, lags, changes)
+        since = (ends - flight.time[0]) / np.maximum(lags, 1e-3)[:, None, None]
+        fading = np.exp(-since[:, 0]) - np.exp(-since[:, 1])
+        fading /= np.sqrt(np.sum(fading**2, axis=1, keepdims=True)) + 1e-30
+        own = change - (fading @ change)[:, None] * fading  # (lags, changes)
+        turned -= np.einsum("dlk,lk->dl", turned, fading)[..., None] * fading
+        terms = np.broadcast_arrays(own**2, own * turned, turned**2, 1.0)
+        starts = np.arange(parts) * len(change) // parts
+        found[:] = np.moveaxis(np.add.reduceat(np.stack(terms), starts, axis=-1), -1, 0)
+    return sums.reshape(-1, *sums.shape[2:])
+
+
+def _follow(flight: Flight, delays: np.ndarray, lags: np.ndarray) -> np.ndarray:
+    """Angles (delays, lags, n) of servos that rest before the first command [rad]."""
+    time, path = flight.time, integrate_commands(flight)
+    asked = np.interp(time - delays[:, None], time, path)[:, None, :]
+    found = np.zeros((len(delays), len(lags), len(time)))
+    found[..., 0] = asked[..., 0]
+    steps, lags = np.diff(time), np.maximum(lags, 1e-6)
+    kept = np.exp(-steps / lags[:, None])
+    # Exact for what is asked along a straight line within each step.
+    mean = (1.0 - kept) * lags[:, None] / steps
+    gained = asked[..., 1:] * (1.0 - mean) + asked[..., :-1] * (mean - kept)
+    for k in range(len(steps)):
+        found[..., k + 1] = kept[:, k] * found[..., k] + gained[..., k]
+    return found
