@@ -141,8 +141,9 @@ def test_a_folder_with_damaged_records_and_lone_flights_goes_on(tmp_path, nomina
     lab.fly(2)
     lab.station.close()
     whole = (folder / "throw_002.mcap").read_bytes()
-    (folder / "throw_002.mcap").unlink()  # Its flight stays.
-    kept = (folder / "flight_002.csv").read_bytes()
+    (folder / "throw_002.mcap").unlink()
+    lone = (folder / "flight_002.csv").rename(folder / "flight_005.csv")
+    kept = lone.read_bytes()
     place = whole.index(b"/pose") + 2000
     damaged = whole[:place] + bytes(200) + whole[place + 200 :]
     (folder / "throw_003.mcap").write_bytes(damaged)
@@ -155,8 +156,8 @@ def test_a_folder_with_damaged_records_and_lone_flights_goes_on(tmp_path, nomina
     assert sum("throw_003" in line for line in lab.lines) == 1
     assert not list(folder.glob(".*.reserve"))
     lab.fly()
-    assert (folder / "flight_002.csv").read_bytes() == kept
-    assert (folder / "flight_005.csv").exists()
+    assert lone.read_bytes() == kept
+    assert (folder / "flight_006.csv").exists()
 
 
 def test_before_the_first_command_the_elevator_rests_at_neutral(tmp_path, nominal):

@@ -49,6 +49,16 @@ def test_a_silent_wire_does_not_depend_on_when_it_is_asked(spans):
     assert often.advance(end) == pytest.approx(once.advance(end), abs=1e-9)
 
 
+def test_a_wire_stops_at_neutral_though_commands_are_lost():
+    wire = Wire(SERVO, 0.0, 0.05)
+    wire.advance(0.0)
+    wire.command(10.0, 0.0)
+    assert wire.advance(0.02) == pytest.approx(0.2)
+    assert wire.to_neutral(0.02) == pytest.approx(-10.0)
+    angles = [wire.advance(0.02 + 0.001 * k) for k in range(100)]
+    assert min(angles) == angles[-1] == 0.0
+
+
 def test_a_wire_obeys_one_sender_until_it_is_silent():
     wire = Wire(SERVO, 0.0, 0.05)
     assert wire.obey(1.0, 5.0, 0.0)
