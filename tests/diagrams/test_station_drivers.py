@@ -1,4 +1,4 @@
-"""Drivers: recorded packets of cameras, a servo on a pseudo-terminal and on UDP."""
+"""Drivers: packets as cameras send them, a servo on a pseudo-terminal and on UDP."""
 
 import contextlib
 import math
@@ -65,7 +65,9 @@ def encode_frame(number, seconds, bodies, version, tracked=True):
 
 
 def capture(version, count=40):
-    """A recorded throw: packets, and the poses (k, 4) and times that they show.
+    """A throw as Motive would stream it: packets, and their poses (k, 4) and times.
+
+    Written by NatNet's documentation; no recording of a real Motive was at hand.
 
     In Motive's axes: y up, the throw along -z; nose of the body along its x.
     """

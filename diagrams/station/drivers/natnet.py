@@ -3,7 +3,8 @@
     python -m diagrams.station.drivers.natnet --body 1 --wire 4.0,1.2,0.0
 
 In Motive: stream rigid bodies, multicast, up axis as given here. Nothing is installed:
-the packets are read here.
+the packets are read here, by NatNet's documentation; they were not yet tried against a
+real Motive.
 """
 
 import argparse
