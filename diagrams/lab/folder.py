@@ -8,7 +8,8 @@ from pathlib import Path
 
 from diagrams.lab.state import CORRECTED, NOMINAL, Throw
 from diagrams.station.throw_log import read_throw
-from glider.campaign.importing.campaign_import import import_campaign
+from glider.campaign.importing.campaign_import import read_flights
+from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect
 from glider.files import schema
 
@@ -91,11 +92,12 @@ class Watched:
         takes = self.takes
         if not (self.has_takes and takes):
             return ()
-        imported = import_campaign(takes, self.path / MAP, self.campaign, force=True)
+        imported = read_flights(takes, self.path / MAP)
         names = {flight.name for flight in imported.campaign.flights}
         for file in self.campaign.glob("flight_*.csv"):
-            if file.name not in names:  # Of a take that was cut differently before.
+            if file.name not in names:  # Of a take that is gone, or cut differently.
                 file.unlink()
+        save_campaign(self.campaign, imported.campaign)
         return tuple(imported.warnings)
 
     def throws(self, known: Sequence[Throw]) -> list[Throw]:

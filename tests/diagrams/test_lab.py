@@ -285,9 +285,9 @@ def test_launches_are_flown_one_request_after_the_other(tmp_path):
     assert not launches.step(None, 0)
     assert "no corrected model" in launches.fault
     launches.ask("nominal", 3)
-    assert launches.step(None, 0) and "3 launches" in launches.doing
-    launches.ask("corrected", 4)
     model = tmp_path / "model.yaml"
+    assert launches.step(model, 0) and "3 launches" in launches.doing
+    launches.ask("corrected", 4)
     assert launches.step(model, 3)
     assert flights == [(3, None, 0)]
     (tmp_path / "over").touch()
