@@ -27,7 +27,6 @@ from glider.sysid.constants import MOST_LOST
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.folds import HeldOut
-from glider.sysid.fit.prediction import beginning_rows
 from glider.sysid.likelihood import uncertainty
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
@@ -277,10 +276,8 @@ def _warnings_of(flights: SmoothedFlights) -> Iterator[str]:
         )
     is_measured = flights.campaign.servo.angle == "measured"
     for record in records:
-        rows = beginning_rows(record, per_flight_trims=False)
-        if record.has_servo and is_measured and not record.seen[:rows, 3].any():
+        if record.has_servo and is_measured and not record.seen[:, 3].any():
             yield (
-                f"{record.name}: no elevator row counts in the beginning of the "
-                "flight, which its launch is fitted on; the elevator is assumed "
-                "where its commands have it."
+                f"{record.name}: no elevator row counts; the elevator is assumed where "
+                "its commands have it."
             )

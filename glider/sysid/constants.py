@@ -68,11 +68,10 @@ MOST_OUTLYING = 0.3  # Share of the flights that may be: more are no exceptions 
 Z_EXTREME, LEAST_EXTREME = 10.0, 0.3
 
 # ---------------------------------------------------------- evidence of effects
-# Evidence that an effect, or a free function, must bring, and each further coefficient
-# of an effect [nats]; and the same where one effect and moving air explain the flights
-# (m: docs/how_it_works.md; noise reaches the latter in one campaign of a hundred).
-EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD = 10.0, 4.0
-SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
+# Evidence, a gain of marginal likelihood, that an effect must bring beside others
+# [nats] (d): odds of 400 to 1 that none of 40 acts. Where one effect and moving air
+# explain the flights it need only be likelier than that none does.
+EVIDENCE_THRESHOLD = 10.0
 THRESHOLD_FLIGHTS = 40  # Above which thresholds grow: of the tries that set them (m).
 SIMPLE_MOMENT = 0.3  # Pitch acceleration of errors of formulas [rad/s²] (c).
 # Of effects of gliders of unknown forces, by predictions: e³ is 20 to 1, and 20 effects
@@ -132,9 +131,7 @@ GAIN_CHANCE = 0.025  # That a gain of nothing is significant: one side of 95 % (
 # Standard deviations about the median that gains of flights are held within: one flight
 # may not decide (c).
 GAIN_CLIP = 3.0
-# Ratios of errors above which a correction makes flights worse, free and along the
-# measured pitch: a tie, and what chance does where the pitch is given (c).
-WORSE = 1.001, 1.02
+WORSE = 1.001  # Ratio of errors above which flights got worse: below is a tie (c).
 REPLICAS = 100  # Of a flight: the RMS of its floor is known to 5 % (d).
 FLOOR_ACCURACY = 0.05  # Relative error of a floor (m: bench_floor).
 FLOOR_FLIGHTS = 40  # Flights that a floor is compared on; it takes time (c).

@@ -71,6 +71,9 @@ def effects_of(
     """Effects with their coefficients and standard errors, by their evidence."""
     model, gained = traced.model, max(sum(traced.evidence.values()), 1e-9)
     bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
+    unnamed = absorbed(task, traced, known)
+    near = [own.bends for own in BLOCKS.values() if own.bends & unnamed]
+    bent = bent.union(*near)
     found = [] if signs.are_right else [_sign_entry(signs)]
     for name in model.kinds:
         evidence = float(traced.evidence.get(name, 0.0))
@@ -80,8 +83,10 @@ def effects_of(
             "inclusion": traced.weighed[name].inclusion,
         }
         if name in model.free_kinds:
-            if BLOCKS[name].bends.isdisjoint(model.kinds):
+            if BLOCKS[name].bends.isdisjoint({*model.kinds} - unnamed):
                 found.append(_block_entry(traced, known, name, of_search))
+            continue
+        if name in unnamed:
             continue
         kind, slots = task.layout.kinds[name], task.layout.slots_of(name)
         if name == POSE_LATENCY.kind and model.theta[slots[0]] < 0.0:
@@ -107,6 +112,33 @@ def effects_of(
         own = {k: s for k, s in spreads.items() if k not in model.kinds}
         found += [_spread_entry(task, kind, spread) for kind, spread in own.items()]
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
+
+
+def absorbed(task: Task, traced: SearchResult, known: Uncertainty) -> set[str]:
+    """Returns the formulas that only help others to their shape.
+
+    Of those that a free function bends, each that explains less than it does, but for
+    the first. And of those with a memory each whose times are not longer than the
+    least, within two standard errors, beside another of its family or a free function
+    that bends it: it only shapes a function without one.
+    """
+    model, evidence, found = traced.model, traced.evidence, set[str]()
+    shared = set[str]()
+    for block in model.free_kinds:
+        bent = BLOCKS[block].bends.intersection(model.kinds)
+        ranked = sorted(bent, key=lambda k: evidence[k])
+        found.update(k for k in ranked[:-1] if evidence[k] < evidence[block])
+        shared |= bent
+    families = [set(own.formulas).intersection(model.kinds) for own in BLOCKS.values()]
+    for name in shared.union(*(own for own in families if len(own) > 1)) - found:
+        kind, slots = task.layout.kinds[name], task.layout.slots_of(name)
+        pairs = zip(slots, kind.coefficients, strict=True)
+        times = [i for i, c in pairs if c.unit == "s" and kind.states]
+        least, _ = task.bounds(times)
+        far = model.theta[times] - least > 2.0 * np.array([known.std(i) for i in times])
+        if times and not far.any():
+            found.add(name)
+    return found
 
 
 def _sign_entry(signs: Signs) -> FoundEffect:

@@ -223,7 +223,8 @@ class EvidenceThreshold:
     """Evidence below which an effect is not taken [nats]."""
 
     effect: Number  #: Of one coefficient, at least.
-    coefficient: Number  #: More for each further coefficient.
+    #: More for each further coefficient, where evidence is not a marginal likelihood.
+    coefficient: Number = 0.0
     uncommon: Number = 0.0  #: More for what not every glider of unknown forces has.
 
 

@@ -117,7 +117,6 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
 
 
 AllErrors = dict[str, Errors | None]
-FLOWN = "flown freely", "along the measured pitch"
 
 
 def judge(
@@ -194,18 +193,21 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
     Also whether it was compared with the nominal model, as the baseline is no worse.
     """
     baseline, nominal = "refitted baseline", "nominal model"
-    ratios = _ratios(errors, "refitted")
+    ratio = _ratio(errors, "refitted")
     if held_out is None:
-        return _worse(ratios, baseline), False
+        return _worse(ratio, baseline), False
     gain, over = held_out.gain, held_out.over_nominal
-    ratios = np.maximum(ratios, held_out.ratios)
-    doubt = _no_gain(gain, baseline) or _worse(ratios, baseline)
+    doubt = _no_gain(gain, baseline) or _worse(max(ratio, held_out.ratio), baseline)
+    if doubt is None and held_out.lost_along.are_significant:
+        doubt = (
+            "Along the measured pitch the correction makes held-out flights worse than "
+            f"the {baseline} does (t = {held_out.lost_along.t:.1f})."
+        )
     if doubt is None or over is None:
         return doubt, False
     is_lost = gain.t < -gain.least_t
     lost = _no_gain(gain, f"{baseline}: it loses") if is_lost else None
-    # Along the pitch, turning shows nothing.
-    worse = _worse(_ratios(errors, "nominal")[:1], nominal)
+    worse = _worse(_ratio(errors, "nominal"), nominal)
     return _no_gain(over, nominal) or lost or worse, True
 
 
@@ -219,21 +221,18 @@ def _no_gain(gain: Gains, over: str) -> str | None:
     )
 
 
-def _worse(ratios: np.ndarray, than: str) -> str | None:
-    """Sentence about a correction that makes held-out flights worse."""
-    for words, worse, ratio in zip(FLOWN, constants.WORSE, ratios, strict=False):
-        if ratio > worse:
-            found = f"{words} {ratio:.4g} times the error of the {than}"
-            if not np.isfinite(ratio):
-                found = f"{words} the corrected model diverges"
-            return f"The correction makes held-out flights worse: {found}."
-    return None
+def _worse(ratio: float, than: str) -> str | None:
+    """Sentence about a correction that makes held-out flights worse, flown freely."""
+    if ratio <= constants.WORSE:
+        return None
+    found = f"flown freely {ratio:.4g} times the error of the {than}"
+    if not np.isfinite(ratio):
+        found = "flown freely the corrected model diverges"
+    return f"The correction makes held-out flights worse: {found}."
 
 
-def _ratios(errors: AllErrors, model: str) -> np.ndarray:
-    """The corrected model's errors over another's, as FLOWN."""
+def _ratio(errors: AllErrors, model: str) -> float:
+    """The corrected model's error over another's, flown freely."""
     before, after = errors[model], errors["corrected"]
     assert before is not None and after is not None
-    free = ratio_of(before.position_rms_m, after.position_rms_m)
-    old, new = before.rollout_measured_pitch, after.rollout_measured_pitch
-    return np.array([free, ratio_of(old.position_rms_m, new.position_rms_m)])
+    return ratio_of(before.position_rms_m, after.position_rms_m)

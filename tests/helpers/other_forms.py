@@ -42,7 +42,7 @@ FAMILIES = {
     "stall": _family("wing_force", "alpha", "attached_lift"),
     "lagged_stall": _family(
         "wing_force",
-        "alphadot alpha",
+        "alphadot alpha reduced_rate",
         "dynamic_stall lagged_separation",
         "attached_lift",
     ),
@@ -53,7 +53,7 @@ FAMILIES = {
     "downwash": _family("tail_angle", "alpha", "downwash stalled_downwash"),
     "lagged_downwash": _family(
         "tail_angle",
-        "alphadot alpha",
+        "alphadot alpha reduced_rate",
         "downwash stalled_downwash lagged_downwash",
         "pitch_damping",  # The lag of a downwash is the textbook's C_m_alphadot.
     ),
@@ -63,12 +63,12 @@ FAMILIES = {
     "ground": _family("wing_force", "z", "ground_effect"),
     "added_mass": _family(
         "inertia",
-        "alphadot alpha pitchdot",
+        "alphadot alpha pitchdot reduced_rate",
         "added_mass",
         "inertia center_of_pressure",  # Its rotational inertia, and Munk's moment.
     ),
     "damping": _family("moment", "pitchdot", "pitch_damping"),
-    "rate_lift": _family("wing_force", "pitchdot", "pitch_rate_lift"),
+    "rate_lift": _family("wing_force", "pitchdot reduced_rate", "pitch_rate_lift"),
     "wind": _family("air", "t x z", "wind wind_shear"),
     "sensor_position": _family(
         "sensor", "x z", "position_scale frame_tilt marker_offset"

@@ -90,11 +90,9 @@ def test_a_file_says_only_what_it_changes(tmp_path):
 
 def test_the_arrays_of_a_field():
     arrays = GliderModel(field=FIELD).residual_field
-    np.testing.assert_array_equal(
-        arrays.centers[0], [-1, 0, 0.2, 0, 6, 0.3, 0, 0, 0, 0]
-    )
+    np.testing.assert_array_equal(arrays.centers[0], [-1, 0, 0.2, 0, 6, 0.3, *5 * [0]])
     np.testing.assert_allclose(
-        arrays.inverse_widths[1], [1 / 1.5, 0, 2, 0, 0.5, 2.5, 0, 0, 0, 0]
+        arrays.inverse_widths[1], [1 / 1.5, 0, 2, 0, 0.5, 2.5, *5 * [0]]
     )
     np.testing.assert_array_equal(arrays.inverse_widths[2], 0.0)  # The constant.
     np.testing.assert_array_equal(arrays.weights[2], [0, 0, 0.1, 0.05, 0, 0, 0, 0])

@@ -337,7 +337,7 @@ def test_the_evidence_threshold_on_the_page_is_the_one_that_was_used():
     for effect, words in ((6.6, "at least 6.6"), (20.0, "at least 20")):
         threshold = EvidenceThreshold(effect=effect, coefficient=1.6)
         page = flat(Page(to_html(make_result(evidence_threshold=threshold))).text)
-        assert f"must contribute {words};" in page
+        assert f"must contribute {words}; each further coefficient 1.6 more" in page
         assert "not every glider has" not in page
     threshold = EvidenceThreshold(effect=3.0, coefficient=2.0, uncommon=8.0)
     page = flat(Page(to_html(make_result(evidence_threshold=threshold))).text)

@@ -10,7 +10,7 @@ from glider.campaign.turning import Signs
 from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.outcome import curves_of, effects_of, model_of, spreads_of
+from glider.sysid.outcome import absorbed, curves_of, effects_of, model_of, spreads_of
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
@@ -142,3 +142,31 @@ def test_what_effects_explain_is_in_the_units_of_the_plate():
     )
     (moment,) = [c for c in curves_of(before, slower) if c.term == "c_moment"]
     np.testing.assert_allclose(moment.lack - moment.named, 0.4 / 4.0)
+
+
+def test_formulas_that_only_help_others_to_their_shape_are_not_named():
+    task, _ = task_of(fly(flights=2, duration=0.3))
+    layout = task.layout
+
+    def unnamed(times, evidence, free=()):
+        theta = task.vehicle.theta.copy()
+        for name, value in times.items():
+            theta[layout.index["lagged_separation", name]] = value
+        model = types.SimpleNamespace(kinds=(*evidence,), free_kinds=free, theta=theta)
+        traced = types.SimpleNamespace(model=model, evidence=evidence)
+        known = types.SimpleNamespace(std=lambda slot: 0.01)
+        return absorbed(task, traced, known)
+
+    both = {"attached_lift": 60.0, "lagged_separation": 40.0}
+    long, short = {"relaxation": 0.08}, {"relaxation": 0.03, "delay": 0.01}
+    assert unnamed(long, both) == set()
+    assert unnamed({"relaxation": 0.012, "delay": 0.05}, both) == set()
+    assert unnamed(short, both) == {"lagged_separation"}
+    assert unnamed(short, {"lagged_separation": 40.0}) == set()
+    block = "lift over alpha and reduced_rate"
+    beside = {"lagged_separation": 40.0, block: 10.0}
+    assert unnamed(short, beside, (block,)) == {"lagged_separation"}
+    assert unnamed(long, beside, (block,)) == set()
+    three = {"added_mass": 90.0, "pitch_rate_lift": 30.0}
+    assert unnamed({}, three | {block: 50.0}, (block,)) == {"pitch_rate_lift"}
+    assert unnamed({}, three | {block: 20.0}, (block,)) == set()

@@ -18,7 +18,7 @@ from glider.sysid.result import (
     Residual,
     RolloutErrors,
 )
-from glider.sysid.verdict import FLOWN, changes_baseline_alone, judge
+from glider.sysid.verdict import changes_baseline_alone, judge
 
 RIGHT = Signs()
 
@@ -61,14 +61,15 @@ def verdict(
     terms=(),
     signs=RIGHT,
     t=9.0,
-    ratios=(0.1, 0.1),
-    split=(0.1, 0.1),
+    ratio=0.1,
+    t_along=-9.0,
+    split=0.1,
     shape_fits=True,
     unnamed=None,
     left_over=None,
     doubt=None,
     t_over_nominal=None,
-    drawn=(1.0, 1.0),
+    drawn=1.0,
     chance=0.5,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
@@ -91,13 +92,14 @@ def verdict(
     if signs.are_right:
         held_out = types.SimpleNamespace(
             gain=gain_of(t),
-            ratios=ratios,
+            ratio=ratio,
+            lost_along=gain_of(t_along),
             over_nominal=None if t_over_nominal is None else gain_of(t_over_nominal),
         )
     errors = {
-        "nominal": errors_with(*drawn),
+        "nominal": errors_with(drawn, 1.0),
         "refitted": errors_with(1.0, 1.0),
-        "corrected": errors_with(*split),
+        "corrected": errors_with(split, 1.0),
     }
     return judge(traced, held_out, errors, effects, left, doubt)
 
@@ -112,7 +114,7 @@ def test_thrown_gliders_that_leave_much_are_never_without_effect():
 def test_nothing_found_is_no_effect():
     """However the flights came out."""
     assert verdict()[0] == "no_effect"
-    assert verdict(t=-5.0, ratios=(2.0, 2.0))[0] == "no_effect"
+    assert verdict(t=-5.0, ratio=2.0)[0] == "no_effect"
 
 
 def test_effects_that_hold_are_found():
@@ -148,22 +150,27 @@ def test_a_gain_by_chance_is_not_trusted(kinds):
 
 
 def test_a_model_that_diverges_is_no_infinite_number():
-    word, reason = verdict(("wind",), split=(float("inf"), 0.5))
+    word, reason = verdict(("wind",), split=float("inf"))
     assert word == "not_trusted"
     assert "the corrected model diverges" in reason and "inf" not in reason
 
 
-@pytest.mark.parametrize("place", range(4))
-def test_what_makes_unseen_flights_worse_is_not_trusted(place):
-    """Free or along the measured pitch, in folds or on the flights held out."""
-    worse = WORSE[place % 2] + 0.01
+@pytest.mark.parametrize("where", ["ratio", "split"])
+def test_what_makes_unseen_flights_worse_is_not_trusted(where):
+    """In folds or on the flights held out."""
+    worse = WORSE + 0.01
     for worst, expected in ((worse, "not_trusted"), (1.0, "effect_found")):
-        ratios = [0.5, 0.5, 0.5, 0.5]
-        ratios[place] = worst
-        word, reason = verdict(("wind",), ratios=ratios[:2], split=ratios[2:])
+        word, reason = verdict(("wind",), **{where: worst})
         assert word == expected
-        words = f"{FLOWN[place % 2]} {worse:.4g} times"
+        words = f"flown freely {worse:.4g} times"
         assert (words in reason) == (word == "not_trusted")
+
+
+def test_what_is_worse_along_the_measured_pitch_beyond_chance_is_not_trusted():
+    word, reason = verdict(("wind",), t_along=LEAST_T + 0.1)
+    assert word == "not_trusted"
+    assert f"t = {LEAST_T + 0.1:.1f}" in reason
+    assert verdict(("wind",), t_along=LEAST_T - 0.1)[0] == "effect_found"
 
 
 def test_what_leaves_too_much_to_chance_is_not_trusted():
@@ -184,7 +191,7 @@ def test_wrong_signs_need_no_folds():
     assert verdict((), signs=wrong)[0] == "effect_found"
     assert verdict(("wind",), signs=wrong, t=-9.0)[0] == "effect_found"
     assert verdict((), signs=wrong, field=True)[0] == "partly_explained"
-    worse = verdict(("wind",), signs=wrong, split=(WORSE[0] + 0.01, 0.5))
+    worse = verdict(("wind",), signs=wrong, split=WORSE + 0.01)
     assert worse[0] == "not_trusted"
 
 
@@ -196,7 +203,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = entry("unexplained"), entry("elevator_trim", evidence=math.nan)
     held_out = types.SimpleNamespace(
-        gain=gain_of(9.0), ratios=(0.9, 0.9), over_nominal=None
+        gain=gain_of(9.0), ratio=0.9, lost_along=gain_of(-1.0), over_nominal=None
     )
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
     word, _ = judge(traced, held_out, errors, found, left, None)
@@ -205,12 +212,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
 
 def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     """Refitted, the plate has it too: there is nothing to gain over that."""
-    alike = {
-        "t": 0.1,
-        "ratios": (1.01, 1.01),
-        "split": (1.02, 1.1),
-        "drawn": (2.0, 1.0),
-    }
+    alike = {"t": 0.1, "ratio": 1.01, "split": 1.02, "drawn": 2.0}
     assert verdict(("mass",), **alike)[0] == "not_trusted"
     word, reason = verdict(("mass",), t_over_nominal=9.0, **alike)
     assert word == "effect_found"
@@ -218,9 +220,9 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     by_chance = verdict(("mass",), t_over_nominal=LEAST_T - 0.1, **alike)
     assert by_chance[0] == "not_trusted"
     assert "over the nominal model" in by_chance[1]
-    worse = alike | {"drawn": (1.0, 1.0)}
+    worse = alike | {"drawn": 1.0}
     assert verdict(("mass",), t_over_nominal=9.0, **worse)[0] == "not_trusted"
-    gains = alike | {"t": LEAST_T + 0.1, "ratios": (0.5, 0.5), "split": (0.5, 0.5)}
+    gains = alike | {"t": LEAST_T + 0.1, "ratio": 0.5, "split": 0.5}
     word, reason = verdict(("center_of_pressure",), t_over_nominal=0.0, **gains)
     assert word == "effect_found"  # It travels: the plate does not.
     assert "refitted" not in reason

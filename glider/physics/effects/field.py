@@ -19,11 +19,17 @@ from glider.physics.formulas import scalar
 FIELD_UNITS = {
     **{"x": "m", "z": "m", "t": "s", "pitch": "rad", "V": "m/s", "alpha": "rad"},
     **{"pitchdot": "rad/s", "elevator": "rad", "elevator_rate": "rad/s"},
-    "tail_load": "Pa",
+    **{"tail_load": "Pa", "reduced_rate": "rad/m"},
 }
-"""Variables that a field may depend on, and their units; see `tail_load`."""
+"""Variables that a field may depend on, and their units; see `tail_load`.
+
+The reduced rate is the pitch rate over the airspeed, of which it counts 0.5 m/s at
+least: what a turn adds to the angle of attack along a wing.
+"""
 
 FIELD_VARIABLES = tuple(FIELD_UNITS)
+
+_LEAST_SPEED = 0.5  # That reduced rates are over, at rest [m/s].
 
 AIR_TERMS = ("wind_x", "wind_z")
 """Velocity of the air, world [m/s]."""
@@ -50,8 +56,8 @@ class Field(NamedTuple):
     term_k = Σ_m weights[m, k] exp(-½ Σ_d ((ξ_d - centers[m, d]) inverse_widths[m, d])²)
     """
 
-    centers: np.ndarray  #: (M, 10), in the order of FIELD_VARIABLES.
-    #: (M, 10), zero where the function does not depend on the variable; a row of zeros
+    centers: np.ndarray  #: (M, v), in the order of FIELD_VARIABLES.
+    #: (M, v), zero where the function does not depend on the variable; a row of zeros
     #: is a constant.
     inverse_widths: np.ndarray
     #: (M, 8), in the order of FIELD_TERMS.
@@ -79,6 +85,7 @@ def field_variables(flow):
         flow.elevator,
         flow.elevator_rate + 0.0 * flow.speed,
         tail_load(flow),
+        flow.pitchdot / np.sqrt(flow.speed * flow.speed + _LEAST_SPEED**2),
     )
 
 

@@ -89,6 +89,7 @@ VARIABLES = {
     "elevator": ("elevator, up > 0 [°]", math.degrees(1.0)),
     "elevator_rate": ("elevator rate [°/s]", math.degrees(1.0)),
     "tail_load": ("load of the elevator [Pa]", 1.0),
+    "reduced_rate": ("pitch rate over airspeed [°/m]", math.degrees(1.0)),
 }
 """Variable to its axis label and the factor from SI."""
 

@@ -16,7 +16,12 @@ from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_VARIABLES
 from glider.sysid import constants
-from glider.sysid.fit.prediction import RolloutModel, beginning_rows, errors_from
+from glider.sysid.fit.prediction import (
+    RolloutModel,
+    beginning_rows,
+    errors_from,
+    of_launch,
+)
 from glider.sysid.likelihood.blocks import midpoints
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -105,7 +110,7 @@ def _squares(
     moves, shows = _transitions(flight, truth)
     (nodes, channels, total), n = shows.shape, len(flight.states)
     seen, sensors = record.seen, np.array(model.scales.sensors[:channels])
-    first = np.arange(nodes) < beginning_rows(record, model.per_flight_trims)
+    first = of_launch(record, beginning_rows(record, model.per_flight_trims))
     stds = np.sqrt(start_variances(flight, truth))
     stds[[*range(n), n + 2]] = 0.0  # The launch; unmodelled pitch accelerations.
     shocks = rng.normal(size=(nodes, total, count)) * stds[:, None]
@@ -117,7 +122,7 @@ def _squares(
 
     # Rollouts have next to no process noise: their filter is a regression.
     shown = shows @ _flown(moves, _from_start(nodes, np.eye(total)))
-    weights = (seen & first[:, None])[..., None] / sensors[:, None]
+    weights = first[..., None] / sensors[:, None]
     columns, values = (weights * shown).reshape(-1, total), weights * measured
     prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
     right = columns.T @ values.reshape(-1, count)
@@ -135,7 +140,7 @@ def _squares(
     start[:, PITCH, :count] -= known[-1]
     guided = (shows @ _flown(moves, start))[:, :2]
     left, columns = measured[:, :2] - guided[..., :count], guided[..., count:]
-    fitted = seen[:, :2] & first[:, None]
+    fitted = first[:, :2]
     step = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]
     along = np.sum((left - columns @ step)[seen[:, 0]] ** 2, axis=1)
     return np.stack([*(v.mean(axis=0) for v in (free, along, pitch)), free[-1]])

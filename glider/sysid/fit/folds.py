@@ -60,17 +60,23 @@ class HeldOut:
     over_nominal: Gains | None = None  #: Over the nominal model, where computed.
 
     @property
-    def ratios(self) -> tuple[float, ...]:
-        """Corrected over baseline errors, free and along the measured pitch.
+    def ratio(self) -> float:
+        """Corrected over baseline error of free rollouts.
 
         Of the RMS over flights that either model flies.
         """
-        free, along = np.moveaxis(np.array(list(self.paths.values())), 2, 0)
-        flown = [own[np.isfinite(own).any(axis=1)] for own in (free, along)]
-        return tuple(
-            ratio_of(*np.sqrt(np.mean(own**2, axis=0))) if len(own) else np.inf
-            for own in flown
-        )
+        free = np.array(list(self.paths.values()))[:, :, 0]
+        free = free[np.isfinite(free).any(axis=1)]
+        return ratio_of(*np.sqrt(np.mean(free**2, axis=0))) if len(free) else np.inf
+
+    @property
+    def lost_along(self) -> Gains:
+        """Logarithms of corrected over baseline errors along the measured pitch.
+
+        There gusts are most of the errors of both, and a few flights decide nothing.
+        """
+        both = np.array([own[:, 1] for own in self.paths.values()])
+        return Gains(values=np.log([ratio_of(*own) + 1e-12 for own in both]))
 
 
 def ratio_of(before: float, after: float) -> float:

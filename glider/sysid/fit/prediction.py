@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.filter_error import PROCESSES
+from glider.compiled.filter_error import ELEVATOR, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import LogPath, roll_out
 from glider.compiled.theta import OFFSET
@@ -97,12 +97,23 @@ def beginning_rows(record: Record, per_flight_trims: bool) -> int:
     return min(max(rows, BEGINNING_ROWS), len(record.time))
 
 
+def of_launch(record: Record, rows: int) -> np.ndarray:
+    """Which measurements (n, C) a launch is fitted to: of the first rows.
+
+    The elevator is an input: its angle is known along the whole flight.
+    """
+    seen = record.seen.copy()
+    seen[rows:, np.arange(seen.shape[1]) != ELEVATOR] = False
+    return seen
+
+
 def find_launch(
     model: RolloutModel, record: Record, rows: int | None = None
 ) -> tuple[np.ndarray, Surroundings]:
     """Returns the likeliest state (n,) and constants, by a flight's first rows."""
     rows = rows or beginning_rows(record, model.per_flight_trims)
-    beginning, about = record.first(rows), STILL_AIR
+    beginning = dataclasses.replace(record, seen=of_launch(record, rows))
+    about = STILL_AIR
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.field, (), about)
         launch, n = flight.nodes[0].copy(), len(flight.states)

@@ -29,7 +29,7 @@ tenth of a flat plate's largest coefficients, half of a tail's force, a fifth of
 wing's."""
 
 # Gaussians over a variable; over the others there are 8. Of two variables, over each.
-COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 20, "tail_load": 16}
+COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}
 PAIR_COUNTS = 16, 3
 _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
@@ -81,8 +81,8 @@ _FAMILIES = (
     ("air along z", "z", ""),
     ("air along z", "t", ""),
     ("lift", "alpha", f"attached_lift camber {_LAGGED}"),
-    ("lift", "pitchdot", f"pitch_rate_lift {_LAGGED}"),
-    ("lift", "alpha pitchdot", f"pitch_rate_lift {_LAGGED}"),
+    ("lift", "reduced_rate", f"pitch_rate_lift added_mass {_LAGGED}"),
+    ("lift", "alpha reduced_rate", f"pitch_rate_lift added_mass {_LAGGED}"),
     ("lift", "elevator_rate", ""),
     ("drag", "alpha", _DRAGS),
     ("drag", "V", ""),
@@ -100,7 +100,7 @@ _FAMILIES = (
     ("tail's force", "alpha", "tail_wake"),
     ("tail's force", "elevator", ""),
     ("stream at the tail", "alpha", "downwash stalled_downwash"),
-    ("stream at the tail", "alpha pitchdot", "downwash stalled_downwash"),
+    ("stream at the tail", "alpha reduced_rate", "downwash stalled_downwash"),
     ("stream at the tail", "tail_load", "elevator_blowback"),
     ("stream at the tail", "elevator", ""),
 )
@@ -171,7 +171,7 @@ class Block:
     def added_to(self, flight: LinearFlight, values: np.ndarray) -> LinearFlight:
         """Returns a flight with a column for each coordinate.
 
-        `values` (K, 10) are FIELD_VARIABLES at the midpoints of its intervals.
+        `values` (K, v) are FIELD_VARIABLES at the midpoints of its intervals.
         """
         functions = self.functions(values[:, self.columns])
         return flight.with_forces(functions, self.terms, self.mix)
@@ -220,14 +220,14 @@ def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
 
 
 def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES along all flights of a model, (n, 10)."""
+    """Returns FIELD_VARIABLES along all flights of a model, (n, v)."""
     return np.concatenate([flow_variables(r, theta) for r in records])
 
 
 def midpoints(
     record: Record, theta: np.ndarray, about: Surroundings = STILL_AIR
 ) -> np.ndarray:
-    """Returns FIELD_VARIABLES at the midpoint of each interval, (K, 10)."""
+    """Returns FIELD_VARIABLES at the midpoint of each interval, (K, v)."""
     theta, wind = theta.copy(), about.wind(record)
     theta[record.layout.index["pitch_offset", "angle"]] += about.constants[3]
     wind = np.vstack([wind[:1], 0.5 * (wind[1:] + wind[:-1]), wind[-1:]])
@@ -265,8 +265,8 @@ def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
             along = np.cos(values) if name == "drag over alpha" else 1.0
             mean = np.mean(along * gaussian(values, centers, widths), axis=0)
             basis = scipy.linalg.null_space(mean[None])
-        s, c = np.sin(centers), np.cos(centers)
-        if name == "lift over alpha":  # Normal to the wing, and at its place.
+        s, c = np.sin(centers[:, :1]), np.cos(centers[:, :1])
+        if name.startswith("lift over alpha"):  # Normal to the wing, at its place.
             adds = {"c_lift": c, "c_drag": s, "c_moment": np.full_like(c, -wing_offset)}
         elif name == "drag over alpha":  # Along the wing.
             adds = {"c_lift": -s, "c_drag": c}

@@ -24,6 +24,13 @@ def solve_scaled(
     return scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
 
 
+def inverse(matrix: np.ndarray) -> np.ndarray:
+    """Returns the inverse of a matrix (m, m) of coefficients of any units."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix * scale[:, None] * scale
+    return np.linalg.inv(scaled) * scale[:, None] * scale
+
+
 def solve(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
     """Returns the minimiser δθ of [δθ; -1]' R [δθ; -1] + Σ ridge δθ²."""
     m = information.shape[0] - 1

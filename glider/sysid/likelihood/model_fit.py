@@ -20,7 +20,7 @@ from glider.sysid.constants import (
     MOST_TRIES,
 )
 from glider.sysid.likelihood.blocks import Block, FittedBlock, midpoints
-from glider.sysid.likelihood.information import bounded_step
+from glider.sysid.likelihood.information import bounded_step, inverse
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
     STILL_AIR,
@@ -63,7 +63,8 @@ class FitResult:
     #: `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
     has_force_errors: bool = False
     cost: float = np.inf  #: Negative log posterior [nats].
-    freedom: float = 0.0  #: Penalty for prior volume that blocks do not fill [nats].
+    #: Penalty for the volume of the prior that effects do not fill [nats].
+    freedom: float = 0.0
 
     @property
     def by_name(self) -> dict[str, FittedBlock]:
@@ -299,35 +300,43 @@ def in_surroundings(
 
 
 def fit_strength(task: Task, model: FitResult) -> FitResult:
-    """Returns the model with the prior strengths of the blocks that the flights show.
+    """Returns the model with the prior strengths of its blocks that the flights show.
 
-    MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992).
+    MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992). What
+    that lacks of the cost, by Laplace's approximation, is `freedom`: ½ log |A| / |Λ| of
+    effects' coefficients and blocks, the unknown parameters eliminated.
     """
-    if not model.blocks:
+    own = [j for j, slot in enumerate(model.free) if slot not in task.vehicle.nuisance]
+    own += [j for place in model.places().values() for j in place]
+    if not own:
         return dataclasses.replace(model, freedom=0.0)
     gram = grams_of(linear_flights(task, model), model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
-    own, start = slice(len(model.free), None), model.coordinates
+    of_blocks, start = slice(len(model.free), None), model.coordinates
     before = float(prior_of(task, model).added_to(gram)[-1, -1])
-    for _ in range(_STRENGTH_ROUNDS):
+    for _ in range(_STRENGTH_ROUNDS if model.blocks else 0):
         total = prior_of(task, model).added_to(gram)
-        covariance = np.linalg.inv(total[:-1, :-1])
-        value = start + (covariance @ total[:-1, -1])[own]
-        squares = value**2 + np.diag(covariance)[own]
+        covariance = inverse(total[:-1, :-1])
+        value = start + (covariance @ total[:-1, -1])[of_blocks]
+        squares = value**2 + np.diag(covariance)[of_blocks]
         blocks = []
         for fitted, mine in zip(model.blocks, model.split(squares), strict=True):
             strength = float(np.sqrt(np.mean(mine)))
             strength = min(max(strength, LEAST_STRENGTH), LARGEST_STRENGTH)
             blocks.append(dataclasses.replace(fitted, strength=strength))
         model = dataclasses.replace(model, blocks=tuple(blocks))
-    corner = np.linalg.inv(covariance[own, own])
-    freedom = 0.5 * float(np.linalg.slogdet(corner)[1])
-    freedom -= 0.5 * sum(float(np.log(b.precision).sum()) for b in model.blocks)
     prior = prior_of(task, model)
+    total = prior.added_to(gram)
+    precision = prior.precision[own]
+    relative = inverse(total[:-1, :-1])[np.ix_(own, own)]
+    relative *= np.sqrt(precision[:, None] * precision)
+    model = dataclasses.replace(
+        model, freedom=-0.5 * float(np.linalg.slogdet(relative)[1])
+    )
+    if not model.blocks:
+        return model
     step = prior.best_step(gram)
     left = np.append(-step, 1.0)
-    gained = 0.5 * (before - float(left @ prior.added_to(gram) @ left))
-    return dataclasses.replace(
-        moved(task, model, step), freedom=freedom, cost=model.cost - gained
-    )
+    gained = 0.5 * (before - float(left @ total @ left))
+    return dataclasses.replace(moved(task, model, step), cost=model.cost - gained)

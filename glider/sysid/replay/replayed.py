@@ -176,7 +176,7 @@ def flow_along(
 def flow_variables(
     record: Record, theta: np.ndarray, wind: np.ndarray | float = 0.0
 ) -> np.ndarray:
-    """Returns FIELD_VARIABLES along a flight, (n, 10), at its smoothed states.
+    """Returns FIELD_VARIABLES along a flight, (n, v), at its smoothed states.
 
     In air that moves with `wind` (n, 2) [m/s].
     """

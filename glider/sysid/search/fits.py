@@ -8,21 +8,17 @@ import numpy as np
 
 from glider.progress import Progress
 from glider.sysid.constants import (
-    COEFFICIENT_THRESHOLD,
     EVIDENCE_THRESHOLD,
     MOST_COMPARED,
     RIVAL_GAP,
-    SIMPLE_COEFFICIENT_THRESHOLD,
     SIMPLE_MOMENT,
-    SIMPLE_THRESHOLD,
     THRESHOLD_FLIGHTS,
 )
 from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
 from glider.sysid.likelihood.candidates import Candidates, Variant, gather, saturated
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
 from glider.sysid.likelihood.task import Task
-from glider.sysid.result import EvidenceThreshold
-from glider.sysid.search.subsets import Members, Scorer
+from glider.sysid.search.subsets import Members, Penalty, Scorer
 
 
 def without(task: Task, model: FitResult, *gone: str) -> FitResult:
@@ -93,17 +89,9 @@ class Search:
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
-        slots = [i for kind in model.kinds for i in self.task.layout.slots_of(kind)]
-        sizes = sum(not self.task.is_shape(i) for i in slots)
-        free = len(model.free_kinds)
-        count, threshold = len(model.kinds) - free, threshold_of(self.task, model)
-        penalty = threshold.effect * count + threshold.coefficient * (sizes - count)
-        flights = len(self.task.records)
-        penalty += sum(
-            threshold_of_kind(flights, block_threshold(name, model.kinds))
-            for name in model.free_kinds
-        )
-        return model.cost + model.freedom + penalty
+        penalty = penalty_in(self.task, model)
+        penalties = sum(penalty(kind, model.kinds) for kind in model.kinds)
+        return model.cost + model.freedom + penalties
 
     def prefers(self, model: FitResult, other: FitResult) -> bool:
         """Whether a model is worth more than another.
@@ -170,50 +158,37 @@ class Search:
         return None if found is model else found
 
 
-def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:
-    """Returns the evidence that each effect of a model must bring, at least."""
-    effect, coefficient = EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD
-    if is_simple(model):
-        effect, coefficient = SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD
-    effect = threshold_of_kind(len(task.records), effect)
-    return EvidenceThreshold(effect=effect, coefficient=coefficient)
-
-
 def marginal_scorer(
     candidates: Candidates, grams: np.ndarray, counts: np.ndarray
 ) -> Scorer:
-    """Returns the evidence of sets on flights that count so often, less a penalty.
-
-    A marginal likelihood penalizes the prior volume of coefficients already: about a
-    simple model, a member need only be likelier than that no effect acts. Once fitted,
-    sets are compared by `Search.penalized_cost`.
-    """
+    """Returns the evidence of sets on flights that count so often, penalized."""
     evidence = candidates.evidence(np.tensordot(counts, grams, 1))
-    model = candidates.model
-    is_fair = is_simple(model)
-    base = float(np.log(len(candidates.task.kinds))) if is_fair else EVIDENCE_THRESHOLD
-    blocks, flights = candidates.task.blocks, len(candidates.task.records)
-
-    def penalty(kind: str, kinds: Collection[str]) -> float:
-        own = block_threshold(kind, kinds) if kind in blocks else base
-        return threshold_of_kind(flights, own)
-
+    penalty = penalty_in(candidates.task, candidates.model)
     return Scorer(evidence, candidates.variants, penalty)
 
 
-def block_threshold(name: str, kinds: Collection[str]) -> float:
-    """Returns the evidence that a free function must bring in a set [nats].
+def penalty_in(task: Task, model: FitResult) -> Penalty:
+    """Returns the evidence that effects must bring in sets that are near a model.
 
-    One that bends a formula of the set claims nothing new: it need only be likelier
-    than that none of all acts.
+    A marginal likelihood penalizes the prior volume of coefficients already: where one
+    effect and air explain the flights, another need only be likelier than that none of
+    all acts, and so a free function that bends a formula of the set, as it claims
+    nothing new. Any other claims that no formula will do, which is its rival.
     """
-    bends = not BLOCKS[name].bends.isdisjoint(kinds)
-    return float(np.log(len(BLOCKS))) if bends else EVIDENCE_THRESHOLD
+    more = max(1.0, len(task.records) / THRESHOLD_FLIGHTS)
+    by_chance = float(np.log(len(task.kinds) or 1))
+    of_formula = by_chance if is_simple(model) else EVIDENCE_THRESHOLD
 
+    def penalty(kind: str, kinds: Collection[str]) -> float:
+        if kind not in BLOCKS:
+            own = of_formula
+        elif not BLOCKS[kind].bends.isdisjoint(kinds):
+            own = float(np.log(len(BLOCKS)))
+        else:
+            own = EVIDENCE_THRESHOLD + RIVAL_GAP
+        return more * own
 
-def threshold_of_kind(flights: int, base: float) -> float:
-    """Returns the evidence that an effect must bring, from that of few flights."""
-    return base * max(1.0, flights / THRESHOLD_FLIGHTS)
+    return penalty
 
 
 def is_simple(model: FitResult) -> bool:

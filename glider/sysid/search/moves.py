@@ -50,13 +50,12 @@ def pruned(search: Search, model: FitResult) -> FitResult | None:
     return None if found is model else found
 
 
-def evidence_of(search: Search, model: FitResult) -> dict[str, float]:
-    """Returns what is lost without each effect when all else is refitted [nats]."""
-    found = {}
-    for kind in model.kinds:
-        fewer = search.fit(without(search.task, model, kind), f"is {kind} needed?")
-        found[kind] = fewer.cost + fewer.freedom - model.cost - model.freedom
-    return found
+def one_less(search: Search, model: FitResult) -> dict[str, FitResult]:
+    """Returns the models without each of the effects, all else refitted."""
+    return {
+        kind: search.fit(without(search.task, model, kind), f"is {kind} needed?")
+        for kind in model.kinds
+    }
 
 
 def shown_by(task: Task, model: FitResult) -> dict[str, float]:

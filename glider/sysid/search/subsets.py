@@ -36,11 +36,16 @@ class Scorer:
         """Takes the penalty of a member [nats]."""
         self.evidence, self.variants, self.penalty = evidence, variants, penalty
         self._kept: dict[frozenset[Member], float] = {}
+        self._scores: dict[frozenset[Member], float] = {}
 
     def __call__(self, members: Members) -> float:
         """Returns the evidence of a set less its penalty [nats]."""
-        kinds = [kind for kind, _ in members]
-        return self.gain(members) - sum(self.penalty(kind, kinds) for kind in kinds)
+        key = frozenset(members)
+        if key not in self._scores:
+            kinds = [kind for kind, _ in members]
+            penalties = sum(self.penalty(kind, kinds) for kind in kinds)
+            self._scores[key] = self.gain(members) - penalties
+        return self._scores[key]
 
     def gain(self, members: Members) -> float:
         """Returns the evidence of a set without its penalty [nats]."""

@@ -128,18 +128,12 @@ def _stand_ins(kind: str, resampled: Sequence[set[str]]) -> set[str]:
 
 
 def weakest(
-    weighed: dict[str, EffectSupport],
-    evidence: dict[str, float],
-    beside_field: bool = False,
+    weighed: dict[str, EffectSupport], evidence: dict[str, float]
 ) -> str | None:
-    """Returns the effect that fewest resampled flights support, if too few.
-
-    Beside a field any may be dropped: its Gaussians' error makes evidence of any size.
-    """
-    doubted = [kind for kind in weighed if beside_field or evidence[kind] < DOUBTED]
-    kind = min(doubted, key=lambda k: weighed[k].support, default=None)
-    is_weak = kind and weighed[kind].support < weighed[kind].enough
-    return kind if is_weak else None
+    """Returns the effect of least evidence that too few resampled flights support."""
+    weak = [k for k, own in weighed.items() if own.support < own.enough]
+    doubted = [k for k in weak if evidence[k] < DOUBTED]
+    return min(doubted, key=evidence.__getitem__, default=None)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,7 @@ from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
+from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search import fits, moves
 from glider.sysid.search.force_search import held_out_scorer, search_forces
 from glider.sysid.search.subsets import climb
@@ -38,8 +39,12 @@ def trace(
     """Finds the effects that the flights show."""
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
-    search = fits.Search(without_late(task), progress)
-    model = improved(search, start_of(task, noise))
+    start, usual = start_of(task, noise), without_late(task)
+    search = fits.Search(dataclasses.replace(usual, blocks={}), progress)
+    named = improved(search, start)  # Flexible functions lead a search astray, too.
+    search.task = usual
+    both = improved(search, start), improved(search, named)
+    model = min(both, key=search.penalized_cost)
     search.task = task
     model = improved(search, model)
     progress(Step("weighing the effects", 0.76))
@@ -61,7 +66,7 @@ def trace(
         combinations=tuple(sorted(gains.items(), key=lambda item: -item[1])),
         families=moves.families_of(search, model),
         rivals=rivals_of(search, model, weighed),
-        threshold=fits.threshold_of(task, model),
+        threshold=EvidenceThreshold(effect=fits.penalty_in(task, model)("", ())),
     )
 
 
@@ -110,9 +115,15 @@ def supported(
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
     """Returns a model of effects that resampled flights support, and their support."""
     while True:
+        fewer = moves.one_less(search, model)
+        best = min(fewer.values(), key=search.penalized_cost, default=model)
+        if search.prefers(best, model):
+            model = improved(search, best)
+            continue
         weighed = weigh(search.task, model, fits.marginal_scorer, rng)
-        evidence = moves.evidence_of(search, model)
-        weak = weakest(weighed, evidence, bool(model.free_kinds))
+        own = model.cost + model.freedom
+        evidence = {kind: m.cost + m.freedom - own for kind, m in fewer.items()}
+        weak = weakest(weighed, evidence)
         if weak is None:
             return model, evidence, weighed
         task = search.task

@@ -47,12 +47,13 @@ def test_ratios_are_of_root_mean_squares_over_all_flights():
     gain = Gains(values=np.zeros(2))
     paths = np.stack([free, along], axis=2)
     held = HeldOut(folds=(), gain=gain, paths=by_name(paths))
-    assert held.ratios == pytest.approx((np.sqrt(5.0 / 25.0), 2.0))
+    assert held.ratio == pytest.approx(np.sqrt(5.0 / 25.0))
+    assert held.lost_along.values == pytest.approx(np.log([2.0, 2.0]))
     # A flight on which both diverge counts for neither; one alone, for that one.
     lost = dataclasses.replace(held, paths=by_name(with_flight(paths, np.nan, np.inf)))
-    assert lost.ratios == held.ratios
+    assert lost.ratio == held.ratio
     lost = dataclasses.replace(held, paths=by_name(with_flight(paths, 1.0, np.nan)))
-    assert lost.ratios[0] == np.inf
+    assert lost.ratio == np.inf
 
 
 def by_name(paths):
@@ -97,7 +98,7 @@ def test_a_planted_effect_holds():
     task, held = held_out(fly(drag, flights=7), "profile_drag")
     assert held.gain.t > 5.0 and held.gain.are_significant
     assert np.all(held.gain.values > 0.0)
-    assert max(held.ratios) < 0.3
+    assert held.ratio < 0.3 and max(held.lost_along.values) < 0.0
     assert len(held.folds) == FOLDS
     names = sorted(name for fold in held.folds for name in fold.held_out)
     assert names == sorted(record.name for record in task.records)
@@ -125,7 +126,7 @@ def test_an_idle_effect_does_not():
     _, held = held_out(fly(flights=10), "profile_drag", "pitch_damping")
     assert not held.gain.are_significant
     assert np.abs(held.gain.values).max() < 20.0
-    assert min(held.ratios) > 0.9 and max(held.ratios) < 1.3
+    assert 0.9 < held.ratio < 1.3 and not held.lost_along.are_significant
 
 
 def test_effects_are_searched_again_in_each_fold(monkeypatch):

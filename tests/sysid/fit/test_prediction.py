@@ -13,6 +13,7 @@ from glider.sysid.fit import prediction
 from glider.sysid.fit.prediction import (
     RolloutModel,
     beginning_rows,
+    find_launch,
     flown_by,
     measure_errors,
     predict,
@@ -46,6 +47,18 @@ def test_the_launch_is_fitted_on_the_beginning_only(windy):
     np.testing.assert_array_equal(
         predict(model, record).pose, predict(model, spoilt).pose
     )
+
+
+def test_the_elevator_is_known_along_the_whole_flight(windy):
+    """An error of its first rows moves its offset by their share of all."""
+    task, model = windy
+    record = task.records[1]
+    rows = beginning_rows(record, per_flight_trims=False)
+    elevator = record.elevator.copy()
+    elevator[:rows] += 0.03
+    spoilt = dataclasses.replace(record, elevator=elevator)
+    there, here = (find_launch(model, r, rows)[0][3] for r in (spoilt, record))
+    assert 0.0 < there - here < 0.3 * 0.03
 
 
 def test_the_truth_flies_whole_flights_as_they_were(windy, monkeypatch):

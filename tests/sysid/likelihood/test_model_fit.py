@@ -222,7 +222,7 @@ def test_the_cost_of_other_strengths_is_that_of_a_refit():
     task, noise = task_of(fly(KINDS["induced_drag"](k=0.04), flights=4))
     model = fit_model(task, with_drag(task, begin(task, noise)), iterations=15)
     other = fit_strength(task, model)
-    assert other.blocks[0].strength < 0.5
+    assert other.blocks[0].strength < 0.6
     before = fit_model(task, model, iterations=0, free_scales=())
     again = fit_model(task, other, free_scales=())
     assert again.cost - before.cost > 5.0
@@ -272,3 +272,18 @@ def test_fits_from_different_starts_end_at_the_same_cost(rough):
     far = dataclasses.replace(start, theta=theta)
     costs = [fit_model(task, own).cost for own in (start, far)]
     assert costs[0] == pytest.approx(costs[1], abs=1.0)
+
+
+def test_the_volume_of_the_prior_that_effects_do_not_fill_counts_against_them():
+    """Cost and freedom are the evidence of a set that is linear: ½ log |A| / |Λ|."""
+    task, noise = task_of(fly(KINDS["profile_drag"](cd0=0.05), flights=4))
+    model = fit_model(task, begin(task, noise, ("profile_drag", "wind")))
+    assert fit_strength(task, begin(task, noise)).freedom == 0.0
+    known = uncertainty_of(task, model)
+    slots = [s for k in model.kinds for s in task.layout.slots_of(k)]
+    places = [known.free.index(slot) for slot in slots]
+    own = known.likelihood[np.ix_(places, places)]
+    spreads = task.priors(slots, model.theta)[1] ** -0.5
+    expected = np.log(spreads).sum() - 0.5 * np.linalg.slogdet(own)[1]
+    assert fit_strength(task, model).freedom == pytest.approx(expected, rel=1e-4)
+    assert expected > 6.0

@@ -1,13 +1,15 @@
 """The search finds the set that trying all of them would find."""
 
 import itertools
+import types
 
 import numpy as np
 import pytest
 
+from glider.sysid.constants import EVIDENCE_THRESHOLD as EVIDENCE
 from glider.sysid.constants import MOST_EFFECTS
 from glider.sysid.likelihood.information import Evidence
-from glider.sysid.search.fits import threshold_of_kind
+from glider.sysid.search.fits import penalty_in
 from glider.sysid.search.subsets import Scorer, best_of_sizes, best_set, climb
 
 EVIDENCE_THRESHOLD = 3.0
@@ -140,6 +142,12 @@ def test_a_set_grows_to_the_most_effects_and_no_farther():
     assert len(best_set(score)) == MOST_EFFECTS
 
 
-def test_the_price_grows_with_many_flights_only():
-    assert threshold_of_kind(6, 10.0) == threshold_of_kind(40, 10.0) == 10.0
-    assert threshold_of_kind(400, 10.0) == 100.0
+def test_thresholds_grow_with_many_flights_only():
+    model = types.SimpleNamespace(blocks=("drag over alpha",))
+
+    def threshold(flights):
+        task = types.SimpleNamespace(records=range(flights), kinds=("wind", "mass"))
+        return penalty_in(task, model)("wind", ("wind",))
+
+    assert threshold(6) == threshold(40) == EVIDENCE
+    assert threshold(400) == 10.0 * EVIDENCE
