@@ -291,7 +291,7 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[result.Curve
     fields = "alpha", "lack", "std", "named"
     return tuple(
         result.Curve(term=term, **dict(zip(fields, own, strict=True)))
-        for term, own in zip(result.CURVE_TERMS, columns, strict=False)
+        for term, own in zip(result.CURVE_TERMS, columns, strict=True)
     )
 
 

@@ -27,7 +27,7 @@ MODELS = "nominal", "refitted", "corrected"
 #: The refitted baseline without a constant error of the pitch reading, as that is no
 #: physics; what a perfect model would leave on the same flights.
 CALIBRATED, PERFECT = "calibrated", "floor"
-CURVE_TERMS = "c_normal", "c_axial", "c_moment", "elevator_factor"
+CURVE_TERMS = "c_normal", "c_axial", "c_moment"
 #: Whether an effect's formula has the shape that the flights show.
 LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
 

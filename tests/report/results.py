@@ -227,7 +227,7 @@ def make_result(**changes):
         derivatives=DERIVATIVES,
         innovations=make_innovations("refitted", "corrected"),
         air=Air(std_m_s=0.12, correlation_s=0.31),
-        curves=(make_curve("c_normal"), make_curve("elevator_factor")),
+        curves=(make_curve("c_normal"), make_curve("c_axial")),
         vehicle={"wing_area_per_mass": Estimate(value=1.106, std=0.021, unit="m²/kg")},
         knows_forces=True,
         warnings=("flight_002.csv: the clock of the pose drifts by 0.3 %.",),

@@ -222,7 +222,7 @@ def test_json_has_the_schema_and_si_numbers():
                 "std": curve.std.tolist(),
                 "named": curve.named.tolist(),
             }
-            for curve in (make_curve("c_normal"), make_curve("elevator_factor"))
+            for curve in (make_curve("c_normal"), make_curve("c_axial"))
         ],
         "vehicle": {
             "wing_area_per_mass": {"value": 1.106, "std": 0.021, "unit": "m²/kg"}
