@@ -18,14 +18,9 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from diagrams import program
-from diagrams.lab.launches import Launches
-from diagrams.lab.session import LabSession
-from diagrams.lab.simulated import run_simulated
-from diagrams.lab.state import CORRECTED, NOMINAL, Trace
-from glider import InputError
+from diagrams.lab import fly_session
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -33,20 +28,11 @@ class Session:
     """A session that was completed."""
 
     truth: str  #: Name or file of the simulated glider.
-    answer: Trace  #: Of the throws with the nominal plan.
-    before: tuple[int, int]  #: Perches and throws with the nominal plan.
-    after: tuple[int, int]  #: The same with the corrected plan.
-
-    def key_figures(self) -> dict[str, Any]:
-        """Returns the result for a file."""
-        return {
-            "truth": self.truth,
-            "verdict": self.answer.verdict,
-            "effects": [effect.kind for effect in self.answer.effects],
-            "position_rms_m": dict(self.answer.errors),
-            "before": list(self.before),
-            "after": list(self.after),
-        }
+    verdict: str  #: Of the throws with the nominal plan.
+    effects: list[str]  #: That were found in them.
+    position_rms_m: dict[str, float]  #: Of predictions, by model.
+    before: list[int]  #: Perches and throws with the nominal plan.
+    after: list[int]  #: The same with the corrected plan.
 
 
 def run(
@@ -56,26 +42,17 @@ def run(
     folder: Path,
     progress: program.Progress = program.silent,
 ) -> Session:
-    """Flies as many launches, traces, plans again and flies as many.
-
-    Raises:
-        InputError: launches, or the trace, failed.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    session = LabSession(folder, progress)
-    station = Launches(folder=folder, truth=truth, seed=seed)
-    try:
-        is_complete = run_simulated(session, station, launches, progress)
-    finally:
-        session.close()
-    state = session.state
-    if not is_complete or state.answer is None:
-        raise InputError(f"{folder}: the session was not completed; see above.")
+    """Flies as many launches, traces, plans again and flies as many."""
+    found = fly_session(folder, truth, launches, seed, progress)
+    answer = found.answer
+    assert answer is not None  # It was completed.
     return Session(
         truth=truth,
-        answer=state.answer,
-        before=state.count_perches(NOMINAL),
-        after=state.count_perches(CORRECTED),
+        verdict=answer.verdict,
+        effects=[effect.kind for effect in answer.effects],
+        position_rms_m=dict(answer.errors),
+        before=list(found.before),
+        after=list(found.after),
     )
 
 
@@ -92,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.check_files(args.json)
     program.load_truth(args.truth)  # Is there one?
     found = run(args.truth, args.launches, args.seed, args.folder, _show)
-    program.write_json(args, found.key_figures())
+    program.write_json(args, dataclasses.asdict(found))
 
 
 def _show(line: str) -> None:

@@ -1,20 +1,56 @@
 """A whole session with a simulated glider: launches before a correction, and after."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 from diagrams.lab.launches import Launches
 from diagrams.lab.session import LabSession
-from diagrams.lab.state import CORRECTED, NOMINAL
+from diagrams.lab.state import CORRECTED, NOMINAL, State
+from glider.errors import InputError
 
 ATTEMPTS = 3
 """Times that launches are flown for those of which no flight came."""
+
+
+def fly_session(
+    folder: Path,
+    truth: str,
+    launches: int,
+    seed: int,
+    show: Callable[[str], None] = print,
+) -> State:
+    """Flies a session with a simulated glider into a folder, which it goes on with.
+
+    Args:
+        folder: of the session; made if it is not there.
+        truth: name or file of the simulated glider.
+        launches: number of them before the correction, and after.
+        seed: of launches and noise.
+        show: takes lines about the session.
+
+    Returns:
+        the state of the session: its answer, and launches `before` and `after`.
+
+    Raises:
+        InputError: launches, or the trace, failed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    session = LabSession(folder, show)
+    station = Launches(folder=folder, truth=truth, seed=seed)
+    try:
+        is_complete = run_simulated(session, station, launches, show)
+    finally:
+        session.close()
+    if not is_complete:
+        raise InputError(f"{folder}: the session was not completed; see above.")
+    return session.state
 
 
 def run_simulated(
     session: LabSession,
     launches: Launches,
     count: int,
-    show: Callable[[str], object] = print,
+    show: Callable[[str], None] = print,
 ) -> bool:
     """Flies, traces, plans again and flies; returns whether all of it was done.
 
@@ -35,10 +71,10 @@ def run_simulated(
         )
         show(f"{effect.kind}: {', '.join(values)}")
     done = not answer.effects or _fly(session, launches, CORRECTED, count)
-    perches = map(session.state.count_perches, (NOMINAL, CORRECTED))
+    perches = session.state.before, session.state.after
     words = (
-        "{} of {} before".format(*next(perches)),
-        "{} of {} after".format(*next(perches)),
+        "{} of {} before".format(*perches[0]),
+        "{} of {} after".format(*perches[1]),
     )
     show(f"Perches: {words[0]}, {words[1]} the correction.")
     return done
