@@ -71,7 +71,7 @@ def test_each_throw_is_flown_again_when_it_has_come(folder, open_session):
     assert all(0.0 < throw.errors["nominal"] < 0.5 for throw in seen)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_throws_one_by_one_give_the_answer_of_a_full_run(folder, open_session):
     session = open_session()
     for number in range(6):
@@ -93,7 +93,7 @@ def test_throws_one_by_one_give_the_answer_of_a_full_run(folder, open_session):
     assert errors["corrected"] < 0.5 * errors["nominal"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_restart_goes_on_where_the_session_was(folder, open_session):
     drop(folder, 0, 1, 2)
     first = open_session()
