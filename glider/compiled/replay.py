@@ -213,7 +213,7 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
         times, elevator, rate: (K,) at the nodes.
         nodes: (K, n).
         numbers, field: as in `log_slopes`.
-        values: (K, 15), written: accelerations (ẍ, z̈, θ̈), velocity through the air
+        values: (K, 5 + v), written: accelerations (ẍ, z̈, θ̈), velocity through the air
             (x, z), then FIELD_VARIABLES.
     """
     theta = theta_of(numbers, field)
@@ -302,7 +302,7 @@ def flow_at(
     numbers: np.ndarray,
     field: Field,
 ) -> np.ndarray:
-    """Returns flow and acceleration at states (K, n), see `log_flow`, (K, 15).
+    """Returns flow and acceleration at states (K, n), see `log_flow`, (K, 5 + v).
 
     `elevator` (K,) [rad] and `rate` (K,) [rad/s] are at the times.
     """

@@ -117,27 +117,31 @@ def effects_of(
 def absorbed(task: Task, traced: SearchResult, known: Uncertainty) -> set[str]:
     """Returns the formulas that only help others to their shape.
 
-    Of those that a free function bends, each that explains less than it does, but for
-    the first. And of those with a memory each whose times are not longer than the
-    least, within two standard errors, beside another of its family or a free function
-    that bends it: it only shapes a function without one.
+    First those with a memory whose times are not longer than the least, within two
+    standard errors, beside a formula without one, or a free function, that may have
+    their shape. Then, of those that a free function bends, each that explains less
+    than it does, but for the first that is left.
     """
     model, evidence, found = traced.model, traced.evidence, set[str]()
-    shared = set[str]()
-    for block in model.free_kinds:
-        bent = BLOCKS[block].bends.intersection(model.kinds)
-        ranked = sorted(bent, key=lambda k: evidence[k])
-        found.update(k for k in ranked[:-1] if evidence[k] < evidence[block])
-        shared |= bent
-    families = [set(own.formulas).intersection(model.kinds) for own in BLOCKS.values()]
-    for name in shared.union(*(own for own in families if len(own) > 1)) - found:
-        kind, slots = task.layout.kinds[name], task.layout.slots_of(name)
-        pairs = zip(slots, kind.coefficients, strict=True)
-        times = [i for i, c in pairs if c.unit == "s" and kind.states]
+    kinds, have = task.layout.kinds, set(model.kinds)
+    for name in model.kinds:
+        if name in model.free_kinds or not kinds[name].states:
+            continue
+        pairs = zip(task.layout.slots_of(name), kinds[name].coefficients, strict=True)
+        times = [i for i, c in pairs if c.unit == "s"]
         least, _ = task.bounds(times)
         far = model.theta[times] - least > 2.0 * np.array([known.std(i) for i in times])
-        if times and not far.any():
+        near = set[str]()
+        for block, own in BLOCKS.items():
+            if name in own.formulas and "alpha" in own.variables:
+                alone = own.formulas if own.variables == ("alpha",) else ()
+                near |= {block, *(k for k in alone if not kinds[k].states)}
+        if times and not far.any() and near & have:
             found.add(name)
+    for block in model.free_kinds:
+        bent = BLOCKS[block].bends.intersection(have) - found
+        ranked = sorted(bent, key=lambda k: evidence[k])
+        found.update(k for k in ranked[:-1] if evidence[k] < evidence[block])
     return found
 
 

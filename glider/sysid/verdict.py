@@ -155,7 +155,7 @@ def judge(
     if any(e.shape != LIBRARY_SHAPE for e in effects):
         reason = (
             "The effects are identified; where a formula has not the right shape, the "
-            "model carries a free function beside it"
+            "model carries a free function or another formula beside it"
         )
     elif is_as_plate:
         reason += (
@@ -198,7 +198,7 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
         return _worse(ratio, baseline), False
     gain, over = held_out.gain, held_out.over_nominal
     doubt = _no_gain(gain, baseline) or _worse(max(ratio, held_out.ratio), baseline)
-    if doubt is None and held_out.lost_along.are_significant:
+    if doubt is None and held_out.is_worse_along:
         doubt = (
             "Along the measured pitch the correction makes held-out flights worse than "
             f"the {baseline} does (t = {held_out.lost_along.t:.1f})."

@@ -421,7 +421,7 @@ def test_a_flight_that_diverged_stands_out():
 def test_evidence_is_told_as_it_was_found():
     """A known glider's is of the fitted flights, another's of held-out flights."""
     known = flat(Page(to_html(make_result())).text)
-    assert "log-likelihood of the fitted flights that is lost without" in known
+    assert "marginal log-likelihood of the fitted flights that is lost without" in known
     assert "of held-out flights that is lost" not in known
     # So is that of a glider of which only the tracked point is not told.
     offset = {"wing_offset": Estimate(value=0.02, std=0.001, unit="m")}

@@ -163,10 +163,14 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     assert unnamed({"relaxation": 0.012, "delay": 0.05}, both) == set()
     assert unnamed(short, both) == {"lagged_separation"}
     assert unnamed(short, {"lagged_separation": 40.0}) == set()
+    of_rate = {"lagged_separation": 40.0, "pitch_rate_lift": 30.0}
+    assert unnamed(short, of_rate) == set()  # It has the only lift over alpha.
     block = "lift over alpha and reduced_rate"
     beside = {"lagged_separation": 40.0, block: 10.0}
     assert unnamed(short, beside, (block,)) == {"lagged_separation"}
     assert unnamed(long, beside, (block,)) == set()
+    first = {"attached_lift": 30.0, "lagged_separation": 60.0, "lift over alpha": 50.0}
+    assert unnamed(short, first, ("lift over alpha",)) == {"lagged_separation"}
     three = {"added_mass": 90.0, "pitch_rate_lift": 30.0}
     assert unnamed({}, three | {block: 50.0}, (block,)) == {"pitch_rate_lift"}
     assert unnamed({}, three | {block: 20.0}, (block,)) == set()

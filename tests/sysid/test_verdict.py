@@ -94,6 +94,7 @@ def verdict(
             gain=gain_of(t),
             ratio=ratio,
             lost_along=gain_of(t_along),
+            is_worse_along=t_along > LEAST_T,
             over_nominal=None if t_over_nominal is None else gain_of(t_over_nominal),
         )
     errors = {
@@ -203,7 +204,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = entry("unexplained"), entry("elevator_trim", evidence=math.nan)
     held_out = types.SimpleNamespace(
-        gain=gain_of(9.0), ratio=0.9, lost_along=gain_of(-1.0), over_nominal=None
+        gain=gain_of(9.0), ratio=0.9, is_worse_along=False, over_nominal=None
     )
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
     word, _ = judge(traced, held_out, errors, found, left, None)

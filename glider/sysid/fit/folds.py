@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from glider.campaign.checks.motion import robust_std
-from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP
+from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP, WORSE
 from glider.sysid.fit.prediction import compare, flown_by, mean_squares
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
@@ -16,6 +16,8 @@ from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
 from glider.sysid.search.tracing import search_about, without_late
+
+_LARGEST_LOG = 9.0  # Of a ratio of errors: a model that diverges is one loss.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -76,7 +78,15 @@ class HeldOut:
         There gusts are most of the errors of both, and a few flights decide nothing.
         """
         both = np.array([own[:, 1] for own in self.paths.values()])
-        return Gains(values=np.log([ratio_of(*own) + 1e-12 for own in both]))
+        flown = both[np.isfinite(both).any(axis=1)]
+        lost = np.log([ratio_of(*own) + 1e-12 for own in flown])
+        return Gains(values=np.clip(lost, -_LARGEST_LOG, _LARGEST_LOG))
+
+    @property
+    def is_worse_along(self) -> bool:
+        """Whether the correction loses along the measured pitch, more than a tie."""
+        lost = self.lost_along
+        return lost.are_significant and float(np.median(lost.values)) > np.log(WORSE)
 
 
 def ratio_of(before: float, after: float) -> float:

@@ -98,9 +98,9 @@ def beginning_rows(record: Record, per_flight_trims: bool) -> int:
 
 
 def of_launch(record: Record, rows: int) -> np.ndarray:
-    """Which measurements (n, C) a launch is fitted to: of the first rows.
+    """Which measurements (n, C) a launch is fitted to.
 
-    The elevator is an input: its angle is known along the whole flight.
+    The pose and a gyro's rate of the first rows; the elevator of all, as an input.
     """
     seen = record.seen.copy()
     seen[rows:, np.arange(seen.shape[1]) != ELEVATOR] = False

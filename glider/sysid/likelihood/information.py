@@ -27,7 +27,7 @@ def solve_scaled(
 def inverse(matrix: np.ndarray) -> np.ndarray:
     """Returns the inverse of a matrix (m, m) of coefficients of any units."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * scale[:, None] * scale
+    scaled = matrix * scale[:, None] * scale + 1e-12 * np.eye(len(matrix))
     return np.linalg.inv(scaled) * scale[:, None] * scale
 
 

@@ -154,7 +154,7 @@ def flow_along(
     trim: float | None = None,
     wind: np.ndarray | float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns smoothed true states (n, num_states) and the model's flow there (n, 15).
+    """Returns smoothed true states (n, num_states) and the flow there (n, 5 + v).
 
     The flow's columns are those of `compiled.replay.log_flow`, FIELD_VARIABLES last.
     With a trim, the elevator is off its path by that much, else as it was measured.

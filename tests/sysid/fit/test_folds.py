@@ -163,3 +163,20 @@ def test_flights_apart_are_scored_but_not_fitted():
     every = found(())
     assert not np.allclose(alone.gain.values, every.gain.values, rtol=0.01)
     assert np.all(np.isfinite(alone.gain.values))
+
+
+def test_a_loss_along_the_pitch_is_more_than_a_tie_and_of_flights_that_fly():
+    gain = Gains(values=np.zeros(2))
+
+    def held(ratios):
+        along = np.stack([np.ones(len(ratios)), ratios], axis=1)
+        paths = np.stack([np.ones_like(along), along], axis=2)
+        return HeldOut(folds=(), gain=gain, paths=by_name(paths))
+
+    rng = np.random.default_rng(0)
+    assert held(1.1 + 0.01 * rng.normal(size=12)).is_worse_along
+    assert not held(1.0002 + 1e-5 * rng.normal(size=12)).is_worse_along
+    assert not held(1.1 + 0.5 * rng.normal(size=12)).is_worse_along
+    assert held(np.full(12, np.inf)).is_worse_along
+    both = held(np.full(2, 0.9)).paths | {7: np.full((2, 2), np.nan)}
+    assert len(HeldOut(folds=(), gain=gain, paths=both).lost_along.values) == 2
