@@ -274,10 +274,10 @@ def test_the_servo_is_neutral_when_its_driver_is_ended_or_killed_by_an_operator(
             bus.handle(0.01)
 
     with driver("servo_board", "--serial", name, "--bus", address, "--channel=3") as it:
-        last, patience = 0.0, time.monotonic() + 10.0
-        while abs(last - 0.6) > 0.01:  # A busy machine lets commands come too late.
+        last, patience = 0.0, time.monotonic() + 30.0
+        while abs(last - 0.6) > 0.02:  # A busy machine lets commands come too late.
             assert time.monotonic() < patience, last
-            command(0.3)
+            command(0.5)
             last = angles_of(read_terminal(ours))[-1]
         if way == "kill":
             bus.say(OPERATOR, 0.0, (2.0,), ("kill",))

@@ -15,7 +15,7 @@ import numpy as np
 WIDTH, HEIGHT = 1000, 650
 """Size of a window [pixels]."""
 
-PATIENCE = 30.0
+PATIENCE = 150.0
 """Time that a busy machine gets to draw [s]."""
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
