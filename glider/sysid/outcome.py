@@ -72,8 +72,7 @@ def effects_of(
     model, gained = traced.model, max(sum(traced.evidence.values()), 1e-9)
     bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
     unnamed = absorbed(task, traced, known)
-    near = [own.bends for own in BLOCKS.values() if own.bends & unnamed]
-    bent = bent.union(*near)
+    bent = bent.union(*unnamed.values())
     found = [] if signs.are_right else [_sign_entry(signs)]
     for name in model.kinds:
         evidence = float(traced.evidence.get(name, 0.0))
@@ -83,7 +82,7 @@ def effects_of(
             "inclusion": traced.weighed[name].inclusion,
         }
         if name in model.free_kinds:
-            if BLOCKS[name].bends.isdisjoint({*model.kinds} - unnamed):
+            if BLOCKS[name].bends.isdisjoint({*model.kinds} - unnamed.keys()):
                 found.append(_block_entry(traced, known, name, of_search))
             continue
         if name in unnamed:
@@ -114,15 +113,18 @@ def effects_of(
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
-def absorbed(task: Task, traced: SearchResult, known: Uncertainty) -> set[str]:
-    """Returns the formulas that only help others to their shape.
+def absorbed(
+    task: Task, traced: SearchResult, known: Uncertainty
+) -> dict[str, set[str]]:
+    """Returns the formulas that only help others to their shape, and which others.
 
     First those with a memory whose times are not longer than the least, within two
     standard errors, beside a formula without one, or a free function, that may have
     their shape. Then, of those that a free function bends, each that explains less
     than it does, but for the first that is left.
     """
-    model, evidence, found = traced.model, traced.evidence, set[str]()
+    model, evidence = traced.model, traced.evidence
+    found: dict[str, set[str]] = {}
     kinds, have = task.layout.kinds, set(model.kinds)
     for name in model.kinds:
         if name in model.free_kinds or not kinds[name].states:
@@ -137,11 +139,12 @@ def absorbed(task: Task, traced: SearchResult, known: Uncertainty) -> set[str]:
                 alone = own.formulas if own.variables == ("alpha",) else ()
                 near |= {block, *(k for k in alone if not kinds[k].states)}
         if times and not far.any() and near & have:
-            found.add(name)
+            found[name] = near & have
     for block in model.free_kinds:
-        bent = BLOCKS[block].bends.intersection(have) - found
+        bent = BLOCKS[block].bends.intersection(have) - found.keys()
         ranked = sorted(bent, key=lambda k: evidence[k])
-        found.update(k for k in ranked[:-1] if evidence[k] < evidence[block])
+        weak = [k for k in ranked[:-1] if evidence[k] < evidence[block]]
+        found |= dict.fromkeys(weak, bent.difference(weak))
     return found
 
 

@@ -159,18 +159,19 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
 
     both = {"attached_lift": 60.0, "lagged_separation": 40.0}
     long, short = {"relaxation": 0.08}, {"relaxation": 0.03, "delay": 0.01}
-    assert unnamed(long, both) == set()
-    assert unnamed({"relaxation": 0.012, "delay": 0.05}, both) == set()
-    assert unnamed(short, both) == {"lagged_separation"}
-    assert unnamed(short, {"lagged_separation": 40.0}) == set()
+    assert unnamed(long, both) == {}
+    assert unnamed({"relaxation": 0.012, "delay": 0.05}, both) == {}
+    assert unnamed(short, both) == {"lagged_separation": {"attached_lift"}}
+    assert unnamed(short, {"lagged_separation": 40.0}) == {}
     of_rate = {"lagged_separation": 40.0, "pitch_rate_lift": 30.0}
-    assert unnamed(short, of_rate) == set()  # It has the only lift over alpha.
+    assert unnamed(short, of_rate) == {}  # It has the only lift over alpha.
     block = "lift over alpha and reduced_rate"
     beside = {"lagged_separation": 40.0, block: 10.0}
-    assert unnamed(short, beside, (block,)) == {"lagged_separation"}
-    assert unnamed(long, beside, (block,)) == set()
+    assert unnamed(short, beside, (block,)) == {"lagged_separation": {block}}
+    assert unnamed(long, beside, (block,)) == {}
     first = {"attached_lift": 30.0, "lagged_separation": 60.0, "lift over alpha": 50.0}
-    assert unnamed(short, first, ("lift over alpha",)) == {"lagged_separation"}
+    assert unnamed(short, first, ("lift over alpha",)).keys() == {"lagged_separation"}
     three = {"added_mass": 90.0, "pitch_rate_lift": 30.0}
-    assert unnamed({}, three | {block: 50.0}, (block,)) == {"pitch_rate_lift"}
-    assert unnamed({}, three | {block: 20.0}, (block,)) == set()
+    shaped = {"pitch_rate_lift": {"added_mass"}}
+    assert unnamed({}, three | {block: 50.0}, (block,)) == shaped
+    assert unnamed({}, three | {block: 20.0}, (block,)) == {}

@@ -1,8 +1,8 @@
 """The floor of predictions: the error that a perfect model would leave on flights.
 
-Sensors are noisy, the launch is estimated from the beginning of a flight, and no model
-predicts gusts. Replicas of a flight with such errors are drawn about it, to which they
-are linear, and predicted as the flight is (see `prediction`).
+Sensors are noisy, the launch is estimated from a flight's beginning and its measured
+elevator, and no model predicts gusts. Replicas of a flight with such errors are drawn
+about it, to which they are linear, and predicted as the flight is (see `prediction`).
 """
 
 import dataclasses

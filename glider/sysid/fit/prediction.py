@@ -1,7 +1,7 @@
 """Prediction of flights that a model has not seen, and its errors.
 
-The launch state of each flight is estimated from its beginning only; then the model
-flies on alone to the end.
+The launch state of each flight is estimated from its beginning, and from the measured
+elevator of the whole flight; then the model flies on alone to the end.
 """
 
 import dataclasses

@@ -39,7 +39,7 @@ class BlockKind:
     """A family of effects: a link of the force chain, and what it varies with.
 
     Of two variables where the past matters: to first order, what lags behind the angle
-    of attack is a function of it and of the pitch rate.
+    of attack is a function of it and of the pitch rate (for a force: the reduced one).
     """
 
     link: str  #: Of the force chain, as reports have it.
