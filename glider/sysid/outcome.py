@@ -144,7 +144,7 @@ def absorbed(
         bent = BLOCKS[block].bends.intersection(have) - found.keys()
         ranked = sorted(bent, key=lambda k: evidence[k])
         weak = [k for k in ranked[:-1] if evidence[k] < evidence[block]]
-        found |= dict.fromkeys(weak, bent.difference(weak))
+        found |= dict.fromkeys(weak, {*bent}.difference(weak))
     return found
 
 
