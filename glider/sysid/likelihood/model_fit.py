@@ -227,8 +227,13 @@ def fit_model(
     model: FitResult,
     iterations: int = 6,
     free_scales: Sequence[str] = NAMES,
+    *,
+    with_strength: bool = False,
 ) -> FitResult:
-    """Fits a model's free parameters, its blocks and its scales."""
+    """Fits a model's free parameters, its blocks and its scales.
+
+    And the strengths of its blocks if asked, see `fit_strength`.
+    """
     best, step, tries, flights = None, None, 0, list[LinearFlight]()
     current = model
     for iteration in range(iterations + 1):
@@ -262,14 +267,16 @@ def fit_model(
             break
         step = prior.best_step(grams_of(flights, scales).sum(axis=0))
         if not np.all(np.isfinite(step)):  # It diverges.
-            best = dataclasses.replace(best, cost=np.inf)
+            best = current = dataclasses.replace(best, cost=np.inf)
             break
         current = moved(task, best, step)
         if not tries:
             moved_flights = [f.combined(step) for f in flights]
             current = in_surroundings(task, current, moved_flights)
     assert best is not None
-    return best
+    if not with_strength:
+        return best
+    return fit_strength(task, best, flights if current is best else None)
 
 
 def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
@@ -299,9 +306,12 @@ def in_surroundings(
     return dataclasses.replace(model, about=about)
 
 
-def fit_strength(task: Task, model: FitResult) -> FitResult:
+def fit_strength(
+    task: Task, model: FitResult, flights: Sequence[LinearFlight] | None = None
+) -> FitResult:
     """Returns the model with the prior strengths of its blocks that the flights show.
 
+    The flights are linear about it, and made so by default.
     MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992). What
     that lacks of the cost, by Laplace's approximation, is `freedom`: ½ log |A| / |Λ| of
     effects' coefficients and blocks, the unknown parameters eliminated.
@@ -310,7 +320,8 @@ def fit_strength(task: Task, model: FitResult) -> FitResult:
     own += [j for place in model.places().values() for j in place]
     if not own:
         return dataclasses.replace(model, freedom=0.0)
-    gram = grams_of(linear_flights(task, model), model.scales).sum(axis=0)
+    flights = linear_flights(task, model) if flights is None else flights
+    gram = grams_of(flights, model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
     of_blocks, start = slice(len(model.free), None), model.coordinates

@@ -16,7 +16,7 @@ from glider.sysid.constants import (
 )
 from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
 from glider.sysid.likelihood.candidates import Candidates, Variant, gather, saturated
-from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
+from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.subsets import Members, Penalty, Scorer
 
@@ -112,8 +112,8 @@ class Search:
             what = ", ".join(sorted(model.kinds)) or "the flat plate"
             self.progress(words or f"fitting {what}")
             if model.free_kinds:  # Strengths shape the fit.
-                model = fit_strength(self.task, fit_model(self.task, model, 2))
-            self.fitted[key] = fit_strength(self.task, fit_model(self.task, model))
+                model = fit_model(self.task, model, 2, with_strength=True)
+            self.fitted[key] = fit_model(self.task, model, with_strength=True)
         return self.fitted[key]
 
     def near(self, model: FitResult) -> FirstOrder | None:
