@@ -5,7 +5,8 @@
 A line a family of campaigns whose scales are right: how many show gravity, its error
 (RMS of the logarithm), the median of the stated standard deviations, and the largest
 errors in standard deviations. Families: strong effects of the library, lifelike
-campaigns and throws, and parts of campaigns of 3 to 8 flights.
+campaigns and throws, ten launches under one plan and its feedback, and parts of
+campaigns of 3 to 8 flights.
 """
 
 import argparse
@@ -14,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from diagrams.program import load_truth
+from examples.perch_corrected import rehearse
 from glider.campaign.checks import forces
 from glider.campaign.checks.fall import UNKNOWN, measure_fall
 from glider.campaign.checks.inspection import inspect
@@ -22,7 +25,10 @@ from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.campaign.samples import sample_names
 from glider.errors import InputError
+from glider.paths import models_path
 from glider.physics.effects import KINDS
+from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
 from tests.campaign.checks.test_effects_pass import STRONG, fly
 from tests.helpers.lifelike import draw_campaign, draw_throws, turbulence_campaign
 
@@ -32,12 +38,25 @@ def campaigns(draws: int, folders: list[Path]) -> Iterator[tuple[str, Campaign]]
     for kind, values in STRONG:
         if kind != "position_scale":
             yield "strong effects", fly((KINDS[kind](**values),))
+    for name in sorted(path.stem for path in models_path("truths").glob("*.yaml")):
+        yield "one plan", of_one_plan(name)
     for seed in range(draws):
         yield "lifelike", draw_campaign(seed)[0]
         yield "throws", draw_throws(seed)[0]
         yield "turbulence", turbulence_campaign(seed)[0]
     for folder in folders:
         yield folder.name, load_campaign(folder)
+
+
+def of_one_plan(name: str, seed: int = 0) -> Campaign:
+    """Logs of a glider of models/truths, launched under the plan of its nominal model.
+
+    The flights are alike: they show little of what shapes the forces of the air.
+    """
+    problem, rng = PerchingProblem(), np.random.default_rng(seed)
+    starts, truth = problem.draw_launches(10, rng), load_truth(name)
+    nominal = GliderModel(parameters=truth.parameters)
+    return rehearse(truth, nominal, problem, starts, rng).flights.campaign
 
 
 def motions_of(campaign: Campaign) -> list[Motion]:

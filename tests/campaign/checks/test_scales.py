@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.fall import measure_fall
+from glider.campaign.checks.fall import check_fall, measure_fall
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.travel import calc_travel
 from glider.campaign.reader import load_campaign
@@ -70,6 +70,24 @@ def test_few_flights_say_how_little_they_show(campaign):
         fall, error = measure_fall(motions[:count])
         assert abs(np.log(fall / 9.81)) < 2.0 * error
         assert error < 0.15
+
+
+def test_throws_of_one_plan_count_as_one_flight(campaign):
+    """What their forces lack is the same in all: the scatter does not show it."""
+    flight, rng = campaign.flights[0], np.random.default_rng(0)
+    throws = [
+        dataclasses.replace(
+            flight,
+            name=f"throw {i}",
+            pose=flight.pose + rng.normal(0.0, 1e-3, size=flight.pose.shape),
+        )
+        for i in range(10)
+    ]
+    repeated = dataclasses.replace(campaign, flights=tuple(throws))
+    scaled = edited(repeated, b.scale(0.7, 0.7, 1.0))
+    check_fall(scaled, {})  # At most a warning.
+    with pytest.raises(InputError, match="flights fall at"):
+        check_fall(edited(campaign, b.scale(0.7, 0.7, 1.0)), {})
 
 
 @pytest.mark.parametrize("of", ["campaign", "throws"])
