@@ -29,14 +29,17 @@ from glider.verification.dynamics.nominal import (
 )
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import DIFFERENCE
+from glider.verification.funnel.growth import DIFFERENCE, climb_sphere
 from glider.verification.proof.boxes import blame_of, bound_in_balls, shifted
 from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
 
-TURN_SAMPLES = 1000
-"""Points on the sphere where the variation of R is sampled, to turn the basis."""
+SAMPLES = 1000
+"""Points on the sphere where R and its variation are sampled."""
+
+STARTS = 4
+"""Points where the ascent to the largest R of each rate starts."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -59,7 +62,6 @@ class TaylorRemainder:
     #: Polynomials (r, M) of the bounds β that R has to keep, linear in s.
     limits: np.ndarray
     span: tuple[float, float]  #: First and last s.
-    seen: np.ndarray  #: Largest |R| / β (r,) that was seen at the middle of that.
     allowed: ConfidenceSet | None  #: Set of the gliders that fly; None for one alone.
     beyond: np.ndarray  #: Bounds (n + 1,) of what the inputs lack of that.
 
@@ -75,6 +77,32 @@ class TaylorRemainder:
         m = len(self.basis)
         is_round = self.allowed is not None and self.allowed.shape == "ellipsoid"
         return (slice(0, m), slice(m, -1)) if is_round else (slice(0, m),)
+
+    def seen(self) -> float:
+        """Returns the largest |R| / β of the model's own glider that ascent finds.
+
+        It is on the boundary of the ball, at both ends of the span.
+        """
+        m, table = len(self.basis), monomials(self.dimension, ORDER)
+
+        def ratios(w, s):
+            points = np.zeros((*w.shape[:-1], self.dimension))
+            points[..., :m], points[..., -1] = w, s
+            values = table.values(points.reshape(-1, self.dimension)).T
+            *states, command = self.inputs @ values
+            rates = open_loop_rates(self.model, states, command)
+            known = (self.polynomials + s * self.highest) @ values
+            sizes = np.abs(np.array([rates[row] for row in self.rows]) - known)
+            return (sizes / (self.limits @ values)).reshape(-1, *w.shape[:-1])
+
+        w = normalized(np.random.default_rng(0).normal(size=(SAMPLES, m)))
+        largest = 0.0
+        with np.errstate(all="ignore"):
+            for s in self.span:
+                starts = w[np.argsort(-ratios(w, s), axis=1)[:, :STARTS]]
+                found, _ = climb_sphere(lambda z, s=s: ratios(z, s).max(axis=0), starts)
+                largest = max(largest, float(np.nan_to_num(found, nan=np.inf).max()))
+        return largest
 
     def bounds(
         self, center: np.ndarray, half: np.ndarray
@@ -145,9 +173,7 @@ def make_remainder(
     s = 0.5 * sum(span)
     middle = np.append(path @ s ** np.arange(ORDER + 1), inputs_ends @ [1.0, s])
     P_here = P_ends[0] + s * P_ends[1]
-    basis, largest = _turned(nominal.model, middle, P_here, basis)
-    with np.errstate(all="ignore"):
-        ratios = largest / (beta_ends[0] + s * beta_ends[1])
+    basis = _turned(nominal.model, middle, P_here, basis)
 
     alone = np.all(table.exponents[:, m:last] == 0, axis=1)
     plain = alone & (table.exponents[:, last] == 0)
@@ -182,7 +208,6 @@ def make_remainder(
         rounding=2.0 * ROUNDING * WIDER * sizes,
         limits=limits,
         span=span,
-        seen=np.nan_to_num(ratios, nan=np.inf),
         allowed=piece.gliders.confidence if piece.gliders else None,
         beyond=beyond * WIDER,
     )
@@ -211,7 +236,7 @@ def _path_and_slopes(nominal):
 
 
 def _turned(model, center, polynomials, basis):
-    """Returns a basis with axes in the order of how much R varies, and max |R| (r,)."""
+    """Returns a basis with axes in the order of how much R varies."""
     which, rows = nonlinear_parts(model)
     table = table_of(len(which))
 
@@ -226,10 +251,10 @@ def _turned(model, center, polynomials, basis):
         return rates(y) - rates(0.0 * y) - table.values(y) @ polynomials.T
 
     m = len(basis)
-    w = normalized(np.random.default_rng(0).normal(size=(TURN_SAMPLES, m)))
+    w = normalized(np.random.default_rng(0).normal(size=(SAMPLES, m)))
     steps = DIFFERENCE * np.eye(m)
     slopes = np.array([remainder(w + step) - remainder(w - step) for step in steps])
     largest = np.abs(remainder(w)).max(axis=0)
     slopes /= np.maximum(largest, 1e-300)
     _, axes = np.linalg.eigh(np.einsum("ibr,jbr->ij", slopes, slopes))
-    return basis @ axes[:, ::-1], largest
+    return basis @ axes[:, ::-1]

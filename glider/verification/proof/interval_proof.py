@@ -221,7 +221,7 @@ def prove_remainder(
 
 def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> IntervalProof:
     """Tries to prove that |R| <= β on all boxes of the ball."""
-    ratio, boxes = float(remainder.seen.max(initial=0.0)), 0
+    ratio, boxes = remainder.seen(), 0
     size = remainder.dimension
     center, half = np.zeros((size, 1)), np.ones((size, 1))
     first, last = remainder.span
