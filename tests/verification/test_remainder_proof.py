@@ -179,7 +179,7 @@ def test_the_shipped_remainder_is_proven(pieces, k):
     assert 0.5 < proof.ratio < 1.0
 
 
-def test_a_remainder_that_is_too_small_is_refuted(pieces):
+def test_a_remainder_that_is_too_small_is_refuted(pieces, monkeypatch):
     def changed(k, factor):
         beta = pieces[k].beta.copy()
         beta[:, 6] *= factor
@@ -188,13 +188,23 @@ def test_a_remainder_that_is_too_small_is_refuted(pieces):
     proof = bound_remainder(remainder_on(changed(EARLY, 0.5)))
     assert not proof.proven
     assert proof.ratio > 1.0
-    # Random points do not find that it is too small; boxes do.
+    # Ascent finds that it is too small without a box, and boxes without ascent.
     remainder = remainder_on(changed(LATE, 0.8))
-    assert remainder.seen.max() < 1.0
+    assert bound_remainder(remainder).boxes == 0
+    monkeypatch.setattr(type(remainder), "seen", lambda self: 0.0)
     proof = bound_remainder(remainder)
     assert not proof.proven
-    assert proof.ratio > 1.0
+    assert proof.ratio > 1.0 and proof.boxes > 0
     assert not bound_remainder(remainder_on(changed(EARLY, 0.0))).proven
+
+
+def test_ascent_finds_the_largest_remainder_and_none_that_is_not_there(pieces):
+    remainder = remainder_on(pieces[LATE])
+    w = ball(len(remainder.basis), 20_000)
+    w /= np.linalg.norm(w, axis=0)
+    ends = [np.vstack([w, np.full((1, w.shape[1]), s)]) for s in remainder.span]
+    found = [true_ratio(pieces[LATE], remainder.basis, end).max() for end in ends]
+    assert max(found) < remainder.seen() < 1.0
 
 
 def test_a_search_gives_up_when_its_boxes_are_used(pieces):
