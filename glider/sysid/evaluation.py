@@ -140,13 +140,16 @@ def without_model_errors(
 ) -> Scales:
     """Scales without errors of the model: sensors, turbulence, per-flight constants.
 
-    An elevator off its path is an error of the servo's model.
-    Where a search of forces set the constants' scales, only reported spreads are known,
-    and gusts are not distinguished from errors of the forces: they count as these.
+    An elevator off its path is an error of the servo's model, and so is what differs
+    from flight to flight and is not reported: errors of formulas look like small trims.
+    Where a search of forces set the scales, gusts are not distinguished from errors of
+    the forces: they count as these.
     """
-    unknown = {"servo", "air"} if gusts else {"servo"}
+    unknown = {"servo", *(scale for scale, _, _ in SPREAD_KINDS.values())}
+    if gusts or traced.forces is not None:
+        unknown.add("air")
     if traced.forces is not None:
-        unknown = {"servo", "air", *OF_FORCES}
+        unknown.update(OF_FORCES)
     stds = {scale: getattr(FLOOR, scale) for scale in unknown}
     stds |= {SPREAD_KINDS[kind][0]: spread.std for kind, spread in spreads.items()}
     return dataclasses.replace(traced.model.scales, **stds)
