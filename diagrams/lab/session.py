@@ -24,6 +24,7 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
+from glider.files.lock import FolderLock
 from glider.files.writing import check_writable
 from glider.physics.model import GliderModel
 from glider.progress import Progress, silent
@@ -43,7 +44,7 @@ class LabSession:
         launches: of a simulated glider, if there is one to launch.
 
     Raises:
-        InputError: the folder cannot be used.
+        InputError: the folder cannot be used, or another session has it open.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class LabSession:
         self.watched, self._progress = Watched(folder), progress
         check_writable(self.watched.kept)
         self.watched.kept.mkdir(exist_ok=True)
+        self._lock = FolderLock(self.watched.kept / ".session", folder, "session")
         self._file = self.watched.kept / "session.json"
         self.state = load_state(self._file)
         self.report = self.watched.kept / "report"
@@ -153,10 +155,11 @@ class LabSession:
                 self._take(answer)
 
     def close(self) -> None:
-        """Ends what runs in the background."""
+        """Ends what runs in the background, and lets another have the folder."""
         if self.launches:
             self.launches.stop()
         self._worker.close()
+        self._lock.close()
 
     def _read(self, notes: list[str]) -> tuple[list[Throw], Campaign | None]:
         """The throws that there are, and the campaign of those that can be read."""

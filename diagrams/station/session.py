@@ -2,10 +2,8 @@
 
 import contextlib
 import dataclasses
-import fcntl
 import functools
 import importlib.metadata
-import os
 import platform
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +17,7 @@ from glider.campaign.writer import flight_csv, save_campaign
 from glider.errors import InputError
 from glider.errors import show as show_value
 from glider.files import schema
+from glider.files.lock import FolderLock
 from glider.files.writing import replace_file
 from glider.physics.model import model_text
 
@@ -87,29 +86,15 @@ class Session:
                     )
         else:
             save_campaign(folder, campaign)
-        self._lock: int | None = self._hold()
+        self._lock = FolderLock(folder / ".station", folder, "station")
         for reserve in folder.glob(RESERVES):
             reserve.unlink()
         self._check_truth()
         self.recover()
 
-    def _hold(self) -> int:
-        """Locks the folder for this process, however that ends."""
-        file = os.open(self.folder / ".station", os.O_WRONLY | os.O_CREAT, 0o644)
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(file)
-            raise InputError(
-                f"{self.folder}: another station writes to it; expected a new folder."
-            ) from None
-        return file
-
     def close(self) -> None:
         """Lets another station have the folder."""
-        if self._lock is not None:
-            os.close(self._lock)
-        self._lock = None
+        self._lock.close()
 
     def _check_truth(self) -> None:
         """Refuses throws of another simulated glider, or of a real one."""

@@ -140,6 +140,26 @@ def test_a_throw_that_cannot_be_read_is_named_and_the_others_count(
     assert session.state.throws[-1].is_read and not session.state.throws[-1].fault
 
 
+def test_one_session_at_a_time_has_a_folder(folder, open_session, capsys):
+    first = open_session()
+    assert main(["lab", str(folder), "--headless"]) == 2
+    error = capsys.readouterr().err
+    assert f"{folder}: another session writes to it" in error
+    assert "Traceback" not in error
+    first.close()
+    killed = "\n".join(
+        [
+            "import os, pathlib, sys",
+            "from diagrams.lab.session import LabSession",
+            "session = LabSession(pathlib.Path(sys.argv[1]))",
+            "os.kill(os.getpid(), 9)",
+        ]
+    )
+    ended = subprocess.run([sys.executable, "-c", killed, folder], check=False)
+    assert ended.returncode == -9
+    open_session()  # A process that was killed holds nothing.
+
+
 def test_a_folder_that_is_none_is_refused(tmp_path, capsys):
     with pytest.raises(InputError, match="expected a folder"):
         LabSession(tmp_path / "none")

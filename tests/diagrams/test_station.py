@@ -131,7 +131,9 @@ def test_a_folder_of_another_glider_is_refused(tmp_path, nominal):
 
 def test_two_stations_do_not_share_a_folder(tmp_path, nominal):
     lab = Lockstep(tmp_path / "s", Simulation(truth=nominal))
-    with pytest.raises(InputError, match="another station writes to it"):
+    with pytest.raises(
+        InputError, match="another station writes to it; expected a folder"
+    ):
         Session(tmp_path / "s", lab.scenario, lab.guidance)
 
 

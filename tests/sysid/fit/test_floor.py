@@ -1,14 +1,16 @@
 import dataclasses
+import types
 
 import numpy as np
 import pytest
 
 from glider.sysid.constants import UNLIKELY
+from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict_all
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
-from glider.sysid.result import EquationErrors
+from glider.sysid.result import EquationErrors, Spread
 from tests.helpers.known_truth import begin, task_of
 from tests.helpers.lifelike import draw_campaign, turbulence_campaign
 
@@ -126,3 +128,15 @@ def test_gusts_that_stand_for_a_stall_do():
     model = fit_model(task, begin(task, noise), iterations=1)
     assert model.scales.air > 0.05
     assert {"alpha", "V"} & set(air_depends_on(task, model))
+
+
+def test_only_reported_variations_are_in_the_floor():
+    """Errors of a formula look like small trims: a perfect model has none of them."""
+    scales = dataclasses.replace(FLOOR, air=0.1, trim=0.002, wind=0.1, servo=0.01)
+    traced = types.SimpleNamespace(
+        forces=None, model=types.SimpleNamespace(scales=scales)
+    )
+    wind = Spread(std=0.08, std_error=0.01, unit="m/s", values={})
+    truth = without_model_errors(traced, (), {"wind": wind})
+    assert truth == dataclasses.replace(FLOOR, air=0.1, wind=0.08)
+    assert without_model_errors(traced, ("V",), {}) == FLOOR
