@@ -140,8 +140,8 @@ def without_model_errors(
 ) -> Scales:
     """Scales without errors of the model: sensors, turbulence, per-flight constants.
 
-    An elevator off its path is an error of the servo's model, and so is what differs
-    from flight to flight and is not reported: errors of formulas look like small trims.
+    An elevator off its path is an error of the servo's model, and a variation over
+    flights that is not reported one of a formula: such errors look like small trims.
     Where a search of forces set the scales, gusts are not distinguished from errors of
     the forces: they count as these.
     """
