@@ -9,6 +9,7 @@ its reason for names. OPERATOR: the sender, with "kill", "arm" or "killed" for i
 """
 
 import re
+import socket
 import struct
 import time
 from collections.abc import Callable, Sequence
@@ -26,6 +27,14 @@ POSE, COMMAND, STATUS, OPERATOR = (
 )
 POSE_FIELDS = ("frame", "x", "z", "pitch", "elevator")
 COMMAND_FIELDS = ("sender", "number", "rate", "angle")
+
+
+def free_address() -> str:
+    """Address of a bus between processes of this computer that no other uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("", 0))
+        return f"udpm://239.255.76.68:{free.getsockname()[1]}?ttl=0"
+
 
 Handler = Callable[[float, Sequence[float], Sequence[str]], None]
 """Takes the time [s], the numbers and their names."""

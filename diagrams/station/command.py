@@ -12,10 +12,10 @@ DESCRIPTION = """\
 Flies throws live: takes poses from a bus (LCM), estimates the glider's state, sends
 commands of its elevator back, and logs every throw as a flight of a campaign.
 
---simulate puts a simulated glider on the bus, a process of its own with a launcher,
-a servo, and cameras that lose and delay frames. It has effects that the planner's model
-lacks. Without it the drivers of cameras and servo are started beside this command:
-python -m diagrams.station.drivers.natnet --help, and .servo_board.
+--simulate puts a simulated glider on a bus of its own, unless the scenario names one: a
+process with a launcher, a servo, and cameras that lose and delay frames. It has effects
+that the planner's model lacks. Without it the drivers of cameras and servo are started
+beside this command: python -m diagrams.station.drivers.natnet --help, and .servo_board.
 """
 
 EPILOG = """\
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     expect(throws is None or throws >= 1, "--throws", throws, "at least 1")
     check_writable(folder)
     expect(args.seed is None or args.seed >= 0, "--seed", args.seed, "0 or more")
-    from diagrams.station.bus import Bus
+    from diagrams.station.bus import Bus, free_address
     from diagrams.station.controllers import make_guidance
     from diagrams.station.realtime import KEYS, run_station, simulated_glider
     from diagrams.station.scenario import Scenario, Simulation, load_scenario
@@ -77,15 +77,18 @@ def run(args: argparse.Namespace) -> int:
     if args.simulate is not None or scenario.simulation is not None:
         simulation = scenario.simulation or Simulation()
         simulation = dataclasses.replace(simulation, **changed)
-        scenario = dataclasses.replace(scenario, simulation=simulation)
+        own = scenario.bus or free_address()
+        scenario = dataclasses.replace(scenario, simulation=simulation, bus=own)
     else:
         expect(not changed, "--seed", args.seed, "it only with --simulate")
     with working() as progress:
         progress("planning (compiles once)")
         guidance = make_guidance(scenario)
         session = Session(folder, scenario, guidance, _show)
-        station = Station(scenario, guidance, Bus(scenario.bus), session, show=_show)
-    print(f"Station on {scenario.bus}: {KEYS}.", flush=True)
+        station = Station(
+            scenario, guidance, Bus(scenario.address), session, show=_show
+        )
+    print(f"Station on {scenario.address}: {KEYS}.", flush=True)
     if scenario.simulation is None:
         run_station(station, throws)
         return 0

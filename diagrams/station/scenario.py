@@ -13,6 +13,8 @@ from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 
 CONTROLLERS = ("tvlqr", "mpc", "mppi")
+BUS = "udpm://239.255.76.67:7667?ttl=0"
+"""Address of the bus that real gliders are flown on, if no other is given."""
 
 
 def _check(part: object, signed: tuple[str, ...] = (), **most: float) -> None:
@@ -171,7 +173,7 @@ class Scenario:
     #: Rate of the commands [Hz]; None: one for each pose. Poses at 120 Hz and commands
     #: at 50 Hz drift past each other, so that a log shows when each command was given.
     command_rate: float | None = 50.0
-    bus: str = "udpm://239.255.76.67:7667?ttl=0"  #: Address of LCM.
+    bus: str | None = None  #: Address of LCM; None: BUS, or one of a simulation's own.
     sensors: Sensors = Sensors()
     filter: Filter = Filter()
     servo: Servo = Servo()
@@ -191,6 +193,11 @@ class Scenario:
         least = self.sensors.latency + 1.0 / self.sensors.rate
         expected = f"above {least:.3g} s, the age of a pose when the next one comes"
         expect(stale > least, "field 'limits.stale'", stale, expected)
+
+    @property
+    def address(self) -> str:
+        """Address of the bus."""
+        return self.bus or BUS
 
     @property
     def command_step(self) -> float:

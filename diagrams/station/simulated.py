@@ -266,7 +266,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("scenario", type=Path, help="scenario with a simulation")
     args = parser.parse_args(arguments)
     scenario = load_scenario(args.scenario)
-    bus, parent = Bus(scenario.bus), os.getppid()
+    bus, parent = Bus(scenario.address), os.getppid()
     glider = SimulatedGlider(scenario, bus, time.monotonic())
     hasten()
     while os.getppid() == parent:

@@ -18,7 +18,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from diagrams.station.bus import COMMAND, COMMAND_FIELDS, OPERATOR, POSE, Bus
+from diagrams.station.bus import (
+    COMMAND,
+    COMMAND_FIELDS,
+    OPERATOR,
+    POSE,
+    Bus,
+    free_address,
+)
 from diagrams.station.drivers.natnet import joined, parse_frame, publish
 from diagrams.station.drivers.poses import PosePublisher, Room
 from diagrams.station.drivers.servo_board import ServoBoard
@@ -220,14 +227,9 @@ def free_port():
         return found.getsockname()[1]
 
 
-def bus_address():
-    """A bus that no other test uses."""
-    return f"udpm://239.255.76.68:{free_port()}?ttl=0"
-
-
 @pytest.mark.slow
 def test_the_camera_driver_is_a_process(tmp_path):
-    address, port, seen = bus_address(), free_port(), []
+    address, port, seen = free_address(), free_port(), []
     bus = Bus(address)
     bus.listen(POSE, lambda stamp, values, names: seen.append((stamp, *values)))
     packets, poses, _ = capture((4, 1))
@@ -262,7 +264,7 @@ def read_terminal(ours):
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["SIGTERM", "SIGINT", "kill"])
 def test_the_servo_is_neutral_when_its_driver_is_ended_or_killed_by_an_operator(way):
-    address, (ours, name) = bus_address(), pseudo_terminal()
+    address, (ours, name) = free_address(), pseudo_terminal()
     bus = Bus(address)
     said = []
     bus.listen(OPERATOR, lambda stamp, values, names: said.append(names[0]))
@@ -292,7 +294,7 @@ def test_the_servo_is_neutral_when_its_driver_is_ended_or_killed_by_an_operator(
 
 @pytest.mark.slow
 def test_a_serial_line_that_takes_nothing_for_a_while_ends_no_driver():
-    address, (ours, name) = bus_address(), pseudo_terminal()
+    address, (ours, name) = free_address(), pseudo_terminal()
     bus = Bus(address)
     full = os.open(name, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
     with contextlib.suppress(BlockingIOError):
@@ -324,7 +326,7 @@ def read_while(read, bus, seconds, rate):
 @pytest.mark.nightly  # In real time: on a busy machine commands come too late.
 @pytest.mark.parametrize("line", ["serial", "udp"])
 def test_the_servo_driver_is_a_process(line):
-    address, port = bus_address(), free_port()
+    address, port = free_address(), free_port()
     bus = Bus(address)
     with contextlib.ExitStack() as stack:
         if line == "serial":

@@ -13,24 +13,20 @@ import pytest
 from diagrams.station.throw_log import read_throw
 from glider.campaign.reader import load_campaign
 from glider.physics.model import GliderModel
-from tests.diagrams.test_station_drivers import bus_address
 
 pytestmark = pytest.mark.nightly
 
 
 @pytest.fixture
 def make_command(tmp_path):
-    """Makes a process of `fly` with a bus of its own, the glider without effects."""
+    """Makes a process of `fly` into a folder, the glider without effects."""
     GliderModel().save(tmp_path / "nominal.yaml")
-    (tmp_path / "lab.yaml").write_text(f"bus: {bus_address()}\n")
-    options = ("--simulate", tmp_path / "nominal.yaml", "--log", tmp_path / "s")
-    options += ("--scenario", tmp_path / "lab.yaml")
-    command = [sys.executable, "-m", "glider", "fly", *map(str, options)]
+    command = [sys.executable, "-m", "glider", "fly"]
+    command += ["--simulate", str(tmp_path / "nominal.yaml")]
 
-    def make(throws):
-        return subprocess.Popen(
-            [*command, "--throws", str(throws)], stdout=subprocess.PIPE, text=True
-        )
+    def make(throws, folder="s"):
+        options = ["--throws", str(throws), "--log", str(tmp_path / folder)]
+        return subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True)
 
     return make
 
@@ -58,6 +54,14 @@ def test_a_killed_station_has_logged_its_last_frame_and_goes_on(tmp_path, make_c
         lines = process.stdout.read().splitlines()
     assert process.returncode == 0 and lines[-1].startswith("2 of 2 perched"), lines
     assert len(load_campaign(tmp_path / "s").flights) == 3
+
+
+def test_two_simulations_do_not_hear_each_other(make_command):
+    with make_command(2) as one, make_command(2, "other") as other:
+        for process in (one, other):
+            lines = process.stdout.read().splitlines()
+            assert lines[-1].startswith("2 of 2 perched"), lines
+    assert one.returncode == other.returncode == 0
 
 
 def test_a_killed_glider_stops_its_throw(tmp_path, make_command):

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from diagrams.program import run
 from diagrams.station.drivers.poses import PosePublisher, Room
 from diagrams.station.processes import hasten
-from diagrams.station.scenario import Scenario
+from diagrams.station.scenario import BUS
 from glider.errors import InputError
 
 GROUP, PORT = "239.255.42.99", 1511
@@ -173,7 +173,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--body", type=int, default=1, help="streaming ID of the glider"
     )
     parser.add_argument("--elevator", type=int, help="that of the elevator, if tracked")
-    parser.add_argument("--bus", default=Scenario().bus, help="address of LCM")
+    parser.add_argument("--bus", default=BUS, help="address of LCM")
     words = "multicast group; '' for unicast (default: %(default)s)"
     parser.add_argument("--group", default=GROUP, help=words)
     parser.add_argument("--port", type=int, default=PORT, help="(default: %(default)s)")

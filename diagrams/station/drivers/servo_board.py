@@ -158,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"{args.serial or args.udp}: cannot be opened ({error})."
         ) from None
     board = ServoBoard(wire, send, args.channel, args.center, args.gain)
-    bus = Bus(args.bus or scenario.bus)
+    bus = Bus(args.bus or scenario.address)
 
     def hear(stamp: float, values: Sequence[float], names: Sequence[str]) -> None:
         if len(values) == len(COMMAND_FIELDS):
@@ -172,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     bus.listen(COMMAND, hear)
     bus.listen(OPERATOR, hear_operator)
     hasten()
-    print(f"Commands from {args.bus or scenario.bus} to the servo.", flush=True)
+    print(f"Commands from {args.bus or scenario.address} to the servo.", flush=True)
     due = said = time.monotonic()
     with Ending() as ending:
         try:
