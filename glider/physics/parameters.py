@@ -98,7 +98,7 @@ class GliderParameters:
 
 
 POSITIVE = {"mass", "pitch_inertia", "wing_area", "elevator_area", "air_density"}
-POSITIVE |= {"elevator_rate_limit"}
+POSITIVE |= {"elevator_rate_limit", "hinge_offset"}  # The tail is behind.
 
 
 def check_parameters(values: dict) -> None:

@@ -101,6 +101,7 @@ def test_a_file_says_only_what_it_changes(tmp_path):
         ("air_density", 0.0),
         ("gravity", -9.81),
         ("hinge_offset", "0.27 m"),
+        ("hinge_offset", -0.27),
         ("elevator_rate_limit", 0.0),
         ("elevator_limits", [0.9473, -0.4463]),
         ("elevator_limits", [0.1, 0.1]),
