@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagrams.lab.state import CORRECTED, NOMINAL, Throw
+from diagrams.lab.state import CORRECTED, NOMINAL, PROPOSED, Throw
 from diagrams.station.throw_log import read_throw
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.writer import save_campaign
@@ -152,6 +152,9 @@ def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
         return throw
     facts, topics = read_throw(record)
     planned = NOMINAL if facts.get("model") == nominal else CORRECTED
+    scenario = schema.parse_yaml(facts.get("scenario", ""), str(record))
+    if isinstance(scenario, dict) and scenario.get("commands"):
+        planned = PROPOSED
     results = [e for e in topics["/event"] if e.get("state") == "result"]
     if not results:  # The station died before the throw was over.
         return dataclasses.replace(

@@ -5,8 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from diagrams.lab.state import CORRECTED, NOMINAL
+from diagrams.lab.state import CORRECTED, NOMINAL, PROPOSED
 from glider.errors import expect
+from glider.report.next_throw import commands_name
 
 MOST = 100
 """Launches that one request may ask for."""
@@ -29,8 +30,13 @@ class Launches:
     _words: str = ""
     _process: subprocess.Popen | None = None
 
-    def start(self, throws: int, model: Path | None, flown: int) -> subprocess.Popen:
-        """Starts launches planned with a model, after so many that were flown."""
+    def start(
+        self, throws: int, model: Path | None, flown: int, commands: Path | None = None
+    ) -> subprocess.Popen:
+        """Starts launches, after so many that were flown.
+
+        They are planned with a model, or, given a file of commands, fly these.
+        """
         options = {
             "simulate": self.truth,
             "throws": throws,
@@ -38,6 +44,7 @@ class Launches:
             "seed": self.seed + flown,
             "scenario": self.scenario,
             "model": model,
+            "commands": commands,
         }
         given = [f"--{name}={v}" for name, v in options.items() if v is not None]
         return subprocess.Popen([sys.executable, "-m", "glider", "fly", *given])
@@ -48,8 +55,8 @@ class Launches:
         Raises:
             InputError: they cannot be.
         """
-        models = (NOMINAL, CORRECTED)
-        expect(planned in models, "planned", planned, f"one of {', '.join(models)}")
+        ways = (NOMINAL, CORRECTED, PROPOSED)
+        expect(planned in ways, "planned", planned, f"one of {', '.join(ways)}")
         expect(1 <= throws <= MOST, "throws", throws, f"from 1 to {MOST}")
         self._asked = planned, throws
 
@@ -70,13 +77,17 @@ class Launches:
             self.fault = "The launches failed; the terminal shows why." if code else ""
         if self._process is None and self._asked is not None:
             (planned, throws), self._asked = self._asked, None
-            if planned == CORRECTED and model is None:
+            if planned != NOMINAL and model is None:
                 self.fault = "There is no corrected model yet to plan with."
                 return False
             self.fault = ""
             self._words = f"flying {throws} launches planned with the {planned} model"
-            with_model = model if planned == CORRECTED else None
-            self._process = self.start(throws, with_model, flown)
+            with_model, commands = model if planned != NOMINAL else None, None
+            if planned == PROPOSED:
+                assert model is not None
+                commands = model.parent / "next_throw" / commands_name(1)
+                self._words = "flying the proposed throw"
+            self._process = self.start(throws, with_model, flown, commands)
         return self._process is not None
 
     def stop(self) -> None:

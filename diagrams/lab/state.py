@@ -10,7 +10,7 @@ from glider.files.schema import Number
 from glider.files.writing import write_text
 from glider.sysid.result import Estimate, Report
 
-NOMINAL, CORRECTED = "nominal", "corrected"
+NOMINAL, CORRECTED, PROPOSED = "nominal", "corrected", "proposed"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,8 @@ class Throw:
     fault: str = ""  #: Why it cannot be read, or why the station stopped it.
     is_read: bool = True  #: Whether it is a flight of the campaign.
     #: By the station's record, where there is one: NOMINAL or CORRECTED, the model that
-    #: was planned with; whether it perched; how far from the wire it passed [m].
+    #: was planned with, or PROPOSED, without a plan; whether it perched; how far from
+    #: the wire it passed [m].
     planned: str = ""
     perched: bool | None = None
     miss: float | None = None

@@ -34,6 +34,7 @@ examples:
   glider close-the-loop out/session
   glider fly --simulate head_wind --model out/session/model.yaml --log out/after
   glider fly --scenario lab.yaml --log out/today
+  glider fly --simulate head_wind --throws 1 --commands out/next_throw/commands_1.csv
 
 exit code: 0 when all throws were flown, 1 if the simulated glider died, 2 when the
 input cannot be used.
@@ -46,6 +47,8 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument("--simulate", metavar="TRUTH", help=words)
     parser.add_path("--scenario", "YAML", "sensors, servo, limits, bus (default: ours)")
     parser.add_path("--model", "YAML", "model to plan with (default: the nominal one)")
+    words = "fly these of a proposed throw (glider next-throw) without feedback"
+    parser.add_path("--commands", "CSV", words)
     words = "tvlqr (default), mpc or mppi"
     parser.add_argument("--controller", choices=("tvlqr", "mpc", "mppi"), help=words)
     words = "end after so many (default: 10 with --simulate, else never)"
@@ -60,6 +63,8 @@ def run(args: argparse.Namespace) -> int:
     expect(throws is None or throws >= 1, "--throws", throws, "at least 1")
     check_writable(folder)
     expect(args.seed is None or args.seed >= 0, "--seed", args.seed, "0 or more")
+    good = args.commands is None or args.controller is None
+    expect(good, "--controller", args.controller, "none with --commands")
     from diagrams.station.bus import Bus, free_address
     from diagrams.station.controllers import make_guidance
     from diagrams.station.realtime import KEYS, run_station, simulated_glider
@@ -69,7 +74,9 @@ def run(args: argparse.Namespace) -> int:
     from glider.commands.output import working
 
     scenario = load_scenario(args.scenario) if args.scenario else Scenario()
-    changed = {"controller": args.controller, "model": args.model and str(args.model)}
+    changed = {"controller": args.controller}
+    for name in ("model", "commands"):
+        changed[name] = getattr(args, name) and str(getattr(args, name))
     changed = {name: value for name, value in changed.items() if value is not None}
     scenario = dataclasses.replace(scenario, **changed)
     changed = {"truth": args.simulate, "seed": args.seed}

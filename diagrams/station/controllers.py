@@ -1,10 +1,12 @@
 """Controllers of the station: from the predicted state to a rate of the elevator."""
 
 import dataclasses
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from diagrams.station.proposed import Tape, tape_plan
 from diagrams.station.scenario import Scenario
 from glider.control.mpc import ModelPredictiveController
 from glider.control.mppi import SETTINGS, replanning_cost, sequence_of, shifted
@@ -135,7 +137,10 @@ class Guidance:
 def make_guidance(scenario: Scenario) -> Guidance:
     """Plans as a scenario says, and makes its controller (compiles once)."""
     model, problem = scenario.load_model(), scenario.load_problem()
-    planned = plan(model, problem)
+    if scenario.commands is None:
+        planned = plan(model, problem)
+    else:
+        planned = tape_plan(model, problem.launch, Path(scenario.commands))
     policy = tracking_policy(model, planned)
     rate = scenario.command_rate or scenario.sensors.rate
     goal = dataclasses.replace(
@@ -145,7 +150,9 @@ def make_guidance(scenario: Scenario) -> Guidance:
         hook=problem.hook,
     )
     controller: Controller
-    if scenario.controller == "mpc":
+    if scenario.commands is not None:
+        controller = Tape(planned, 1.0 / rate, model.parameters.servo.rate)
+    elif scenario.controller == "mpc":
         controller = Replanning(model, goal, rate)
     elif scenario.controller == "mppi":
         controller = Sampling(model, planned, goal, rate)

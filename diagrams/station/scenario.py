@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 from typing import Literal
 
+from diagrams.station.proposed import load_launch
 from glider.errors import expect
 from glider.estimation.perching import CAPTURE
 from glider.files import schema
@@ -169,6 +170,8 @@ class Scenario:
 
     model: str | None = None  #: Model that is planned with; None: the nominal glider.
     problem: str = "perching"  #: Problem file, or one of models/problems.
+    #: File of a proposed throw's commands, flown without feedback from its launch.
+    commands: str | None = None
     controller: Literal["tvlqr", "mpc", "mppi"] = "tvlqr"
     #: Rate of the commands [Hz]; None: one for each pose. Poses at 120 Hz and commands
     #: at 50 Hz drift past each other, so that a log shows when each command was given.
@@ -222,8 +225,12 @@ class Scenario:
         return GliderModel(parameters=truth.parameters) if truth else GliderModel()
 
     def load_problem(self) -> PerchingProblem:
-        """The perch to fly."""
-        return PerchingProblem.load(self.problem)
+        """The perch to fly, or with commands their launch."""
+        problem = PerchingProblem.load(self.problem)
+        if self.commands is None:
+            return problem
+        launch = load_launch(Path(self.commands))
+        return dataclasses.replace(problem, launch=launch)
 
 
 def _truth_file(name: str) -> Path:

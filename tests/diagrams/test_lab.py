@@ -293,8 +293,8 @@ def test_launches_are_flown_one_request_after_the_other(tmp_path):
     class Flown(Launches):
         """Launches that end when a file is there."""
 
-        def start(self, throws, model, flown):
-            flights.append((throws, model, flown))
+        def start(self, throws, model, flown, commands=None):
+            flights.append((throws, model, flown, commands))
             wait = f"until [ -e {tmp_path}/over ]; do sleep 0.01; done"
             return subprocess.Popen(["sh", "-c", wait])
 
@@ -309,9 +309,14 @@ def test_launches_are_flown_one_request_after_the_other(tmp_path):
     assert launches.step(model, 0) and "3 launches" in launches.doing
     launches.ask("corrected", 4)
     assert launches.step(model, 3)
-    assert flights == [(3, None, 0)]
+    assert flights == [(3, None, 0, None)]
     (tmp_path / "over").touch()
     launches._process.wait()
     assert launches.step(model, 3)
-    assert flights == [(3, None, 0), (4, model, 3)]
+    assert flights[1:] == [(4, model, 3, None)]
+    launches.ask("proposed", 1)
+    launches._process.wait()
+    assert launches.step(model, 7) and launches.doing == "flying the proposed throw"
+    commands = tmp_path / "next_throw" / "commands_1.csv"
+    assert flights[2:] == [(1, model, 7, commands)]
     launches.stop()

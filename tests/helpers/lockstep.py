@@ -44,7 +44,11 @@ class Lockstep:
         self.bus = Bus(self.lcm)
         self.commands = []  # Time and message of each.
         self.bus.listen(COMMAND, self._hear)
-        self.guidance = guidance_for(self.scenario.controller)
+        self.guidance = (
+            make_guidance(self.scenario)
+            if self.scenario.commands
+            else guidance_for(self.scenario.controller)
+        )
         self.folder = folder
         self.lines, self.session = [], None
         self.start_station()

@@ -148,11 +148,9 @@ function showAnswer(view, answer) {
   for (const [planned, [perched, flown]] of Object.entries(view.perches)) {
     if (flown) tiles.push(tile(`${perched} of ${flown}`, `perched with the ${planned} plan`, perched === flown ? "good" : ""));
   }
-  if (answer) {
-    const { nominal, corrected } = answer.errors;
-    if (isNumber(nominal) && isNumber(corrected)) {
-      tiles.push(tile(`${millimetres(nominal)} → ${millimetres(corrected)}`, "error on held-out throws, RMS"));
-    }
+  const { nominal, corrected } = answer?.errors ?? {};
+  if (isNumber(nominal) && isNumber(corrected)) {
+    tiles.push(tile(`${millimetres(nominal)} → ${millimetres(corrected)}`, "error on held-out throws, RMS"));
   }
   byId("tiles").replaceChildren(...tiles);
   byId("answer").hidden = !answer;
@@ -181,18 +179,20 @@ function showProposal({ proposal, throws }) {
 
 // -------------------------------------------------------------------- launches
 
-function showLaunches({ launches }, answer) {
+function showLaunches({ launches, state }, answer) {
   byId("launches").hidden = !launches;
+  byId("fly-next").hidden = !launches || !state.proposal?.throws.length;
   if (!launches) return;
   byId("truth").textContent = launches.truth;
   if (!byId("count").value) byId("count").value = launches.count;
   for (const button of document.querySelectorAll("[data-planned]")) {
-    button.disabled = launches.flies || (button.dataset.planned === "corrected" && !answer);
+    button.disabled = launches.flies || (button.dataset.planned !== "nominal" && !answer);
   }
 }
 for (const button of document.querySelectorAll("[data-planned]")) {
   button.addEventListener("click", async () => {
-    const asked = new URLSearchParams({ planned: button.dataset.planned, throws: byId("count").value });
+    const { planned, throws = byId("count").value } = button.dataset;
+    const asked = new URLSearchParams({ planned, throws });
     const refusal = await post(`fly?${asked}`);
     byId("launch-answer").textContent = refusal;
     byId("launch-answer").hidden = !refusal;

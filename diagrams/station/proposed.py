@@ -1,0 +1,113 @@
+"""A proposed throw: its launch, and its commands, which nothing corrects."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+
+from glider.compiled.closed_loop import Feedback, fly_feedback
+from glider.errors import expect
+from glider.files import schema
+from glider.physics.model import GliderModel
+from glider.physics.state import NUM_STATES, VELOCITY
+from glider.planning.plan import Plan
+from glider.simulation.fly import STEP
+from glider.systems.command_tape import load_commands
+
+NEXT_THROW = "next_throw.json"
+"""File beside the commands, with the launches that they are for."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Launch:
+    """A throw of NEXT_THROW."""
+
+    commands: str
+    x_m: float
+    height_m: float
+    speed_m_s: float
+    climb_rad: float
+    pitch_rad: float
+    feedback_from_s: float | None
+    funnel_level: float | None
+
+
+def load_launch(commands: Path) -> list[float]:
+    """State at release (7,) of a file of commands, from NEXT_THROW beside it.
+
+    Raises:
+        InputError: it is of no proposed throw, or of one that needs feedback.
+    """
+    file = commands.parent / NEXT_THROW
+    found = schema.parse_json(
+        schema.read_text(file, "the throws of glider next-throw"), str(file)
+    )
+    known = found.get("throws") if isinstance(found, dict) else None
+    throws = schema.convert(known, list[_Launch], str(file))
+    named = {throw.commands: throw for throw in throws}
+    expected = f"commands of a throw in {file}"
+    expect(commands.name in named, "the commands", str(commands), expected)
+    throw = named[commands.name]
+    feedback = throw.feedback_from_s
+    expect(
+        feedback is None, f"{file}: feedback_from_s", feedback, "none, as a tape has"
+    )
+    launch = np.zeros(NUM_STATES)
+    launch[:3] = throw.x_m, throw.height_m, throw.pitch_rad
+    direction = math.cos(throw.climb_rad), math.sin(throw.climb_rad)
+    launch[VELOCITY] = np.multiply(throw.speed_m_s, direction)
+    return launch.tolist()
+
+
+def tape_plan(model: GliderModel, launch: list[float], commands: Path) -> Plan:
+    """The flight of a model under a file of commands, as a plan."""
+    begins, rates = load_commands(commands)
+    count = math.ceil(begins[-1] / STEP)
+    times = STEP * np.arange(count + 1)
+    latest = np.searchsorted(begins, times[:-1] + 1e-9, side="right") - 1
+    inputs = np.where(latest < 0, 0.0, rates[latest])
+    n = model.num_states
+    tape = Feedback(inputs, np.zeros((count, n)), 1, np.empty((1, 0, n)))
+    start = model.initial_state(np.array(launch))[None]
+    states = fly_feedback(model, start, count, STEP, tape, keep_paths=True)[2][0]
+    return Plan(
+        times=times,
+        states=states,
+        slopes=np.gradient(states, STEP, axis=0),
+        inputs=inputs,
+        state_names=model.state_names,
+        cost=0.0,
+    )
+
+
+class Tape:
+    """Turns the elevator as a plan does, whatever the glider does.
+
+    A command of the plan that began before the flight did is made good by the first.
+
+    Args:
+        planned: with commands that are held.
+        period: time between two commands [s].
+        fastest: rate of the servo [rad/s].
+    """
+
+    lead = 0.0
+
+    def __init__(self, planned: Plan, period: float, fastest: float) -> None:
+        self._times, self._period, self._fastest = planned.times, period, fastest
+        turned = np.cumsum(planned.inputs * np.diff(planned.times))
+        self._turned = np.append(0.0, turned)
+        self._given = 0.0
+
+    def start(self, time: float) -> None:
+        """Begins with the elevator as it was before the first command."""
+        self._given = 0.0
+
+    def command(self, time: float, state: np.ndarray) -> float:
+        """See `Controller`."""
+        wanted = float(np.interp(time + self._period, self._times, self._turned))
+        rate = (wanted - self._given) / self._period
+        rate = min(max(rate, -self._fastest), self._fastest)
+        self._given += rate * self._period
+        return rate
