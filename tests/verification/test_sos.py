@@ -20,6 +20,7 @@ from glider.verification.sos.exact import (
 )
 from glider.verification.sos.programs import (
     SolverError,
+    _pool,
     largest_margin,
     least_growth,
     solve_apart,
@@ -136,6 +137,7 @@ def test_the_solver_may_die_and_the_program_goes_on():
     with pytest.raises(SolverError, match="process died"):
         solve_apart(os.abort)
     assert [solve_apart(abs, value) for value in (-3, 4)] == [3, 4]
+    assert _pool()._timeout is None  # Else a death after an idle time hangs us.
 
 
 @given(st.lists(st.floats(-1e6, 1e6, width=32), min_size=1, max_size=6))

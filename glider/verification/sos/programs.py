@@ -141,6 +141,7 @@ def solve_apart(function: Callable, *arguments: Any) -> Any:
 def _pool() -> ProcessPoolExecutor:
     """Returns a process of our own: joblib uses loky's shared ones itself.
 
-    It imports Drake's solvers once, which takes half a second.
+    It imports Drake's solvers once, which takes half a second. It never ends when it is
+    idle: loky does not notice the death of a process that comes after one.
     """
-    return ProcessPoolExecutor(max_workers=1, env=_ONE_THREAD, timeout=60)
+    return ProcessPoolExecutor(max_workers=1, env=_ONE_THREAD, timeout=None)
