@@ -42,6 +42,7 @@ _STEP = inspect.getsource(runge_kutta)
 
 _HEAD = """\
 import numpy as np
+from glider.physics.effects.field import Field
 from glider.physics.servo import limited_rate, rate_bounds
 """
 

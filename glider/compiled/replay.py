@@ -52,27 +52,28 @@ def log_step(path, k, x, theta, work):
         path: the LogPath.
         k: counts the intervals.
         x: (n,), written.
-        theta: the glider's numbers, level; the wing's area is banked here.
-        work: (2, n) scratch.
+        theta: the glider's numbers, the wing's area banked.
+        work: (6, n) scratch; rows 1 to 4 are the stages' states, written.
     """
-    total, y = work[0], work[1]
+    total = work[0]
     total[:] = 0.0
-    put(x, y)
+    put(x, work[1])
     t, step = path.times[k], path.times[k + 1] - path.times[k]
     is_turned = path.pitch.shape[1] > 0
     for stage in range(4):
         node = (stage + 1) // 2
         weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
         ahead = 0.5 * step if stage < 2 else step
+        y, own = work[stage + 1], in_stage(theta, stage)
         y[3] = x[3] + path.elevator[k, node]
         if is_turned:
             y[2] = path.pitch[k, node, 0]
             y[6] = path.pitch[k, node, 1]
         now, wind_x, wind_z = t + 0.5 * step * node, path.wind[k, 0], path.wind[k, 1]
-        d = derivatives(now, y, path.rate[k], wind_x, wind_z, theta)
+        d = derivatives(now, y, path.rate[k], wind_x, wind_z, own)
         for i in range(x.shape[0]):
             total[i] += weight * d[i]
-            y[i] = x[i] + ahead * d[i]
+            work[stage + 2, i] = x[i] + ahead * d[i]
     total[3] = 0.0
     for i in range(x.shape[0]):
         x[i] += step * total[i]
@@ -98,11 +99,50 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
+def in_stage(theta, stage):
+    """Returns the numbers with the residual field's tangent in a stage of `log_step`."""
+    f = theta.field
+    own = Field(f.centers, f.inverse_widths, f.weights, f.tangents, stage)
+    return Theta(theta.p, theta.c, own)
+
+
+def set_tangents(path, k, theta, work, tangents):
+    """Writes the tangents (4, v + 1, 9) of the field in the stages of `log_step`."""
+    field = theta.field
+    tangents[:] = 0.0
+    for stage in range(4):
+        x, tangent, node = work[stage + 1], tangents[stage], (stage + 1) // 2
+        now = path.times[k] + 0.5 * (path.times[k + 1] - path.times[k]) * node
+        motion = motion_of(now, x, actuator_terms(path.rate[k], x, theta.c))
+        air_x, air_z = air_terms(motion, x, theta.c)
+        air_x, air_z = air_x + path.wind[k, 0], air_z + path.wind[k, 1]
+        variables = field_variables(flow_of(motion, air_x, air_z, theta.p))
+        count = len(variables)
+        for d in range(count):
+            tangent[d, 0] = variables[d]
+        for m in range(field.weights.shape[0]):
+            exponent = 0.0
+            for d in range(count):
+                apart = (variables[d] - field.centers[m, d]) * field.inverse_widths[
+                    m, d
+                ]
+                exponent -= 0.5 * apart * apart
+            basis = np.exp(exponent)
+            for i in range(field.weights.shape[1]):
+                tangent[count, 1 + i] += basis * field.weights[m, i]
+            for d in range(count):
+                per = field.inverse_widths[m, d]
+                if per != 0.0:
+                    slope = basis * per * per * (field.centers[m, d] - variables[d])
+                    for i in range(field.weights.shape[1]):
+                        tangent[d, 1 + i] += slope * field.weights[m, i]
+
+
 def log_rollout(path, start, numbers, field, states):
     """Flies along a log from one start (n,); states (K + 1, n) are written."""
     theta = theta_of(numbers, field)
     x = start.copy()
-    work = np.empty((2, x.shape[0]))
+    work = np.empty((6, x.shape[0]))
     put(x, states[0])
     for k in range(path.rate.shape[0]):
         log_step(path, k, x, banked(theta, path.bank[k]), work)
@@ -114,7 +154,7 @@ def log_extras(path, nodes, numbers, field):
     theta = theta_of(numbers, field)
     n = nodes.shape[1]
     x = np.empty(n)
-    work = np.empty((2, n))
+    work = np.empty((6, n))
     for k in range(path.rate.shape[0]):
         put(nodes[k], x)
         log_step(path, k, x, banked(theta, path.bank[k]), work)
@@ -129,7 +169,7 @@ def log_slopes(
     moved,
     sizes,
     field,
-    constant,
+    linear,
     terms,
     ends,
     by_x,
@@ -147,8 +187,8 @@ def log_slopes(
         numbers: parameters and coefficients.
         moved: (m, len(numbers)) the same, moved along each of m directions.
         sizes: (m,) how far they are moved.
-        field: the residual Field.
-        constant: the same with a constant as its last basis function.
+        field: the residual Field; about each interval's flight it counts as linear.
+        linear: a Field of four tangents alone, written.
         terms: (T,) indices of FIELD_TERMS.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, n, w), written: its slopes by the node's first w states.
@@ -158,25 +198,32 @@ def log_slopes(
     n, width = nodes.shape[1], by_x.shape[2]
     theta = theta_of(numbers, field)
     x = np.empty(n)
-    work = np.empty((2, n))
-    last = constant.weights.shape[0] - 1
+    work, tangents = np.empty((6, n)), linear.tangents
+    last = tangents.shape[1] - 1
+    tangents[:] = 0.0
     columns = 1 + width + terms.shape[0] + moved.shape[0]
     for k in range(path.rate.shape[0]):
+        about = field
         for j in range(columns):
             put(nodes[k], x)
-            size, own = DIFFERENCE, theta
+            size, own = DIFFERENCE, theta_of(numbers, about)
             in_term, in_theta = j - 1 - width, j - 1 - width - terms.shape[0]
             if 0 < j <= width:
                 x[j - 1] += size
             elif in_theta >= 0:
                 size = sizes[in_theta]
-                own = theta_of(moved[in_theta], field)
+                own = theta_of(moved[in_theta], about)
             elif in_term >= 0:
-                constant.weights[last, terms[in_term]] = size
-                own = theta_of(numbers, constant)
+                own = theta_of(numbers, linear)
+                for stage in range(4):
+                    tangents[stage, last, 1 + terms[in_term]] += size
             log_step(path, k, x, banked(own, path.bank[k]), work)
             if in_theta < 0 and in_term >= 0:
-                constant.weights[last, terms[in_term]] = 0.0
+                for stage in range(4):
+                    tangents[stage, last, 1 + terms[in_term]] -= size
+            elif j == 0 and field.weights.shape[0] > 0:
+                set_tangents(path, k, banked(theta, path.bank[k]), work, tangents)
+                about = linear
             for i in range(n):
                 if j == 0:
                     ends[k, i] = x[i]
@@ -227,7 +274,10 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
 
 
 LOOPS = Family(
-    (banked, log_step, log_rollout, log_extras, log_slopes, log_measure, log_flow),
+    (
+        *(banked, in_stage, set_tangents, log_step),
+        *(log_rollout, log_extras, log_slopes, log_measure, log_flow),
+    ),
     (log_rollout, log_extras, log_slopes, log_measure, log_flow),
 )
 
@@ -320,8 +370,13 @@ def advance_nodes(
     moved, nothing = np.empty((0, len(numbers))), np.empty((*ends.shape, 0))
     terms, found = np.empty(0, dtype=np.int64), (ends, nothing, nothing, nothing)
     loop = LOOPS.over(kinds, True).log_slopes
-    loop(path, nodes, numbers, moved, sizes, field, field, terms, *found)
+    loop(path, nodes, numbers, moved, sizes, field, _tangents_alone(), terms, *found)
     return ends
+
+
+def _tangents_alone() -> Field:
+    """Returns a field of four tangents and nothing else."""
+    return NO_FIELD._replace(tangents=np.zeros((4, *NO_FIELD.tangents.shape[1:])))
 
 
 def slopes_along(
@@ -345,15 +400,10 @@ def slopes_along(
         constant of each term (K, n, T) and along the directions (K, n, m).
     """
     shape = nodes[1:].shape
-    nothing = np.zeros((1, field.centers.shape[1]))
-    with_constant = Field(
-        np.vstack([field.centers, nothing]),
-        np.vstack([field.inverse_widths, nothing]),
-        np.vstack([field.weights, np.zeros((1, field.weights.shape[1]))]),
-    )
     ends, by_x = np.empty(shape), np.empty((*shape, width))
     by_term, by_theta = np.empty((*shape, len(terms))), np.empty((*shape, len(sizes)))
     found, index = (ends, by_x, by_term, by_theta), np.array(terms, dtype=np.int64)
     loop = LOOPS.over(kinds, True).log_slopes
-    loop(path, nodes, numbers, moved, sizes, field, with_constant, index, *found)
+    linear = _tangents_alone()
+    loop(path, nodes, numbers, moved, sizes, field, linear, index, *found)
     return found

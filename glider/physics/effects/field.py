@@ -7,7 +7,7 @@ what it cannot identify (kind ``unexplained``) as such a field.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +62,11 @@ class Field(NamedTuple):
     inverse_widths: np.ndarray
     #: (M, 8), in the order of FIELD_TERMS.
     weights: np.ndarray
+    #: (S, v + 1, 9) of S functions that are linear about points: a point's variables in
+    #: the first column, slopes of the terms along them in the others, and values there
+    #: in the last row.
+    tangents: np.ndarray = np.zeros((0, 1 + len(FIELD_UNITS), 1 + len(FIELD_TERMS)))
+    stage: int = 0  #: The one of them that is added, if there are any.
 
 
 NO_FIELD = Field(
@@ -111,6 +116,20 @@ def field_terms(flow, field):
             tail = tail + basis * field.weights[m, 5]
             turn = turn + basis * field.weights[m, 6]
             wing = wing + basis * field.weights[m, 7]
+    if field.tangents.shape[0] > 0:
+        variables = field_variables(flow)
+        for d in range(field.tangents.shape[1]):
+            slopes, apart = field.tangents[field.stage, d], 1.0
+            if d < len(variables):
+                apart = variables[d] - slopes[0]
+            wind_x = wind_x + apart * slopes[1]
+            wind_z = wind_z + apart * slopes[2]
+            lift = lift + apart * slopes[3]
+            drag = drag + apart * slopes[4]
+            moment = moment + apart * slopes[5]
+            tail = tail + apart * slopes[6]
+            turn = turn + apart * slopes[7]
+            wing = wing + apart * slopes[8]
     return wind_x, wind_z, lift, drag, moment, tail, turn, wing
 
 
@@ -144,6 +163,12 @@ def gaussians(
     return np.exp(-0.5 * np.sum(scaled**2, axis=2))
 
 
+def joined(parts: Iterable[Field]) -> Field:
+    """Returns the sum of fields."""
+    arrays = zip(*(part[:3] for part in parts), strict=True)
+    return Field(*(np.vstack(own) for own in arrays))
+
+
 def make_field(data: FieldData) -> Field:
     """Returns the arrays of a field; raises InputError where it is malformed."""
     field = f"field '{data.kind}'"
@@ -168,8 +193,9 @@ def make_field(data: FieldData) -> Field:
         good = len(values) == count
         expect(good, f"{field}: '{name}'", values, f"{count} weights")
         weights[:, FIELD_TERMS.index(name)] = values
-    parts = [Field(centers, inverse_widths, weights), *map(make_field, data.more)]
-    joined = Field(*(np.vstack(arrays) for arrays in zip(*parts, strict=True)))
-    for name, array in zip(("centers", "widths", "weights"), joined, strict=True):
+    whole = joined(
+        [Field(centers, inverse_widths, weights), *map(make_field, data.more)]
+    )
+    for name, array in zip(("centers", "widths", "weights"), whole, strict=False):
         expect(np.isfinite(array).all(), f"{field}: {name}", array, "finite numbers")
-    return joined
+    return whole

@@ -11,7 +11,7 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import NO_FIELD, Field
-from glider.physics.effects.field import make_field
+from glider.physics.effects.field import joined, make_field
 from glider.sysid.constants import (
     FIT_TOLERANCE,
     LARGEST_COORDINATE,
@@ -120,11 +120,8 @@ def start_of(task: Task, noise: Noise) -> FitResult:
 
 def field_of(model: FitResult) -> Field:
     """Returns a model's blocks as the dynamics take them."""
-    acting = [own for own in model.blocks if own.coordinates.any()]
-    if not acting:
-        return NO_FIELD
-    parts = [make_field(own.data) for own in acting]
-    return Field(*(np.vstack(arrays) for arrays in zip(*parts, strict=True)))
+    acting = [make_field(own.data) for own in model.blocks if own.coordinates.any()]
+    return joined(acting) if acting else NO_FIELD
 
 
 def linear_flights(

@@ -41,10 +41,11 @@ def trace(
         return search_forces(task, noise, rng, progress)
     start, usual = start_of(task, noise), without_late(task)
     search = fits.Search(dataclasses.replace(usual, blocks={}), progress)
-    named = improved(search, start)  # Flexible functions lead a search astray, too.
+    named = improved(search, start)
     search.task = usual
-    both = improved(search, start), improved(search, named)
-    model = min(both, key=search.penalized_cost)
+    model = improved(search, named)
+    if model.free_kinds:  # Formulas alone may have led the search astray.
+        model = min(model, improved(search, start), key=search.penalized_cost)
     search.task = task
     model = improved(search, model)
     progress(Step("weighing the effects", 0.76))
