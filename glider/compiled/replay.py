@@ -10,7 +10,17 @@ import numpy as np
 
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import DIFFERENCE, put
-from glider.physics.chain import accelerations, derivatives, measure, meet_air, theta_of
+from glider.physics.chain import (
+    accelerations,
+    actuator_terms,
+    air_terms,
+    derivatives,
+    flow_of,
+    measure,
+    meet_air,
+    motion_of,
+    theta_of,
+)
 from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, EffectKind, Field
 from glider.physics.effects.field import field_variables
 from glider.physics.parameters import Parameters, Theta
@@ -100,7 +110,7 @@ def banked(theta, factor):
 
 
 def in_stage(theta, stage):
-    """Returns the numbers with the residual field's tangent in a stage of `log_step`."""
+    """Returns the numbers with the field's tangent in a stage of `log_step`."""
     f = theta.field
     own = Field(f.centers, f.inverse_widths, f.weights, f.tangents, stage)
     return Theta(theta.p, theta.c, own)

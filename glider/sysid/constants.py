@@ -92,7 +92,9 @@ SLACK = 0.1  # Share of the evidence that a smaller set may lack, to first order
 OFF = 5.0  # Standard errors by which a mean over flights is off zero (d): by no chance.
 UNDERVALUED = 30.0  # Evidence, to first order, that another effect may cost [nats] (c).
 MOST_TRIED = 3  # Sets with another effect that are fitted: each costs a fit (c).
-CLEAR = 100.0  # Evidence by Wald's test above which an effect is needed [nats] (c).
+# Evidence by Wald's test above which an effect is needed, and that a fit lacks which is
+# not worth ending [nats] (c).
+CLEAR = 100.0
 FORCE_ROUNDS = 4  # Of sets and strengths of errors that depend on each other (c).
 # Log-likelihood of a median flight by which other signs are better, and the flights
 # compared [nats] (c): a wrong sign shows in any.

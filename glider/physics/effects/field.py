@@ -165,8 +165,12 @@ def gaussians(
 
 def joined(parts: Iterable[Field]) -> Field:
     """Returns the sum of fields."""
-    arrays = zip(*(part[:3] for part in parts), strict=True)
-    return Field(*(np.vstack(own) for own in arrays))
+    parts = [*parts]
+    return Field(
+        np.vstack([part.centers for part in parts]),
+        np.vstack([part.inverse_widths for part in parts]),
+        np.vstack([part.weights for part in parts]),
+    )
 
 
 def make_field(data: FieldData) -> Field:
@@ -196,6 +200,6 @@ def make_field(data: FieldData) -> Field:
     whole = joined(
         [Field(centers, inverse_widths, weights), *map(make_field, data.more)]
     )
-    for name, array in zip(("centers", "widths", "weights"), whole, strict=False):
+    for name, array in zip(("centers", "widths", "weights"), whole[:3], strict=True):
         expect(np.isfinite(array).all(), f"{field}: {name}", array, "finite numbers")
     return whole

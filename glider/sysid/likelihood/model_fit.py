@@ -226,10 +226,12 @@ def fit_model(
     free_scales: Sequence[str] = NAMES,
     *,
     with_strength: bool = False,
+    most: float = np.inf,
 ) -> FitResult:
     """Fits a model's free parameters, its blocks and its scales.
 
-    And the strengths of its blocks if asked, see `fit_strength`.
+    And the strengths of its blocks if asked, see `fit_strength`. It stops early where
+    the cost is more than `most` after a few iterations.
     """
     best, step, tries, flights = None, None, 0, list[LinearFlight]()
     current = model
@@ -260,7 +262,8 @@ def fit_model(
         best = current
         if iteration == iterations:
             break
-        if gained < FIT_TOLERANCE and iteration >= FEWEST_ITERATIONS:
+        is_done = gained < FIT_TOLERANCE or best.cost > most
+        if is_done and iteration >= FEWEST_ITERATIONS:
             break
         step = prior.best_step(grams_of(flights, scales).sum(axis=0))
         if not np.all(np.isfinite(step)):  # It diverges.

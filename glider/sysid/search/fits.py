@@ -8,6 +8,7 @@ import numpy as np
 
 from glider.progress import Progress
 from glider.sysid.constants import (
+    CLEAR,
     EVIDENCE_THRESHOLD,
     MOST_COMPARED,
     RIVAL_GAP,
@@ -89,9 +90,12 @@ class Search:
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
+        return model.cost + model.freedom + self._penalty_of(model)
+
+    def _penalty_of(self, model: FitResult) -> float:
+        """Returns the thresholds of a model's effects [nats]."""
         penalty = penalty_in(self.task, model)
-        penalties = sum(penalty(kind, model.kinds) for kind in model.kinds)
-        return model.cost + model.freedom + penalties
+        return sum(penalty(kind, model.kinds) for kind in model.kinds)
 
     def prefers(self, model: FitResult, other: FitResult) -> bool:
         """Whether a model is worth more than another.
@@ -105,15 +109,24 @@ class Search:
         margin = 0.0 if is_simpler or is_named else RIVAL_GAP
         return self.penalized_cost(model) < self.penalized_cost(other) - margin
 
-    def fit(self, model: FitResult, words: str = "") -> FitResult:
-        """Fits a model, and the strengths of its blocks, unless its set is known."""
-        key = frozenset(model.kinds)
+    def fit(
+        self, model: FitResult, words: str = "", rival: FitResult | None = None
+    ) -> FitResult:
+        """Fits a model, and the strengths of its blocks, unless its set is known.
+
+        Not to the end where it is far behind a rival.
+        """
+        key, most = frozenset(model.kinds), np.inf
+        if rival is not None:
+            most = self.penalized_cost(rival) - self._penalty_of(model) + CLEAR
         if key not in self.fitted or not np.isfinite(self.fitted[key].cost):
             what = ", ".join(sorted(model.kinds)) or "the flat plate"
             self.progress(words or f"fitting {what}")
             if model.free_kinds:  # Strengths shape the fit.
                 model = fit_model(self.task, model, 2, with_strength=True)
-            self.fitted[key] = fit_model(self.task, model, with_strength=True)
+            if not model.free_kinds or model.cost < most:
+                model = fit_model(self.task, model, with_strength=True, most=most)
+            self.fitted[key] = model
         return self.fitted[key]
 
     def near(self, model: FitResult) -> FirstOrder | None:
@@ -151,7 +164,7 @@ class Search:
         """Returns the best of some sets, or the first, that is worth more; or None."""
         found = model
         for members in sets:
-            other = self.fit(near.begin(members))
+            other = self.fit(near.begin(members), rival=found)
             found = other if self.prefers(other, found) else found
             if first and found is not model:
                 break

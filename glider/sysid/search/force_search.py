@@ -88,6 +88,12 @@ class HeldOutEvidence:
             return -np.inf
         return float(self._counts @ (self._alone - self._costs(own)))
 
+    def extended(
+        self, columns: Sequence[int], more: Sequence[Sequence[int]]
+    ) -> list[float]:
+        """Gain of columns with each of several others over none."""
+        return [self.log_marginal([*columns, *variant]) for variant in more]
+
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the coefficients of columns, counted from zero."""
         return self._steps(self._sum[None], columns)[0, len(self._always) :]

@@ -20,6 +20,11 @@ class SetEvidence(Protocol):
     def log_marginal(self, columns: Sequence[int]) -> float:
         """Returns the gain [nats]; minus infinity where it is not physical."""
 
+    def extended(
+        self, columns: Sequence[int], more: Sequence[Sequence[int]]
+    ) -> list[float]:
+        """Returns the gain of columns with each of several others [nats]."""
+
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the columns' coefficients, counted from zero."""
 
@@ -51,8 +56,7 @@ class Scorer:
         """Returns the evidence of a set without its penalty [nats]."""
         key = frozenset(members)
         if key not in self._kept:
-            columns = [c for _, variant in members for c in variant]
-            self._kept[key] = self.evidence.log_marginal(columns)
+            self._kept[key] = self.evidence.log_marginal(_columns_of(members))
         return self._kept[key]
 
     def with_penalty(self, penalty: Penalty) -> "Scorer":
@@ -101,12 +105,22 @@ class Scorer:
         return other
 
     def larger(self, members: Members) -> Iterable[Members]:
-        """Yields the sets with one member more."""
+        """Returns the sets with one member more."""
         have = dict(members)
-        for kind, variants in self.variants.items():
-            if kind not in have:
-                for variant in variants:
-                    yield (*members, (kind, variant))
+        others = [
+            (kind, variant)
+            for kind, variants in self.variants.items()
+            for variant in variants
+            if kind not in have
+        ]
+        sets = [(*members, other) for other in others]
+        new = [i for i, own in enumerate(sets) if frozenset(own) not in self._kept]
+        more = [others[i][1] for i in new]
+        gains = self.evidence.extended(_columns_of(members), more) if more else ()
+        self._kept.update(
+            (frozenset(sets[i]), g) for i, g in zip(new, gains, strict=True)
+        )
+        return sets
 
     def smaller(self, members: Members) -> Iterable[Members]:
         """Yields the sets with one member less."""
@@ -124,6 +138,11 @@ class Scorer:
         """Yields the sets with two members exchanged for another one."""
         for pair in combinations(members, 2):
             yield from self.larger(tuple(m for m in members if m not in pair))
+
+
+def _columns_of(members: Members) -> list[int]:
+    """Returns the columns of a set."""
+    return [column for _, variant in members for column in variant]
 
 
 def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:

@@ -65,6 +65,9 @@ class Told:
     def log_marginal(self, columns):
         return self.gains.get(tuple(sorted(columns)), 99.0)
 
+    def extended(self, columns, more):
+        return [self.log_marginal([*columns, *variant]) for variant in more]
+
     def step(self, columns):
         raise AssertionError
 
