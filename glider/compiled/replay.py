@@ -22,7 +22,7 @@ from glider.physics.chain import (
     theta_of,
 )
 from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, EffectKind, Field
-from glider.physics.effects.field import field_variables
+from glider.physics.effects.field import field_variables, of_sensors
 from glider.physics.parameters import Parameters, Theta
 
 
@@ -248,7 +248,7 @@ def log_slopes(
 def log_measure(nodes, numbers, field, pose, by_x):
     """Writes the pose (K, 3) that the sensors show of nodes (K, n), and its slopes.
 
-    No sensor looks at the field; by_x is (K, 3, n), or (K, 3, 0) without slopes.
+    The field is what sensors read of it; by_x is (K, 3, n), without slopes (K, 3, 0).
     """
     theta = theta_of(numbers, field)
     x = np.empty(nodes.shape[1])
@@ -341,7 +341,12 @@ def with_extras(
 
 
 def measure_nodes(
-    kinds: Kinds, nodes: np.ndarray, numbers: np.ndarray, *, with_slopes: bool = True
+    kinds: Kinds,
+    nodes: np.ndarray,
+    numbers: np.ndarray,
+    field: Field = NO_FIELD,
+    *,
+    with_slopes: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Computes the measured poses (K, 3) of states (K, n), and ∂/∂x (K, 3, n).
 
@@ -349,7 +354,7 @@ def measure_nodes(
     """
     rows, n = nodes.shape
     pose, by_x = np.empty((rows, 3)), np.empty((rows, 3, n if with_slopes else 0))
-    LOOPS.over(kinds, True).log_measure(nodes, numbers, NO_FIELD, pose, by_x)
+    LOOPS.over(kinds, True).log_measure(nodes, numbers, of_sensors(field), pose, by_x)
     return pose, by_x
 
 

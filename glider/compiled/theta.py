@@ -14,7 +14,14 @@ import numpy as np
 from glider.compiled import filter_error, replay
 from glider.compiled.user_effects import check_user_effects
 from glider.physics.compose import compose, initial_extra
-from glider.physics.effects import LIBRARY, NO_FIELD, Coefficient, EffectKind, Replay
+from glider.physics.effects import (
+    LIBRARY,
+    NO_FIELD,
+    Coefficient,
+    EffectKind,
+    Field,
+    Replay,
+)
 from glider.physics.effects.effect import constant
 from glider.physics.model import GliderModel
 from glider.physics.parameters import (
@@ -138,11 +145,13 @@ class Layout:
         """Returns the part of theta that the compiled dynamics take."""
         return theta[: self.num_compiled]
 
-    def sensed(self, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    def sensed(
+        self, nodes: np.ndarray, theta: np.ndarray, field: Field = NO_FIELD
+    ) -> np.ndarray:
         """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
         dynamics = self.dynamics(theta)
         return replay.measure_nodes(
-            self.compiled_kinds, nodes, dynamics, with_slopes=False
+            self.compiled_kinds, nodes, dynamics, field, with_slopes=False
         )[0]
 
     def replay(self, theta: np.ndarray) -> Replay:

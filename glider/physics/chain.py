@@ -60,7 +60,7 @@ def sensor_terms(flow, x, c):
 
 def residual_terms(flow, field):
     """The residual field's FIELD_TERMS."""
-    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 def effect_rates(flow, xdd, zdd, x, c):
@@ -263,7 +263,12 @@ def measure(x, theta):
     """Returns the pose (x, z, pitch) that the sensors show of a state."""
     flow = flow_of(motion_of(0.0, x, 0.0), 0.0, 0.0, theta.p)
     error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c)
-    return x[0] + error_x, x[1] + error_z, x[2] + error_pitch
+    terms = residual_terms(flow, theta.field)
+    return (
+        x[0] + error_x + terms[8],
+        x[1] + error_z + terms[9],
+        x[2] + error_pitch + terms[10],
+    )
 
 
 def parameters_of(n):

@@ -145,7 +145,7 @@ def fly_commands(
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     rate = np.diff(here) * fine_rate
     states = fly_path(layout, theta, launch, fine_times, elevator, rate, field)
-    shown = layout.sensed(states, theta)
+    shown = layout.sensed(states, theta, field)
     pose = np.stack(
         [np.interp(time - replay.latency, fine_times, c) for c in shown.T], axis=1
     )

@@ -131,7 +131,7 @@ def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
     gains = survey(task, model)
     real = [name for name, gain in gains.items() if gain > EVIDENCE_THRESHOLD]
     real.sort(key=lambda name: -gains[name])
-    found = [v for name in real for v in BLOCKS[name].variables]
+    found = [v for name in real for v in BLOCKS[name].depends_on]
     return tuple(dict.fromkeys(found))[:3]
 
 

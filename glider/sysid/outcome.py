@@ -172,7 +172,7 @@ def _block_entry(
         coefficients=find_peak(own, known, kind.term),
         shape=result.OTHER_SHAPE if family else result.LIBRARY_SHAPE,
         family=kind.link,
-        depends_on=kind.variables,
+        depends_on=kind.depends_on,
         **of_search,
     )
 

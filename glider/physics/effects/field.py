@@ -44,9 +44,15 @@ turned down, as by the wing's downwash [rad]."""
 WING_TERM = "wing_factor"
 """Relative change of the wing's force [-]."""
 
-FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, WING_TERM)
+SENSOR_TERMS = ("pose_x", "pose_z", "pose_pitch")
+"""Measured minus true pose [m, m, rad], over x, z or pitch alone."""
 
-TERM_UNITS = {"wind_x": "m/s", "wind_z": "m/s", "c_moment": "m", "tail_downwash": "rad"}
+FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, WING_TERM, *SENSOR_TERMS)
+
+TERM_UNITS = {
+    **{"wind_x": "m/s", "wind_z": "m/s", "c_moment": "m", "tail_downwash": "rad"},
+    **dict(zip(SENSOR_TERMS, ("m", "m", "rad"), strict=True)),
+}
 """Units of the terms that have one."""
 
 
@@ -60,11 +66,11 @@ class Field(NamedTuple):
     #: (M, v), zero where the function does not depend on the variable; a row of zeros
     #: is a constant.
     inverse_widths: np.ndarray
-    #: (M, 8), in the order of FIELD_TERMS.
+    #: (M, 11), in the order of FIELD_TERMS.
     weights: np.ndarray
-    #: (S, v + 1, 9) of S functions that are linear about points: a point's variables in
-    #: the first column, slopes of the terms along them in the others, and values there
-    #: in the last row.
+    #: (S, v + 1, 12) of S functions that are linear about points: a point's variables
+    #: in the first column, slopes of the terms along them in the others, and values
+    #: there in the last row.
     tangents: np.ndarray = np.zeros((0, 1 + len(FIELD_UNITS), 1 + len(FIELD_TERMS)))
     stage: int = 0  #: The one of them that is added, if there are any.
 
@@ -98,6 +104,7 @@ def field_variables(flow):
 def field_terms(flow, field):
     """Returns the values of FIELD_TERMS in a flow."""
     wind_x = wind_z = lift = drag = moment = tail = turn = wing = 0.0 * flow.speed
+    pose_x = pose_z = pose_pitch = 0.0 * flow.speed
     if field.weights.shape[0] > 0:
         variables = field_variables(flow)
         for m in range(field.weights.shape[0]):
@@ -116,6 +123,9 @@ def field_terms(flow, field):
             tail = tail + basis * field.weights[m, 5]
             turn = turn + basis * field.weights[m, 6]
             wing = wing + basis * field.weights[m, 7]
+            pose_x = pose_x + basis * field.weights[m, 8]
+            pose_z = pose_z + basis * field.weights[m, 9]
+            pose_pitch = pose_pitch + basis * field.weights[m, 10]
     if field.tangents.shape[0] > 0:
         variables = field_variables(flow)
         for d in range(field.tangents.shape[1]):
@@ -130,7 +140,8 @@ def field_terms(flow, field):
             tail = tail + apart * slopes[6]
             turn = turn + apart * slopes[7]
             wing = wing + apart * slopes[8]
-    return wind_x, wind_z, lift, drag, moment, tail, turn, wing
+    forces = wind_x, wind_z, lift, drag, moment, tail, turn, wing
+    return (*forces, pose_x, pose_z, pose_pitch)
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -149,6 +160,15 @@ class FieldData:
     weights: dict[str, list[float]] = dataclasses.field(default_factory=dict)
     #: Further fields over other variables that add to it.
     more: list["FieldData"] = dataclasses.field(default_factory=list)
+
+
+def of_sensors(field: Field) -> Field:
+    """Returns the part of a field that sensors read."""
+    first = FIELD_TERMS.index(SENSOR_TERMS[0])
+    is_read = np.any(field.weights[:, first:], axis=1)
+    return Field(
+        field.centers[is_read], field.inverse_widths[is_read], field.weights[is_read]
+    )
 
 
 def gaussians(

@@ -74,6 +74,9 @@ TERMS = {
     "c_drag": "drag $C_D$",
     "wind_x": "air moving forward [m/s]",
     "wind_z": "air moving up [m/s]",
+    "pose_x": "error of measured x [m]",
+    "pose_z": "error of measured z [m]",
+    "pose_pitch": "error of measured pitch [rad]",
 }
 """Term of a curve to its name."""
 

@@ -22,7 +22,7 @@ from glider.sysid.fit.prediction import (
     errors_from,
     of_launch,
 )
-from glider.sysid.likelihood.blocks import midpoints
+from glider.sysid.likelihood.blocks import between, values_at_nodes
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.scales import (
@@ -210,7 +210,9 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
             costs.append(negative_log_likelihood(moved, scales))
         return (costs[0] - costs[1]) / (2.0 * _STEP)
 
-    sizes = np.abs(np.concatenate([midpoints(r, model.theta) for r in records]))
+    sizes = np.abs(
+        np.concatenate([between(values_at_nodes(r, model.theta)) for r in records])
+    )
     overall, found = slopes(np.ones(len(sizes))), {}
     for variable in STATES:
         own = sizes[:, FIELD_VARIABLES.index(variable)]

@@ -146,7 +146,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
         state = start.copy()
         state[[0, 1, 4, 5]] += change
         moved = roll_out(kinds, along, state, dynamics, model.field)
-        return layout.sensed(moved, model.theta)[:, :2]
+        return layout.sensed(moved, model.theta, model.field)[:, :2]
 
     change, step, seen = np.zeros(4), 1e-5, record.seen[:rows, :2]
     first = guided.first(rows)
@@ -160,7 +160,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
             break
         error = (record.pose[:rows, :2] - flown)[seen]
         change += np.linalg.lstsq(matrix, error, rcond=None)[0]
-    pose = layout.sensed(states, model.theta) + zero
+    pose = layout.sensed(states, model.theta, model.field) + zero
     along = places(change, guided)
     return Prediction(pose=pose, translated=along, trim=float(trim))
 

@@ -14,7 +14,13 @@ import numpy as np
 import scipy.linalg
 
 from glider.physics.effects import FIELD_VARIABLES
-from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, WING_TERM, FieldData
+from glider.physics.effects.field import (
+    AIR_TERMS,
+    COEFFICIENTS,
+    SENSOR_TERMS,
+    WING_TERM,
+    FieldData,
+)
 from glider.sysid.likelihood.linear_flight import STILL_AIR, LinearFlight, Surroundings
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_variables
@@ -23,10 +29,11 @@ SPREADS = {
     **dict.fromkeys(AIR_TERMS, 0.5),
     **dict(zip(COEFFICIENTS, (0.2, 0.2, 0.01), strict=True)),
     **{"elevator_factor": 0.5, "tail_downwash": 0.2, WING_TERM: 0.2},
+    **dict(zip(SENSOR_TERMS, (0.01, 0.01, 0.05), strict=True)),
 }
-"""Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad; -]: a
-tenth of a flat plate's largest coefficients, half of a tail's force, a fifth of a
-wing's."""
+"""Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad; -; m,
+m, rad]: a tenth of a flat plate's largest coefficients, half of a tail's force, a fifth
+of a wing's, ten times the noise of cameras."""
 
 # Gaussians over a variable; over the others there are 8. Of two variables, over each.
 COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}
@@ -49,10 +56,18 @@ class BlockKind:
     formulas: tuple[str, ...]  #: Effects of the library that are of the family.
     bends: frozenset[str]  #: Effects whose formula it may bend.
 
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        """The variables as reports have them: a rate, not a rate over a speed."""
+        return tuple(
+            "pitchdot" if name == "reduced_rate" else name for name in self.variables
+        )
+
 
 _DRAGS = "profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
 _OF_TAIL = "tail_wake elevator_area downwash stalled_downwash elevator_blowback"
+_OF_PLACES = "position_scale frame_tilt marker_offset"
 _LINKS = {
     "air along x": ("air", "wind_x", "the air moves along x", ""),
     "air along z": ("air", "wind_z", "the air moves along z", ""),
@@ -68,6 +83,9 @@ _LINKS = {
         *("tail_angle", "tail_downwash", "the stream at the tail turns"),
         _OF_TAIL,
     ),
+    "measured x": ("sensor", "pose_x", "x is read wrongly", ""),
+    "measured z": ("sensor", "pose_z", "z is read wrongly", ""),
+    "measured pitch": ("sensor", "pose_pitch", "the pitch is read wrongly", ""),
 }
 """Links of the force chain: their name in reports, term, what happens there, and which
 formulas of other variables a function may bend: only the deflection distinguishes a
@@ -90,19 +108,24 @@ _FAMILIES = (
     ("drag", "elevator", ""),
     ("moment", "alpha", "center_of_pressure pitch_moment"),
     ("moment", "V", ""),
-    ("moment", "pitchdot", "pitch_damping added_mass"),
-    ("moment", "alpha pitchdot", "pitch_damping added_mass"),
+    ("moment", "reduced_rate", "pitch_damping added_mass"),
+    ("moment", "alpha reduced_rate", "pitch_damping added_mass"),
     ("moment", "elevator", ""),
     ("moment", "elevator_rate", ""),
     ("wing's force", "V", "airspeed_dependence"),
     ("wing's force", "z", "ground_effect"),
     ("tail's force", "V", ""),
     ("tail's force", "alpha", "tail_wake"),
+    ("tail's force", "alpha elevator", "tail_wake"),
     ("tail's force", "elevator", ""),
     ("stream at the tail", "alpha", "downwash stalled_downwash"),
     ("stream at the tail", "alpha reduced_rate", "downwash stalled_downwash"),
     ("stream at the tail", "tail_load", "elevator_blowback"),
     ("stream at the tail", "elevator", ""),
+    ("measured x", "x z", _OF_PLACES),
+    ("measured z", "x", _OF_PLACES),
+    ("measured z", "x z", _OF_PLACES),
+    ("measured pitch", "pitch", "pitch_offset"),
 )
 """Link, variables, and the library's formulas of the family."""
 
@@ -171,8 +194,10 @@ class Block:
     def added_to(self, flight: LinearFlight, values: np.ndarray) -> LinearFlight:
         """Returns a flight with a column for each coordinate.
 
-        `values` (K, v) are FIELD_VARIABLES at the midpoints of its intervals.
+        `values` (K + 1, v) are FIELD_VARIABLES at its nodes.
         """
+        if self.terms[0] not in SENSOR_TERMS:
+            values = between(values)
         functions = self.functions(values[:, self.columns])
         return flight.with_forces(functions, self.terms, self.mix)
 
@@ -224,22 +249,26 @@ def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
     return np.concatenate([flow_variables(r, theta) for r in records])
 
 
-def midpoints(
+def between(values: np.ndarray) -> np.ndarray:
+    """Returns values at the midpoint of each interval, (K, v), from those at nodes."""
+    return 0.5 * (values[1:] + values[:-1])
+
+
+def values_at_nodes(
     record: Record, theta: np.ndarray, about: Surroundings = STILL_AIR
 ) -> np.ndarray:
-    """Returns FIELD_VARIABLES at the midpoint of each interval, (K, v)."""
+    """Returns FIELD_VARIABLES at the nodes of a flight, (K + 1, v)."""
     theta, wind = theta.copy(), about.wind(record)
     theta[record.layout.index["pitch_offset", "angle"]] += about.constants[3]
     wind = np.vstack([wind[:1], 0.5 * (wind[1:] + wind[:-1]), wind[-1:]])
-    values = flow_variables(record, theta, wind)
-    return 0.5 * (values[1:] + values[:-1])
+    return flow_variables(record, theta, wind)
 
 
 def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
     """Spreads the bases of BLOCKS over `flown_values`; a point has none.
 
-    A drag and a moment vary about their means, which `profile_drag` and `pitch_moment`
-    are for.
+    A drag, a moment and a reading vary about their means: `profile_drag`,
+    `pitch_moment` and `pitch_offset` are for these, and a shift changes no flight.
     """
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     found = {}
@@ -260,7 +289,7 @@ def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
         count = len(centers)
         adds = {kind.term: np.ones((count, 1))}
         basis = np.eye(count)
-        if kind.term in ("c_drag", "c_moment"):
+        if kind.term in ("c_drag", "c_moment", *SENSOR_TERMS):
             values = flown[:: max(1, len(flown) // 2000)][:, columns]
             along = np.cos(values) if name == "drag over alpha" else 1.0
             mean = np.mean(along * gaussian(values, centers, widths), axis=0)

@@ -21,7 +21,7 @@ from glider.compiled.replay import (
 )
 from glider.compiled.theta import OFFSET, SERVO_LOG, Layout
 from glider.physics.effects import FIELD_TERMS, EffectKind, Field
-from glider.physics.effects.field import AIR_TERMS
+from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import nodes_at_rest, signals, trimmed, true_nodes
@@ -45,6 +45,24 @@ class Surroundings(NamedTuple):
 
 
 STILL_AIR = Surroundings()
+
+
+class AddedColumns(NamedTuple):
+    """Columns of functions times some terms, made only when a flight is whitened."""
+
+    basis: np.ndarray  #: (K, M) functions in intervals; of sensors (K + 1, M) at nodes.
+    terms: list[int]  #: T indices of the flight's terms; of sensors of the pose.
+    mix: np.ndarray  #: (M T, q) mixtures of functions times terms, functions first.
+    are_read: bool  #: Whether sensors read them.
+
+    def along(self, change: np.ndarray) -> np.ndarray:
+        """Returns the terms (K, T) by a change of the columns (q,)."""
+        return self.basis @ (self.mix @ change).reshape(-1, len(self.terms))
+
+    def columns(self, by_term: np.ndarray) -> np.ndarray:
+        """Returns the columns (K, n, q) of what the terms move by (K, n, T) each."""
+        product = self.basis[:, None, :, None] * by_term[:, :, None]
+        return product.reshape(*product.shape[:2], -1) @ self.mix
 
 
 class Direction(NamedTuple):
@@ -125,32 +143,32 @@ class LinearFlight:
     pose_by_x: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    #: Functions (K, M), indices of T terms and mixtures (M T, q) of columns that come
-    #: before the last. They are many, and made only when the flight is whitened.
-    forces: tuple[tuple[np.ndarray, list[int], np.ndarray], ...] = ()
+    forces: tuple[AddedColumns, ...] = ()  #: They come before the last column.
 
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
         count = self.inputs.shape[2] - 1
-        mix, inputs = np.append(-weights[:count], 1.0), self.inputs
-        inputs = inputs @ mix
-        for basis, terms, own in self.forces:
-            added = own @ weights[count : count + own.shape[1]]
-            added = basis @ added.reshape(-1, len(terms))
-            inputs += np.einsum("kit,kt->ki", self.by_term[:, :, terms], added)
-            count += own.shape[1]
+        mix = np.append(-weights[:count], 1.0)
+        inputs, outputs = self.inputs @ mix, self.outputs @ mix
+        for own in self.forces:
+            added = own.along(weights[count : count + own.mix.shape[1]])
+            if own.are_read:
+                outputs[:, own.terms] -= added
+            else:
+                inputs += np.einsum("kit,kt->ki", self.by_term[:, :, own.terms], added)
+            count += own.mix.shape[1]
         return dataclasses.replace(
             self,
             forces=(),
             by_term=np.empty((*inputs.shape, 0)),
             inputs=inputs[..., None],
-            outputs=(self.outputs @ mix)[..., None],
+            outputs=outputs[..., None],
             start=(self.start @ mix)[..., None],
         )
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        more = sum(own.shape[1] for *_, own in self.forces)
+        more = sum(own.mix.shape[1] for own in self.forces)
         return self.combined(np.zeros(self.inputs.shape[2] - 1 + more))
 
     def with_force_errors(self) -> "LinearFlight":
@@ -168,23 +186,32 @@ class LinearFlight:
         """Returns the flight with more columns, before the last.
 
         Each mixes (M terms, q), functions first, M functions with values (K, M) at the
-        midpoints of intervals times some of `terms`.
+        midpoints of intervals times some of `terms`; or (K + 1, M) at the nodes times
+        some of SENSOR_TERMS.
         """
-        index = [self.terms.index(name) for name in terms]
-        return dataclasses.replace(self, forces=(*self.forces, (basis, index, mix)))
+        are_read = terms[0] in SENSOR_TERMS
+        of = SENSOR_TERMS if are_read else self.terms
+        own = AddedColumns(basis, [of.index(name) for name in terms], mix, are_read)
+        return dataclasses.replace(self, forces=(*self.forces, own))
 
     def whole(self) -> "LinearFlight":
         """Returns the flight with the columns of its forces among the others."""
         if not self.forces:
             return self
-        columns, shape = [], (*self.by_term.shape[:2], -1)
-        for basis, terms, mix in self.forces:
-            product = basis[:, None, :, None] * self.by_term[:, :, None, terms]
-            columns.append(-product.reshape(shape) @ mix)
-        inputs = np.concatenate(columns, axis=2)
+        moves, shows = [], []
+        for own in self.forces:
+            count = own.mix.shape[1]
+            if own.are_read:
+                by_term = np.eye(self.outputs.shape[1])[None, :, own.terms]
+                shows.append(own.columns(by_term))
+                moves.append(np.zeros((*self.inputs.shape[:2], count)))
+            else:
+                moves.append(-own.columns(self.by_term[:, :, own.terms]))
+                shows.append(np.zeros((*self.outputs.shape[:2], count)))
+        inputs = np.concatenate(moves, axis=2)
         wider: dict[str, Any] = {
             "inputs": inputs,
-            "outputs": np.zeros((*self.outputs.shape[:2], inputs.shape[2])),
+            "outputs": np.concatenate(shows, axis=2),
             "start": np.zeros((len(self.start), inputs.shape[2])),
         }
         for name, more in wider.items():
@@ -222,7 +249,7 @@ def linearize(
     with_states = any(d.kind in layout.states for d in directions)
     kinds, nodes = layout.compiled_kinds, true_nodes(record, theta, field, with_states)
     states, columns = layout.active_states(theta), len(directions) + 1
-    terms = dict.fromkeys((*AIR_TERMS, *terms))
+    terms = dict.fromkeys(t for t in (*AIR_TERMS, *terms) if t not in SENSOR_TERMS)
     if record.trim_is_moment:
         terms["c_moment"] = None
     shown = tuple(terms)
@@ -241,7 +268,7 @@ def linearize(
         other, sizes[i] = directions[j].moved(theta), directions[j].size
         moved[i] = layout.dynamics(trimmed(record, other, constants[2])[0])
         if directions[j].kind in layout.states:
-            begins = (nodes - nodes_at_rest(record, other))[0, states] / sizes[i]
+            begins = (nodes - nodes_at_rest(record, other, field))[0, states] / sizes[i]
             start[NUM_STATES : len(states), j] = begins[NUM_STATES:]
     index, width = [FIELD_TERMS.index(name) for name in shown], states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
@@ -274,8 +301,8 @@ def linearize(
         by_term=by_term,
         terms=shown,
         inputs=inputs.take(states, 1),
-        pose_by_x=measure_nodes(kinds, nodes, dynamics)[1].take(states, 2),
-        outputs=_outputs(record, theta, directions, nodes),
+        pose_by_x=measure_nodes(kinds, nodes, dynamics, field)[1].take(states, 2),
+        outputs=_outputs(record, theta, field, directions, nodes),
         start=start,
     )
 
@@ -311,25 +338,29 @@ def _secants(
 def _outputs(
     record: Record,
     theta: np.ndarray,
+    field: Field,
     directions: Sequence[Direction],
     nodes: np.ndarray,
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
-    layout, shown = record.layout, _shown(record, nodes, theta)
+    layout, shown = record.layout, _shown(record, nodes, theta, field)
     outputs = np.zeros((*shown.shape, len(directions) + 1))
     for j, d in enumerate(directions):
         if d.slot in layout.sensor_slots or d.slot >= layout.num_compiled:
-            outputs[:, :, j] = (_shown(record, nodes, d.moved(theta)) - shown) / d.size
+            moved = _shown(record, nodes, d.moved(theta), field)
+            outputs[:, :, j] = (moved - shown) / d.size
     measured = [*record.pose.T, record.elevator, record.pitch_rate]
     outputs[:, :, -1] = np.stack(measured[: shown.shape[1]], axis=1) - shown
     return outputs
 
 
-def _shown(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+def _shown(
+    record: Record, nodes: np.ndarray, theta: np.ndarray, field: Field
+) -> np.ndarray:
     """What a model shows of states, (K + 1, C): pose, elevator and, of a gyro, rate."""
     layout = record.layout
     path = signals(record, theta).logged + nodes[:, OFFSET]
-    columns = [*layout.sensed(nodes, theta).T, path]
+    columns = [*layout.sensed(nodes, theta, field).T, path]
     if record.seen.shape[1] > 4:
         late = np.clip(record.time - layout.replay(theta).latency, 0.0, record.time[-1])
         bias = theta[layout.index[SERVO_LOG.kind, "pitch_rate"]]

@@ -19,7 +19,7 @@ from glider.sysid.constants import (
     LEAST_STRENGTH,
     MOST_TRIES,
 )
-from glider.sysid.likelihood.blocks import Block, FittedBlock, midpoints
+from glider.sysid.likelihood.blocks import Block, FittedBlock, values_at_nodes
 from glider.sysid.likelihood.information import bounded_step, inverse
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
@@ -157,7 +157,7 @@ def with_blocks(
     """Returns a flight with the columns of blocks, before the last."""
     if not blocks:
         return flight
-    values = midpoints(flight.record, theta, flight.about)
+    values = values_at_nodes(flight.record, theta, flight.about)
     for block in blocks:
         flight = block.added_to(flight, values)
     return flight

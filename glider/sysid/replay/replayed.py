@@ -16,7 +16,7 @@ from glider.compiled import replay as compiled
 from glider.compiled.actuators import replayed_path
 from glider.compiled.theta import OFFSET
 from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
-from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.effects.field import COEFFICIENTS, of_sensors
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.result import ResidualTable
@@ -102,26 +102,28 @@ def true_nodes(
     zero unless they are asked for.
     """
     if not with_states and record.layout.active_states(theta)[-1] < NUM_STATES:
-        return _motion(record, theta)
+        return _motion(record, theta, field)
     elevator, rate, _ = signals(record, theta)
     along = compiled.log_path(record.time, elevator, rate)
     kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
-    nodes = nodes_at_rest(record, theta)
+    nodes = nodes_at_rest(record, theta, field)
     return compiled.with_extras(kinds, along, nodes, dynamics, field)
 
 
-def _motion(record: Record, theta: np.ndarray) -> np.ndarray:
+def _motion(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
     """Returns the same, (n, num_states), the effects' states zero."""
-    nodes, seen = _without_sensors(record, theta), record.seen[:, 3]
+    nodes, seen = _without_sensors(record, theta, field), record.seen[:, 3]
     if record.has_servo and seen.any():  # Else the offset is unknown.
         logged = signals(record, theta).logged
         nodes[:, OFFSET] = np.mean((record.elevator - logged)[seen])
     return nodes
 
 
-def nodes_at_rest(record: Record, theta: np.ndarray) -> np.ndarray:
+def nodes_at_rest(
+    record: Record, theta: np.ndarray, field: Field = NO_FIELD
+) -> np.ndarray:
     """Returns the same, (n, num_states), the effects' states only where it begins."""
-    nodes, (elevator, rate, _) = _motion(record, theta), signals(record, theta)
+    nodes, (elevator, rate, _) = _motion(record, theta, field), signals(record, theta)
     start = nodes[0].copy()
     start[OFFSET] += elevator[0, 0]
     first = record.time[0], start, rate[0]
@@ -129,16 +131,17 @@ def nodes_at_rest(record: Record, theta: np.ndarray) -> np.ndarray:
     return nodes
 
 
-def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
+def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
     """Undoes the sensor effects, also of the nodes a short time later."""
     layout, n, step = record.layout, len(record.time), 1e-4
-    if not np.any(theta[list(layout.sensor_slots)]):
+    is_read = len(of_sensors(field).weights) > 0
+    if not is_read and not np.any(theta[list(layout.sensor_slots)]):
         return record.nodes.copy()
     states = np.tile(record.nodes, (2, 1))
     states[n:, :3] += step * states[n:, 4:7]
     shown = states[:, :3].copy()
     for _ in range(6):
-        missed = shown - layout.sensed(states, theta)
+        missed = shown - layout.sensed(states, theta, field)
         states[:, :3] += missed
         if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
             break
@@ -161,10 +164,10 @@ def flow_along(
     Velocities are relative to the wind.
     """
     if trim is None:
-        nodes = true_nodes(record, theta)
+        nodes = true_nodes(record, theta, field)
     else:
         theta, shift = trimmed(record, theta, trim)
-        nodes = true_nodes(record, theta)
+        nodes = true_nodes(record, theta, field)
         nodes[:, OFFSET] = shift
     nodes[:, 4:6] -= wind
     at_nodes, layout = signals(record, theta).at_nodes, record.layout

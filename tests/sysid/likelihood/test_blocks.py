@@ -110,7 +110,7 @@ def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypa
     found = improved(
         Search(task, lambda text: None), fit_model(task, begin(task, noise))
     )
-    assert "moment over alpha and pitchdot" in found.free_kinds
+    assert "moment over alpha and reduced_rate" in found.free_kinds
     model = model_of(task, found, Signs(), campaign)
     model.save(tmp_path / "model.yaml")
     again = GliderModel.load(tmp_path / "model.yaml")
@@ -130,7 +130,9 @@ def test_blocks_are_spread_over_what_was_flown(vent):
     assert own.centers[0, 0] < 5.0 < own.centers[-1, 0]
 
 
-@pytest.mark.parametrize("name", ["drag over alpha", "moment over alpha and pitchdot"])
+@pytest.mark.parametrize(
+    "name", ["drag over alpha", "moment over alpha and reduced_rate"]
+)
 def test_the_field_in_a_model_file_has_the_blocks_values(vent, name):
     block = vent[0].task.blocks[name]
     coordinates = np.random.default_rng(0).normal(size=block.count)

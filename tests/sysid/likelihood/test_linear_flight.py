@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 
 from glider.campaign.motion_capture import MotionCapture
-from glider.physics.effects import KINDS, NO_FIELD
-from glider.physics.effects.field import FIELD_TERMS, FieldData, make_field
+from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
+from glider.physics.effects.field import (
+    FIELD_TERMS,
+    SENSOR_TERMS,
+    FieldData,
+    gaussians,
+    make_field,
+)
 from glider.sysid.likelihood.linear_flight import linearize, slopes, starts_of
 from glider.sysid.likelihood.scales import whiten
-from tests.helpers.columns import SCALES, column_error
+from tests.helpers.columns import SCALES, column_error, of_launch, whitened
 from tests.helpers.tasks import fly, task_of, with_gyro
 
 NAMES = [k for k, kind in KINDS.items() if kind.stage != "log"]
@@ -76,7 +82,7 @@ def test_a_gyro_agrees_with_the_poses_that_it_is_derived_from():
     assert np.median(np.abs(flight.outputs[1:-1, 4, -1])) < 0.02
 
 
-@pytest.mark.parametrize("term", FIELD_TERMS)
+@pytest.mark.parametrize("term", sorted({*FIELD_TERMS} - {*SENSOR_TERMS}))
 def test_columns_of_a_field_are_derivatives(task, term):
     """A constant of each term, put in as a field and as a column."""
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
@@ -90,6 +96,29 @@ def test_columns_of_a_field_are_derivatives(task, term):
     np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
 
 
+@pytest.mark.parametrize("term", SENSOR_TERMS)
+def test_columns_of_a_reading_are_derivatives(task, term):
+    """But for the launch, which moves with the nodes where the reading is known."""
+    record, theta, small = task.records[0], task.vehicle.theta, 1e-4
+    variable = 2 if term == "pose_pitch" else 0
+    data = FieldData(
+        variables=["pitch" if variable else "x"],
+        centers=[[float(record.nodes[20, variable])]],
+        widths=[0.3],
+        weights={term: [small]},
+    )
+    field, flight = make_field(data), linearize(record, theta, NO_FIELD)
+    column = FIELD_VARIABLES.index(data.variables[0])
+    basis = gaussians(field, [column], record.nodes[:, [variable]])
+    wide = flight.with_forces(basis, [term], np.eye(1))
+    column, error = whitened(wide).T
+    numeric = (error - whitened(linearize(record, theta, field))[:, 0]) / small
+    launch, _ = np.linalg.qr(whitened(of_launch(flight)))
+    column, numeric = (v - launch @ (launch.T @ v) for v in (column, numeric))
+    assert np.abs(numeric).max() > 1.0
+    np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
+
+
 def test_an_error_of_many_columns_is_that_of_each(task):
     """Columns of forces are made late: their sum has to be the same before."""
     layout, rng = task.layout, np.random.default_rng(0)
@@ -98,10 +127,11 @@ def test_an_error_of_many_columns_is_that_of_each(task):
         *(task.records[0], task.vehicle.theta, NO_FIELD, columns),
         terms=["c_drag", "wind_z"],
     )
-    for terms in (["c_drag", "wind_z"], ["c_drag"]):
-        basis = rng.normal(size=(len(flight.by_air), 2))
+    for terms in (["c_drag", "wind_z"], ["pose_x", "pose_pitch"], ["c_drag"]):
+        nodes = len(flight.by_air) + (terms[0] in SENSOR_TERMS)
+        basis = rng.normal(size=(nodes, 2))
         flight = flight.with_forces(basis, terms, rng.normal(size=(2 * len(terms), 3)))
-    change = rng.normal(size=len(columns) + 6)
+    change = rng.normal(size=len(columns) + 9)
     whitened = whiten(flight, SCALES).innovations
     at_once = whiten(flight.combined(change), SCALES).innovations[..., 0]
     np.testing.assert_allclose(
