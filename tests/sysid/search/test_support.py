@@ -91,6 +91,9 @@ def test_what_flights_drawn_again_choose_is_a_rival_and_backs_it():
         def log_marginal(self, chosen):
             return float(self.value[list(chosen)].max(initial=0.0))
 
+        def extended(self, chosen, more):
+            return [self.log_marginal([*chosen, *variant]) for variant in more]
+
         def step(self, chosen):
             return np.zeros(len(chosen))
 
