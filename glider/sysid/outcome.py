@@ -80,6 +80,7 @@ def effects_of(
             "evidence": evidence,
             "share_of_residual": float(np.clip(evidence / gained, 0.0, 1.0)),
             "inclusion": traced.weighed[name].inclusion,
+            "found_by": traced.found_by.get(name, ""),
         }
         if name in model.free_kinds:
             if BLOCKS[name].bends.isdisjoint({*model.kinds} - unnamed.keys()):

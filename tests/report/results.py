@@ -50,6 +50,7 @@ WIND = FoundEffect(
     indistinguishable_from=("frame_tilt",),
     depends_on=("V", "alpha"),
     inclusion=0.97,
+    found_by="best set",
     spread_over_flights={"x": 0.0512},
 )
 UNEXPLAINED = FoundEffect(

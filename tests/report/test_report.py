@@ -162,6 +162,7 @@ def test_json_has_the_schema_and_si_numbers():
                 "inclusion": 0.97,
                 "spread_over_flights": {"x": 0.0512},
                 "shape": "library",
+                "found_by": "best set",
                 "family": "",
                 "indistinguishable_from": ["frame_tilt"],
                 "depends_on": ["V", "alpha"],

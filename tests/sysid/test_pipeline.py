@@ -12,6 +12,7 @@ from glider.progress import Step
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import PERFECT
+from glider.sysid.search.moves import MOVES
 from tests.campaign.checks.breaking import change, scale
 from tests.helpers.campaigns import campaign_path, first_flights
 from tests.helpers.tasks import fly
@@ -55,6 +56,7 @@ def test_attached_lift_is_named_with_its_coefficients(few):
     (effect,) = few.effects
     assert effect.evidence > 100.0
     assert effect.inclusion == 1.0
+    assert effect.found_by in MOVES
     assert effect.share_of_residual > 0.9
     assert effect.shape == "library" and effect.spread_over_flights == {}
     assert few.spreads == {}

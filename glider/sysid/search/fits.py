@@ -86,6 +86,7 @@ class Search:
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
+    found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
 
     def penalized_cost(self, model: FitResult) -> float:

@@ -149,6 +149,7 @@ class SearchResult:
     combinations: tuple[tuple[tuple[str, ...], float], ...]
     #: Free function to the library's formula of its family that is nearest.
     families: dict[str, str] = dataclasses.field(default_factory=dict)
+    found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
     #: Models of sets that are nearly as likely, and the evidence that they lack [nats].
     rivals: tuple[tuple[FitResult, float], ...] = ()
     threshold: EvidenceThreshold  #: Of evidence, below which an effect is not taken.

@@ -66,6 +66,7 @@ def trace(
         alone=search.alone,
         combinations=tuple(sorted(gains.items(), key=lambda item: -item[1])),
         families=moves.families_of(search, model),
+        found_by={kind: search.found_by.get(kind, "") for kind in model.kinds},
         rivals=rivals_of(search, model, weighed),
         threshold=EvidenceThreshold(effect=fits.penalty_in(task, model)("", ())),
     )
@@ -105,6 +106,8 @@ def improved(search: fits.Search, model: FitResult) -> FitResult:
         for name, move in moves.MOVES.items():
             search.progress(name)
             if better := move(search, model):
+                new = set(better.kinds).difference(model.kinds)
+                search.found_by.update(dict.fromkeys(new, name))
                 model = better
                 break
         else:
