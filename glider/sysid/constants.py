@@ -114,6 +114,7 @@ DOUBTED = 60.0  # Evidence up to which too little support drops an effect [nats]
 OFFERED = 25.0  # Loss up to which draws are offered an effect [nats] (c).
 
 # -------------------------------------------------- free functions and fits
+RESOLVED = 0.02  # RMS along flights, over its prior's, of what a function shows (c).
 LEAST_STRENGTH = 0.02  # Of a free function over its prior's, as good as none (c).
 STRENGTHS_TRIED = 0.1, 0.3, 1.0  # Of one that does not act yet (c).
 LARGEST_STRENGTH = 5.0  # That no error of a formula has (c).

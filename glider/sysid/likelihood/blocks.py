@@ -21,6 +21,7 @@ from glider.physics.effects.field import (
     WING_TERM,
     FieldData,
 )
+from glider.sysid.constants import RESOLVED
 from glider.sysid.likelihood.linear_flight import STILL_AIR, LinearFlight, Surroundings
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_variables
@@ -29,11 +30,11 @@ SPREADS = {
     **dict.fromkeys(AIR_TERMS, 0.5),
     **dict(zip(COEFFICIENTS, (0.2, 0.2, 0.01), strict=True)),
     **{"elevator_factor": 0.5, "tail_downwash": 0.2, WING_TERM: 0.2},
-    **dict(zip(SENSOR_TERMS, (0.01, 0.01, 0.05), strict=True)),
+    **dict.fromkeys(SENSOR_TERMS, 0.05),
 }
 """Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad; -; m,
 m, rad]: a tenth of a flat plate's largest coefficients, half of a tail's force, a fifth
-of a wing's, ten times the noise of cameras."""
+of a wing's, of a reading what a wide lens or a tilted axis does."""
 
 # Gaussians over a variable; over the others there are 8. Of two variables, over each.
 COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}
@@ -288,12 +289,15 @@ def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
         centers = centers.reshape(-1, len(columns))
         count = len(centers)
         adds = {kind.term: np.ones((count, 1))}
-        basis = np.eye(count)
+        basis, values = np.eye(count), flown[:: max(1, len(flown) // 2000)][:, columns]
+        shown = gaussian(values, centers, widths)
         if kind.term in ("c_drag", "c_moment", *SENSOR_TERMS):
-            values = flown[:: max(1, len(flown) // 2000)][:, columns]
             along = np.cos(values) if name == "drag over alpha" else 1.0
-            mean = np.mean(along * gaussian(values, centers, widths), axis=0)
-            basis = scipy.linalg.null_space(mean[None])
+            basis = scipy.linalg.null_space(np.mean(along * shown, axis=0)[None])
+        _, spreads, axes = np.linalg.svd(
+            shown @ basis / np.sqrt(len(shown)), full_matrices=False
+        )
+        basis = basis @ axes[: np.count_nonzero(spreads > RESOLVED)].T
         s, c = np.sin(centers[:, :1]), np.cos(centers[:, :1])
         if name.startswith("lift over alpha"):  # Normal to the wing, at its place.
             adds = {"c_lift": c, "c_drag": s, "c_moment": np.full_like(c, -wing_offset)}
