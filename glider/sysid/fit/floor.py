@@ -187,7 +187,7 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
     compares the slopes of their likelihoods over b at zero, the overall strength
     eliminated.
     """
-    records, count = task.records, len(task.records)
+    count = len(task.records)
     if model.scales.is_still or count < 3:
         return ()
     # The flights' constants, about which they are linear, count as known.
@@ -210,9 +210,8 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
             costs.append(negative_log_likelihood(moved, scales))
         return (costs[0] - costs[1]) / (2.0 * _STEP)
 
-    sizes = np.abs(
-        np.concatenate([between(values_at_nodes(r, model.theta)) for r in records])
-    )
+    values = [between(values_at_nodes(flight, model.theta)) for flight in flights]
+    sizes = np.abs(np.concatenate(values))
     overall, found = slopes(np.ones(len(sizes))), {}
     for variable in STATES:
         own = sizes[:, FIELD_VARIABLES.index(variable)]

@@ -22,9 +22,9 @@ from glider.physics.effects.field import (
     FieldData,
 )
 from glider.sysid.constants import RESOLVED
-from glider.sysid.likelihood.linear_flight import STILL_AIR, LinearFlight, Surroundings
+from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import flow_variables
+from glider.sysid.replay.replayed import flow_along, flow_at_nodes
 
 SPREADS = {
     **dict.fromkeys(AIR_TERMS, 0.5),
@@ -68,7 +68,6 @@ class BlockKind:
 _DRAGS = "profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
 _OF_TAIL = "tail_wake elevator_area downwash stalled_downwash elevator_blowback"
-_OF_PLACES = "position_scale frame_tilt marker_offset"
 _LINKS = {
     "air along x": ("air", "wind_x", "the air moves along x", ""),
     "air along z": ("air", "wind_z", "the air moves along z", ""),
@@ -84,7 +83,6 @@ _LINKS = {
         *("tail_angle", "tail_downwash", "the stream at the tail turns"),
         _OF_TAIL,
     ),
-    "measured x": ("sensor", "pose_x", "x is read wrongly", ""),
     "measured z": ("sensor", "pose_z", "z is read wrongly", ""),
     "measured pitch": ("sensor", "pose_pitch", "the pitch is read wrongly", ""),
 }
@@ -123,9 +121,7 @@ _FAMILIES = (
     ("stream at the tail", "alpha reduced_rate", "downwash stalled_downwash"),
     ("stream at the tail", "tail_load", "elevator_blowback"),
     ("stream at the tail", "elevator", ""),
-    ("measured x", "x z", _OF_PLACES),
-    ("measured z", "x", _OF_PLACES),
-    ("measured z", "x z", _OF_PLACES),
+    ("measured z", "x", "position_scale frame_tilt marker_offset"),
     ("measured pitch", "pitch", "pitch_offset"),
 )
 """Link, variables, and the library's formulas of the family."""
@@ -247,7 +243,8 @@ def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
 
 def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
     """Returns FIELD_VARIABLES along all flights of a model, (n, v)."""
-    return np.concatenate([flow_variables(r, theta) for r in records])
+    flows = [flow_along(record, theta)[1] for record in records]
+    return np.concatenate(flows)[:, -len(FIELD_VARIABLES) :]
 
 
 def between(values: np.ndarray) -> np.ndarray:
@@ -255,14 +252,11 @@ def between(values: np.ndarray) -> np.ndarray:
     return 0.5 * (values[1:] + values[:-1])
 
 
-def values_at_nodes(
-    record: Record, theta: np.ndarray, about: Surroundings = STILL_AIR
-) -> np.ndarray:
+def values_at_nodes(flight: LinearFlight, theta: np.ndarray) -> np.ndarray:
     """Returns FIELD_VARIABLES at the nodes of a flight, (K + 1, v)."""
-    theta, wind = theta.copy(), about.wind(record)
-    theta[record.layout.index["pitch_offset", "angle"]] += about.constants[3]
-    wind = np.vstack([wind[:1], 0.5 * (wind[1:] + wind[:-1]), wind[-1:]])
-    return flow_variables(record, theta, wind)
+    nodes, wind = flight.nodes.copy(), flight.about.wind(flight.record)
+    nodes[:, 4:6] -= np.vstack([wind[:1], between(wind), wind[-1:]])
+    return flow_at_nodes(flight.record, theta, nodes)[:, -len(FIELD_VARIABLES) :]
 
 
 def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:

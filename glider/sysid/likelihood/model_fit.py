@@ -157,7 +157,7 @@ def with_blocks(
     """Returns a flight with the columns of blocks, before the last."""
     if not blocks:
         return flight
-    values = values_at_nodes(flight.record, theta, flight.about)
+    values = values_at_nodes(flight, theta)
     for block in blocks:
         flight = block.added_to(flight, values)
     return flight

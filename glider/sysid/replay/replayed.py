@@ -155,13 +155,10 @@ def flow_along(
     theta: np.ndarray,
     field: Field = NO_FIELD,
     trim: float | None = None,
-    wind: np.ndarray | float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns smoothed true states (n, num_states) and the flow there (n, 5 + v).
 
-    The flow's columns are those of `compiled.replay.log_flow`, FIELD_VARIABLES last.
     With a trim, the elevator is off its path by that much, else as it was measured.
-    Velocities are relative to the wind.
     """
     if trim is None:
         nodes = true_nodes(record, theta, field)
@@ -169,21 +166,19 @@ def flow_along(
         theta, shift = trimmed(record, theta, trim)
         nodes = true_nodes(record, theta, field)
         nodes[:, OFFSET] = shift
-    nodes[:, 4:6] -= wind
+    return nodes, flow_at_nodes(record, theta, nodes, field)
+
+
+def flow_at_nodes(
+    record: Record, theta: np.ndarray, nodes: np.ndarray, field: Field = NO_FIELD
+) -> np.ndarray:
+    """Returns the flow (n, 5 + v) in still air at a flight's states (n, num_states).
+
+    Its columns are those of `compiled.replay.log_flow`, FIELD_VARIABLES last.
+    """
     at_nodes, layout = signals(record, theta).at_nodes, record.layout
     kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
-    flow = compiled.flow_at(kinds, record.time, nodes, *at_nodes, dynamics, field)
-    return nodes, flow
-
-
-def flow_variables(
-    record: Record, theta: np.ndarray, wind: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Returns FIELD_VARIABLES along a flight, (n, v), at its smoothed states.
-
-    In air that moves with `wind` (n, 2) [m/s].
-    """
-    return flow_along(record, theta, wind=wind)[1][:, -len(FIELD_VARIABLES) :]
+    return compiled.flow_at(kinds, record.time, nodes, *at_nodes, dynamics, field)
 
 
 def make_table(
