@@ -117,7 +117,7 @@ def in_stage(theta, stage):
 
 
 def set_tangents(path, k, theta, work, tangents):
-    """Writes the tangents (4, v + 1, 9) of the field in the stages of `log_step`."""
+    """Writes the tangents (4, v + 1, 12) of the field in the stages of `log_step`."""
     field = theta.field
     tangents[:] = 0.0
     for stage in range(4):
@@ -133,10 +133,8 @@ def set_tangents(path, k, theta, work, tangents):
         for m in range(field.weights.shape[0]):
             exponent = 0.0
             for d in range(count):
-                apart = (variables[d] - field.centers[m, d]) * field.inverse_widths[
-                    m, d
-                ]
-                exponent -= 0.5 * apart * apart
+                apart = variables[d] - field.centers[m, d]
+                exponent -= 0.5 * (apart * field.inverse_widths[m, d]) ** 2
             basis = np.exp(exponent)
             for i in range(field.weights.shape[1]):
                 tangent[count, 1 + i] += basis * field.weights[m, i]

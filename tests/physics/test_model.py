@@ -88,6 +88,22 @@ def test_a_file_says_only_what_it_changes(tmp_path):
     assert model.residual_field is NO_FIELD
 
 
+def test_a_reading_is_measured_and_moves_nothing():
+    data = FieldData(
+        variables=["pitch"],
+        centers=[[0.1]],
+        widths=[0.5],
+        weights={"pose_pitch": [0.04]},
+    )
+    both = GliderModel(field=data), GliderModel()
+    state = np.array([1.0, 2.0, 0.1, 0.0, 6.0, 0.0, 0.0])
+    shown = [own.chain.measure(state, own.numbers) for own in both]
+    np.testing.assert_allclose(np.subtract(*shown), [0.0, 0.0, 0.04])
+    at = 0.0, state, 0.0, 0.0, 0.0
+    rates = [own.chain.derivatives(*at, own.numbers) for own in both]
+    np.testing.assert_array_equal(*rates)
+
+
 def test_the_arrays_of_a_field():
     arrays = GliderModel(field=FIELD).residual_field
     np.testing.assert_array_equal(arrays.centers[0], [-1, 0, 0.2, 0, 6, 0.3, *5 * [0]])
@@ -114,6 +130,10 @@ def test_the_arrays_of_a_field():
         ("field: {variables: [x], widths: [1.0], centers: [[1.0, 2.0]]}", "center 0"),
         ("field: {constant: true, weights: {c_lift: [1.0, 2.0]}}", "'c_lift'"),
         ("field: {weights: {c_left: [1.0]}}", "'c_left'"),
+        (
+            "field: {variables: [V], widths: [1], weights: {pose_z: []}}",
+            "variables of pose_z is ['V']; expected x, z and pitch",
+        ),
         (
             "covariance: {names: [wind.x], matrix: [[1.0]]}",
             "a name is 'wind.x'; expected",

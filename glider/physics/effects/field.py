@@ -45,7 +45,9 @@ WING_TERM = "wing_factor"
 """Relative change of the wing's force [-]."""
 
 SENSOR_TERMS = ("pose_x", "pose_z", "pose_pitch")
-"""Measured minus true pose [m, m, rad], over x, z or pitch alone."""
+"""Measured minus true pose [m, m, rad], over _SENSOR_VARIABLES alone."""
+
+_SENSOR_VARIABLES = "x", "z", "pitch"
 
 FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, WING_TERM, *SENSOR_TERMS)
 
@@ -199,6 +201,10 @@ def make_field(data: FieldData) -> Field:
     names = dict.fromkeys(data.variables, FIELD_VARIABLES)
     for name, known in (names | dict.fromkeys(data.weights, FIELD_TERMS)).items():
         expect(name in known, f"{field}: a name", name, f"one of {', '.join(known)}")
+    read = [name for name in SENSOR_TERMS if name in data.weights]
+    if read:
+        others = sorted({*data.variables} - {*_SENSOR_VARIABLES})
+        expect(not others, f"{field}: variables of {read[0]}", others, "x, z and pitch")
     good = len(data.widths) == len(data.variables)
     good = good and not min(data.widths, default=1.0) <= 0.0  # NaN is refused below.
     needed = f"one width > 0 for each of {', '.join(data.variables)}"

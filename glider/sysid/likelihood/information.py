@@ -87,11 +87,8 @@ class Evidence:
         """
         # Computed ten thousand times: SciPy's wrappers would take ten times as long.
         own, found = np.array(columns, dtype=int), list[float]()
-        half, back, gain = (
-            np.zeros((0, len(self.gram))),
-            np.zeros((0, len(self.gram))),
-            0.0,
-        )
+        half, gain = np.zeros((0, len(self.gram))), 0.0
+        back = half
         if len(own):
             factor, failed = self._factor(self.gram[own[:, None], own], own)
             if failed:
