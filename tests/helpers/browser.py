@@ -101,6 +101,7 @@ def visit(browser: Any, url: str, **options: Any) -> Iterator[Window]:
         options: of Playwright's `new_context`: viewport, color_scheme, has_touch.
     """
     context = browser.new_context(**options)
+    context.set_default_timeout(1e3 * PATIENCE)  # Drawing a report is work.
     window = Window(context.new_page(), [], [])
     window.page.on("pageerror", lambda error: window.faults.append(str(error)))
     window.page.on("console", lambda told: _note(window.faults, told))
