@@ -41,6 +41,10 @@ demo: $(or $(wildcard $(READY)),$(RUNS))
 
 PYTEST := $(BIN)/python -m pytest
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
+# The files with tests of a marker, unless others are asked for: importing all tests
+# takes longer than running a few.
+marked = $(if $(filter tests%,$(PYTEST_ARGS)),,$$(grep -rlw --include='test_*.py' \
+	'mark\.$(1)' tests))
 
 # The machine code that many tests share is compiled once, before there are workers.
 test: setup
@@ -48,11 +52,11 @@ test: setup
 	$(PYTEST) -m 'not (nightly or browser or docs)' $(PARALLEL) $(PYTEST_ARGS)
 
 browser: setup
-	$(PYTEST) -m browser $(PYTEST_ARGS)
+	$(PYTEST) -m browser $(call marked,browser) $(PYTEST_ARGS)
 
 docs: setup
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
-	SITE=out/docs $(PYTEST) -m docs $(PYTEST_ARGS)
+	SITE=out/docs $(PYTEST) -m docs $(call marked,docs) $(PYTEST_ARGS)
 	@echo "The docs are in out/docs/index.html."
 
 nightly: setup

@@ -1,6 +1,7 @@
 """Settings of every test."""
 
 import os
+from pathlib import Path
 
 # For NumPy, when it is imported, here and in what tests start: two processes with two
 # threads of linear algebra each wait for one another, small matrices ten times as long.
@@ -14,7 +15,7 @@ from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
-from tests.helpers.legs import WITHOUT_DRAKE, is_without_drake
+from tests.helpers.legs import IS_LEFT_OUT, TESTS, WITHOUT_DRAKE, is_without_drake
 
 matplotlib.use("Agg")  # Tests open no window.
 
@@ -28,6 +29,18 @@ hypothesis.settings.load_profile("glider")
 def article_plan() -> Plan:
     """The article's problem, solved cold for the nominal model."""
     return plan(GliderModel(), PerchingProblem())
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Imports nothing of a leg that leaves it out, unless it is asked for by name."""
+    is_whole = all(Path(name).resolve() == TESTS for name in config.args)
+    left_out = is_whole and IS_LEFT_OUT and is_without_drake(collection_path)
+    return True if left_out else None
+
+
+def pytest_report_header() -> str | None:
+    """Says that this is not all."""
+    return f"not run: {WITHOUT_DRAKE.kwargs['reason']}" if IS_LEFT_OUT else None
 
 
 def pytest_collection_modifyitems(

@@ -17,38 +17,55 @@ docs, which are the same with any. The main job with either Drake is closing the
 example."""
 
 FILES = (
+    "benchmarks/test_bench_forms.py",
+    "benchmarks/test_bench_peers.py",
     "benchmarks/test_power.py",
+    "control/test_predictor.py",
     "diagrams/test_browser.py",
     "examples/article/test_basis_dynamics.py",
-    "examples/test_figures.py",
+    "examples/article/test_filter_parameters.py",
+    "examples/article/test_regression.py",
     "examples/article/test_searches.py",
+    "examples/test_figures.py",
     "examples/test_next_throw.py",
+    "physics/test_actuator_replay.py",
+    "planning/test_problem.py",
+    "simulation/test_refly.py",
     "test_changed.py",
     "test_contributing.py",
     "test_floors.py",
     "test_front_door.py",
+    "test_readme.py",
+    "test_shape.py",
+    "test_vocabulary.py",
+    "verification/test_check.py",
     "verification/test_check_funnel.py",
     "verification/test_confidence.py",
     "verification/test_defect.py",
     "verification/test_exact_time.py",
+    "verification/test_falsify.py",
     "verification/test_flight_proof.py",
     "verification/test_forged.py",
+    "verification/test_goal.py",
     "verification/test_interval.py",
     "verification/test_interval_gliders.py",
+    "verification/test_remainder.py",
     "verification/test_remainder_proof.py",
     "verification/test_taylor_models.py",
 )
 """The same: of a browser, of sources, of regressions, and of proofs that no solver has
 a part in."""
 
+IS_LEFT_OUT = sys.version_info >= (3, 12) and shutil.which("python3.11") is not None
+"""Whether this interpreter leaves them to another, of Python 3.11."""
+
 WITHOUT_DRAKE = pytest.mark.skipif(
-    sys.version_info >= (3, 12) and shutil.which("python3.11") is not None,
-    reason="Drake has no part in it: it is tested with Python 3.11",
+    IS_LEFT_OUT, reason="Drake has no part in it: it is tested with Python 3.11"
 )
-"""Mark of such tests: where there are both interpreters, one of them runs these."""
+"""Mark of such tests."""
 
 
 def is_without_drake(path: Path) -> bool:
-    """Whether a file's tests have nothing to do with Drake."""
+    """Whether tests of a file, or of a whole folder, have nothing to do with Drake."""
     inside = path.relative_to(TESTS)
-    return inside.parts[0] in FOLDERS or inside.as_posix() in FILES
+    return inside.as_posix() in FILES or not {*inside.parts[:1]}.isdisjoint(FOLDERS)

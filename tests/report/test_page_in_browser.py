@@ -42,6 +42,14 @@ def desk(browser, report):
         assert seen.requests == [report.as_uri()]
 
 
+@pytest.fixture(scope="module")
+def phone(browser, report):
+    """The report on a phone: drawing it takes longer than looking at it."""
+    with visit(browser, report.as_uri(), **PHONE) as seen:
+        yield seen
+        assert seen.faults == []
+
+
 def traces(page, figure, expression):
     """Returns what an expression of a trace `t` and its plot `p` is, for each."""
     return page.evaluate(
@@ -166,36 +174,33 @@ def test_a_flight_is_picked_out_of_the_residual(desk):
     assert traces(desk.page, "residual", count) == whole
 
 
-def test_a_phone_shows_one_panel_a_row_and_scrolls_down_only(browser, report):
-    with visit(browser, report.as_uri(), **PHONE) as seen:
-        width = seen.page.evaluate("document.documentElement.scrollWidth")
-        assert width <= 390
-        boxes = [p.bounding_box() for p in seen.page.locator("#curves .panel").all()]
-        assert len({box["x"] for box in boxes}) == 1
-        assert all(box["width"] > 300 for box in boxes)
-        modes = seen.page.evaluate(
-            f"[...document.querySelectorAll('{PLOTS}')].map((p) => p.layout.dragmode)"
-        )
-        assert set(modes) == {False}  # A finger on a figure scrolls the page.
-        assert seen.page.locator("#curves .modebar-btn").count() > 0
-        assert seen.faults == []
+def test_a_phone_shows_one_panel_a_row_and_scrolls_down_only(phone):
+    width = phone.page.evaluate("document.documentElement.scrollWidth")
+    assert width <= 390
+    boxes = [p.bounding_box() for p in phone.page.locator("#curves .panel").all()]
+    assert len({box["x"] for box in boxes}) == 1
+    assert all(box["width"] > 300 for box in boxes)
+    modes = phone.page.evaluate(
+        f"[...document.querySelectorAll('{PLOTS}')].map((p) => p.layout.dragmode)"
+    )
+    assert set(modes) == {False}  # A finger on a figure scrolls the page.
+    assert phone.page.locator("#curves .modebar-btn").count() > 0
 
 
-def test_a_phone_shows_every_column_of_a_table(browser, report):
+def test_a_phone_shows_every_column_of_a_table(phone):
     """In narrow letters and in wide ones: a reader's system has one or the other."""
-    with visit(browser, report.as_uri(), **PHONE) as seen:
-        page = seen.page
-        for font in ("Liberation Sans", "DejaVu Sans"):
-            page.add_style_tag(content=f"body {{ font-family: '{font}', sans-serif }}")
-            wide = page.evaluate(
-                """[...document.querySelectorAll(".scroll")].map(
-                    (e) => e.scrollWidth - e.clientWidth)"""
-            )
-            assert max(wide) <= 1
-            check_columns_of_errors(page)
-        heading = page.locator("h2").first.bounding_box()
-        first = page.locator(".effects strong").first.bounding_box()
-        assert first["y"] - heading["y"] - heading["height"] < 40.0
+    page = phone.page
+    for font in ("Liberation Sans", "DejaVu Sans"):
+        page.add_style_tag(content=f"body {{ font-family: '{font}', sans-serif }}")
+        wide = page.evaluate(
+            """[...document.querySelectorAll(".scroll")].map(
+                (e) => e.scrollWidth - e.clientWidth)"""
+        )
+        assert max(wide) <= 1
+        check_columns_of_errors(page)
+    heading = page.locator("h2").first.bounding_box()
+    first = page.locator(".effects strong").first.bounding_box()
+    assert first["y"] - heading["y"] - heading["height"] < 40.0
 
 
 def check_columns_of_errors(page):
