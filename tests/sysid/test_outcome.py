@@ -84,6 +84,7 @@ def with_block(task, model, name):
     return types.SimpleNamespace(
         model=model,
         families={},
+        found_by={},
         evidence={name: 50.0},
         weighed={name: types.SimpleNamespace(inclusion=1.0, rivals=())},
     )
