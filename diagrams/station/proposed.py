@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from glider.compiled.closed_loop import Feedback, fly_feedback
 from glider.errors import expect
@@ -81,10 +82,13 @@ def tape_plan(model: GliderModel, launch: list[float], commands: Path) -> Plan:
     )
 
 
-class Tape:
+class TapePlayer(LeafSystem):
     """Turns the elevator as a plan does, whatever the glider does.
 
-    A command of the plan that began before the flight did is made good by the first.
+    state -> [ TapePlayer ] -> elevator_rate
+
+    A forced event is a command. One of the plan that began before the flight did is
+    made good by the first.
 
     Args:
         planned: with commands that are held.
@@ -92,22 +96,25 @@ class Tape:
         fastest: rate of the servo [rad/s].
     """
 
-    lead = 0.0
-
     def __init__(self, planned: Plan, period: float, fastest: float) -> None:
+        """Declares the ports, and angle and rate given as discrete state."""
+        super().__init__()
         self._times, self._period, self._fastest = planned.times, period, fastest
         turned = np.cumsum(planned.inputs * np.diff(planned.times))
         self._turned = np.append(0.0, turned)
-        self._given = 0.0
+        self.DeclareVectorInputPort("state", planned.states.shape[1])
+        self.DeclareDiscreteState(2)
+        self.DeclareForcedDiscreteUpdateEvent(self._update)
+        self.DeclareVectorOutputPort(
+            "elevator_rate", 1, self._calc_rate, {self.xd_ticket()}
+        )
 
-    def start(self, time: float) -> None:
-        """Begins with the elevator as it was before the first command."""
-        self._given = 0.0
-
-    def command(self, time: float, state: np.ndarray) -> float:
-        """See `Controller`."""
-        wanted = float(np.interp(time + self._period, self._times, self._turned))
-        rate = (wanted - self._given) / self._period
+    def _update(self, context: Context, into: DiscreteValues) -> None:
+        given = context.get_discrete_state_vector().GetAtIndex(0)
+        end = context.get_time() + self._period
+        rate = (float(np.interp(end, self._times, self._turned)) - given) / self._period
         rate = min(max(rate, -self._fastest), self._fastest)
-        self._given += rate * self._period
-        return rate
+        into.set_value([given + rate * self._period, rate])
+
+    def _calc_rate(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, context.get_discrete_state_vector().GetAtIndex(1))

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from diagrams.station.autopilot import Autopilot
 from diagrams.station.bus import (
     COMMAND,
     COMMAND_FIELDS,
@@ -33,7 +34,7 @@ from diagrams.station.scenario import Scenario
 from diagrams.station.sender import Sender
 from diagrams.station.session import Session
 from diagrams.station.throw import Throw
-from diagrams.station.tracker import ReleaseDetector, Tracker
+from diagrams.station.tracker import CommandTape, ReleaseDetector
 from glider.physics.state import ELEVATOR, POSITION, STATE_NAMES, VELOCITY
 from glider.simulation.fly import AFTER
 
@@ -82,16 +83,16 @@ class Station:
         self._show, self._clock, sensors = show, clock, scenario.sensors
         self._recorder = Recorder(session)
         self._camera = CameraClock(sensors.latency)
-        self._tracker = Tracker(guidance.model, sensors, scenario.filter)
+        tape = CommandTape()
+        self._autopilot = Autopilot(guidance.autopilot, tape)
         launch = np.array(guidance.problem.launch)[POSITION]
         self._release = ReleaseDetector(scenario.release, launch)
         limits = guidance.model.parameters.servo
-        self._sender = Sender(scenario, limits, bus, self._tracker.tape, clock, wait)
+        self._sender = Sender(scenario, limits, bus, tape, clock, wait)
         self._watch = Watch(scenario.limits, limits, self._sender.id)
         self.state, self.reason = WAITING, "no pose yet"
         self.throws: list[Throw] = []
         self._throw = Throw(guidance.problem)
-        self._begin = 0.0  # Time 0 of the plan.
         self._handled = self._received = -math.inf  # Of the last usable pose.
         self._status = self._retry = -math.inf
         self._since = clock()  # When this state began.
@@ -104,13 +105,11 @@ class Station:
     def _warm_up(self) -> None:
         """Runs whatever flies once, so that nothing is compiled in flight."""
         plan = self.guidance.plan
-        self._tracker.start(0.0, plan.states[0][:7])
+        first = plan.states[0]
+        self._autopilot.start(0.0, self.guidance.nearest(first), first)
         for k in (1, 2):
-            self._tracker.update(0.01 * k, plan.states[k][:4])
-        state = self._tracker.predict(0.03)
-        controller = self.guidance.controller
-        controller.start(self.guidance.nearest(state))
-        controller.command(0.03, state)
+            self._autopilot.take_pose(0.01 * k, plan.states[k][:4])
+        self._autopilot.command(0.03)
         warm = Throw(self.guidance.problem)
         for k in range(3):
             warm.add_state(0.01 * k, plan.states[k])
@@ -198,11 +197,11 @@ class Station:
         elif self.state == WAITING and self._release.rests and now > self._retry:
             self._make_ready()
         if self.state == FLYING:
-            if now >= sender.due - self.guidance.controller.lead:
+            if now >= sender.due - self.guidance.lead:
                 self._command()
         elif now >= sender.due:
             self._send(math.nan)
-        over = self._begin + self.guidance.plan.duration + AFTER
+        over = self._autopilot.begin + self.guidance.plan.duration + AFTER
         if self.in_flight and (self._passed or now > over):
             self._finish()
         if now > self._status + STATUS_PERIOD:
@@ -214,7 +213,7 @@ class Station:
         self._recorder.write()
         if self._recorder.fault and self.state == FLYING:
             self._stop(self._recorder.fault)
-        lead = self.guidance.controller.lead if self.state == FLYING else 0.0
+        lead = self.guidance.lead if self.state == FLYING else 0.0
         stale = self._watch.seen + self.scenario.limits.stale
         due = sender.due - lead
         return min(due, stale) if stale > now else due
@@ -240,12 +239,11 @@ class Station:
         start = self._release.poses.state
         if not math.isfinite(start[ELEVATOR]):
             start[ELEVATOR] = self._sender.angle
-        self._tracker.start(when, start)
-        elapsed = self.guidance.nearest(self._tracker.mean)
-        self.guidance.controller.start(elapsed)
+        state = self.guidance.model.initial_state(start)
+        elapsed = self.guidance.nearest(state)
+        self._autopilot.start(when, elapsed, state)
         self._throw = Throw(self.guidance.problem)
-        self._throw.add_state(when, self._tracker.mean)
-        self._begin = when - elapsed
+        self._throw.add_state(when, state)
         self._sender.due = self._clock()
         self._enter(FLYING, f"free at {elapsed:.3f} s of the plan")
         if fault := self._release.find_fault(start, self.guidance.state_at(elapsed)):
@@ -254,14 +252,12 @@ class Station:
 
     def _follow(self, when: float, pose: np.ndarray) -> None:
         """Takes a pose in flight."""
-        tracker = self._tracker
-        tracker.update(when, pose)
-        self._watch.count_pose(tracker.distance, tracker.turned)
-        state = tracker.mean
+        self._autopilot.take_pose(when, pose)
+        state = self._autopilot.read("estimate")
+        nis, distance, turned = self._autopilot.read("surprise").tolist()
+        self._watch.count_pose(distance, turned)
         self._throw.add_state(when, state)
-        self._recorder.add(
-            "/estimate", when, time=when, state=state.tolist(), nis=tracker.nis
-        )
+        self._recorder.add("/estimate", when, time=when, state=state.tolist(), nis=nis)
         away = np.array(self.guidance.problem.wire) - state[POSITION]
         self._passed = away @ state[VELOCITY] <= 0.0 and math.hypot(*away) < NEAR
         if self.scenario.command_rate is None:
@@ -272,8 +268,7 @@ class Station:
         began, sender = self._clock(), self._sender
         due = sender.due
         acts = max(due, began) + self.scenario.servo.latency
-        state = self._tracker.predict(acts)
-        rate = self.guidance.controller.command(acts - self._begin, state)
+        rate = self._autopilot.command(acts)
         ready = self._clock()
         if not math.isfinite(rate):
             self._stop("the controller gave no number")
@@ -298,7 +293,7 @@ class Station:
         """Sends the elevator to neutral, now, and for the rest of the throw."""
         self._send(math.nan)
         self._throw.reason = reason
-        self._throw.stopped = self._clock() - self._begin
+        self._throw.stopped = self._clock() - self._autopilot.begin
         self._enter(STOPPED, reason)
 
     def _finish(self) -> None:

@@ -1,124 +1,49 @@
-"""The state of the glider in flight, from poses that come late and not all."""
+"""What the servo was asked, and what poses before free flight show."""
 
-import dataclasses
-import itertools
 import math
 from collections import deque
 
 import numpy as np
 
-from diagrams.station.scenario import Filter, Release, Sensors
-from glider.campaign.motion_capture import MotionCapture
-from glider.estimation.ekf import Ekf
-from glider.estimation.perching import perching_filter
-from glider.estimation.running import Belief, Estimates, make_prior, run_ekf
-from glider.physics.model import GliderModel
+from diagrams.station.scenario import Release
 from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, STATE_NAMES, VELOCITY
 
-RELEASE_STD = (0.002, 0.002, 0.01, 0.02, 0.3, 0.3, 0.5)
-"""Standard deviations of the state at release, from the last poses before it: a slope
-over three frames, 1/60 s old, of a glider that still accelerates or not."""
-
 _PITCH = STATE_NAMES.index("pitch")
+
+NO_COMMANDS = np.full((32, 3), (-1e12, 0.0, 0.0))
+"""Rows of a tape before there were any: time [s], angle [rad] and rate [rad/s]. As many
+as commands of 200 Hz in 160 ms: poses that old are not flown on."""
 
 
 class CommandTape:
     """What the servo was asked, by the time at which it acts."""
 
     def __init__(self) -> None:
-        # Time [s], angle so far [rad], and rate from then on [rad/s].
-        self._steps: deque[tuple[float, float, float]] = deque(maxlen=64)
+        #: Time [s], angle so far [rad], and rate from then on [rad/s].
+        self.rows = NO_COMMANDS
 
     def add(self, time: float, rate: float) -> None:
         """Appends a rate [rad/s] that begins at a time [s]."""
-        self._steps.append((time, self._integral(time), rate))
+        angle = turned(self.rows, time)
+        self.rows = np.vstack([self.rows[1:], (time, angle, rate)])
 
-    def mean_rate(self, begin: float, end: float) -> float:
-        """Mean rate between two times [rad/s]."""
-        if end <= begin:
-            return 0.0
-        return (self._integral(end) - self._integral(begin)) / (end - begin)
-
-    def _integral(self, time: float) -> float:
-        for since, angle, rate in reversed(self._steps):
-            if since <= time:
-                return angle + rate * (time - since)
-        return self._steps[0][1] if self._steps else 0.0
+    def since(self, begin: float) -> np.ndarray:
+        """The rows, one behind the other, with times counted from one [s]."""
+        return (self.rows - (begin, 0.0, 0.0)).ravel()
 
 
-class Tracker:
-    """An extended Kalman filter for poses at any times, and its prediction.
+def turned(rows: np.ndarray, time: float) -> float:
+    """Angle at a time [rad], by the rows of a tape."""
+    latest = max(int(np.searchsorted(rows[:, 0], time, side="right")) - 1, 0)
+    since, angle, rate = rows[latest].tolist()
+    return angle + rate * max(time - since, 0.0)
 
-    Args:
-        model: the glider.
-        sensors: what is measured, and how often.
-        noise: of what is measured.
-    """
 
-    def __init__(self, model: GliderModel, sensors: Sensors, noise: Filter) -> None:
-        start = model.initial_state(np.zeros(NUM_STATES))
-        capture = MotionCapture(rate=sensors.rate, **vars(noise))
-        # Of poses with and without an elevator.
-        self._filters: dict[bool, Ekf] = {}
-        for seen in (False, True):
-            self._filters[seen], self.belief = perching_filter(
-                model, start, elevator=seen, capture=capture
-            )
-        self._measures_elevator = sensors.elevator
-        self.tape = CommandTape()
-        self._frame = 1.0 / sensors.rate
-        self.time = -math.inf  #: Of the belief [s].
-        self.nis = 0.0  #: Normalized innovation squared of the last pose.
-        self.distance = 0.0  #: From the last prediction to the pose [m].
-        self.turned = 0.0  #: The same of the pitch [rad].
-
-    @property
-    def mean(self) -> np.ndarray:
-        """Estimate (n,) at the last pose."""
-        return self.belief.mean
-
-    def start(self, time: float, state: np.ndarray) -> None:
-        """Begins with a state (7,) that poses showed [s]."""
-        self.belief = make_prior(self._filters[False], state, RELEASE_STD)
-        self.time = time
-
-    def update(self, time: float, measured: np.ndarray) -> None:
-        """Takes a pose (4,), x, z, pitch and elevator, of a later time [s].
-
-        An elevator that is NaN was not seen.
-        """
-        seen = self._measures_elevator and math.isfinite(measured[ELEVATOR])
-        found = self._advance(time, measured[: 4 if seen else 3])
-        self.belief = Belief(
-            mean=found.means[0, -1], covariance=found.covariances[0, -1]
-        )
-        self.time = time
-        innovation = found.innovations[0, -1]
-        self.nis = float(found.nis[0, -1])
-        self.distance = math.hypot(*innovation[POSITION])
-        self.turned = abs(float(innovation[_PITCH]))
-
-    def predict(self, time: float) -> np.ndarray:
-        """The state (n,) at a time to come [s], under what was commanded."""
-        if time <= self.time:
-            return self.mean
-        nothing = np.full(3, np.nan)
-        return self._advance(time, nothing).means[0, -1]
-
-    def _advance(self, time: float, measured: np.ndarray) -> Estimates:
-        """Runs the filter to a time, in steps of about a frame."""
-        span = time - self.time
-        count = max(round(span / self._frame), 1)
-        times = np.linspace(self.time, time, count + 1)
-        mean_rate = self.tape.mean_rate
-        inputs = [mean_rate(a, b) for a, b in itertools.pairwise(times)]
-        chosen = self._filters[len(measured) == 4]
-        shown = np.full((1, count, len(measured)), np.nan)
-        shown[0, -1] = measured
-        ekf = dataclasses.replace(
-            chosen, period=span / count, step=span / count / chosen.steps
-        )
-        return run_ekf(ekf, self.belief, np.reshape(inputs, (1, count, 1)), shown)
+def mean_rate(rows: np.ndarray, begin: float, end: float) -> float:
+    """Mean rate between two times [rad/s]."""
+    if end <= begin:
+        return 0.0
+    return (turned(rows, end) - turned(rows, begin)) / (end - begin)
 
 
 class PoseHistory:

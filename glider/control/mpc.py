@@ -39,6 +39,7 @@ class ReplanResult:
 
     flight: CollocatedFlight  #: The last plan that was found.
     begin: float  #: When its time began [s].
+    time: float = 0.0  #: Of the last update [s].
     plans: int = 0  #: Number of plans that were tried.
     failures: int = 0  #: Number of those that failed.
     failed: bool = False  #: Whether the last did.
@@ -66,7 +67,8 @@ class ModelPredictiveController(LeafSystem):
     goes on, and so does the rest of a plan that is all but over.
 
     The abstract state is a `ReplanResult`, so that a context determines
-    all future commands.
+    all future commands. It is updated at each period, and by a forced event: a station
+    whose commands have a clock of their own runs it without a Simulator.
 
     Args:
         model: the glider that is planned with; its effects' own states are fed back.
@@ -104,6 +106,7 @@ class ModelPredictiveController(LeafSystem):
         first = ReplanResult(flight=self._plan_first(), begin=0.0)
         index = self.DeclareAbstractState(AbstractValue.Make(first))
         self.DeclarePeriodicUnrestrictedUpdateEvent(self._period, 0.0, self._update)
+        self.DeclareForcedUnrestrictedUpdateEvent(self._update)
         ticket = {self.abstract_state_ticket(index)}
         self.DeclareVectorOutputPort("elevator_rate", 1, self._calc_rate, ticket)
         self.DeclareVectorOutputPort("timing", 4, self._calc_timing, ticket)
@@ -127,7 +130,7 @@ class ModelPredictiveController(LeafSystem):
         self, known: ReplanResult, now: float, state: np.ndarray
     ) -> ReplanResult:
         """The next state, by a plan from the measured state (n,) at `now` [s]."""
-        elapsed = now - known.begin
+        elapsed, known = now - known.begin, dataclasses.replace(known, time=now)
         rest = known.flight.times[-1] - elapsed
         if rest < LAST:
             return known
@@ -162,8 +165,7 @@ class ModelPredictiveController(LeafSystem):
 
     def _calc_rate(self, context: Context, output: Any) -> None:
         known = context.get_abstract_state(0).get_value()
-        tick = np.floor(context.get_time() / self._period + 1e-9) * self._period
-        output.SetFromVector([known.command(tick, self._period)])
+        output.SetFromVector([known.command(known.time, self._period)])
 
     def _calc_timing(self, context: Context, output: Any) -> None:
         known = context.get_abstract_state(0).get_value()

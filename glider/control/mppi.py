@@ -32,7 +32,8 @@ class MppiController(LeafSystem):
 
     The discrete state is the sequence (N,), then the number of updates so far. The
     random numbers of an update follow from the seed and that number, so that a
-    context determines all future commands.
+    context determines all future commands. A simulation that begins later begins with
+    a later part of the sequence. It is updated at each step, and by a forced event.
 
     Args:
         cost: of a sequence, as `replanning_cost` makes it.
@@ -59,7 +60,9 @@ class MppiController(LeafSystem):
         self._state = self.DeclareVectorInputPort("state", cost.num_states)
         # The first update shifts as well.
         self.DeclareDiscreteState(np.concatenate([[0.0], sequence[:-1], [0.0]]))
+        self.DeclareInitializationDiscreteUpdateEvent(self._begin)
         self.DeclarePeriodicDiscreteUpdateEvent(cost.step, 0.0, self._update)
+        self.DeclareForcedDiscreteUpdateEvent(self._update)
         self.DeclareVectorOutputPort(
             "elevator_rate", 1, self._calc_rate, {self.xd_ticket()}
         )
@@ -85,6 +88,13 @@ class MppiController(LeafSystem):
         """
         cost = replanning_cost(model, problem, command_rate)
         return cls(cost, sequence_of(plan, cost.step, cost.steps), seed=seed)
+
+    def _begin(self, context: Context, discrete_state: DiscreteValues) -> None:
+        held = context.get_discrete_state_vector().CopyToVector()
+        if held[-1] == 0.0:  # No update yet.
+            for _ in range(int(context.get_time() / self._cost.step)):
+                held[:-1] = shifted(held[:-1])
+        discrete_state.set_value(held)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         start = self._state.Eval(context)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.station.bus import Bus
+from diagrams.station.bus import Bus, free_address
 from diagrams.station.controllers import make_guidance
 from diagrams.station.realtime import run_station, simulated_glider
 from diagrams.station.scenario import CONTROLLERS, Scenario, Simulation
@@ -28,7 +28,7 @@ def measure(scenario: Scenario, minutes: float, folder: Path) -> str:
     """Flies for so long; returns a line of results."""
     guidance = make_guidance(scenario)
     session = Session(folder, scenario, guidance)
-    station = Station(scenario, guidance, Bus(scenario.bus), session, show=str)
+    station = Station(scenario, guidance, Bus(scenario.address), session, show=str)
     throws = round(60.0 * minutes / guidance.plan.duration)
     with simulated_glider(scenario) as is_alive:
         run_station(station, throws, is_alive)
@@ -59,7 +59,10 @@ def main() -> None:
         simulation = Simulation(truth=str(Path(name, "nominal.yaml")))
         for controller in [args.controller] if args.controller else CONTROLLERS:
             scenario = dataclasses.replace(
-                Scenario(), controller=controller, simulation=simulation
+                Scenario(),
+                controller=controller,
+                simulation=simulation,
+                bus=free_address(),
             )
             if args.each_pose:
                 scenario = dataclasses.replace(scenario, command_rate=None)

@@ -88,7 +88,8 @@ def test_the_end_of_a_plan_is_flown_as_it_is():
     system = controller()
     known = system.CreateDefaultContext().get_abstract_state(0).get_value()
     end = known.flight.times[-1]
-    assert system.plan_again(known, end - 0.9 * LAST, LAUNCH) is known
+    again = system.plan_again(known, end - 0.9 * LAST, LAUNCH)
+    assert again.flight is known.flight and again.plans == 0
     assert known.command(end - 0.03, 0.02) != 0.0
     assert known.command(end, 0.02) == 0.0
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from diagrams.station import throw_log
+from diagrams.station.autopilot import Autopilot
 from diagrams.station.bus import (
     COMMAND,
     COMMAND_FIELDS,
@@ -458,14 +459,13 @@ def test_a_slow_disk_delays_no_command(make_lab, monkeypatch):
 def test_a_controller_that_fails(make_lab, monkeypatch, delay, answer, reason):
     lab = make_lab()
     begin = lab.run_into_flight(0.3)
-    controller = lab.guidance.controller
 
-    def command(time, state):
+    def command(self, time):
         lab.now += delay
         return answer
 
     with monkeypatch.context() as patch:
-        patch.setattr(type(controller), "command", lambda self, t, x: command(t, x))
+        patch.setattr(Autopilot, "command", command)
         # Late commands are seen when they are: the second one, a period later.
         check_stopped(lab, begin + 2.0 * delay, reason)
     check_next_throw(lab)

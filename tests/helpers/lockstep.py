@@ -36,7 +36,7 @@ class Plug(Bus):
 class Lockstep:
     """Runs both by turns, as two processes would; the bus is shared."""
 
-    def __init__(self, folder, simulation=None, **changes):
+    def __init__(self, folder, simulation=None, controller_system=None, **changes):
         changes = {"simulation": simulation or Simulation(), **changes}
         self.scenario = dataclasses.replace(Scenario(), **changes)
         self.now = 100.0
@@ -45,8 +45,8 @@ class Lockstep:
         self.commands = []  # Time and message of each.
         self.bus.listen(COMMAND, self._hear)
         self.guidance = (
-            make_guidance(self.scenario)
-            if self.scenario.commands
+            make_guidance(self.scenario, controller_system)
+            if self.scenario.commands or controller_system
             else guidance_for(self.scenario.controller)
         )
         self.folder = folder
