@@ -124,7 +124,7 @@ class PoseTracker(LeafSystem):
         """Runs the filter to a time, in steps of about a frame."""
         held, size = _held(context), self._count
         begin, whole = float(held[-4]), held[size:-4].reshape(size, size)
-        tape = self._commanded.Eval(context).reshape(NO_COMMANDS.shape)
+        tape = self._commanded.Eval(context).reshape(NO_COMMANDS.shape).tolist()
         span = time - begin
         count = max(round(span / self._frame), 1)
         times = [begin + span * k / count for k in range(count)] + [time]

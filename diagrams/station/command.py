@@ -1,6 +1,7 @@
 """The command `fly`: fly throws live, with a real or a simulated glider."""
 
 import argparse
+import contextlib
 import dataclasses
 from pathlib import Path
 
@@ -88,19 +89,23 @@ def run(args: argparse.Namespace) -> int:
         scenario = dataclasses.replace(scenario, simulation=simulation, bus=own)
     else:
         expect(not changed, "--seed", args.seed, "it only with --simulate")
-    with working() as progress:
-        progress("planning (compiles once)")
-        guidance = make_guidance(scenario)
-        session = Session(folder, scenario, guidance, _show)
-        station = Station(
-            scenario, guidance, Bus(scenario.address), session, show=_show
-        )
-    print(f"Station on {scenario.address}: {KEYS}.", flush=True)
-    if scenario.simulation is None:
-        run_station(station, throws)
-        return 0
-    throws = throws or 10
-    with simulated_glider(scenario) as is_alive:
+    scenario.load_model(), scenario.load_problem()  # What is wrong is said once.
+    with contextlib.ExitStack() as stack:
+        is_alive = None
+        if scenario.simulation is not None:  # It compiles while we plan.
+            is_alive = stack.enter_context(simulated_glider(scenario))
+        with working() as progress:
+            progress("planning (compiles once)")
+            guidance = make_guidance(scenario)
+            session = Session(folder, scenario, guidance, _show)
+            station = Station(
+                scenario, guidance, Bus(scenario.address), session, show=_show
+            )
+        print(f"Station on {scenario.address}: {KEYS}.", flush=True)
+        if is_alive is None:
+            run_station(station, throws)
+            return 0
+        throws = throws or 10
         run_station(station, throws, is_alive)
     perched = sum(throw.perched for throw in station.throws)
     print(f"{perched} of {len(station.throws)} perched; campaign: {folder}")

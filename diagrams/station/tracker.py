@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class CommandTape:
 
     def add(self, time: float, rate: float) -> None:
         """Appends a rate [rad/s] that begins at a time [s]."""
-        angle = turned(self.rows, time)
+        angle = turned(self.rows.tolist(), time)
         self.rows = np.vstack([self.rows[1:], (time, angle, rate)])
 
     def since(self, begin: float) -> np.ndarray:
@@ -32,14 +33,18 @@ class CommandTape:
         return (self.rows - (begin, 0.0, 0.0)).ravel()
 
 
-def turned(rows: np.ndarray, time: float) -> float:
+Rows = Sequence[Sequence[float]]
+
+
+def turned(rows: Rows, time: float) -> float:
     """Angle at a time [rad], by the rows of a tape."""
-    latest = max(int(np.searchsorted(rows[:, 0], time, side="right")) - 1, 0)
-    since, angle, rate = rows[latest].tolist()
-    return angle + rate * max(time - since, 0.0)
+    for since, angle, rate in reversed(rows):  # The time is among the latest.
+        if since <= time:
+            return angle + rate * (time - since)
+    return rows[0][1]
 
 
-def mean_rate(rows: np.ndarray, begin: float, end: float) -> float:
+def mean_rate(rows: Rows, begin: float, end: float) -> float:
     """Mean rate between two times [rad/s]."""
     if end <= begin:
         return 0.0

@@ -132,9 +132,9 @@ def test_the_tape_integrates_what_was_commanded():
     tape = CommandTape()
     for time, rate in ((0.0, 1.0), (0.02, -2.0), (0.04, 0.0)):
         tape.add(time, rate)
-    assert mean_rate(tape.rows, 0.01, 0.03) == pytest.approx(-0.5)
-    assert mean_rate(tape.rows, 0.05, 0.06) == 0.0
-    assert mean_rate(tape.rows, 0.0, 0.06) == pytest.approx(-1.0 / 3.0)
+    assert mean_rate(tape.rows.tolist(), 0.01, 0.03) == pytest.approx(-0.5)
+    assert mean_rate(tape.rows.tolist(), 0.05, 0.06) == 0.0
+    assert mean_rate(tape.rows.tolist(), 0.0, 0.06) == pytest.approx(-1.0 / 3.0)
 
 
 def thrown(push, seconds=0.5, rate=120.0, lost=(), speed=7.0):
