@@ -52,7 +52,7 @@ class MapJob:
         except InputError as error:
             return self.refused(self._short(error), text)
 
-    def refused(self, why: str, text: str = "") -> Draft:
+    def refused(self, why: str, text: str = "", *, is_fault: bool = False) -> Draft:
         """The answer where there is none."""
         return Draft(text=text or self.text, takes=self.takes, refusal=why)
 

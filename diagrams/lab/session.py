@@ -31,6 +31,9 @@ from glider.progress import Progress, silent
 from glider.simulation.refly import nominal_model, rollout_models
 from glider.sysid.fit.prediction import RolloutModel
 
+RETRIES = 1
+"""Times that a trace is tried again in a session whose process died, or failed."""
+
 
 class LabSession:
     """Keeps the answer for a folder up to date; all it knows is in FOLDER/lab too.
@@ -58,7 +61,11 @@ class LabSession:
         self.watched.kept.mkdir(exist_ok=True)
         self._lock = FolderLock(self.watched.kept / ".session", folder, "session")
         self._file = self.watched.kept / "session.json"
-        self.state = load_state(self._file)
+        known = load_state(
+            self._file
+        )  # What a fault kept from an answer is tried again.
+        done = tuple(trace for trace in known.traces if not trace.is_fault)
+        self.state = dataclasses.replace(known, traces=done)
         self.report = self.watched.kept / "report"
         self.launches = launches
         #: With the trace that they are of.
@@ -262,7 +269,8 @@ class LabSession:
             flights=state.flights,
             sha256=digest,
         )
-        if last is None or last.sha256 != digest:
+        faults = sum(t.is_fault and t.sha256 == digest for t in state.traces)
+        if last is None or last.sha256 != digest or 0 < faults <= RETRIES:
             return trace
         done = last.refusal or (state.proposal and state.proposal.flights == len(given))
         if done or not proposes:

@@ -54,6 +54,7 @@ class Trace:
     errors: dict[str, Number] = dataclasses.field(default_factory=dict)  #: RMS [m].
     seconds: Number = math.nan  #: That it took.
     refusal: str = ""  #: Why there is no answer, e.g. too few flights.
+    is_fault: bool = False  #: Whether a fault of the program, or a kill, is why.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

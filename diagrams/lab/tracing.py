@@ -39,11 +39,13 @@ class Job:
         except InputError as error:
             return self.refused(str(error).removeprefix(f"{self.folder}: "))
 
-    def refused(self, why: str) -> Trace | Proposal:
+    def refused(self, why: str, *, is_fault: bool = False) -> Trace | Proposal:
         """The answer where there is none."""
         if self.proposes:
             return Proposal(flights=len(self.flights), sentences=(why,))
-        return Trace(flights=self.flights, sha256=self.sha256, refusal=why)
+        return Trace(
+            flights=self.flights, sha256=self.sha256, refusal=why, is_fault=is_fault
+        )
 
     def _trace(self) -> Trace:
         from glider.report.folder import write_report
@@ -101,9 +103,9 @@ class Worker:
         self.job = None
         try:
             return self._pipe.recv()
-        except EOFError:
+        except (EOFError, OSError):  # Reset where it was killed.
             self.close()
-            return job.refused("The process that traces died.")
+            return job.refused("The process that traces died.", is_fault=True)
 
     def pause(self, is_paused: bool) -> None:
         """Stops the process in the midst of its job while something flies."""
@@ -139,4 +141,4 @@ def _serve(pipe: Connection) -> None:
             return
         except Exception as error:  # A fault of ours must not end a session.
             traceback.print_exc()
-            pipe.send(job.refused(f"Tracing failed: {error!r}."))
+            pipe.send(job.refused(f"Tracing failed: {error!r}.", is_fault=True))

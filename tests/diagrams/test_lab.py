@@ -1,7 +1,9 @@
 """A session in the lab: throws that come one by one, restarts, and the page."""
 
+import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -107,6 +109,21 @@ def test_a_restart_goes_on_where_the_session_was(folder, open_session):
     second.finish()
     assert [len(t.flights) for t in second.state.traces] == [3, 4]
     assert load_state(folder / "lab" / "session.json") == second.state
+
+
+def test_a_trace_whose_process_was_killed_is_tried_again(folder, open_session):
+    drop(folder, 0, 1, 2)
+    session = open_session()
+    session.update()
+    for _ in range(2):  # Once more in this session, not for ever.
+        session._worker.start(session._next_job())
+        os.kill(session._worker._process.pid, signal.SIGKILL)
+        answer = session._worker.wait(60.0)
+        assert answer.is_fault and "died" in answer.refusal
+        session._take(answer)
+    assert session._next_job() is None
+    session.close()
+    assert open_session()._next_job() is not None
 
 
 @pytest.mark.slow
