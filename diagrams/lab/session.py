@@ -61,9 +61,8 @@ class LabSession:
         self.watched.kept.mkdir(exist_ok=True)
         self._lock = FolderLock(self.watched.kept / ".session", folder, "session")
         self._file = self.watched.kept / "session.json"
-        known = load_state(
-            self._file
-        )  # What a fault kept from an answer is tried again.
+        known = load_state(self._file)
+        # What a fault kept from an answer is tried again.
         done = tuple(trace for trace in known.traces if not trace.is_fault)
         self.state = dataclasses.replace(known, traces=done)
         self.report = self.watched.kept / "report"
