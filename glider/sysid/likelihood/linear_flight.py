@@ -23,6 +23,7 @@ from glider.compiled.theta import OFFSET, SERVO_LOG, Layout
 from glider.physics.effects import FIELD_TERMS, EffectKind, Field
 from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
+from glider.sysid.likelihood.added_columns import AddedColumns
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import nodes_at_rest, signals, trimmed, true_nodes
 
@@ -45,24 +46,6 @@ class Surroundings(NamedTuple):
 
 
 STILL_AIR = Surroundings()
-
-
-class AddedColumns(NamedTuple):
-    """Columns of functions times some terms, made only when a flight is whitened."""
-
-    basis: np.ndarray  #: (K, M) functions in intervals; of sensors (K + 1, M) at nodes.
-    terms: list[int]  #: T indices of the flight's terms; of sensors of the pose.
-    mix: np.ndarray  #: (M T, q) mixtures of functions times terms, functions first.
-    are_read: bool  #: Whether sensors read them.
-
-    def along(self, change: np.ndarray) -> np.ndarray:
-        """Returns the terms (K, T) by a change of the columns (q,)."""
-        return self.basis @ (self.mix @ change).reshape(-1, len(self.terms))
-
-    def columns(self, by_term: np.ndarray) -> np.ndarray:
-        """Returns the columns (K, n, q) of what the terms move by (K, n, T) each."""
-        product = self.basis[:, None, :, None] * by_term[:, :, None]
-        return product.reshape(*product.shape[:2], -1) @ self.mix
 
 
 class Direction(NamedTuple):
