@@ -20,6 +20,7 @@ from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import (
     higher_forms,
     linear_part,
+    product_form,
     quadratic_form,
     to_ball,
 )
@@ -54,15 +55,20 @@ def test_the_exact_polynomial_is_the_growth_with_the_disturbance(funnel, coeffic
     S, slope = funnel.S[k], funnel.slopes[k]
     rng = np.random.default_rng(0)
     beta, weights = rng.uniform(0.1, 1.0, (2, *funnel.beta.shape))
+    factor = rng.normal(size=(7, 2)) / funnel.half_widths()[:, None]
+    focus = np.broadcast_to(factor @ factor.T, funnel.S.shape)
     L_inv_T = to_ball(S)[1]
-    here = at_time(dataclasses.replace(funnel, beta=beta, weights=weights), k)
+    changed = dataclasses.replace(funnel, beta=beta, weights=weights, focus=focus)
+    here = at_time(changed, k)
     forms = growth_forms(here, rounded(L_inv_T, BALL_BITS), exact(slack))
     *found, metric = (form.parts[0].to_float() for form in forms)
     assert metric == pytest.approx(np.eye(7), abs=1e-5)
     quadratic = L_inv_T.T @ quadratic_form(S, slope, coefficients[k]) @ L_inv_T
-    quadratic += remainder_form(S[None], beta[[k]], weights[[k]])[0]
-    quadratic += slack * np.eye(7)
-    expected = sphere(7).coefficients(quadratic, *higher_forms(S, coefficients[k]))
+    disturbance = remainder_form(S[None], beta[[k]], weights[[k]])[0]
+    quadratic += disturbance + slack * np.eye(7)
+    cubic, quartic = higher_forms(S, coefficients[k])
+    quartic += product_form(disturbance, L_inv_T.T @ focus[k] @ L_inv_T)
+    expected = sphere(7).coefficients(quadratic, cubic, quartic)
     polynomial = sphere(7).coefficients(*found)
     assert polynomial == pytest.approx(-expected, rel=1e-5, abs=1e-3)
 

@@ -17,7 +17,8 @@ def forms(proven):
     """V̇/V on the boundary at 50 times, as the certificate has it."""
     part = proven.between(40, 89)
     disturbance = remainder_form(part.S, part.beta, part.weights)
-    return boundary_forms(part.S, part.slopes, part.nominal.closed_loop, disturbance)
+    coefficients = part.nominal.closed_loop
+    return boundary_forms(part.S, part.slopes, coefficients, disturbance, part.focus)
 
 
 def test_the_largest_growth_is_found_from_few_points(forms):

@@ -36,6 +36,15 @@ def interval(piece):
     return make_interval(piece)
 
 
+def focused(piece):
+    """A piece whose bound of the remainder is large in some directions."""
+    reach = np.sqrt(np.diag(np.linalg.inv(piece.S[0])))
+    factor = np.random.default_rng(7).normal(size=(7, 2)) / reach[:, None]
+    factor = factor * np.array([1.0, 1.1])[:, None, None]
+    factor[..., :2, :] = 0.0  # R does not depend on the place.
+    return dataclasses.replace(piece, focus=factor @ np.swapaxes(factor, 1, 2))
+
+
 def at(polynomial, share):
     return polynomial.at(Fraction(share)).to_float()
 
@@ -52,7 +61,10 @@ def sets_at(piece, share):
 
 
 @pytest.mark.parametrize("share", [0, Fraction(3, 8), 1])
-def test_the_forms_are_the_growth_of_v_on_the_boundary(piece, interval, share):
+@pytest.mark.parametrize("change", [lambda piece: piece, focused])
+def test_the_forms_are_the_growth_of_v_on_the_boundary(piece, change, share):
+    piece = change(piece)
+    interval = make_interval(piece)
     S, slope, gains, rates = sets_at(piece, share)
     basis = rounded(to_ball(piece.S[0])[1], 30)
     forms = growth_forms(interval, basis, exact(SLACK))
@@ -72,7 +84,8 @@ def test_the_forms_are_the_growth_of_v_on_the_boundary(piece, interval, share):
     bearing = ends @ np.divide(
         piece.beta**2, piece.weights, where=piece.weights > 0.0, out=0.0 * piece.beta
     )
-    growth += (e @ S) ** 2 @ weights + bearing.sum()
+    bent = np.einsum("bi,ij,bj->b", e, np.tensordot(ends, piece.focus, 1), e)
+    growth += ((e @ S) ** 2 @ weights + bearing.sum()) * (1.0 + bent)
     h = np.diff(piece.nominal.times)[0]
     assert found == pytest.approx(-h * growth, rel=1e-6, abs=1e-9)
 
@@ -88,6 +101,13 @@ def test_at_an_end_they_bear_what_the_certificate_there_bears(piece, interval):
     expected = remainder_form(piece.S[:1], piece.beta[:1], piece.weights[:1])[0]
     found = (at(bare.A, 0) - at(forms.A, 0)) / h
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_a_focus_counts_only_in_the_states_that_the_remainder_depends_on(piece):
+    """On the others the proof of R would not have it."""
+    focus = np.broadcast_to(-np.eye(7), (2, 7, 7))
+    found = make_interval(dataclasses.replace(piece, focus=focus)).focus
+    assert at(found, 0) == pytest.approx(np.diag([0.0, 0.0, *[-1.0] * 5]))
 
 
 def test_halves_have_the_same_polynomials(interval):

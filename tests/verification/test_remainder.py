@@ -7,6 +7,8 @@ from glider.paths import models_path
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
+    FLOOR,
+    find_focus,
     remainder_of,
     remainder_weights,
     sample_remainder,
@@ -36,6 +38,26 @@ def test_the_remainders_form_bounds_what_it_stands_for(funnel):
     pushed = 2.0 * np.sum((z @ L_T) * remainder, axis=1)
     assert np.all(pushed <= np.einsum("bi,ij,bj->b", z, form, z))
     assert np.abs(pushed).max() > 0.01
+
+
+def test_a_bound_is_large_only_where_the_remainder_is(proven):
+    """|R| <= β (1 + eᵀ F e) on the boundary, though β is a third of R's largest."""
+    at, points = np.array([60, 150]), sphere_points(300, 7)
+    given = proven.nominal, proven.S[at], points, at
+    largest = sample_remainder(*given)
+    sizes = np.broadcast_to(np.diag([0.05, 0.05, 0.15, 0.3, 0.3, 0.3, 1.0]), (2, 7, 7))
+    focus = find_focus(*given, None, sizes**2)
+    beta = sample_remainder(*given, focus=focus)
+    assert np.all(focus[:, :2] == 0.0)
+    assert np.linalg.eigvalsh(focus).min() > -1e-9 * np.abs(focus).max()
+    assert np.all(beta <= 1.2 * FLOOR * largest)
+    e = sphere_points(20_000, 7, 1) @ np.swapaxes(to_ball(proven.S[at])[1], 1, 2)
+    found = np.abs(remainder_of(proven.nominal, at, e))
+    bent = 1.0 + np.einsum("kbi,kij,kbj->kb", e, focus, e)
+    ratios = (found[..., 4:] / beta[:, None, 4:]).max(axis=2) / bent
+    assert 0.8 < ratios.max() < 1.05
+    # Most of the boundary has hardly more than the floor.
+    assert np.all(np.median(bent, axis=1) < 0.7 / FLOOR)
 
 
 def test_climbing_finds_nearly_all_of_what_many_more_samples_find():

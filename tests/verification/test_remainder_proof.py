@@ -34,6 +34,17 @@ def pieces(proven):
     return {k: proven.between(k, k + 1) for k in (0, EARLY, LATE)}
 
 
+def focused(piece, size=1.0):
+    """A piece whose bound is large in some directions, and changes in time."""
+    reach = np.sqrt(np.diag(np.linalg.inv(piece.S[0])))
+    factor = np.random.default_rng(7).normal(size=(7, 2)) / reach[:, None]
+    factor = factor * np.array([1.0, 1.01])[:, None, None]
+    factor[..., :2, :] = 0.0
+    focus = size * factor @ np.swapaxes(factor, 1, 2)
+    beta = piece.beta * [[0.95], [1.0]]
+    return dataclasses.replace(piece, focus=focus, beta=beta)
+
+
 def remainder_on(piece):
     return make_remainder(piece, tight_cover(make_interval(piece))[0])
 
@@ -53,9 +64,9 @@ def random_boxes(m, count, size):
 
 
 def true_ratio(piece, basis, points):
-    """|R| / β (r, B) at points (m + 1, B), by the physics and straight from its words.
+    """|R| / (β (1 + eᵀ F e)) (r, B) at points (m + 1, B), straight from its words.
 
-    All of f(x₀ + y, u₀ + y) - ẋ₀ - P(y), each at its own time.
+    By the physics: all of f(x₀ + y, u₀ + y) - ẋ₀ - P(y), each at its own time.
     """
     nominal, n = piece.nominal, piece.num_states
     which, rows = nonlinear_parts(nominal.model)
@@ -73,14 +84,17 @@ def true_ratio(piece, basis, points):
     model = (1.0 - shares) * ends[0] + shares * ends[1]
     beta = piece.beta[:, rows]
     limits = (1.0 - shares) * beta[0][:, None] + shares * beta[1][:, None]
+    first, last = np.einsum("ib,tij,jb->tb", y[:-1], piece.focus, y[:-1])
+    limits = limits * (1.0 + (1.0 - shares) * first + shares * last)
     found = np.array([rates[row] for row in rows]) - path(times, 1).T[rows] - model
     return np.abs(found) / limits
 
 
 @pytest.mark.parametrize("k", [EARLY, LATE])
 @pytest.mark.parametrize("size", [1e-4, 0.03, 0.3])
-def test_no_remainder_on_a_box_is_larger_than_its_bound(pieces, k, size):
-    piece = pieces[k]
+@pytest.mark.parametrize("change", [lambda piece: piece, focused])
+def test_no_remainder_on_a_box_is_larger_than_its_bound(pieces, k, size, change):
+    piece = change(pieces[k])
     remainder = remainder_on(piece)
     m = len(remainder.basis)
     center, half = random_boxes(m, 40, size)
@@ -98,6 +112,20 @@ def test_no_remainder_on_a_box_is_larger_than_its_bound(pieces, k, size):
     if size == 0.03:
         some = largest > 0.3 * largest.max(axis=1, keepdims=True)
         assert np.median((bounds / largest)[some]) < 1.6
+
+
+def test_a_bound_that_is_not_positive_proves_nothing(pieces):
+    """Where 1 + eᵀ F e is negative, V̇ would seem to fall, and |R / β| may be small."""
+    piece = focused(pieces[LATE], size=-1.0)
+    remainder = remainder_on(piece)
+    values = monomials(7, 3).values(np.vstack([ball(6, 2000), np.zeros(2000)]).T)
+    assert np.any(remainder.limits @ values.T < 0.0)
+    assert remainder.seen() > 1e300
+    center, half = random_boxes(6, 2000, 1e-4)
+    bounds, _, _ = remainder.bounds(center, half)
+    limits = remainder.limits @ monomials(7, 3).values(center.T).T
+    assert np.any(limits < 0.0)
+    assert np.all(np.isinf(bounds[limits <= 0.0]))
 
 
 def test_the_nominals_defect_is_part_of_it(pieces):

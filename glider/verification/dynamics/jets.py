@@ -72,6 +72,35 @@ _OPERATIONS: dict[np.ufunc, Callable] = {
 }
 
 
+class Lazy(Number):
+    """A number that is computed once its value is asked for.
+
+    The physics computes much that the nominal glider does not use.
+    """
+
+    def __init__(self, compute: Callable[[], Any]):
+        """Takes what computes the value, a number of another kind."""
+        self._compute = compute
+
+    @functools.cached_property
+    def value(self) -> Any:
+        """Value."""
+        return self._compute()
+
+    def plus(self, other: Any) -> "Lazy":
+        return Lazy(lambda: self.value.plus(_value(other)))
+
+    def times(self, other: Any) -> "Lazy":
+        return Lazy(lambda: self.value.times(_value(other)))
+
+    def apply(self, function: np.ufunc) -> "Lazy":
+        return Lazy(lambda: self.value.apply(function))
+
+
+def _value(number):
+    return number.value if isinstance(number, Lazy) else number
+
+
 @dataclasses.dataclass(frozen=True)
 class Dependence(Number):
     """The variables that a number depends on.

@@ -33,7 +33,7 @@ from glider.verification.funnel.growth import (
     largest_growth,
     remainder_form,
 )
-from glider.verification.funnel.remainder import SAMPLES, remainder_weights
+from glider.verification.funnel.remainder import SAMPLES
 from glider.verification.funnel.servo_limits import margin_to_limits, servo_bounds
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
 from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow
@@ -227,16 +227,21 @@ class Gauge:
     def _sets(self, S):
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
         times = self._nominal.times
-        beta = self._task.beta(S, np.arange(len(S)))
-        weights = remainder_weights(S, beta, self._task.sizes)
+        beta, weights, focus = self._task.bound(S, np.arange(len(S)))
         slopes = CubicSpline(times, S)(times, 1)
         disturbance = remainder_form(S, beta, weights)
-        disturbance += self._drift(S)[:, None, None] * np.eye(S.shape[1])
-        forms = boundary_forms(S, slopes, self._nominal.closed_loop, disturbance)
+        coefficients, drift = self._nominal.closed_loop, self._drift(S)[:, None, None]
+        forms = boundary_forms(S, slopes, coefficients, disturbance, focus)
+        quadratic = forms.quadratic + drift * np.eye(S.shape[1])
         sets = BoundarySets(
-            nominal=self._nominal, S=S, slopes=slopes, beta=beta, weights=weights
+            nominal=self._nominal,
+            S=S,
+            slopes=slopes,
+            beta=beta,
+            weights=weights,
+            focus=focus,
         )
-        return sets, forms
+        return sets, forms._replace(quadratic=quadratic)
 
     def growth(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest V̇/V (T,) at and around each time [1/s]."""

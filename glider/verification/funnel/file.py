@@ -11,7 +11,10 @@ A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `
     S       (T, n, n)  of the sets V = (x - x₀)ᵀ S (x - x₀) <= 1; symmetric
     slopes  (T, n, n)  Ṡ [1/s], symmetric; between the times S is the cubic Hermite
                        polynomial
-    beta    (T, n)     bounds β of the Taylor remainder of each rate [m/s², rad/s²]
+    beta    (T, n)     β of the bounds |R| <= β (1 + eᵀ F e) of the Taylor remainder of
+                       each rate [m/s², rad/s²]
+    focus   (T, n, n)  F, symmetric, straight lines between the times; not in files of
+                       an earlier format, where it is zero
     weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
     grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, as the check
                        corrects them; lower triangles, column by column, in the
@@ -35,7 +38,10 @@ from glider.errors import InputError, show
 from glider.files import schema
 from glider.verification.funnel.settings import FunnelSettings
 
-FORMAT = "drake-glider funnel 1"
+FORMAT = "drake-glider funnel 2"
+
+EARLIER = "drake-glider funnel 1"
+"""Format of files without a focus, which are still read."""
 
 MOST_BYTES = 30_000_000
 """Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
@@ -97,6 +103,7 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
         "S": (count, n, n),
         "slopes": (count, n, n),
         "beta": (count, n),
+        "focus": (count, n, n),
         "weights": (count, n),
         "grams": (count, size * (size + 1) // 2),
     }
@@ -123,7 +130,10 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
             shapes = _shapes(count[0], len(notes.state_names))
             if 8 * sum(map(math.prod, shapes.values())) > MOST_BYTES:
                 raise ValueError(f"its arrays are larger than {MOST_BYTES:,} bytes")
+            if notes.format == EARLIER:
+                del shapes["focus"]
             arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes}
+            arrays.setdefault("focus", np.zeros_like(arrays["S"]))
         _check(arrays)
         return notes, arrays, hashlib.sha256(content).hexdigest()
     except InputError:
@@ -165,7 +175,7 @@ def _read_notes(archive, source):
     if shape or dtype.kind != "U" or dtype.itemsize > MOST_BYTES:
         raise ValueError("'notes' is not a text")
     data = schema.parse_json(str(_read(archive, "notes")), source)
-    if isinstance(data, dict) and data.get("format") != FORMAT:
+    if isinstance(data, dict) and data.get("format") not in (FORMAT, EARLIER):
         raise ValueError(f"its format is {show(data.get('format'))}, not '{FORMAT}'")
     return schema.convert(data, Notes, source)
 
@@ -194,7 +204,7 @@ def _check(arrays: dict[str, np.ndarray]) -> None:
     times = arrays["times"]
     if len(times) < 2 or times[0] != 0.0 or not np.all(np.diff(times) > 0.0):
         raise ValueError("'times' must increase from 0")
-    for name in ("S", "slopes"):
+    for name in ("S", "slopes", "focus"):
         if not np.array_equal(arrays[name], np.swapaxes(arrays[name], 1, 2)):
             raise ValueError(f"'{name}' is not symmetric")
     for name in ("beta", "weights"):

@@ -74,7 +74,7 @@ class Funnel(BoundarySets):
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
 
 
-_OWN_ARRAYS = ("S", "slopes", "beta", "weights", "grams")
+_OWN_ARRAYS = ("S", "slopes", "beta", "weights", "focus", "grams")
 
 
 def save_funnel(path: Path | str, funnel: Funnel) -> None:

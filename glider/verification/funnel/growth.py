@@ -17,6 +17,7 @@ from scipy.interpolate import CubicHermiteSpline
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.sos.forms import (
     higher_forms,
+    product_form,
     quadratic_form,
     spread_form,
     to_ball,
@@ -45,6 +46,8 @@ class BoundarySets:
     slopes: np.ndarray  #: Slopes Ṡ (T, n, n) [1/s].
     beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
     weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
+    #: F (T, n, n) of where the remainder is large: |R_k| <= β_k (1 + eᵀ F e).
+    focus: np.ndarray
 
     @functools.cached_property
     def curve(self) -> CubicHermiteSpline:
@@ -61,13 +64,19 @@ class BoundaryForms(NamedTuple):
 
 
 def boundary_forms(
-    S: np.ndarray, slopes: np.ndarray, coefficients: np.ndarray, disturbance: np.ndarray
+    S: np.ndarray,
+    slopes: np.ndarray,
+    coefficients: np.ndarray,
+    disturbance: np.ndarray,
+    focus: np.ndarray,
 ) -> BoundaryForms:
-    """Returns V̇/V on the boundary, including the disturbance D (T, n, n)."""
+    """Returns V̇/V on the boundary, including (zᵀ D z)(1 + eᵀ F e); D, F (T, n, n)."""
     cubic, quartic = higher_forms(S, coefficients)
     _, L_inv_T = to_ball(S)
+    L_inv = np.swapaxes(L_inv_T, 1, 2)
     quadratic = quadratic_form(S, slopes, coefficients)
-    quadratic = np.swapaxes(L_inv_T, 1, 2) @ quadratic @ L_inv_T + disturbance
+    quadratic = L_inv @ quadratic @ L_inv_T + disturbance
+    quartic = quartic + product_form(disturbance, L_inv @ focus @ L_inv_T)
     return BoundaryForms(quadratic, cubic, quartic)
 
 
@@ -119,7 +128,8 @@ def growth_between(
     here = here or sets.nominal.between(share).part(slice(None, None, every))
     S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
     disturbance = remainder_form(S, mixed(sets.beta), mixed(sets.weights))
-    forms = boundary_forms(S, slopes, here.closed_loop, disturbance)
+    coefficients, focus = here.closed_loop, mixed(sets.focus)
+    forms = boundary_forms(S, slopes, coefficients, disturbance, focus)
     return largest_growth(forms, starts)
 
 

@@ -1,14 +1,19 @@
 """The Taylor remainder R, as a bounded disturbance.
 
-Only the accelerations are not linear in the state. Where |R_k| <= β_k on the set,
-    2 zᵀ Lᵀ R <= zᵀ D z,  D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
-on its boundary. Here the largest |R_k| is looked for;
+Only the accelerations are not linear in the state. Where |R_k| <= β_k (1 + eᵀ F e) on
+the set,
+    2 zᵀ Lᵀ R <= zᵀ D z (1 + eᵀ F e),
+    D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
+on its boundary. F is where R is large. On most of the boundary R is a twentieth of its
+largest value, and where V̇ is largest it usually is: with F = 0, the bound there takes
+all of the margin. Here the largest |R_k| is looked for;
 `glider.verification.proof` proves a bound. For the gliders of a confidence set R is
 also the difference of their rates, about their own center
 (`glider.verification.dynamics.moving_center`).
 """
 
 import numpy as np
+from scipy.optimize import linprog
 
 from glider.verification.dynamics.confidence import physical, theta_at
 from glider.verification.dynamics.moving_center import MovingCenter
@@ -44,8 +49,9 @@ def sample_remainder(
     directions: np.ndarray,
     at: np.ndarray,
     center: MovingCenter | None = None,
+    focus: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Returns the largest |R_k| found on the boundaries of sets, (K, n).
+    """Returns the largest |R_k| / (1 + eᵀ F e) on the boundaries of sets, (K, n).
 
     It is the largest that climbing reaches from the best of the given directions: no
     bound, but seldom less than nine tenths of one.
@@ -54,43 +60,131 @@ def sample_remainder(
         S: (K, n, n) of the sets, at K times in order.
         directions: (B, n + r) to sample, r the dimension of the gliders' set; their
             negatives too. The first n are of the deviation e, the others of δ.
+        focus: (K, n, n) F; zero if None.
     """
-    n = S.shape[-1]
-    names = center.confidence.names if center else ()
-    _, rows = nonlinear_parts(nominal.model, names)
-    count, total = len(rows), directions.shape[-1]
-    L_inv = np.swapaxes(to_ball(S)[1], 1, 2)
+    remainders = _Remainders(nominal, S, at, center, focus)
+    highest, _ = remainders.climb(directions)
+    return remainders.in_all_rates(highest)
 
-    def remainders(y, here):
-        """Returns R (K, B, r) at points (K, B, n + r) of the spheres at some times."""
-        errors, deviations = split_directions(nominal, center, L_inv[here], y)
-        return remainder_of(nominal, at[here], errors, center, deviations)[..., rows]
 
-    shares = np.array_split(np.concatenate([directions, -directions]), CLIMBS)
-    starts = np.empty((len(at), 2 * count, CLIMBS, total))
-    for k in range(len(at)):  # One by one: many points at once do not fit the cache.
-        for i, points in enumerate(shares):
-            seen = remainders(points[None], slice(k, k + 1))[0]
-            best = np.concatenate([seen.argmax(axis=0), seen.argmin(axis=0)])
-            starts[k, :, i] = points[best]
+class _Remainders:
+    """R / (1 + eᵀ F e) on the boundaries of K sets, of the rates that have one."""
 
-    def climbed(y):
-        """Returns R or -R (K, B), whichever each point climbs."""
-        values = remainders(y, slice(None))
-        which = np.arange(y.shape[1]) // (y.shape[1] // (2 * count))
-        picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
-        return np.where(which < count, 1.0, -1.0) * picked[..., 0]
+    def __init__(self, nominal, S, at, center, focus):
+        names = center.confidence.names if center else ()
+        self.which, self.rows = nonlinear_parts(nominal.model, names)
+        self._nominal, self._center, self._at = nominal, center, at
+        self._L_inv = np.swapaxes(to_ball(S)[1], 1, 2)
+        self.focus = np.zeros_like(S) if focus is None else focus
 
-    highest, points = climb_sphere(climbed, starts.reshape(len(at), -1, total))
-    highest, points = _best(highest, points, count)
-    for _ in range(NEIGHBORS if len(at) > 1 else 0):
-        around = np.concatenate([points[:1], points, points[-1:]])
-        starts = np.stack([around[:-2], points, around[2:]], axis=2)
-        climbs = climb_sphere(climbed, starts.reshape(len(at), -1, total))
-        highest, points = _best(*climbs, count)
-    found = np.zeros((len(at), n))
-    found[:, rows] = highest.reshape(len(at), 2, count).max(axis=1)
-    return found
+    def errors(self, y, here=slice(None)):
+        """Returns e (K, B, n) and δ at points (K, B, n + r) of the spheres."""
+        return split_directions(self._nominal, self._center, self._L_inv[here], y)
+
+    def __call__(self, y, here=slice(None)):
+        """Returns values (K, B, rows) at points of the spheres, at some times."""
+        errors, deviations = self.errors(y, here)
+        found = remainder_of(
+            self._nominal, self._at[here], errors, self._center, deviations
+        )
+        bent = np.einsum("kbi,kij,kbj->kb", errors, self.focus[here], errors)
+        # Where 1 + eᵀ F e is not positive, nothing is a bound.
+        return found[..., self.rows] / np.maximum(1.0 + bent, 1e-12)[..., None]
+
+    def climb(self, directions):
+        """Returns the highest of each rate and sign, (K, 2 rows), and where."""
+        count, total = len(self.rows), directions.shape[-1]
+        shares = np.array_split(np.concatenate([directions, -directions]), CLIMBS)
+        starts = np.empty((len(self._at), 2 * count, CLIMBS, total))
+        for k in range(len(self._at)):  # One by one: all do not fit the cache.
+            for i, points in enumerate(shares):
+                seen = self(points[None], slice(k, k + 1))[0]
+                best = np.concatenate([seen.argmax(axis=0), seen.argmin(axis=0)])
+                starts[k, :, i] = points[best]
+
+        def climbed(y):
+            """Returns R or -R (K, B), whichever each point climbs."""
+            values = self(y)
+            which = np.arange(y.shape[1]) // (y.shape[1] // (2 * count))
+            picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
+            return np.where(which < count, 1.0, -1.0) * picked[..., 0]
+
+        starts = starts.reshape(len(starts), -1, total)
+        highest, points = _best(*climb_sphere(climbed, starts), count)
+        for _ in range(NEIGHBORS if len(points) > 1 else 0):
+            around = np.concatenate([points[:1], points, points[-1:]])
+            starts = np.stack([around[:-2], points, around[2:]], axis=2)
+            starts = starts.reshape(len(points), -1, total)
+            highest, points = _best(*climb_sphere(climbed, starts), count)
+        return highest, points
+
+    def in_all_rates(self, highest):
+        """Returns the largest sizes (K, n), given those of each rate and sign."""
+        found = np.zeros((len(highest), self._L_inv.shape[-1]))
+        largest = highest.reshape(len(highest), 2, len(self.rows)).max(axis=1)
+        found[:, self.rows] = largest
+        return found
+
+
+FLOOR = 0.3
+"""Share of the largest R that its bound keeps where R is small. Less makes a funnel
+wider, and the proof that R is no larger longer."""
+
+ROUNDS = 2
+"""Times that F is made, the second with the points where the first was exceeded."""
+
+
+def find_focus(
+    nominal: Nominal,
+    S: np.ndarray,
+    directions: np.ndarray,
+    at: np.ndarray,
+    center: MovingCenter | None,
+    sizes: np.ndarray,
+) -> np.ndarray:
+    """Returns F (K, n, n), positive semidefinite, of where R is large.
+
+    At the points that were seen, 1 + eᵀ F e is at least the largest of R's shares of
+    its largest values, relative to FLOOR, and tr(Σ F) is small; Σ is `sizes`. F has
+    the axes of the second moment of these points.
+    """
+    bare = _Remainders(nominal, S, at, center, None)
+    bent = _Remainders(nominal, S, at, center, np.zeros_like(S))
+    states = [i for i in bare.which if i < S.shape[-1]]
+    scales = np.sqrt(np.diagonal(np.linalg.inv(S), axis1=1, axis2=2))[:, states]
+    largest: np.ndarray | None = None
+    seen = [[] for _ in at]
+    for _ in range(ROUNDS):
+        highest, tops = bent.climb(directions)
+        if largest is None:
+            largest = highest.reshape(len(at), 2, -1).max(axis=1)
+            largest = np.where(largest > LEAST_REMAINDER, largest, np.inf)
+        for k in range(len(at)):
+            points = [tops[k]] if seen[k] else [tops[k], directions, -directions]
+            points = np.concatenate(points)[None]
+            here = slice(k, k + 1)
+            values = np.abs(bare(points, here)[0]) / largest[k]
+            own = bare.errors(points, here)[0][0][:, states] / scales[k]
+            seen[k].append((values.max(axis=1), own))
+            shares, own = map(np.concatenate, zip(*seen[k], strict=True))
+            scaled = sizes[k][np.ix_(states, states)] / np.outer(scales[k], scales[k])
+            F = _least_focus(shares, own, scaled) / np.outer(scales[k], scales[k])
+            bent.focus[k][np.ix_(states, states)] = F
+    return bent.focus
+
+
+def _least_focus(shares, own, sizes):
+    """Returns F (m, m) so that 1 + eᵀ F e is at least shares (B,) / FLOOR."""
+    moment = np.einsum("b,bi,bj->ij", shares**2, own, own)
+    axes = np.linalg.eigh(moment)[1]
+    cost = np.einsum("ij,ik,jk->k", sizes / np.trace(sizes), axes, axes) + 1e-3
+    needs = shares > FLOOR
+    if not np.any(needs):
+        return np.zeros_like(moment)
+    found = linprog(
+        cost, A_ub=-((own[needs] @ axes) ** 2), b_ub=1.0 - shares[needs] / FLOOR
+    )
+    return (axes * (found.x if found.success else 0.0 * cost)) @ axes.T
 
 
 def _best(values, points, count):

@@ -27,6 +27,7 @@ from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
+    find_focus,
     remainder_weights,
     sample_remainder,
 )
@@ -38,7 +39,7 @@ from glider.verification.funnel.servo_limits import (
     steepest_gains,
 )
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.sos.forms import higher_forms, linear_part
+from glider.verification.sos.forms import higher_forms, linear_part, product_form
 from glider.verification.sos.programs import SolverError, first_success, least_growth
 
 SHARE = 0.1
@@ -73,16 +74,23 @@ class FunnelTask:
         spread = np.array(errors)
         return spread @ np.swapaxes(spread, 1, 2) + SHARE**2 * steady
 
-    def beta(self, S: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Returns β (K, n) of K sets: the inflated remainder, but for rounding.
+    def bound(
+        self, S: np.ndarray, at: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns β (K, n), λ (K, n) and F (K, n, n) of K sets.
 
-        It is zero where the funnel is to be of the Taylor polynomial alone.
+        β (1 + eᵀ F e) is the inflated remainder, but for rounding. All are zero where
+        the funnel is to be of the Taylor polynomial alone.
         """
         inflation = self.settings.remainder
         if inflation == 0.0:
-            return np.zeros(S.shape[:2])
-        sampled = sample_remainder(self.nominal, S, self.directions, at, self.center)
-        return inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
+            return np.zeros(S.shape[:2]), np.zeros(S.shape[:2]), np.zeros_like(S)
+        sizes = self.sizes[at]
+        given = self.nominal, S, self.directions, at, self.center
+        focus = find_focus(*given, sizes)
+        sampled = sample_remainder(*given, focus)
+        beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
+        return beta, remainder_weights(S, beta, sizes), focus
 
 
 CHANGE_SHARE = 0.3
@@ -161,7 +169,11 @@ class ShapeFlow:
     def _growth(self, S, k):
         """Returns N + D at a time."""
         cubic, quartic = higher_forms(S, self.nominal.closed_loop[k])
+        beta, weights, focus = self._task.bound(S[None], np.array([k]))
+        disturbance = remainder_form(S[None], beta, weights)[0]
         L = np.linalg.cholesky(S)
+        L_inv = np.linalg.inv(L)
+        quartic = quartic + product_form(disturbance, L_inv @ focus[0] @ L_inv.T)
         weight = L.T @ self._sizes[k] @ L
         [growth] = first_success(
             least_growth,
@@ -170,9 +182,7 @@ class ShapeFlow:
             weight,
             fault="No solver shaped the funnel; the goal may be too wide.",
         )
-        beta = self._task.beta(S[None], np.array([k]))
-        weights = remainder_weights(S[None], beta, self._sizes[k])
-        return growth + remainder_form(S[None], beta, weights)[0]
+        return growth + disturbance
 
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""

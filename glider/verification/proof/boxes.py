@@ -18,15 +18,13 @@ SLOPE_BLAME = 0.2
 of higher degree."""
 
 
-def shifted(table, polynomial, center, half):
-    """Returns the Taylor model of a polynomial (M,) in w = center + half v."""
+def shifted(table, polynomial, centers, halves):
+    """Returns the Taylor model of a polynomial (M,) in w = center + half v.
+
+    Given are the monomials (M, B) of centers and half-widths.
+    """
     coefficients, sizes = _shift(
-        polynomial,
-        table.values(center.T).T,
-        table.values(half.T).T,
-        table.left,
-        table.right,
-        _binomials(table),
+        polynomial, centers, halves, table.left, table.right, _binomials(table)
     )
     return TaylorModel(table, coefficients, ROUNDING * sizes * WIDER)
 

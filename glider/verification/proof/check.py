@@ -169,12 +169,13 @@ def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> f
     For a funnel of a set of gliders, it is R of those on the set's boundary too.
     """
     nominal, n = funnel.nominal, funnel.num_states
-    sets, beta = funnel.S[at], funnel.beta[at]
+    sets, beta, focus = funnel.S[at], funnel.beta[at], funnel.focus[at]
     worst = 0.0
     for center in dict.fromkeys((None, funnel.gliders)):
         total = n + (center.confidence.dimension if center else 0)
         directions = normalized(rng.normal(size=(SAMPLES, total)))
-        found = sample_remainder(nominal, sets, directions, np.array(at), center)
+        places = np.array(at)
+        found = sample_remainder(nominal, sets, directions, places, center, focus)
         with np.errstate(divide="ignore", invalid="ignore"):
             # What is no number counts.
             ratios = np.where(found <= LEAST_REMAINDER, 0.0, found / beta)

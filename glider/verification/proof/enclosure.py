@@ -15,12 +15,13 @@ and boxes are of w, v and s. What X A v has beyond the degree in (v, s) is bound
 """
 
 import dataclasses
+import itertools
 
 import numpy as np
 
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.confidence import ConfidenceSet, theta_at
-from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.jets import Lazy, monomials
 from glider.verification.dynamics.nominal import (
     ORDER,
     nonlinear_parts,
@@ -59,7 +60,7 @@ class TaylorRemainder:
     polynomials: np.ndarray
     highest: np.ndarray  #: What these lack, divided by s: polynomials (r, M).
     rounding: np.ndarray  #: Bounds (r,) of what rounding leaves out of the two.
-    #: Polynomials (r, M) of the bounds β that R has to keep, linear in s.
+    #: Polynomials (r, M) of the bounds β (1 + yᵀ F y) that R has to keep.
     limits: np.ndarray
     span: tuple[float, float]  #: First and last s.
     allowed: ConfidenceSet | None  #: Set of the gliders that fly; None for one alone.
@@ -93,7 +94,9 @@ class TaylorRemainder:
             rates = open_loop_rates(self.model, states, command)
             known = (self.polynomials + s * self.highest) @ values
             sizes = np.abs(np.array([rates[row] for row in self.rows]) - known)
-            return (sizes / (self.limits @ values)).reshape(-1, *w.shape[:-1])
+            limits = self.limits @ values
+            found = np.where(limits > 0.0, sizes / limits, np.inf)
+            return found.reshape(-1, *w.shape[:-1])
 
         w = normalized(np.random.default_rng(0).normal(size=(SAMPLES, m)))
         largest = 0.0
@@ -116,19 +119,20 @@ class TaylorRemainder:
         """
         m, d = len(self.basis), self.dimension
         table = monomials(d, ORDER)
+        powers = table.values(center.T).T, table.values(half.T).T
 
         def on_boxes(polynomial):
-            return shifted(table, polynomial, center, half)
+            return shifted(table, polynomial, *powers)
 
         unit = np.eye(1 + d, len(table.degrees))
         inputs = list(map(on_boxes, self.inputs))
         for value, lacks in zip(inputs, self.beyond, strict=True):
             value.remainder = (value.remainder + lacks) * WIDER
-        *states, command = inputs
+        *states, command = map(_lazy, inputs)
         theta = None
         if self.allowed:
             factor = self.allowed.factor
-            deviations = [on_boxes(row @ unit[1 + m : d]) for row in factor]
+            deviations = [_lazy(on_boxes(row @ unit[1 + m : d])) for row in factor]
             theta = theta_at(self.model, self.allowed.names, deviations)
         rates = open_loop_rates(self.model, states, command, theta)
         time = on_boxes(unit[d])
@@ -137,13 +141,16 @@ class TaylorRemainder:
         boxes = center, half, table.exponents, self.balls
         most, least, blame = [], [], []
         for i, row in enumerate(self.rows):
-            rate = rates[row]
+            rate = rates[row].value
             difference = rate - on_boxes(self.polynomials[i])
             difference = difference - time * on_boxes(self.highest[i])
             difference.remainder = (difference.remainder + self.rounding[i]) * WIDER
-            ratio = difference / on_boxes(self.limits[i])
+            limit = on_boxes(self.limits[i])
+            ratio = difference / limit
             sizes, unknown = ratio.coefficients, ratio.remainder
-            most.append(bound_in_balls(sizes, unknown, *boxes))
+            # The limit has a sign on a box where its reciprocal is bounded.
+            bound = bound_in_balls(sizes, unknown, *boxes)
+            most.append(np.where(limit.coefficients[0] > 0.0, bound, np.inf))
             least.append(np.where(within, np.abs(sizes[0]) - unknown, 0.0))
             blame.append(blame_of(ratio, rate))
         return np.array(most), np.array(least), np.array(blame)
@@ -169,7 +176,7 @@ def make_remainder(
     P[..., 0] = 0.0  # That is in ẋ₀.
     path, slopes = _path_and_slopes(nominal)
     inputs_ends = _mean_and_half_change(nominal.inputs)
-    P_ends, beta_ends = map(_mean_and_half_change, (P, piece.beta[:, rows]))
+    P_ends = _mean_and_half_change(P)
     s = 0.5 * sum(span)
     middle = np.append(path @ s ** np.arange(ORDER + 1), inputs_ends @ [1.0, s])
     P_here = P_ends[0] + s * P_ends[1]
@@ -187,11 +194,10 @@ def make_remainder(
     mean, change = (change_variables(p, basis) for p in P_ends)
     sizes = change_variables(np.abs(P).max(axis=0), np.abs(basis)).sum(axis=1)
     low = table_of(m).degrees < ORDER
-    polynomials, highest, limits = np.zeros((3, len(rows), len(table.degrees)))
+    polynomials, highest = np.zeros((2, len(rows), len(table.degrees)))
     polynomials[:, plain], polynomials[:, timed] = mean, change[:, low]
     polynomials[:, times[:-1]] += slopes[rows]
     highest[:, plain] = np.where(low, 0.0, change)
-    limits[:, times[:2]] = beta_ends.T
     for v in range(moved.shape[1]):
         places = [_place(table, unit[m + v] + j * unit[last]) for j in range(ORDER)]
         inputs[:, places] += moved[:, v, :ORDER]
@@ -206,11 +212,44 @@ def make_remainder(
         polynomials=polynomials,
         highest=highest,
         rounding=2.0 * ROUNDING * WIDER * sizes,
-        limits=limits,
+        limits=_limits(piece, basis, table),
         span=span,
         allowed=piece.gliders.confidence if piece.gliders else None,
         beyond=beyond * WIDER,
     )
+
+
+def _lazy(number):
+    return Lazy(lambda: number)
+
+
+def _limits(piece, basis, table):
+    """Returns polynomials (r, M) that are at most β (1 + eᵀ F e), in (w, v, s).
+
+    F is of the states that R depends on. What is of degree 4 has a factor s², which is
+    half of one, and what it may be less is subtracted: |wᵀ F w| <= |F| on the ball.
+    """
+    which, rows = nonlinear_parts(piece.nominal.model)
+    last = table.num_variables - 1
+    unit = np.eye(last + 1, dtype=int)
+    states = [i for i in which if i < piece.num_states]
+    B = basis[: len(states)]  # The command is the last of all.
+    F = piece.focus[:, states][:, :, states]
+    beta, beta_change = _mean_and_half_change(piece.beta[:, rows])
+    focus, focus_change = _mean_and_half_change(B.T @ F @ B)
+    limits = np.zeros((len(rows), len(table.degrees)))
+    limits[:, 0], limits[:, _place(table, unit[last])] = beta, beta_change
+    for i, j in itertools.product(range(len(basis)), repeat=2):
+        here = unit[i] + unit[j]
+        half = 0.5 * beta_change * focus_change[i, j]
+        limits[:, _place(table, here)] += beta * focus[i, j] + half
+        slope = beta_change * focus[i, j] + beta * focus_change[i, j]
+        limits[:, _place(table, here + unit[last])] += slope
+    sizes = np.abs(B).T @ np.abs(F).max(axis=0) @ np.abs(B)
+    lost = 0.5 * np.abs(beta_change) * np.linalg.norm(focus_change)
+    lost += ROUNDING * piece.beta[:, rows].max(axis=0) * sizes.sum()
+    limits[:, 0] -= lost * WIDER
+    return limits
 
 
 def _place(table, exponents):

@@ -1,8 +1,8 @@
 """A funnel between two of its times, as polynomials in time without rounding.
 
 With τ from 0 to 1 along the interval and h its duration: S is cubic, and so is x₀; u₀,
-the gains K, the weights λ and β² / λ, and the open loop's Taylor polynomials P in
-(e, δu) are straight lines. The deviation of the command is δu = -K e.
+the gains K, the weights λ and β² / λ, the focus F, and the open loop's Taylor
+polynomials P in (e, δu) are straight lines. The deviation of the command is δu = -K e.
 
 Of its sets it is determined exactly whether they are ellipsoids, within the servo's
 limits, and within a ball.
@@ -54,6 +54,7 @@ class Interval:
     cubic: InTime  #: Coefficients (r, C₃) of P₃.
     weights: InTime  #: λ (n,).
     bearing: InTime  #: β² / λ (n,), rounded up.
+    focus: InTime  #: F (n, n).
     #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.
     limits: tuple[tuple[InTime, InTime], ...]
 
@@ -100,9 +101,16 @@ def make_interval(piece: Funnel) -> Interval:
         cubic=part(3),
         weights=line(*piece.weights),
         bearing=InTime(tuple(map(_bearing, piece.beta, piece.weights))),
+        focus=line(*_seen_focus(piece, which)),
         # The centers of a set of gliders may reach some of b.
         limits=tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits),
     )
+
+
+def _seen_focus(piece, which):
+    """Returns F (2, n, n) of the states that R depends on, with zeros elsewhere."""
+    mask = np.isin(np.arange(piece.num_states), which)
+    return np.where(np.outer(mask, mask), piece.focus, 0.0)
 
 
 def _bearing(beta, weights):
@@ -140,6 +148,7 @@ def at_time(funnel: Funnel, k: int) -> Interval:
         cubic=constant(rates[rows, table.of_degree(3)]),
         weights=constant(funnel.weights[k]),
         bearing=InTime((_bearing(funnel.beta[k], funnel.weights[k]),)),
+        focus=constant(funnel.focus[k]),
         limits=_limits(nominal, command, gains, constant(nominal.states[k, ELEVATOR])),
     )
 

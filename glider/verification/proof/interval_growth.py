@@ -96,9 +96,8 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     G = H @ basis
     y = interval.outputs @ basis
     half = H @ (interval.linear @ y)
-    disturbance = (H * interval.weights) @ H.T
-    share = interval.bearing.map(Exact.sum) + slack
-    growth = half + half.T + disturbance + share * G
+    disturbance = (H * interval.weights) @ H.T + interval.bearing.map(Exact.sum) * G
+    growth = half + half.T + disturbance + slack * G
     A = basis.T @ interval.rise @ basis + h * growth
     # Of the rates that are not linear, and what they depend on.
     pull = h * H.T[interval.rows]
@@ -112,6 +111,9 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
         gather = functools.partial(gathered, n=n, degree=degree + 1)
         forms.append(tensor.map(gather) * -2)
     cubic, quartic = forms
+    focus = basis.T @ interval.focus @ basis
+    if any(part.numbers.any() for part in focus.parts):
+        quartic = quartic - h * disturbance.product(focus, quadratic_product)
     return GrowthForms(-A, cubic, quartic, G)
 
 

@@ -51,6 +51,13 @@ def higher_forms(
     return forms[0], forms[1]
 
 
+def product_form(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Returns the coefficients (..., C₄) of (zᵀ A z)(zᵀ B z), A and B (..., n, n)."""
+    n = first.shape[-1]
+    both = first[..., :, :, None, None] * second[..., None, None, :, :]
+    return both.reshape(*both.shape[:-4], n**4) @ _gather(n, 4)
+
+
 def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
     """Returns the symmetric tensors (..., n, ..., n) of forms (..., C)."""
     return _spread(form, n, degree).reshape(*form.shape[:-1], *(n,) * degree)
