@@ -291,7 +291,52 @@ def _escape_sequence(arrays, notes):
     notes["state_names"][0] = "\x1b[2J"
 
 
+def _focus(of, beta=1.0):
+    """A bound of the remainder beta (1 + eᵀ F e) times the file's, F = of(S)."""
+
+    def change(arrays, notes):
+        notes["format"] = "drake-glider funnel 2"
+        arrays["beta"] *= beta
+        arrays["weights"] *= beta
+        arrays["focus"] = of(arrays["S"])
+        arrays["focus"][-1] = 0.0  # Where the margin is least.
+
+    return change
+
+
+def _nearly_all(S):
+    """1 + eᵀ F e is nearly zero on the boundary, and so is what it adds to V̇."""
+    return -0.999 * S
+
+
+def _more_than_all(S):
+    return -1.5 * S
+
+
+def _of_the_place(S):
+    focus = np.zeros_like(S)
+    focus[:, range(2), range(2)] = 400.0
+    return focus
+
+
+def _earlier_format(arrays, notes):
+    notes["format"] = "drake-glider funnel 0"
+
+
+def _without_focus(arrays, notes):
+    notes["format"] = "drake-glider funnel 2"
+
+
 INVENTED = {
+    "a bound of nearly nothing": (_focus(_nearly_all), "The remainder is "),
+    "a bound below zero": (_focus(_more_than_all), "The remainder is "),
+    "a bound that varies with the place": (
+        _focus(_of_the_place, 0.6),
+        "The Gram matrix does not prove that V falls",
+    ),
+    "a skew focus": (_focus(lambda S: S + np.triu(S, 1)), "'focus' is not symmetric"),
+    "no focus": (_without_focus, "'focus.npy'"),
+    "a format that never was": (_earlier_format, "its format is 'drake-glider funnel"),
     "a launch in mid-flight": (_late_launch, "the problem's launch has"),
     "4 mm beside the launch": (_beside_the_wire, "The flight starts with z = 0.096"),
     "1 cm beside the wire": (_beside_the_wire_at_the_end, "from the wire"),

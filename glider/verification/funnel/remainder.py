@@ -184,7 +184,8 @@ def _least_focus(shares, own, sizes):
     found = linprog(
         cost, A_ub=-((own[needs] @ axes) ** 2), b_ub=1.0 - shares[needs] / FLOOR
     )
-    return (axes * (found.x if found.success else 0.0 * cost)) @ axes.T
+    F = (axes * (found.x if found.success else 0.0 * cost)) @ axes.T
+    return 0.5 * (F + F.T)
 
 
 def _best(values, points, count):

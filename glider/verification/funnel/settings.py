@@ -44,8 +44,9 @@ class FunnelSettings:
     #: Margin by which V̇/V is to stay below zero on the boundary [1/s].
     margin: float = 0.03
     #: Inflation: factor on the largest Taylor remainder that is found, which then acts
-    #: as a disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.1 it can
-    #: be proven that the true one is no larger, at all times.
+    #: as a disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.6 it can
+    #: be proven that the true one is no larger, at all times; with less, that takes
+    #: many times as long.
     remainder: float = 0.0
     #: Largest gain on the elevator's own deviation [1/s] of a feedback that is made
     #: with the funnel's shape (`glider.verification.funnel.servo_limits`); 0 for the

@@ -22,10 +22,11 @@ Proof. With V = eᵀ S e, on each interval and for all of its times and deviatio
 2. ė = P(τ, e) + R + d, P a straight line in time between the third-order Taylor
    polynomials of f at both ends, with the feedback inserted. d is the nominal's defect
    in the linear rates, |d| <= δ; R is the rest of f(x, u) - ẋ₀ - P in the others, and
-   |R_k| <= β_k, a straight line in time, on E.
+   |R_k| <= β_k (1 + eᵀ F e) on E, which is positive; β and F are straight lines in
+   time, and F is of the states that R depends on.
 3. On V = 1, for λ_k and μ_k straight lines between λ_k and β_k² / λ_k,
-   2 eᵀ S R <= Σ λ_k (S e)_k² + μ_k V, because β_k² <= λ_k μ_k: √(λ μ) is concave.
-   And 2 eᵀ S d <= 2 √(δᵀ |S| δ).
+   2 eᵀ S R <= (Σ λ_k (S e)_k² + μ_k V)(1 + eᵀ F e), because β_k² <= λ_k μ_k: √(λ μ)
+   is concave. And 2 eᵀ S d <= 2 √(δᵀ |S| δ).
 4. So V̇ <= -slack there, if a polynomial in e and τ is positive, which it is where a
    Gram matrix with its Bernstein coefficients is (`interval_growth`).
 A flight that left would have a last time with V = 1, and V > 1 after it: against 4.

@@ -59,7 +59,14 @@ def _shift(polynomial, centers, halves, left, right, binomials):
 
 
 def bound_in_balls(coefficients, remainder, center, half, exponents, balls):
-    """Returns bounds (B,) of |p(v)| + remainder on the parts of boxes in unit balls.
+    """Returns bounds (B,) of |p(v)| + remainder on the parts of boxes in unit balls."""
+    boxes = center, half, exponents, balls
+    both = (top_in_balls(c, remainder, *boxes) for c in (coefficients, -coefficients))
+    return np.maximum(*both)
+
+
+def top_in_balls(coefficients, remainder, center, half, exponents, balls):
+    """Returns bounds (B,) of p(v) + remainder on the parts of boxes in unit balls.
 
     For any λ >= 0 the maximum of p in one ball is at most that of
         p(v) + λ (1 - |center + half v|²)
@@ -75,13 +82,13 @@ def bound_in_balls(coefficients, remainder, center, half, exponents, balls):
     for k, ball in enumerate(balls):
         which[ball] = k
     # Numba keeps compiled code when a constant of another module changes: arguments.
-    return _bound_in_balls(
+    return _top_in_balls(
         coefficients, remainder, center, half, exponents, which, (ROUNDING, WIDER)
     )
 
 
 @machine_code
-def _bound_in_balls(coefficients, remainder, center, half, exponents, which, constants):
+def _top_in_balls(coefficients, remainder, center, half, exponents, which, constants):
     rounding, wider = constants
     count, boxes = coefficients.shape
     m = len(center)
@@ -106,56 +113,54 @@ def _bound_in_balls(coefficients, remainder, center, half, exponents, which, con
         if not np.isfinite(known):  # min and max would drop a NaN.
             bounds[box] = np.inf
             continue
-        worst = 0.0
-        for sign in (1.0, -1.0):
-            total = sign * coefficients[0, box] + rounding * abs(coefficients[0, box])
+        total = coefficients[0, box] + rounding * abs(coefficients[0, box])
+        for i in range(m):
+            linear[i] = coefficients[1 + i, box]
+            if which[i] < 0:
+                first, second = abs(linear[i]), quadratic[i]
+                total += first + second
+                if second < 0.0 and first < -2.0 * second:
+                    total += first * first / (-4.0 * second) - first - second
+                total += rounding * (first + abs(second))
+        for ball in range(which.max() + 1):
+            room, across, along, flat = 1.0, 0.0, 1e-300, 0.0
             for i in range(m):
-                linear[i] = sign * coefficients[1 + i, box]
-                if which[i] < 0:
-                    first, second = abs(linear[i]), sign * quadratic[i]
-                    total += first + second
-                    if second < 0.0 and first < -2.0 * second:
-                        total += first * first / (-4.0 * second) - first - second
-                    total += rounding * (first + abs(second))
-            for ball in range(which.max() + 1):
-                room, across, along, flat = 1.0, 0.0, 1e-300, 0.0
+                tries[i] = 0.0
+                if which[i] != ball:
+                    continue
+                room -= center[i, box] ** 2
+                pull = 2.0 * center[i, box] * half[i, box]
+                if pull != 0.0:
+                    tries[i] = linear[i] / pull
+                across += linear[i] * pull
+                along += pull * pull
+                if half[i, box] > 0.0:
+                    flat += (linear[i] / half[i, box]) ** 2
+            # The last is the best of all where p is linear.
+            tries[m], tries[m + 1] = 0.0, across / along
+            tries[m + 2] = 0.5 * np.sqrt(flat)
+            least = np.inf
+            for weight in tries:
+                if not (weight >= 0.0 and np.isfinite(weight)):
+                    continue
+                value = weight * room
+                size = weight * (abs(room) + 1.0)
                 for i in range(m):
-                    tries[i] = 0.0
                     if which[i] != ball:
                         continue
-                    room -= center[i, box] ** 2
                     pull = 2.0 * center[i, box] * half[i, box]
-                    if pull != 0.0:
-                        tries[i] = linear[i] / pull
-                    across += linear[i] * pull
-                    along += pull * pull
-                    if half[i, box] > 0.0:
-                        flat += (linear[i] / half[i, box]) ** 2
-                # The last is the best of all where p is linear.
-                tries[m], tries[m + 1] = 0.0, across / along
-                tries[m + 2] = 0.5 * np.sqrt(flat)
-                least = np.inf
-                for weight in tries:
-                    if not (weight >= 0.0 and np.isfinite(weight)):
-                        continue
-                    value = weight * room
-                    size = weight * (abs(room) + 1.0)
-                    for i in range(m):
-                        if which[i] != ball:
-                            continue
-                        pull = 2.0 * center[i, box] * half[i, box]
-                        first = linear[i] - weight * pull
-                        second = sign * quadratic[i] - weight * half[i, box] ** 2
-                        if second < 0.0 and abs(first) < -2.0 * second:
-                            value += first * first / (-4.0 * second)
-                        else:
-                            value += second + abs(first)
-                        size += abs(linear[i]) + abs(quadratic[i]) + 4.0 * weight
-                    value += rounding * size
-                    least = min(least, value)
-                total += least
-            worst = max(worst, total)
-        bounds[box] = (worst + mixed) * wider
+                    first = linear[i] - weight * pull
+                    second = quadratic[i] - weight * half[i, box] ** 2
+                    if second < 0.0 and abs(first) < -2.0 * second:
+                        value += first * first / (-4.0 * second)
+                    else:
+                        value += second + abs(first)
+                    size += abs(linear[i]) + abs(quadratic[i]) + 4.0 * weight
+                value += rounding * size
+                least = min(least, value)
+            total += least
+        top = total + mixed
+        bounds[box] = top + (wider - 1.0) * (abs(total) + mixed)
     return bounds
 
 

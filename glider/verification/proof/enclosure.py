@@ -28,10 +28,10 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
+from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import DIFFERENCE, climb_sphere
-from glider.verification.proof.boxes import blame_of, bound_in_balls, shifted
+from glider.verification.proof.boxes import blame_of, shifted, top_in_balls
 from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
@@ -146,13 +146,16 @@ class TaylorRemainder:
             difference = difference - time * on_boxes(self.highest[i])
             difference.remainder = (difference.remainder + self.rounding[i]) * WIDER
             limit = on_boxes(self.limits[i])
-            ratio = difference / limit
-            sizes, unknown = ratio.coefficients, ratio.remainder
-            # The limit has a sign on a box where its reciprocal is bounded.
-            bound = bound_in_balls(sizes, unknown, *boxes)
-            most.append(np.where(limit.coefficients[0] > 0.0, bound, np.inf))
-            least.append(np.where(within, np.abs(sizes[0]) - unknown, 0.0))
-            blame.append(blame_of(ratio, rate))
+            excess, worse = _excess(difference, limit, boxes)
+            high = limit.coefficients[0] + limit.spread()
+            low = limit.coefficients[0] - limit.spread()
+            # |R| / β <= 1 + (|R| - β) / β, with the worst β on the box.
+            seen = np.abs(difference.coefficients[0]) - difference.remainder
+            with np.errstate(divide="ignore", invalid="ignore"):
+                above = WIDER + excess / np.maximum(low, 0.0)
+                most.append(np.where(excess > 0.0, above, 1.0 + excess / high))
+                least.append(np.where(within, seen / high, 0.0))
+                blame.append(blame_of(worse, rate) / limit.coefficients[0])
         return np.array(most), np.array(least), np.array(blame)
 
 
@@ -217,6 +220,19 @@ def make_remainder(
         allowed=piece.gliders.confidence if piece.gliders else None,
         beyond=beyond * WIDER,
     )
+
+
+def _excess(difference, limit, boxes):
+    """Returns bounds (B,) of |difference| - limit, and the larger of both models.
+
+    Where a bound is not positive, the limit is not negative on the box.
+    """
+    both = [sign * difference - limit for sign in (1.0, -1.0)]
+    tops = [top_in_balls(b.coefficients, b.remainder, *boxes) for b in both]
+    first = both[0].coefficients[0] >= both[1].coefficients[0]
+    coefficients = np.where(first, *(b.coefficients for b in both))
+    worse = TaylorModel(limit.table, coefficients, both[0].remainder)
+    return np.maximum(*tops), worse
 
 
 def _lazy(number):

@@ -1,8 +1,9 @@
 """V falls on the boundary throughout an interval: the exact proof.
 
 With e = B z for some basis, V = zᵀ G z, and on the boundary V = 1
-    -h (V̇ + slack V) = zᵀ A z + c₃(z) + c₄(z),
-polynomials in time too. There, for any N,
+    -h (V̇ + slack V) >= zᵀ A z + c₃(z) + c₄(z),
+polynomials in time too. The bound of the remainder, (eᵀ D e)(1 + eᵀ F e), is quartic.
+There, for any N,
     zᵀ A z + c₃ + c₄ = b(z)ᵀ Q b(z) + zᵀ N z (1 - V),  b = (z, z⊗z),
 if Q has A - N as its block of z and represents c₃ and c₄ + (zᵀ N z)(zᵀ G z) by the
 others. So V falls where Q is positive definite, and that it is at all times of the
