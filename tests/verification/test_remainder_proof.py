@@ -14,7 +14,7 @@ from glider.verification.dynamics.nominal import (
     table_of,
 )
 from glider.verification.proof import interval_proof
-from glider.verification.proof.boxes import bound_in_balls
+from glider.verification.proof.boxes import bound_in_balls, top_in_balls
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval, tight_cover
 from glider.verification.proof.interval_proof import (
@@ -171,6 +171,22 @@ def test_the_bound_in_the_ball_is_above_all_values_and_not_far():
     assert bound_in(slice(0, m)) == pytest.approx(1.0 + 0.2, abs=0.02)
     # Time is free of the ball.
     assert bound_in(slice(1, m)) == pytest.approx(2.0)
+
+
+def test_the_top_in_the_ball_is_above_all_values_and_may_be_negative():
+    m, count = 3, 200
+    table, rng = monomials(m, 3), np.random.default_rng(6)
+    coefficients = 0.02 * rng.normal(size=(len(table.degrees), count))
+    coefficients[0] -= 1.0
+    center, half = ball(m, count, seed=2), 0.5 * rng.uniform(0.3, 1.0, (m, count))
+    boxes = center, half, table.exponents, [slice(0, m)]
+    tops = top_in_balls(coefficients, np.full(count, 0.1), *boxes)
+    values = table.values(rng.uniform(-1.0, 1.0, (4000, m)))
+    v = values[:, 1 : m + 1, None]
+    inside = np.linalg.norm(center + v * half, axis=1) <= 1.0
+    largest = np.where(inside, values @ coefficients, -np.inf).max(axis=0) + 0.1
+    assert np.all(largest <= tops)
+    assert np.all(tops < 0.0) and np.median(tops - largest) < 0.15
 
 
 def test_each_of_two_balls_has_a_bound_of_its_own():
