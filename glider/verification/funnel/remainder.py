@@ -153,15 +153,15 @@ def find_focus(
     states = [i for i in bare.which if i < S.shape[-1]]
     scales = np.sqrt(np.diagonal(np.linalg.inv(S), axis1=1, axis2=2))[:, states]
     largest: np.ndarray | None = None
-    seen = [[] for _ in at]
+    seen: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in at]
     for _ in range(ROUNDS):
         highest, tops = bent.climb(directions)
         if largest is None:
             largest = highest.reshape(len(at), 2, -1).max(axis=1)
             largest = np.where(largest > LEAST_REMAINDER, largest, np.inf)
         for k in range(len(at)):
-            points = [tops[k]] if seen[k] else [tops[k], directions, -directions]
-            points = np.concatenate(points)[None]
+            more = [] if seen[k] else [directions, -directions]
+            points = np.concatenate([tops[k], *more])[None]
             here = slice(k, k + 1)
             values = np.abs(bare(points, here)[0]) / largest[k]
             own = bare.errors(points, here)[0][0][:, states] / scales[k]
