@@ -14,7 +14,6 @@ LcmPublisherSystem looks for messages at its publish times, and keeps only the l
 `Bus` takes 0.5 and 0.8, and at 5 ms it loses one frame of eleven.
 """
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
@@ -26,24 +25,23 @@ from pydrake.systems.framework import (
     Diagram,
     DiagramBuilder,
     DiscreteValues,
+    FixedInputPortValue,
     LeafSystem,
     System,
 )
 
 from diagrams.station.scenario import Filter, Sensors
-from diagrams.station.tracker import NO_COMMANDS, CommandTape, mean_rate
+from diagrams.station.tracker import NO_COMMANDS, CommandTape, mean_rate, pieces
 from glider.campaign.motion_capture import MotionCapture
 from glider.estimation.ekf import Ekf
 from glider.estimation.perching import perching_filter
-from glider.estimation.running import Belief, Estimates, make_prior, run_ekf
+from glider.estimation.running import Belief, make_prior, predict_mean, run_ekf
 from glider.physics.model import GliderModel
-from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, STATE_NAMES
+from glider.physics.state import ELEVATOR, NUM_STATES
 
 RELEASE_STD = (0.002, 0.002, 0.01, 0.02, 0.3, 0.3, 0.5)
 """Standard deviations of the state at release, from the last poses before it: a slope
 over three frames, 1/60 s old, of a glider that still accelerates or not."""
-
-_PITCH = STATE_NAMES.index("pitch")
 
 
 class PoseTracker(LeafSystem):
@@ -104,39 +102,33 @@ class PoseTracker(LeafSystem):
     def _take_pose(self, context: Context, into: DiscreteValues) -> None:
         time, *pose = self._pose.Eval(context).tolist()
         seen = self._measures_elevator and math.isfinite(pose[ELEVATOR])
-        found = self._advance(context, time, np.array(pose[: 4 if seen else 3]))
+        measured, held, size = pose[: 4 if seen else 3], _held(context), self._count
+        belief = Belief(
+            mean=held[:size], covariance=held[size:-4].reshape(size, size)
+        )
+        begin, tape = float(held[-4]), self._tape(context)
+        count = max(round((time - begin) / self._frame), 1)
+        # The last sample is the pose; those before it are not seen.
+        times = [begin + (time - begin) * k / count for k in range(count)] + [time]
+        rates = [[[mean_rate(tape, a, b)] for a, b in itertools.pairwise(times)]]
+        shown = np.full((1, count, len(measured)), math.nan)
+        shown[0, -1] = measured
+        period = (time - begin) / count
+        found = run_ekf(self._filters[seen], belief, rates, shown, period=period)
         belief = Belief(mean=found.means[0, -1], covariance=found.covariances[0, -1])
-        innovation = found.innovations[0, -1]
-        away = math.hypot(*innovation[POSITION]), abs(float(innovation[_PITCH]))
+        x, z, pitch = found.innovations[0, -1, :3].tolist()
+        away = math.hypot(x, z), abs(pitch)
         into.set_value(_packed(belief, time, (float(found.nis[0, -1]), *away)))
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
-        now, held = context.get_time(), _held(context)
-        if now <= held[-4]:
-            output.SetFromVector(held[: self._count])
-        else:
-            found = self._advance(context, now, np.full(3, np.nan))
-            output.SetFromVector(found.means[0, -1])
+        held, now = _held(context), context.get_time()
+        mean, ekf = held[: self._count], self._filters[False]
+        for begin, end, rate in pieces(self._tape(context), held[-4], now):
+            mean, _ = predict_mean(ekf, mean, [rate], end - begin)
+        output.SetFromVector(mean)
 
-    def _advance(
-        self, context: Context, time: float, measured: np.ndarray
-    ) -> Estimates:
-        """Runs the filter to a time, in steps of about a frame."""
-        held, size = _held(context), self._count
-        begin, whole = float(held[-4]), held[size:-4].reshape(size, size)
-        tape = self._commanded.Eval(context).reshape(NO_COMMANDS.shape).tolist()
-        span = time - begin
-        count = max(round(span / self._frame), 1)
-        times = [begin + span * k / count for k in range(count)] + [time]
-        inputs = [mean_rate(tape, a, b) for a, b in itertools.pairwise(times)]
-        chosen = self._filters[len(measured) == 4]
-        shown = np.full((1, count, len(measured)), np.nan)
-        shown[0, -1] = measured
-        ekf = dataclasses.replace(
-            chosen, period=span / count, step=span / count / chosen.steps
-        )
-        belief = Belief(mean=held[:size], covariance=whole)
-        return run_ekf(ekf, belief, np.reshape(inputs, (1, count, 1)), shown)
+    def _tape(self, context: Context) -> list[list[float]]:
+        return self._commanded.Eval(context).reshape(NO_COMMANDS.shape).tolist()
 
 
 def _packed(belief: Belief, time: float, surprise: Sequence[float]) -> np.ndarray:
@@ -202,11 +194,15 @@ class Autopilot:
             name: diagram.GetOutputPort(name)
             for name in ("elevator_rate", "estimate", "surprise")
         }
-        self._inputs = {n: diagram.GetInputPort(n) for n in ("pose", "commanded")}
+        self._pose, self._commanded = (
+            port.FixValue(self._context, np.zeros(port.size()))
+            for port in map(diagram.GetInputPort, ("pose", "commanded"))
+        )
+        self._rows = np.empty(0)  # Of the tape, as last written.
 
     def start(self, time: float, elapsed: float, state: np.ndarray) -> None:
         """Begins with a state (n,) that poses showed, at a time of the plan [s]."""
-        self.begin = time - elapsed
+        self.begin, self._rows = time - elapsed, np.empty(0)
         self._context.SetTime(elapsed)
         self._context.SetStateAndParametersFrom(self._first)
         self._tracker.begin(self._of_tracker, elapsed, state)
@@ -214,8 +210,7 @@ class Autopilot:
 
     def take_pose(self, time: float, pose: np.ndarray) -> None:
         """Takes a pose (4,) of a later time: x, z, pitch, elevator."""
-        values = np.append(time - self.begin, pose)
-        self._inputs["pose"].FixValue(self._context, values)
+        _write(self._pose, np.array([time - self.begin, *pose]))
         self._look_at_tape()
         self._tracker.ExecuteForcedEvents(self._of_tracker, publish=False)
 
@@ -231,5 +226,11 @@ class Autopilot:
         return self._outputs[name].Eval(self._context)
 
     def _look_at_tape(self) -> None:
-        rows = self._tape.since(self.begin)
-        self._inputs["commanded"].FixValue(self._context, rows)
+        if self._rows is not self._tape.rows:
+            self._rows = self._tape.rows
+            _write(self._commanded, self._tape.since(self.begin))
+
+
+def _write(port: FixedInputPortValue, values: np.ndarray) -> None:
+    """Gives a port other values: half the time of fixing it anew."""
+    port.GetMutableData().get_mutable_value().SetFromVector(values)

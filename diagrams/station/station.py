@@ -114,6 +114,10 @@ class Station:
         for k in range(3):
             warm.add_state(0.01 * k, plan.states[k])
         warm.describe()
+        # What is there stays: to look through it before each throw takes so long that
+        # the last pose is stale then.
+        gc.collect()
+        gc.freeze()
 
     @property
     def in_flight(self) -> bool:
@@ -313,11 +317,9 @@ class Station:
             return
         if state == READY:  # No garbage is collected in flight.
             gc.collect()
-            gc.freeze()
             gc.disable()
         elif state == WAITING:
             gc.enable()
-            gc.unfreeze()
         now, is_new = self._clock(), state != self.state
         self.state, self.reason = state, reason
         if is_new:
@@ -341,4 +343,5 @@ class Station:
             self._finish()
         self._send(math.nan)
         self._enter(WAITING, "the station was ended")
+        gc.unfreeze()
         self._recorder.close()

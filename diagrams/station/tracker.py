@@ -51,6 +51,18 @@ def mean_rate(rows: Rows, begin: float, end: float) -> float:
     return (turned(rows, end) - turned(rows, begin)) / (end - begin)
 
 
+def pieces(rows: Rows, begin: float, end: float) -> list[tuple[float, float, float]]:
+    """Begin, end [s] and rate [rad/s] of what is held between two times, in order."""
+    found = []
+    for since, _, rate in reversed(rows):
+        if since < end:
+            found.append((max(since, begin), end, rate))
+            end = since
+        if since <= begin:
+            break
+    return found[::-1]
+
+
 class PoseHistory:
     """The last poses in the hand, and the motion that they show."""
 

@@ -73,7 +73,13 @@ def check_belief(ekf: Ekf, prior: Belief, source: str) -> None:
 
 
 def run_ekf(
-    ekf: Ekf, prior: Belief, inputs: ArrayLike, measured: ArrayLike, time: float = 0.0
+    ekf: Ekf,
+    prior: Belief,
+    inputs: ArrayLike,
+    measured: ArrayLike,
+    time: float = 0.0,
+    *,
+    period: float | None = None,
 ) -> Estimates:
     """Runs a filter along flights.
 
@@ -84,10 +90,12 @@ def run_ekf(
             between a sample and the one before it.
         measured: (B, K, M) at the samples; one with a NaN is omitted.
         time: of the prior [s].
+        period: between samples [s]; None: the filter's.
 
     Raises:
         InputError: what is given does not fit the filter.
     """
+    period = ekf.period if period is None else period
     inputs = np.ascontiguousarray(inputs, dtype=float)
     measured = np.ascontiguousarray(measured, dtype=float)
     rows, size, model = len(ekf.noise), len(ekf.names), ekf.model
@@ -110,9 +118,9 @@ def run_ekf(
         time,
         ekf.z.copy(),
         ekf.estimated,
-        (ekf.step, ekf.steps),
+        (period / ekf.steps, ekf.steps),
         model.residual_field,
-        ekf.process * ekf.period,
+        ekf.process * period,
         ekf.noise,
         inputs,
         measured,

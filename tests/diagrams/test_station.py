@@ -1,6 +1,7 @@
 """The station with a simulated glider, by turns in one process: throws and logs."""
 
 import dataclasses
+import gc
 
 import numpy as np
 import pytest
@@ -41,6 +42,16 @@ def test_a_known_glider_perches_and_the_station_sees_it(tmp_path, nominal, contr
     for throw, landing in zip(throws, lab.glider.landings, strict=True):
         assert landing.perched
         assert throw.passed.miss == pytest.approx(landing.miss, abs=0.005)
+
+
+def test_before_a_throw_only_new_objects_are_looked_at_for_garbage(tmp_path, nominal):
+    """Through all of them it takes so long that the last pose is stale then."""
+    lab = Lockstep(tmp_path / "s", Simulation(truth=nominal))
+    lab.fly(2)
+    assert lab.station.state == "waiting"
+    assert len(gc.get_objects()) < 0.1 * gc.get_freeze_count()
+    lab.station.close()
+    assert gc.get_freeze_count() == 0 and gc.isenabled()
 
 
 def test_a_glider_with_an_effect_misses(tmp_path):
