@@ -1,0 +1,121 @@
+"""Marginal likelihoods of sets of columns, of which a search compares 100,000."""
+
+import numpy as np
+
+from glider.compiled.kernel import called_code, machine_code
+
+
+@called_code
+def factorize(a):
+    """Writes the Cholesky factor of a (n, n) into its lower half; False: there is none.
+
+    By rows, each of which is along the memory.
+    """
+    for i in range(a.shape[0]):
+        for j in range(i + 1):
+            total = a[i, j]
+            for k in range(j):
+                total -= a[i, k] * a[j, k]
+            if i > j:
+                a[i, j] = total / a[j, j]
+            elif total > 0.0:
+                a[i, i] = np.sqrt(total)
+            else:  # NaN too.
+                return False
+    return True
+
+
+@called_code
+def solve_lower(factor, b):
+    """Overwrites b (n,) by L⁻¹ b."""
+    for i in range(b.shape[0]):
+        for k in range(i):
+            b[i] -= factor[i, k] * b[k]
+        b[i] /= factor[i, i]
+
+
+@called_code
+def solve_upper(factor, b):
+    """Overwrites b (n,) by L⁻ᵀ b."""
+    for i in range(b.shape[0] - 1, -1, -1):
+        b[i] /= factor[i, i]
+        for k in range(i):
+            b[k] -= factor[i, k] * b[i]
+
+
+@called_code
+def calc_volume(factor, precision, columns):
+    """Logarithm of the posterior's volume over the prior's, twice."""
+    total = 0.0
+    for i, column in enumerate(columns):
+        total += np.log(precision[column]) - 2.0 * np.log(factor[i, i])
+    return total
+
+
+@called_code
+def allows(low, high, columns, steps):
+    """Whether coefficients are physical."""
+    for column, step in zip(columns, steps):  # noqa: B905: numba knows no `strict`.
+        if step < low[column] or step > high[column]:
+            return False
+    return True
+
+
+@machine_code
+def extended(gram, precision, low, high, own, more, ends, gains):
+    """Writes the log marginal likelihood that columns gain, with others, over none.
+
+    ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ [nats]; minus infinity where a
+    coefficient would not be physical. What the columns explain of the others is
+    eliminated once for all.
+
+    Args:
+        gram: (m + 1, m + 1) of all columns and, last, the error.
+        precision: (m,) of the prior, Λ.
+        low: (m,) least coefficients that are physical.
+        high: (m,) largest.
+        own: (n,) columns that are in all sets.
+        more: (q,) columns of the sets' others, one set behind the other.
+        ends: (s,) where each set ends in `more`.
+        gains: (s,), written.
+    """
+    n, last = own.shape[0], gram.shape[0] - 1
+    gains[:] = -np.inf
+    factor = np.empty((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            factor[i, j] = gram[own[i], own[j]]
+        factor[i, i] += precision[own[i]]
+    if not factorize(factor):
+        return
+    error = np.empty(n)  # L⁻¹ b, of the columns that are in all sets.
+    for i in range(n):
+        error[i] = gram[own[i], last]
+    solve_lower(factor, error)
+    alone = error.copy()  # Their coefficients without any other.
+    solve_upper(factor, alone)
+    gain = error @ error + calc_volume(factor, precision, own)
+    begin, steps = 0, np.empty(n)
+    for s in range(ends.shape[0]):
+        index = more[begin : ends[s]]
+        begin, count = ends[s], index.shape[0]
+        side, a, step = np.empty((count, n)), np.empty((count, count)), np.empty(count)
+        for p in range(count):
+            for i in range(n):
+                side[p, i] = gram[index[p], own[i]]
+            solve_lower(factor, side[p])
+            for r in range(p + 1):
+                a[p, r] = gram[index[p], index[r]] - side[p] @ side[r]
+            a[p, p] += precision[index[p]]
+            step[p] = gram[index[p], last] - side[p] @ error
+        if not factorize(a):
+            continue
+        solve_lower(a, step)
+        value = gain + step @ step + calc_volume(a, precision, index)
+        solve_upper(a, step)
+        steps[:] = 0.0
+        for p in range(count):
+            steps += side[p] * step[p]
+        solve_upper(factor, steps)
+        if allows(low, high, own, alone - steps) and allows(low, high, index, step):
+            gains[s] = 0.5 * value
