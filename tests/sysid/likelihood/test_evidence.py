@@ -78,3 +78,31 @@ def test_with_nothing_to_eliminate_all_stays(table):
     gram = table.T @ table
     none = eliminate(gram, [], np.zeros(0), np.zeros(0))
     np.testing.assert_array_equal(none, gram)
+
+
+@pytest.mark.parametrize("own", [[], [3], [4, 0]])
+def test_sets_that_differ_by_some_columns_gain_what_each_gains_alone(table, own):
+    more, found = [(1,), (1, 2), ()], evidence_of(table)
+    alone = [found.log_marginal([*own, *columns]) for columns in more]
+    assert found.extended(own, more) == pytest.approx(alone, rel=1e-9)
+
+
+def test_a_column_that_others_push_beyond_its_bounds_makes_a_set_impossible(table):
+    """Column 0 is within its bounds alone, and not beside column 1, which is like it."""
+    table[:, 1] = table[:, 0] + 0.5 * table[:, 2]
+    table[:, 5] = 3.0 * table[:, 1] - 2.5 * table[:, 0]
+    upper = WIDE.copy()
+    upper[1] = 1.0
+    tight = evidence_of(table, upper=upper)
+    assert tight.extended([0], [(3,), (1,)])[1] == -np.inf
+    assert tight.extended([1], [(0,), (3,)])[0] == -np.inf
+    assert np.isfinite([tight.log_marginal([0]), tight.log_marginal([0, 3])]).all()
+
+
+@pytest.mark.parametrize("square", [np.nan, -1e6])
+def test_a_column_without_finite_squares_is_in_no_set(table, square):
+    found = evidence_of(table)
+    found.gram[2, 2] = square
+    gains = found.extended([0], [(2,), (1, 2), (1,)])
+    assert gains[:2] == [-np.inf, -np.inf] and np.isfinite(gains[2])
+    assert found.extended([2], [(1,)]) == [-np.inf]
