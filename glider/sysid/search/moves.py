@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glider.sysid.constants import CLEAR, MOST_TRIED, OFF, SLACK, UNDERVALUED
+from glider.sysid.constants import MOST_TRIED, OFF, SLACK, UNDERVALUED
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -43,7 +43,7 @@ def pruned(search: Search, model: FitResult) -> FitResult | None:
     """The model without effects that do not reach their thresholds."""
     shown, found = shown_by(search.task, model), model
     for kind in sorted(shown, key=shown.__getitem__):
-        if shown[kind] > CLEAR:
+        if shown[kind] > UNDERVALUED:
             break
         fewer = search.fit(without(search.task, found, kind), f"is {kind} needed?")
         found = fewer if search.prefers(fewer, found) else found

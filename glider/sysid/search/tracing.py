@@ -7,7 +7,7 @@ flights do not support is dropped, and the loop goes on without it.
 
 import dataclasses
 import heapq
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def trace(
         return search_forces(task, noise, rng, progress)
     start, usual = start_of(task, noise), without_late(task)
     search = fits.Search(dataclasses.replace(usual, blocks={}), progress)
-    named = improved(search, start)
+    named = improved(search, start, ("best set",))
     search.task = usual
     model = improved(search, named)
     if model.free_kinds:  # Formulas alone may have led the search astray.
@@ -100,12 +100,14 @@ def rivals_of(
     return tuple(sorted(found.values(), key=lambda pair: pair[1])[:MOST_AVERAGED])
 
 
-def improved(search: fits.Search, model: FitResult) -> FitResult:
-    """Returns the model that no move betters."""
+def improved(
+    search: fits.Search, model: FitResult, names: Iterable[str] = moves.MOVES
+) -> FitResult:
+    """Returns the model that no move betters, or none of some."""
     while True:
-        for name, move in moves.MOVES.items():
+        for name in names:
             search.progress(name)
-            if better := move(search, model):
+            if better := moves.MOVES[name](search, model):
                 new = set(better.kinds).difference(model.kinds)
                 search.found_by.update(dict.fromkeys(new, name))
                 model = better
