@@ -25,7 +25,7 @@ from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.added_columns import AddedColumns
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import nodes_at_rest, signals, trimmed, true_nodes
+from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
 
 SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
 SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
@@ -251,8 +251,9 @@ def linearize(
         other, sizes[i] = directions[j].moved(theta), directions[j].size
         moved[i] = layout.dynamics(trimmed(record, other, constants[2])[0])
         if directions[j].kind in layout.states:
-            begins = (nodes - nodes_at_rest(record, other, field))[0, states] / sizes[i]
-            start[NUM_STATES : len(states), j] = begins[NUM_STATES:]
+            begins = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
+            own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
+            start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
     index, width = [FIELD_TERMS.index(name) for name in shown], states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
         kinds, path, nodes, dynamics, moved, sizes, field, index, width

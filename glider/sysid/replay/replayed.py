@@ -106,7 +106,8 @@ def true_nodes(
     elevator, rate, _ = signals(record, theta)
     along = compiled.log_path(record.time, elevator, rate)
     kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
-    nodes = nodes_at_rest(record, theta, field)
+    nodes = _motion(record, theta, field)
+    nodes[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
     return compiled.with_extras(kinds, along, nodes, dynamics, field)
 
 
@@ -119,16 +120,12 @@ def _motion(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
     return nodes
 
 
-def nodes_at_rest(
-    record: Record, theta: np.ndarray, field: Field = NO_FIELD
-) -> np.ndarray:
-    """Returns the same, (n, num_states), the effects' states only where it begins."""
-    nodes, (elevator, rate, _) = _motion(record, theta, field), signals(record, theta)
-    start = nodes[0].copy()
+def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Returns the effects' states at rest in a flight's first node (num_states,)."""
+    elevator, rate, _ = signals(record, theta)
+    start = first.copy()
     start[OFFSET] += elevator[0, 0]
-    first = record.time[0], start, rate[0]
-    nodes[0, NUM_STATES:] = record.layout.steady_states(*first, theta)
-    return nodes
+    return record.layout.steady_states(record.time[0], start, rate[0], theta)
 
 
 def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
