@@ -248,7 +248,7 @@ class Station:
         self._autopilot.start(when, elapsed, state)
         self._throw = Throw(self.guidance.problem)
         self._throw.add_state(when, state)
-        self._sender.due = self._clock()
+        self._sender.due = self._clock() + self.guidance.lead
         self._enter(FLYING, f"free at {elapsed:.3f} s of the plan")
         if fault := self._release.find_fault(start, self.guidance.state_at(elapsed)):
             self._stop(fault)
