@@ -55,8 +55,8 @@ def calc_volume(factor, precision, columns):
 @called_code
 def allows(low, high, columns, steps):
     """Whether coefficients are physical."""
-    for column, step in zip(columns, steps):  # noqa: B905: numba knows no `strict`.
-        if step < low[column] or step > high[column]:
+    for i, column in enumerate(columns):
+        if steps[i] < low[column] or steps[i] > high[column]:
             return False
     return True
 

@@ -44,6 +44,22 @@ def test_a_known_glider_perches_and_the_station_sees_it(tmp_path, nominal, contr
         assert throw.passed.miss == pytest.approx(landing.miss, abs=0.005)
 
 
+def test_a_controller_that_takes_its_lead_is_never_late(tmp_path, nominal, monkeypatch):
+    """Nor with the first command of a throw."""
+    lab = Lockstep(tmp_path / "s", Simulation(truth=nominal), controller="mppi")
+    pilot, lead = lab.station._autopilot, lab.guidance.lead
+    command = pilot.command
+    assert lead > lab.scenario.limits.deadline
+
+    def command_slowly(time):
+        lab.now += lead
+        return command(time)
+
+    monkeypatch.setattr(pilot, "command", command_slowly)
+    [throw] = lab.fly()
+    assert throw.late == 0 and throw.perched
+
+
 def test_before_a_throw_only_new_objects_are_looked_at_for_garbage(tmp_path, nominal):
     """Through all of them it takes so long that the last pose is stale then."""
     lab = Lockstep(tmp_path / "s", Simulation(truth=nominal))
