@@ -103,9 +103,7 @@ class PoseTracker(LeafSystem):
         time, *pose = self._pose.Eval(context).tolist()
         seen = self._measures_elevator and math.isfinite(pose[ELEVATOR])
         measured, held, size = pose[: 4 if seen else 3], _held(context), self._count
-        belief = Belief(
-            mean=held[:size], covariance=held[size:-4].reshape(size, size)
-        )
+        belief = Belief(mean=held[:size], covariance=held[size:-4].reshape(size, size))
         begin, tape = float(held[-4]), self._tape(context)
         count = max(round((time - begin) / self._frame), 1)
         # The last sample is the pose; those before it are not seen.
@@ -198,7 +196,7 @@ class Autopilot:
             port.FixValue(self._context, np.zeros(port.size()))
             for port in map(diagram.GetInputPort, ("pose", "commanded"))
         )
-        self._rows = np.empty(0)  # Of the tape, as last written.
+        self._rows: np.ndarray = np.empty(0)  # Of the tape, as last written.
 
     def start(self, time: float, elapsed: float, state: np.ndarray) -> None:
         """Begins with a state (n,) that poses showed, at a time of the plan [s]."""
