@@ -230,5 +230,5 @@ class Autopilot:
 
 
 def _write(port: FixedInputPortValue, values: np.ndarray) -> None:
-    """Gives a port other values: half the time of fixing it anew."""
+    """Gives a fixed port other values, in half the time of another `FixValue`."""
     port.GetMutableData().get_mutable_value().SetFromVector(values)
