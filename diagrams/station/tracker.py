@@ -52,14 +52,17 @@ def mean_rate(rows: Rows, begin: float, end: float) -> float:
 
 
 def pieces(rows: Rows, begin: float, end: float) -> list[tuple[float, float, float]]:
-    """Begin, end [s] and rate [rad/s] of what is held between two times, in order."""
+    """Begin, end [s] and rate [rad/s] of what is held between two times, in order.
+
+    None where the end is not later.
+    """
     found = []
     for since, _, rate in reversed(rows):
+        if end <= begin:
+            break
         if since < end:
             found.append((max(since, begin), end, rate))
             end = since
-        if since <= begin:
-            break
     return found[::-1]
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from diagrams.station.clocks import AHEAD, WINDOW, CameraClock
 from diagrams.station.scenario import Release
-from diagrams.station.tracker import CommandTape, ReleaseDetector, mean_rate
+from diagrams.station.tracker import CommandTape, ReleaseDetector, mean_rate, pieces
 from diagrams.station.wire import Wire
 from glider.physics.parameters import GliderParameters
 
@@ -135,6 +135,21 @@ def test_the_tape_integrates_what_was_commanded():
     assert mean_rate(tape.rows.tolist(), 0.01, 0.03) == pytest.approx(-0.5)
     assert mean_rate(tape.rows.tolist(), 0.05, 0.06) == 0.0
     assert mean_rate(tape.rows.tolist(), 0.0, 0.06) == pytest.approx(-1.0 / 3.0)
+
+
+def test_pieces_of_a_tape_are_what_is_held_and_none_backwards():
+    tape = CommandTape()
+    for time, rate in ((0.0, 1.0), (0.02, -2.0), (0.04, 0.0)):
+        tape.add(time, rate)
+    rows = tape.rows.tolist()
+    assert pieces(rows, 0.01, 0.05) == [
+        (0.01, 0.02, 1.0),
+        (0.02, 0.04, -2.0),
+        (0.04, 0.05, 0.0),
+    ]
+    assert pieces(rows, 0.025, 0.03) == [(0.025, 0.03, -2.0)]
+    assert pieces(rows, -0.2, -0.1) == [(-0.2, -0.1, 0.0)]
+    assert pieces(rows, 0.03, 0.03) == pieces(rows, 0.03, 0.01) == []
 
 
 def thrown(push, seconds=0.5, rate=120.0, lost=(), speed=7.0):
