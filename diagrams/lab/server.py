@@ -169,9 +169,9 @@ class Pages:
 
 
 def make_app(session: LabSession, address: Address) -> Starlette:
-    """The application."""
+    """The application; streams of events end when `state.is_ending()`."""
     pages = Pages(session, address)
-    return Starlette(
+    app = Starlette(
         routes=[
             Route("/", pages.index),
             Route("/events", pages.events),
@@ -192,6 +192,8 @@ def make_app(session: LabSession, address: Address) -> Starlette:
             Middleware(TokenGate, address=address),
         ],
     )
+    app.state.is_ending = lambda: False
+    return app
 
 
 def view_of(session: LabSession) -> dict[str, Any]:
@@ -234,14 +236,15 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
     listening, address = listen(session.watched.kept / "address.json", port)
     with listening:
         show(f"Session: {address.url} (Ctrl-C ends it)")
-        config = uvicorn.Config(
-            make_app(session, address), log_level="warning", timeout_graceful_shutdown=1
-        )
+        app = make_app(session, address)
+        config = uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5)
+        server = uvicorn.Server(config)
+        app.state.is_ending = lambda: server.should_exit
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
         try:
             with contextlib.suppress(KeyboardInterrupt):  # Raised again when it ended.
-                uvicorn.Server(config).run(sockets=[listening])
+                server.run(sockets=[listening])
         finally:
             ended.set()
             thread.join()
@@ -260,7 +263,8 @@ async def _small_text(request: Request) -> str:
 async def _stream(session: LabSession, request: Request) -> AsyncIterator[str]:
     """Sends the view whenever it changes; the browser connects again by itself."""
     sent: tuple[object, ...] = ()
-    while not await request.is_disconnected():
+    is_ending = request.app.state.is_ending
+    while not (is_ending() or await request.is_disconnected()):
         fault = session.launches.fault if session.launches else ""
         takes = session.watched.is_open, len(session.watched.takes)
         now = id(session.state), session.doing, session.fault, fault, takes

@@ -45,13 +45,15 @@ def folder(tmp_path):
 def served(folder, *options):
     """Runs `glider lab`; yields the address of its page."""
     command = [sys.executable, "-m", "glider", "lab", str(folder), *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, **pipes) as process:
         try:
             yield re.search(r"http://\S+", process.stdout.readline())[0]
         finally:
             process.send_signal(signal.SIGINT)
-            process.communicate()
+            _, complaint = process.communicate()
     assert process.returncode == 0
+    assert "Traceback" not in complaint
 
 
 def drop(folder, number):
@@ -139,6 +141,24 @@ def test_a_throw_is_replayed_in_meshcat(browser, folder):
         assert seen.wait_for(lambda: frame.locator("#meshcat-pane canvas").count() > 0)
         assert "nominal" in frame.locator("body").inner_text()
         assert seen.faults == []
+
+
+def test_a_throw_is_drawn_though_a_view_overtakes_its_data(browser, folder):
+    view = "() => { showThrow({ ...picked }); }"  # Another object for the same throw.
+    held = []
+    with served(folder) as url, visit(browser, url) as seen:
+        seen.page.route("**/throws/*.json*", lambda route: held.append(route))
+        first = drop(folder, 0)
+        assert seen.wait_for(lambda: held)
+        seen.page.evaluate(view)
+        held.pop().continue_()
+        assert seen.wait_for(lambda: has_shown(seen, first))
+        second = drop(folder, 1)
+        assert seen.wait_for(lambda: held)
+        held.pop().abort()  # What could not be fetched is asked for again.
+        assert seen.wait_for(lambda: seen.page.evaluate(view) or held)
+        held.pop().continue_()
+        assert seen.wait_for(lambda: has_shown(seen, second))
 
 
 def test_hostile_names_of_files_are_text(browser, folder):

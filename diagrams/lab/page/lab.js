@@ -61,9 +61,15 @@ async function showThrow(row) {
   }
   if (!isNew) return;
   const address = `throws/${encodeURIComponent(stem(row.name))}`;
-  const answer = await fetch(`${address}.json?${row.sha256}`);
-  if (!answer.ok || picked !== row) return;
-  draw(await answer.json());
+  const answer = await fetch(`${address}.json?${row.sha256}`).catch(() => ({ ok: false }));
+  const data = answer.ok && await answer.json();
+  // Later views have other objects for the same throw: its key says whether it is meant.
+  if (byId("throw").dataset.key !== key) return;
+  if (!data) {
+    byId("throw").dataset.key = "";  // The next view asks again.
+    return;
+  }
+  draw(data);
   byId("throw").dataset.shown = row.name;
   showReplay();
 }
