@@ -146,8 +146,12 @@ def test_a_throw_is_replayed_in_meshcat(browser, folder):
 def test_a_throw_is_drawn_though_a_view_overtakes_its_data(browser, folder):
     view = "() => { showThrow({ ...picked }); }"  # Another object for the same throw.
     held = []
+
+    def hold(route):
+        held.append(route)
+
     with served(folder) as url, visit(browser, url) as seen:
-        seen.page.route("**/throws/*.json*", lambda route: held.append(route))
+        seen.page.route("**/throws/*.json*", hold)
         first = drop(folder, 0)
         assert seen.wait_for(lambda: held)
         seen.page.evaluate(view)
