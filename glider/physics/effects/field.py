@@ -70,11 +70,10 @@ class Field(NamedTuple):
     inverse_widths: np.ndarray
     #: (M, 11), in the order of FIELD_TERMS.
     weights: np.ndarray
-    #: (S, v + 1, 12) of S functions that are linear about points: a point's variables
-    #: in the first column, slopes of the terms along them in the others, and values
-    #: there in the last row.
-    tangents: np.ndarray = np.zeros((0, 1 + len(FIELD_UNITS), 1 + len(FIELD_TERMS)))
-    stage: int = 0  #: The one of them that is added, if there are any.
+    #: (v + 1, 12), or of length zero, of what is added as linear about a point: its
+    #: variables in the first column, slopes of the terms along them in the others, and
+    #: values there in the last row.
+    tangent: np.ndarray = np.zeros((0, 1 + len(FIELD_TERMS)))
 
 
 NO_FIELD = Field(
@@ -128,10 +127,10 @@ def field_terms(flow, field):
             pose_x = pose_x + basis * field.weights[m, 8]
             pose_z = pose_z + basis * field.weights[m, 9]
             pose_pitch = pose_pitch + basis * field.weights[m, 10]
-    if field.tangents.shape[0] > 0:
+    if field.tangent.shape[0] > 0:
         variables = field_variables(flow)
-        for d in range(field.tangents.shape[1]):
-            slopes, apart = field.tangents[field.stage, d], 1.0
+        for d in range(field.tangent.shape[0]):
+            slopes, apart = field.tangent[d], 1.0
             if d < len(variables):
                 apart = variables[d] - slopes[0]
             wind_x = wind_x + apart * slopes[1]

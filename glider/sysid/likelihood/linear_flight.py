@@ -258,15 +258,16 @@ def linearize(
     ends, by_x, by_term, by_plain = slopes_along(
         kinds, path, nodes, dynamics, moved, sizes, field, index, width
     )
-    inputs = np.zeros((*ends.shape, columns))
+    inputs = np.zeros((len(ends), width, columns))
     by_air = by_term[:, :, :2]
-    still = ends - np.sum(by_air * about.gusts[:, None], axis=2)  # They count from 0.
-    inputs[:, :, plain], inputs[:, :, -1] = -by_plain, still - nodes[1:]
+    missed = (ends - nodes[1:])[:, :width]
+    inputs[:, :, plain] = -by_plain  # Gusts count from zero.
+    inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
     others = [j for j in moving if j not in plain]
     beside = [directions[j] for j in others]
     secants = _secants(record, theta, field, beside, about, (nodes, ends))
     for j, secant in zip(others, secants, strict=True):
-        inputs[:, :, j] = -secant
+        inputs[:, :, j] = -secant[:, :width]
     by_x, by_term = by_x.take(states, 1).take(states, 2), by_term.take(states, 1)
     by_trim = by_x[:, :, OFFSET].copy()
     by_trim[:, OFFSET] = 0.0
