@@ -252,7 +252,8 @@ def log_slopes(
         log_step(path, k, x, own, work)
         put(x, ends[k])
         y, rate, step = work[3], path.rate[k], path.times[k + 1] - path.times[k]
-        now, wind_x, wind_z = path.times[k] + 0.5 * step, path.wind[k, 0], path.wind[k, 1]
+        now = path.times[k] + 0.5 * step
+        wind_x, wind_z = path.wind[k, 0], path.wind[k, 1]
         if field.weights.shape[0] > 0:
             set_tangent(now, y, rate, wind_x, wind_z, own, tangent)
         own = banked(theta_of(numbers, about), path.bank[k])
@@ -461,14 +462,12 @@ def slopes_along(
         (K, width, width), by a constant of each term (K, width, T) and along the
         directions (K, width, m).
     """
-    count, ends = len(nodes) - 1, np.empty_like(nodes[1:])
-    sizes_of = width, len(terms), len(sizes)
-    slopes = [np.empty((count, width, size)) for size in sizes_of]
+    ends, rows = np.empty_like(nodes[1:]), (len(nodes) - 1, width)
+    by_x, by_term = np.empty((*rows, width)), np.empty((*rows, len(terms)))
+    found = ends, by_x, by_term, np.empty((*rows, len(sizes)))
     index = np.array(terms, dtype=np.int64)
-    linear = NO_FIELD._replace(
-        tangent=np.zeros((1 + len(FIELD_VARIABLES), 1 + len(FIELD_TERMS)))
-    )
-    found = (ends, *slopes)
+    shape = 1 + len(FIELD_VARIABLES), 1 + len(FIELD_TERMS)
+    linear = NO_FIELD._replace(tangent=np.empty(shape))
     loop = LOOPS.over(kinds, True).log_slopes
     loop(path, nodes, numbers, moved, sizes, field, linear, index, *found)
     return found

@@ -82,12 +82,16 @@ class FirstOrder:
 class Search:
     """A search in progress; it remembers all fits."""
 
-    task: Task
+    whole: Task  #: With all effects and free functions.
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
+    _about: tuple[Any, ...] = (None, None)  #: A model, and all sets about it.
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
+
+    def __post_init__(self) -> None:
+        self.task = self.whole  #: With those that are tried now.
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
@@ -137,8 +141,21 @@ class Search:
         """
         if self._near[0] is self.task and self._near[1] is model:
             return self._near[2]
-        few = self.task.thinned(MOST_COMPARED)
-        candidates, found = gather(few, model, with_blocks=True), None
+        if self._about[0] is not model:
+            self._about = model, self._all_near(model)
+        found = self._about[1]
+        if found is not None:
+            allowed = {*self.task.kinds, *self.task.blocks, *model.kinds}
+            penalty = penalty_in(self.task, found.candidates.model)
+            score = found.score.among(allowed).with_penalty(penalty)
+            found = dataclasses.replace(found, score=score)
+        self._near = self.task, model, found
+        return found
+
+    def _all_near(self, model: FitResult) -> FirstOrder | None:
+        """Compares sets of all effects and free functions about a model."""
+        few = self.whole.thinned(MOST_COMPARED)
+        candidates = gather(few, model, with_blocks=True)
         about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
         if about.scales.is_still:
             about = dataclasses.replace(about, about=model.about)
@@ -146,14 +163,13 @@ class Search:
         else:
             candidates = gather(few, about, with_blocks=True)
         gram = candidates.total(about.scales)
-        if np.all(np.isfinite(gram)):
-            score = marginal_scorer(candidates, gram[None], np.ones(1))
-            if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
-                self.alone = score.among(few.kinds).alone() | self.alone
-            candidates = dataclasses.replace(candidates, flights=())  # They are large.
-            found = FirstOrder(candidates=candidates, score=score)
-        self._near = self.task, model, found
-        return found
+        if not np.all(np.isfinite(gram)):
+            return None
+        score = marginal_scorer(candidates, gram[None], np.ones(1))
+        if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
+            self.alone = score.among(few.kinds).alone() | self.alone
+        candidates = dataclasses.replace(candidates, flights=())  # They are large.
+        return FirstOrder(candidates=candidates, score=score)
 
     def better(
         self,

@@ -107,18 +107,6 @@ def with_mean(search: Search, model: FitResult) -> FitResult | None:
     return None
 
 
-def fewer(search: Search, model: FitResult) -> FitResult | None:
-    """The best set of a smaller size: several effects may imitate the true few."""
-    near = search.near(model) if len(model.kinds) > 1 else None
-    if near is None:
-        return None
-    score = near.score
-    sizes = best_of_sizes(score)[: len(model.kinds) - 1]
-    most = max(map(score, sizes), default=0.0)
-    near_best = [m for m in reversed(sizes) if score(m) >= (1.0 - SLACK) * most]
-    return search.better(model, near, near_best, first=True)
-
-
 def renamed(search: Search, model: FitResult) -> FitResult | None:
     """The model with formulas in the place of a free function that they explain.
 
@@ -181,7 +169,6 @@ MOVES: dict[str, Move] = {
     "best set": best,
     "mean over flights": with_mean,
     "prune": pruned,
-    "smaller set": fewer,
     "formula of a free function": renamed,
     "another effect": with_another,
 }

@@ -40,7 +40,8 @@ def trace(
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     start, usual = start_of(task, noise), without_late(task)
-    search = fits.Search(dataclasses.replace(usual, blocks={}), progress)
+    search = fits.Search(task, progress)
+    search.task = dataclasses.replace(usual, blocks={})
     named = improved(search, start, ("best set",))
     search.task = usual
     model = improved(search, named)
