@@ -241,7 +241,9 @@ def fit_model(
         now = [f.error_only() for f in flights]
         scales = current.scales
         if free_scales:
-            scales, value = fit_scales(now, scales, free_scales, iterations=1)
+            scales, value = fit_scales(
+                now, scales, free_scales, iterations=1 if iteration else 6
+            )
         else:
             value = float(negative_log_likelihood(now, scales).sum())
         prior = prior_of(task, current, start=model.theta)

@@ -82,12 +82,12 @@ class FirstOrder:
 class Search:
     """A search in progress; it remembers all fits."""
 
-    whole: Task  #: With all effects and free functions.
+    whole: Task  #: With all free functions.
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
-    _about: tuple[Any, ...] = (None, None)  #: A model, and all sets about it.
+    _about: tuple[Any, ...] = (None, (), None)  #: The same with all free functions.
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
 
     def __post_init__(self) -> None:
@@ -141,20 +141,20 @@ class Search:
         """
         if self._near[0] is self.task and self._near[1] is model:
             return self._near[2]
-        if self._about[0] is not model:
-            self._about = model, self._all_near(model)
-        found = self._about[1]
+        kinds = self.task.kinds
+        if self._about[0] is not model or self._about[1] != kinds:
+            self._about = model, kinds, self._all_near(model)
+        found = self._about[2]
         if found is not None:
-            allowed = {*self.task.kinds, *self.task.blocks, *model.kinds}
-            penalty = penalty_in(self.task, found.candidates.model)
-            score = found.score.among(allowed).with_penalty(penalty)
-            found = dataclasses.replace(found, score=score)
+            allowed = {*kinds, *self.task.blocks, *model.kinds}
+            found = dataclasses.replace(found, score=found.score.among(allowed))
         self._near = self.task, model, found
         return found
 
     def _all_near(self, model: FitResult) -> FirstOrder | None:
-        """Compares sets of all effects and free functions about a model."""
-        few = self.whole.thinned(MOST_COMPARED)
+        """Compares sets about a model, with all free functions."""
+        task = dataclasses.replace(self.task, blocks=self.whole.blocks)
+        few = task.thinned(MOST_COMPARED)
         candidates = gather(few, model, with_blocks=True)
         about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
         if about.scales.is_still:

@@ -5,7 +5,7 @@ import dataclasses
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.search.fits import Search
-from glider.sysid.search.moves import MOVES, fewer, one_less, pruned, with_another
+from glider.sysid.search.moves import MOVES, one_less, pruned, with_another
 from glider.sysid.search.tracing import improved
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import fly, task_of
@@ -26,11 +26,9 @@ def test_a_tilted_frame_is_no_turned_pitch_with_a_thrust():
     offered = ("frame_tilt", "pitch_offset", "thrust")
     search, plate = search_among(KINDS["frame_tilt"](angle=0.02), *offered)
     pair = kinds_fitted(search, plate, "pitch_offset", "thrust")
-    found = fewer(search, pair)
-    assert found is not None
+    found = improved(search, pair)
     assert found.kinds == ("frame_tilt",)
     assert search.penalized_cost(found) < search.penalized_cost(pair)
-    assert fewer(search, found) is None
 
 
 def test_what_is_not_needed_is_dropped():
