@@ -137,6 +137,7 @@ def test_the_command_lists_and_copies(tmp_path, capsys, fresh_cache):
     assert main(["samples", "lunar_air"]) == 2
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_results_of_a_sample_are_printed(capsys, monkeypatch):
     """With its first flights; the loop is closed on all of them elsewhere."""

@@ -203,6 +203,7 @@ def test_an_edit_of_what_a_formula_calls_gets_another_file(fresh_cache, module_o
         assert len(files_in(fresh_cache)) == count
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_new_session_flies_the_edited_helper(fresh_cache, tmp_path):
     """Formula and helper in two modules, the helper edited between two sessions."""

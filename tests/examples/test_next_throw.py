@@ -12,6 +12,7 @@ def found():
     return next_throw.run("command_delay", launches=4)
 
 
+@pytest.mark.nightly
 def test_few_throws_tell_the_hidden_effect(found):
     assert found.found == found.truth == "command_delay"
     assert found.probabilities[0]["command_delay"] < next_throw.ENOUGH

@@ -44,6 +44,7 @@ def output(found, folder):
     return run_main(perching_funnel, found, folder, *arguments)
 
 
+@pytest.mark.nightly
 def test_certificates_hold_and_no_flight_leaves(found):
     for study in found.studies.values():
         assert study.verdict.holds

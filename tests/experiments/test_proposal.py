@@ -58,6 +58,7 @@ def test_designed_throws_are_worth_many_of_the_present_kind(late, proposal):
     assert not is_done(proposal)
 
 
+@pytest.mark.nightly
 def test_the_same_seed_proposes_the_same(late, monkeypatch):
     monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
     first, again = (propose(*late, launches=1) for _ in range(2))

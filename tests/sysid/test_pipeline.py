@@ -160,6 +160,7 @@ def test_wrong_signs_are_found():
     assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
 
 
+@pytest.mark.nightly
 def test_effects_can_be_restricted_and_the_same_call_gives_the_same_result():
     campaign = fly(KINDS["wind"](x=-0.3), flights=8)
     few = ["wind", "profile_drag"]
@@ -180,6 +181,7 @@ def dragged():
     return campaign, campaign.flights.index(unseen[0]), whole
 
 
+@pytest.mark.nightly
 def test_a_held_out_flight_without_elevator_at_first_changes_no_error_to_nan(dragged):
     """Its elevator is frozen and its pose stands still where it begins."""
     campaign, one, whole = dragged

@@ -150,6 +150,7 @@ def test_flights_that_diverge_leave(proven):
     assert not np.any(np.isnan(levels)) and not np.any(np.isnan(ends))
 
 
+@pytest.mark.nightly
 def test_the_command_line_states_how_many_leave(capsys):
     file = str(models_path("funnels", "drawn_hook.npz"))
     few = ["check-funnel", file, "--every", "1000", "--as-flown", "--flights", "25"]
@@ -187,6 +188,7 @@ def test_a_wind_out_of_range_is_refused(wind):
         FlownLoop(hold=Hold(), wind=wind)
 
 
+@pytest.mark.nightly
 def test_a_glider_with_states_of_its_own_is_flown(proven):
     """The servo's lag is one of them."""
     slow = load_funnel(models_path("funnels", "strong_servo.npz"))

@@ -93,6 +93,7 @@ def test_flights_along_y_need_its_column(tmp_path, campaign):
     assert_advice_is_right(files, tmp_path / "MAP.yaml", RIGHT, campaign)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "wrong",
     [

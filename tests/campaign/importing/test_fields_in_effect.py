@@ -38,6 +38,7 @@ def mapping_of(folder, frame, columns=ANGLES):
     return path
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("columns", [ANGLES, ("pitch",)])
 @pytest.mark.parametrize(("pitch", "sign"), [("nose_up", -1.0), ("nose_down", 1.0)])
 def test_the_sense_of_a_pitch_beside_roll_and_yaw(

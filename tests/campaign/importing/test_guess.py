@@ -277,6 +277,7 @@ def test_a_pitch_off_by_half_a_turn_is_a_question_whose_advice_is_right(
         assert np.abs(flight.pose[5:25, 2] - true.pose[5:25, 2]).max() < 1e-5
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "kind, k", [("steep", 0), ("steep", 6), ("loop", 0), ("loop", 1), ("heavy", 3)]
 )

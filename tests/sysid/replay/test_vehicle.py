@@ -94,6 +94,7 @@ def test_drag_is_found_without_a_servo(monkeypatch, elevator, missing):
     assert found.value == pytest.approx(0.06, rel=0.1)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_gaps_and_irregular_times_are_handled(campaign):
     rng = np.random.default_rng(0)
@@ -143,6 +144,7 @@ def test_a_log_may_begin_with_the_elevator_anywhere():
     assert result.air.std_m_s < 0.02
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "elevator", [pytest.param("fixed", marks=NIGHTLY), "fixed_per_flight"]
 )
@@ -167,6 +169,7 @@ def test_a_computed_elevator_column_has_no_noise_and_does_no_harm():
     assert close_the_loop(flown).verdict == "no_effect"
 
 
+@pytest.mark.nightly
 def test_real_errors_are_never_called_no_effect():
     truth = GliderModel(effects=(KINDS["command_delay"](delay=0.03),))
     plan = CampaignPlan(flights=8)
