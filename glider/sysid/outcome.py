@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import result
-from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
+from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, SLIGHT
 from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -82,11 +82,11 @@ def effects_of(
             "inclusion": traced.weighed[name].inclusion,
             "found_by": traced.found_by.get(name, ""),
         }
+        if name in unnamed:
+            continue
         if name in model.free_kinds:
             if BLOCKS[name].bends.isdisjoint({*model.kinds} - unnamed.keys()):
                 found.append(_block_entry(traced, known, name, of_search))
-            continue
-        if name in unnamed:
             continue
         kind, slots = task.layout.kinds[name], task.layout.slots_of(name)
         if name == POSE_LATENCY.kind and model.theta[slots[0]] < 0.0:
@@ -117,18 +117,18 @@ def effects_of(
 def absorbed(
     task: Task, traced: SearchResult, known: Uncertainty
 ) -> dict[str, set[str]]:
-    """Returns the formulas that only help others to their shape, and which others.
+    """Returns the effects that only help others to their shape, and which others.
 
-    First those with a memory whose times are not longer than the least, within two
-    standard errors, beside a formula without one, or a free function, that may have
-    their shape. Then, of those that a free function bends, each that explains less
-    than it does, but for the first that is left.
+    First the slight ones, see `slight`. Then formulas with a memory whose times are not
+    longer than the least, within two standard errors, beside a formula without one, or
+    a free function, that may have their shape. Then, of those that a free function
+    bends, each that explains less than it does, but for the first that is left.
     """
     model, evidence = traced.model, traced.evidence
-    found: dict[str, set[str]] = {}
-    kinds, have = task.layout.kinds, set(model.kinds)
+    found = dict.fromkeys(slight(model.free_kinds, evidence), set[str]())
+    kinds, have = task.layout.kinds, set(model.kinds) - found.keys()
     for name in model.kinds:
-        if name in model.free_kinds or not kinds[name].states:
+        if name not in have or name in model.free_kinds or not kinds[name].states:
             continue
         pairs = zip(task.layout.slots_of(name), kinds[name].coefficients, strict=True)
         times = [i for i, c in pairs if c.unit == "s"]
@@ -142,11 +142,28 @@ def absorbed(
         if times and not far.any() and near & have:
             found[name] = near & have
     for block in model.free_kinds:
+        if block in found:
+            continue
         bent = BLOCKS[block].bends.intersection(have) - found.keys()
         ranked = sorted(bent, key=lambda k: evidence[k])
         weak = [k for k in ranked[:-1] if evidence[k] < evidence[block]]
         found |= dict.fromkeys(weak, {*bent}.difference(weak))
     return found
+
+
+def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[str]:
+    """Returns the effects that explain next to nothing where free functions act.
+
+    With all that bend them, or that they bend, they bring less than a share `SLIGHT` of
+    the evidence: a free function leaves errors of that size, and they stand for those.
+    """
+    families = dict(evidence)
+    for block in free_kinds:
+        for kind in BLOCKS[block].bends & evidence.keys():
+            families[kind] += evidence[block]
+            families[block] += evidence[kind]
+    least = SLIGHT * sum(evidence.values()) if free_kinds else 0.0
+    return {kind for kind, own in families.items() if own < least}
 
 
 def _sign_entry(signs: Signs) -> FoundEffect:

@@ -10,7 +10,14 @@ from glider.campaign.turning import Signs
 from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.outcome import absorbed, curves_of, effects_of, model_of, spreads_of
+from glider.sysid.outcome import (
+    absorbed,
+    curves_of,
+    effects_of,
+    model_of,
+    slight,
+    spreads_of,
+)
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
@@ -176,3 +183,18 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     shaped = {"pitch_rate_lift": {"added_mass"}}
     assert unnamed({}, three | {block: 50.0}, (block,)) == shaped
     assert unnamed({}, three | {block: 20.0}, (block,)) == {}
+    small = {"profile_drag": 2000.0, "camber": 12.0}
+    assert unnamed({}, small) == {}
+    assert unnamed({}, small | {"drag over V": 50.0}, ("drag over V",)) == {
+        "camber": set()
+    }
+
+
+def test_what_stands_for_errors_of_free_functions_is_slight():
+    of_drag, of_lift = "drag over V", "lift over alpha"
+    found = {of_drag: 3000.0, "camber": 12.0, of_lift: 5.0}
+    assert slight((), found) == set()
+    assert slight((of_drag, of_lift), found) == {"camber", of_lift}
+    # A slight formula is the name of what bends it.
+    found = {of_drag: 3000.0, "camber": 12.0, of_lift: 50.0}
+    assert slight((of_drag, of_lift), found) == set()
