@@ -125,7 +125,7 @@ def absorbed(
     bends, each that explains less than it does, but for the first that is left.
     """
     model, evidence = traced.model, traced.evidence
-    found = dict.fromkeys(slight(model.free_kinds, evidence), set[str]())
+    found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
     kinds, have = task.layout.kinds, set(model.kinds) - found.keys()
     for name in model.kinds:
         if name not in have or name in model.free_kinds or not kinds[name].states:

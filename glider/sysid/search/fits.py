@@ -82,16 +82,13 @@ class FirstOrder:
 class Search:
     """A search in progress; it remembers all fits."""
 
-    whole: Task  #: With all free functions.
+    task: Task
     progress: Progress
+    formulas_only: bool = False  #: Whether no free functions are proposed.
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
-    _about: tuple[Any, ...] = (None, (), None)  #: The same with all free functions.
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
-
-    def __post_init__(self) -> None:
-        self.task = self.whole  #: With those that are tried now.
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
@@ -135,26 +132,21 @@ class Search:
         return self.fitted[key]
 
     def near(self, model: FitResult) -> FirstOrder | None:
-        """Compares sets about a model, cached; None where the model diverges.
+        """Compares sets about a model; None where the model diverges."""
+        if self._near[0] is not self.task or self._near[1] is not model:
+            self._near = self.task, model, self._compare(model)
+        found = self._near[2]
+        if found is None or not self.formulas_only:
+            return found
+        score = found.score.among({*self.task.kinds, *model.kinds})
+        return dataclasses.replace(found, score=score)
+
+    def _compare(self, model: FitResult) -> FirstOrder | None:
+        """Compares sets about a model, free functions too.
 
         On some of many flights: what is proposed is fitted to all.
         """
-        if self._near[0] is self.task and self._near[1] is model:
-            return self._near[2]
-        kinds = self.task.kinds
-        if self._about[0] is not model or self._about[1] != kinds:
-            self._about = model, kinds, self._all_near(model)
-        found = self._about[2]
-        if found is not None:
-            allowed = {*kinds, *self.task.blocks, *model.kinds}
-            found = dataclasses.replace(found, score=found.score.among(allowed))
-        self._near = self.task, model, found
-        return found
-
-    def _all_near(self, model: FitResult) -> FirstOrder | None:
-        """Compares sets about a model, with all free functions."""
-        task = dataclasses.replace(self.task, blocks=self.whole.blocks)
-        few = task.thinned(MOST_COMPARED)
+        few = self.task.thinned(MOST_COMPARED)
         candidates = gather(few, model, with_blocks=True)
         about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
         if about.scales.is_still:
@@ -206,7 +198,7 @@ def penalty_in(task: Task, model: FitResult) -> Penalty:
     nothing new. Any other claims that no formula will do, which is its rival.
     """
     more = max(1.0, len(task.records) / THRESHOLD_FLIGHTS)
-    by_chance = float(np.log(len(task.kinds) or 1))
+    by_chance = float(np.log(len(task.vehicle.kinds)))
     of_formula = by_chance if is_simple(model) else EVIDENCE_THRESHOLD
 
     def penalty(kind: str, kinds: Collection[str]) -> float:

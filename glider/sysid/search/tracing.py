@@ -40,15 +40,17 @@ def trace(
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     start, usual = start_of(task, noise), without_late(task)
-    search = fits.Search(task, progress)
-    search.task = dataclasses.replace(usual, blocks={})
+    search = fits.Search(usual, progress, formulas_only=True)
     named = improved(search, start, ("best set",))
-    search.task = usual
+    search.formulas_only = False
     model = improved(search, named)
     if model.free_kinds:  # Formulas alone may have led the search astray.
         model = min(model, improved(search, start), key=search.penalized_cost)
+    search.task = only_late(task, model)
+    late = improved(search, model, ("best set",))
     search.task = task
-    model = improved(search, model)
+    if late is not model:
+        model = improved(search, late)
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
@@ -82,9 +84,10 @@ def rivals_of(
     """
     own, best = set(model.kinds), search.penalized_cost(model)
     swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
-    near = None if model.free_kinds else search.near(model)
     for kind, support in weighed.items():
-        if near is None:
+        if not support.rivals or model.free_kinds:
+            continue
+        if (near := search.near(model)) is None:
             break
         rest = [m for m in near.score.by_first(model.kinds) if m[0] != kind]
         others = near.score.among(support.rivals).larger(tuple(rest))
@@ -151,6 +154,13 @@ def without_late(task: Task, kept: Collection[str] = ()) -> Task:
         return task
     kinds = tuple(kind for kind in task.kinds if kind not in LATE or kind in kept)
     return dataclasses.replace(task, kinds=kinds)
+
+
+def only_late(task: Task, model: FitResult) -> Task:
+    """Returns the task with a model's effects and those that are tried last."""
+    kinds = tuple(kind for kind in task.kinds if kind in LATE or kind in model.kinds)
+    blocks = {k: own for k, own in task.blocks.items() if k in model.kinds}
+    return dataclasses.replace(task, kinds=kinds, blocks=blocks)
 
 
 def search_about(
