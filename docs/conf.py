@@ -53,6 +53,7 @@ myst_substitutions = {
     "least_support": f"{constants.LEAST_SUPPORT:.0%}",
     "floor_accuracy": f"{100 * constants.FLOOR_ACCURACY:g} %",
     "undervalued": f"{constants.UNDERVALUED:.0f}",
+    "slight": f"{100 * constants.SLIGHT:.0f} %",
     "most_compared": f"{constants.MOST_COMPARED}",
     "most_tried": f"{constants.MOST_TRIED}",
     "unlikely": f"{100 * constants.UNLIKELY:g} %",
