@@ -73,6 +73,7 @@ def effects_of(
     bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
     unnamed = absorbed(task, traced, known)
     bent = bent.union(*unnamed.values())
+    alone = standing_alone(model.kinds, model.free_kinds, unnamed)
     found = [] if signs.are_right else [_sign_entry(signs)]
     for name in model.kinds:
         evidence = float(traced.evidence.get(name, 0.0))
@@ -85,7 +86,7 @@ def effects_of(
         if name in unnamed:
             continue
         if name in model.free_kinds:
-            if BLOCKS[name].bends.isdisjoint({*model.kinds} - unnamed.keys()):
+            if name in alone:
                 found.append(_block_entry(traced, known, name, of_search))
             continue
         kind, slots = task.layout.kinds[name], task.layout.slots_of(name)
@@ -148,6 +149,25 @@ def absorbed(
         ranked = sorted(bent, key=lambda k: evidence[k])
         weak = [k for k in ranked[:-1] if evidence[k] < evidence[block]]
         found |= dict.fromkeys(weak, {*bent}.difference(weak))
+    return found
+
+
+def standing_alone(
+    kinds: Collection[str],
+    free_kinds: Collection[str],
+    unnamed: Mapping[str, Collection[str]],
+) -> set[str]:
+    """Returns the free functions that only help no formula that is named.
+
+    Neither one that they bend, nor one that such a formula, unnamed itself, helps.
+    """
+    named = {*kinds} - unnamed.keys() - {*free_kinds}
+    found = set()
+    for block in free_kinds:
+        bends = BLOCKS[block].bends
+        helped = bends.union(*(unnamed.get(kind, ()) for kind in bends))
+        if block not in unnamed and helped.isdisjoint(named):
+            found.add(block)
     return found
 
 

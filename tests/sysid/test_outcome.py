@@ -17,6 +17,7 @@ from glider.sysid.outcome import (
     model_of,
     slight,
     spreads_of,
+    standing_alone,
 )
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
@@ -188,6 +189,16 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     assert unnamed({}, small | {"drag over V": 50.0}, ("drag over V",)) == {
         "camber": set()
     }
+
+
+def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
+    block = "lift over alpha and reduced_rate"
+    kinds, lag = ("attached_lift", "lagged_separation", block), "lagged_separation"
+    assert block in standing_alone(("attached_lift", block), (block,), {})
+    assert not standing_alone(kinds, (block,), {})
+    assert not standing_alone(kinds, (block,), {lag: {"attached_lift"}})
+    assert standing_alone(kinds, (block,), {lag: {block}}) == {block}
+    assert not standing_alone(kinds, (block,), {lag: {block}, block: set()})
 
 
 def test_what_stands_for_errors_of_free_functions_is_slight():
