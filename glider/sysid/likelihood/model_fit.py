@@ -242,7 +242,7 @@ def fit_model(
         scales = current.scales
         if free_scales:
             scales, value = fit_scales(
-                now, scales, free_scales, iterations=1 if iteration else 6
+                now, scales, free_scales, iterations=2 if iteration else 6
             )
         else:
             value = float(negative_log_likelihood(now, scales).sum())

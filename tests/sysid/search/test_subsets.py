@@ -149,7 +149,8 @@ def test_thresholds_grow_with_many_flights_only():
     model = types.SimpleNamespace(blocks=("drag over alpha",))
 
     def threshold(flights):
-        task = types.SimpleNamespace(records=range(flights), kinds=("wind", "mass"))
+        vehicle = types.SimpleNamespace(kinds=("wind", "mass"))
+        task = types.SimpleNamespace(records=range(flights), vehicle=vehicle)
         return penalty_in(task, model)("wind", ("wind",))
 
     assert threshold(6) == threshold(40) == EVIDENCE

@@ -137,7 +137,8 @@ def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
     candidates = gather(dataclasses.replace(task, kinds=("mass", "thrust")), model)
     grams, once = candidates.grams(model.scales), np.ones(3)
     plain = marginal_scorer(candidates, grams, once)
-    assert plain.penalty("mass", ("mass",)) == pytest.approx(np.log(2.0))
+    everything = np.log(len(task.vehicle.kinds))  # Offered or not.
+    assert plain.penalty("mass", ("mass",)) == pytest.approx(everything)
     about = dataclasses.replace(
         candidates, model=dataclasses.replace(model, scales=rough)
     )
@@ -145,7 +146,6 @@ def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
     assert dear.penalty("mass", ("mass",)) == EVIDENCE_THRESHOLD
     named = dataclasses.replace(model, kinds=("mass",), cost=0.0)
     search, other = Search(task, print), dataclasses.replace(named, scales=rough)
-    everything = np.log(len(task.kinds))
     assert search.penalized_cost(named) == pytest.approx(everything)
     assert search.penalized_cost(other) == EVIDENCE_THRESHOLD
 
