@@ -248,6 +248,9 @@ def _least_pushes(args: argparse.Namespace) -> tuple[float, float]:
     for name in ("hold", "latency", "command_error", "wind"):
         option, value = f"--{name.replace('_', '-')}", getattr(args, name) or 0.0
         expect(0.0 <= value < math.inf, option, value, "zero or a positive number")
+    if (args.hold, args.latency) != (None, None):
+        delay = (args.hold or 0.0) + (args.latency or 0.0)
+        expect(delay > 0.0, "--hold + --latency", delay, "a positive time")
     return args.command_error or 0.0, args.wind or 0.0
 
 

@@ -287,18 +287,18 @@ def _earlier(arrays, notes):
 
 
 FORGED = {
-    "a wind that is no number": (_set("wind", float("nan")), "'settings.wind' is "),
-    "an infinite wind": (_set("wind", float("inf")), "'settings.wind' is "),
-    "a negative wind": (_set("wind", -0.02), "'settings.wind' is -0.02"),
+    "a wind that is no number": (_set("wind", float("nan")), "wind' is nan"),
+    "an infinite wind": (_set("wind", float("inf")), "wind' is inf"),
+    "a negative wind": (_set("wind", -0.02), "field 'wind' is -0.02"),
     "a wind in words": (_set("wind", "0.02"), "'settings.wind' is '0.02'"),
     "a list of winds": (_set("wind", [0.02]), "'settings.wind' is "),
-    "a wind that is true": (_set("wind", True), "'settings.wind' is true"),
-    "a negative error": (_set("command_error", -1.0), "'settings.command_error' is -1"),
+    "a wind that is true": (_set("wind", True), "wind' is "),
+    "a negative error": (_set("command_error", -1.0), "field 'command_error' is -1"),
     "an error of 401 digits": (
         _set("command_error", 10**400),
         "'settings.command_error' is 1000",
     ),
-    "pushes without a remainder": (_set("remainder", 0.0), "'settings.remainder' is 0"),
+    "pushes without a remainder": (_set("remainder", 0.0), "field 'remainder' is 0.0"),
     "a wind twice as strong": (_set("wind", 0.04), "does not prove that V falls"),
     "an error six times as large": (
         _set("command_error", 0.6),
@@ -361,7 +361,7 @@ def test_the_check_says_what_it_accounts_for(source, capsys):
         (["--hold", "0.02"], "--hold has no effect without --as-flown or --prove"),
         (["--command-error", "0.1"], "--command-error has no effect without"),
         (["--prove", "--hold", "nan"], "--hold is nan; expected zero or a positive"),
-        (["--prove", "--wind", "-1"], "--wind is -1; expected zero or a positive"),
+        (["--prove", "--wind", "-1"], "--wind is -1.0; expected zero or a positive"),
         (["--prove", "--command-error", "inf"], "--command-error is inf; expected"),
         (["--prove", "--hold", "0", "--latency", "0"], "expected a positive time"),
     ],
