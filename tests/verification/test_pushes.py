@@ -24,14 +24,15 @@ from glider.verification.funnel.remainder import (
 )
 from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.proof import interval
 from glider.verification.proof.check import remainder_seen
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.held import command_rates, held_commands
 from glider.verification.proof.interval import (
     keeps_servo,
     make_interval,
-    pushed_linear_rates,
     tight_cover,
+    unproven_wind,
 )
 from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.proof.interval_proof import prove_interval
@@ -105,9 +106,9 @@ def test_no_push_makes_v_rise_faster_than_they_say(piece):
 
 def test_the_proof_bears_what_the_certificate_bears(piece):
     """At an end; halving, the error counts half as much where it does alone."""
-    interval, basis = make_interval(piece), rounded(to_ball(piece.S[0])[1], 30)
+    whole, basis = make_interval(piece), rounded(to_ball(piece.S[0])[1], 30)
     h = np.diff(piece.nominal.times)[0]
-    A = growth_forms(interval, basis, exact(0.0)).A
+    A = growth_forms(whole, basis, exact(0.0)).A
     bare = pushed(piece, 0.0, 0.0)
     own = growth_forms(make_interval(bare), basis, exact(0.0)).A
     found = (own.at(Fraction(0)).to_float() - A.at(Fraction(0)).to_float()) / h
@@ -117,8 +118,8 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
     half = pushed(piece, 0.5 * ERROR, 0.0)
     given = piece.nominal.push_slopes, half.settings.pushes, half.push_weights
     alone = pushed(piece, ERROR, 0.0)
-    whole = piece.nominal.push_slopes, alone.settings.pushes, alone.push_weights
-    assert push_form(piece.S, *given) == pytest.approx(0.5 * push_form(piece.S, *whole))
+    twice = piece.nominal.push_slopes, alone.settings.pushes, alone.push_weights
+    assert push_form(piece.S, *given) == pytest.approx(0.5 * push_form(piece.S, *twice))
 
 
 def true_ratio(piece, basis, points):
@@ -205,8 +206,20 @@ def test_a_funnel_that_was_made_without_them_is_not_proven_with_them(piece):
     assert "a weight of a disturbance is zero" in prove_interval(bare).fault
 
 
-def test_wind_acts_on_no_linear_rate(piece):
-    assert not pushed_linear_rates(piece)
+@pytest.mark.parametrize("row", [0, 4])
+def test_wind_acts_only_where_the_remainder_has_it(piece, row, monkeypatch):
+    """The first rate is linear, and the other does not depend on x."""
+    assert not unproven_wind(piece)
+    rates = interval.open_loop_rates
+
+    def blown(model, states, command, theta=None, wind=(0.0, 0.0)):
+        found = list(rates(model, states, command, theta, wind))
+        found[row] = found[row] + wind[0] * states[0]
+        return found
+
+    monkeypatch.setattr(interval, "open_loop_rates", blown)
+    assert unproven_wind(piece)
+    assert not unproven_wind(pushed(piece, wind=0.0))
 
 
 def test_pushes_need_a_remainder():
@@ -264,7 +277,7 @@ def test_nothing_is_known_of_held_commands_of_a_set_of_gliders():
 
 @pytest.fixture(scope="module")
 def source():
-    return models_path("funnels", "drawn_hook_wind.npz")
+    return models_path("funnels", "disturbed_hook.npz")
 
 
 def _set(name, value):

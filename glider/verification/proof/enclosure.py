@@ -20,6 +20,7 @@ R: V̇ has it as it is. Boxes are then of w, v, q and s; q has what is not zero.
 
 import dataclasses
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -143,7 +144,7 @@ class TaylorRemainder:
             own = unit[1 + m : 1 + m + factor.shape[1]]
             deviations = [_lazy(on_boxes(row @ own)) for row in factor]
             theta = theta_at(self.model, self.allowed.names, deviations)
-        wind = (0.0, 0.0)
+        wind: list[Any] = [0.0, 0.0]
         if self.pushes[1] > 0.0:
             wind = [_lazy(on_boxes(self.pushes[1] * unit[k])) for k in (d - 2, d - 1)]
         rates = open_loop_rates(self.model, states, command, theta, wind)

@@ -329,15 +329,22 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
     return found * WIDER
 
 
-def pushed_linear_rates(piece: Funnel) -> bool:
-    """Determines whether the wind acts on a rate that is linear: R leaves it out."""
+def unproven_wind(piece: Funnel) -> bool:
+    """Determines whether the wind acts where R does not account for it.
+
+    That is on a rate that is linear, or together with a state that R does not have.
+    """
+    if piece.settings.wind == 0.0:
+        return False
     model, n = piece.nominal.model, piece.num_states
-    *variables, u, x, z = dependences(n + 3)
-    rates = open_loop_rates(model, variables, u, wind=(x, z))
-    _, rows = nonlinear_parts(model)
-    linear = (rate for row, rate in enumerate(rates) if row not in rows)
-    met = frozenset().union(*(getattr(rate, "variables", ()) for rate in linear))
-    return piece.settings.wind > 0.0 and max(met) > n
+    *states, u, x, z = dependences(n + 3)
+    rates = open_loop_rates(model, states, u, wind=(x, z))
+    which, rows = nonlinear_parts(model)
+    linear, bent = set[int](), set[int]()
+    for row, rate in enumerate(rates):
+        bent |= getattr(rate, "nonlinear", frozenset())
+        linear |= set() if row in rows else getattr(rate, "variables", frozenset())
+    return max(linear) > n or not bent <= {*which, n + 1, n + 2}
 
 
 def unproven_numbers(piece: Funnel) -> bool:

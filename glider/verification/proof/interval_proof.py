@@ -29,10 +29,10 @@ from glider.verification.proof.interval import (
     gliders_defect,
     keeps_servo,
     make_interval,
-    pushed_linear_rates,
     stays_definite,
     tight_cover,
     unproven_numbers,
+    unproven_wind,
 )
 from glider.verification.proof.interval_growth import prove_growth
 from glider.verification.sos.exact import exact
@@ -95,8 +95,8 @@ def _prove(piece, budget):
         return IntervalProof(fault="a weight of the remainder is zero")
     if np.any((piece.settings.pushes > 0.0) & (piece.push_weights == 0.0)):
         return IntervalProof(fault="a weight of a disturbance is zero")
-    if pushed_linear_rates(piece):
-        return IntervalProof(fault="the wind acts on a linear rate")
+    if unproven_wind(piece):
+        return IntervalProof(fault="the wind acts where the remainder leaves it out")
     if unproven_numbers(piece):
         return IntervalProof(fault="a linear rate depends on a number that deviates")
     interval = make_interval(piece)
