@@ -106,6 +106,13 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     program.add_count(parser, "--flights", 20, "that are traced", least=3)
     words = "times the largest found"
     parser.add_argument("--remainder", type=float, default=0.0, help=words)
+    words = "share of it that its bound keeps where it is small; 1: faster to prove"
+    floor = funnels.FunnelSettings.floor
+    parser.add_argument("--floor", type=float, default=floor, help=words)
+    words = "account for a command error of this size, at any time [rad/s]"
+    parser.add_argument("--command-error", type=float, default=0.0, help=words)
+    words = "account for wind of this speed, at any time [m/s]"
+    parser.add_argument("--wind", type=float, default=0.0, help=words)
     words = "make the feedback with the funnel's shape, up to this gain [1/s], e.g. 40"
     parser.add_argument("--elevator-gain", type=float, default=0.0, help=words)
     words = "shape the funnels for errors of the launch, above all in height"
@@ -140,6 +147,9 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
         hook=args.hook,
         settings=funnels.FunnelSettings(
             remainder=args.remainder,
+            floor=args.floor,
+            command_error=args.command_error,
+            wind=args.wind,
             elevator_gain=args.elevator_gain,
             launch_sizes=funnels.LAUNCH_SIZES if args.for_launches else None,
         ),

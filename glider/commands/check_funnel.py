@@ -43,9 +43,13 @@ covariance in --model's file (close-the-loop writes it), flies them from the bou
 and climbs to the worst flights and the worst corner of their set. Flights alone prove
 nothing.
 
+With --prove, --command-error and --wind are what the funnel must account for, at any
+time; --hold and --latency prove that commands which are held, each computed from the
+state of some time ago, are within its command error, with --command-error more.
+
 --as-flown flies what the theorem leaves out: commands from a clock at any phase, held,
-computed from a state of some time ago, and wind; from the inlet's boundary, climbing to
-the worst starts, phases and winds.
+computed from a state of some time ago, other command errors and wind; from the inlet's
+boundary, climbing to the worst starts, phases and winds.
 
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
@@ -88,12 +92,14 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_number("--seed", words)
     words = "fly held and late commands; states how many flights leave the funnel"
     parser.add_switch("--as-flown", words)
-    for name, default, words in (
-        ("--hold", HOLD, "time that a command is held [s]"),
-        ("--latency", LATENCY, "time from a state to the command that acts on it [s]"),
-        ("--wind", 0.0, "largest wind beyond the model's own [m/s]"),
+    both = "--as-flown or --prove"
+    for name, option, default, words in (
+        ("--hold", both, HOLD, "time that a command is held [s]"),
+        ("--latency", both, LATENCY, "time from a state to the command of it [s]"),
+        ("--command-error", both, 0.0, "largest other error of the command [rad/s]"),
+        ("--wind", both, 0.0, "largest wind beyond the model's own [m/s]"),
     ):
-        help_ = f"with --as-flown: {words} (default: {default:g})"
+        help_ = f"with {option}: {words} (default: {default:g})"
         parser.add_argument(name, metavar="X", type=float, help=help_)
     words = "with --as-flown: a predictor makes up for the latency and half of the hold"
     parser.add_switch("--predict", words)
@@ -116,6 +122,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
+    from glider.verification.proof.held import command_rates, held_commands
     from glider.verification.trials.as_flown import fly_loop
     from glider.verification.trials.falsify import falsify_funnel
 
@@ -128,7 +135,10 @@ def run(args: argparse.Namespace) -> int:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, covariance, level, shape)
     loop = _flown_loop(args) if args.as_flown else None
-    proof = trial = flown = None
+    proof = trial = flown = held = None
+    pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
+    delays = args.hold, args.latency
+    asks_held = args.prove and delays != (None, None) and not args.predict
     with working(is_even=True) as progress:
 
         def follow(what):
@@ -143,12 +153,16 @@ def run(args: argparse.Namespace) -> int:
             covariance=covariance,
             hook=args.hook,
             least_inlet=least_inlet,
+            least_pushes=pushes,
             seed=args.seed,
         )
         if args.prove and verdict.holds:
             proof = prove_flights(
                 funnel, args.every, resume=args.resume, progress=follow("proof")
             )
+        if asks_held and verdict.holds:
+            hold, latency = (delay or 0.0 for delay in delays)
+            held = held_commands(funnel, hold, latency, command_rates(funnel))
         if confidence and verdict.holds:
             rng, say = np.random.default_rng(seed), follow("gliders")
             trial = falsify_funnel(
@@ -157,21 +171,25 @@ def run(args: argparse.Namespace) -> int:
         if loop and verdict.holds:
             rng = np.random.default_rng(seed)
             flown = fly_loop(funnel, loop, flights, rng, follow("flights"))
-    _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flown)
+    outcomes = verdict, proof, held, trial, flown
+    _print_outcome(args, funnel, problem, covariance, *outcomes)
     good = verdict.holds and not any(t.escapes for t in (trial, flown) if t)
     if args.prove:
         good = good and verdict.is_whole and proof is not None and proof.is_whole
+        good = good and (held is None or held.left >= pushes[0])
     return 0 if good else 1
 
 
-def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flown):
+def _print_outcome(
+    args, funnel, problem, covariance, verdict, proof, held, trial, flown
+):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
     from glider.verification import check_report as words
 
     seed, has_covariance = args.seed or 0, covariance is not None
     if args.json:
-        report = words.check_report(funnel, verdict, proof, problem)
+        report = words.check_report(funnel, verdict, proof, problem, held)
         report |= {
             "model_compared": args.model is not None,
             "set_compared": has_covariance and funnel.gliders is not None,
@@ -186,6 +204,8 @@ def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flo
         funnel, verdict, proof, problem, args.model, has_covariance
     )
     print(said)
+    if held:
+        print(words.describe_held(held, args.command_error or 0.0))
     if trial:
         print(words.describe_trial(funnel, trial, seed))
     if flown:
@@ -198,11 +218,13 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.resume and not args.prove:
         raise InputError("--resume has no effect without --prove; expected both.")
     level = _level(args.confidence)
-    flown = {name: getattr(args, name) for name in ("hold", "latency", "wind")}
-    flown["predict"] = args.predict or None
+    flown = {"predict": args.predict or None}
+    names = ("hold", "latency", "command_error", "wind")
+    late = {name.replace("_", "-"): getattr(args, name) for name in names}
     given = [
         ("--confidence", level is not None, {"box": args.box or None}),
         ("--as-flown", args.as_flown, flown),
+        ("--as-flown or --prove", args.as_flown or args.prove, late),
         (
             "--confidence or --as-flown",
             level is not None or args.as_flown,
@@ -219,6 +241,17 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     expect(1 <= flights <= MOST_FLIGHTS, "--flights", flights, expected)
     check_seed(args.seed or 0)
     return level, flights
+
+
+def _least_pushes(args: argparse.Namespace) -> tuple[float, float]:
+    """Command error and wind that --prove requires; checks --hold and --latency."""
+    for name in ("hold", "latency", "command_error", "wind"):
+        option, value = f"--{name.replace('_', '-')}", getattr(args, name) or 0.0
+        expect(0.0 <= value < math.inf, option, value, "zero or a positive number")
+    if (args.hold, args.latency) != (None, None):
+        delay = (args.hold or 0.0) + (args.latency or 0.0)
+        expect(delay > 0.0, "--hold + --latency", delay, "a positive time")
+    return args.command_error or 0.0, args.wind or 0.0
 
 
 def _least_inlet(text: str | None) -> dict[str, float]:
@@ -258,6 +291,7 @@ def _flown_loop(args):
     return FlownLoop(
         hold=Hold(period=hold, latency=latency, predicts=args.predict),
         wind=args.wind or 0.0,
+        command_error=args.command_error or 0.0,
     )
 
 

@@ -18,6 +18,7 @@ from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
 from glider.verification.proof.flight_proof import FlightProof, checker_hash
+from glider.verification.proof.held import HeldCommands
 from glider.verification.proof.purpose import arrival, hook_faults, model_hash
 from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
@@ -31,6 +32,7 @@ def check_report(
     verdict: Verdict,
     proof: FlightProof | None,
     problem: PerchingProblem,
+    held: HeldCommands | None = None,
 ) -> dict[str, Any]:
     """Returns the outcome of `check-funnel` as it is written to JSON."""
     report = dataclasses.asdict(verdict) | {
@@ -43,7 +45,17 @@ def check_report(
         "made_for": gliders_note(funnel),
         "inlet": set_sizes(funnel, 0.0),
         "last_set": set_sizes(funnel, funnel.nominal.times[-1]),
+        "command_error_rad_s": funnel.settings.command_error,
+        "wind_m_s": funnel.settings.wind,
     }
+    if held:
+        report["held"] = {
+            "hold_s": held.hold,
+            "latency_s": held.latency,
+            "error_rad_s": held.largest,
+            "left_rad_s": held.left,
+            "largest_rate_rad_s2": float(held.rates.max()),
+        }
     if proof:
         report |= {
             "every_flight": proof.is_whole,
@@ -105,6 +117,7 @@ def flown_report(trial: FlownTrial, seed: int) -> dict[str, Any]:
         "latency_s": hold.latency,
         "predicts": hold.predicts,
         "wind_m_s": trial.loop.wind,
+        "command_error_rad_s": trial.loop.command_error,
         "flights": len(trial.levels),
         "of_the_ascent": int(trial.climbed.sum()),
         "escapes": trial.escapes,
@@ -114,6 +127,11 @@ def flown_report(trial: FlownTrial, seed: int) -> dict[str, Any]:
         "largest_end_level": float(trial.ends.max()),
         "seed": seed,
     }
+
+
+def describe_held(held: HeldCommands, needed: float) -> str:
+    """Returns what is proven of held, late commands, with a needed error [rad/s]."""
+    return _text("held", held, needed)
 
 
 def describe_flown(trial: FlownTrial, seed: int) -> str:

@@ -96,6 +96,26 @@ def test_a_wind_that_chooses_is_worse_than_most_steady_ones(proven):
     assert np.mean(chosen >= steady) > 0.8
 
 
+def test_an_error_of_the_command_is_one_of_the_servos_rate(proven):
+    """A steady one is as if u₀ had it; the one that chooses is worse than most."""
+    genes = genes_of(wind=(1.0, 0.0))
+    found = [
+        as_flown._flights(proven, FlownLoop(hold=Hold(period=0.005), **error), genes)
+        for error in ({"command_error": 0.8}, {})
+    ]
+    moved = dataclasses.replace(proven.nominal, inputs=proven.nominal.inputs + 0.8)
+    moved.__dict__["slopes"] = proven.nominal.slopes
+    other = dataclasses.replace(proven, nominal=moved)
+    same = flown(other, genes, period=0.005)
+    assert found[0][0] == pytest.approx(same[0], rel=1e-9)
+    assert found[0][2] == pytest.approx(same[2], rel=1e-9)
+    assert np.median(found[0][2] / found[1][2]) > 1.5
+    genes[:, 10] = 0.0
+    loop = FlownLoop(hold=Hold(period=0.005), command_error=0.8)
+    chosen = as_flown._flights(proven, loop, genes)[1]
+    assert np.mean(chosen >= found[0][1]) > 0.8
+
+
 @pytest.fixture(scope="module")
 def hook():
     return load_funnel(models_path("funnels", "drawn_hook.npz"))
@@ -186,6 +206,12 @@ def test_the_command_line_states_how_many_leave(capsys):
 def test_a_wind_out_of_range_is_refused(wind):
     with pytest.raises(InputError, match="the wind is"):
         FlownLoop(hold=Hold(), wind=wind)
+
+
+@pytest.mark.parametrize("error", [-0.1, np.nan, 1e9])
+def test_a_command_error_out_of_range_is_refused(error):
+    with pytest.raises(InputError, match="the command error is"):
+        FlownLoop(hold=Hold(), command_error=error)
 
 
 @pytest.mark.nightly

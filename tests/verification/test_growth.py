@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from glider.verification.funnel.build import STARTS
-from glider.verification.funnel.growth import (
-    boundary_forms,
-    largest_growth,
-    remainder_form,
-)
+from glider.verification.funnel.growth import Bounds, boundary_forms, largest_growth
 from tests.verification.points import sphere_points
 
 
@@ -16,9 +12,9 @@ from tests.verification.points import sphere_points
 def forms(proven):
     """V̇/V on the boundary at 50 times, as the certificate has it."""
     part = proven.between(40, 89)
-    disturbance = remainder_form(part.S, part.beta, part.weights)
-    coefficients = part.nominal.closed_loop
-    return boundary_forms(part.S, part.slopes, coefficients, disturbance, part.focus)
+    bounds = Bounds(*(getattr(part, name) for name in Bounds._fields))
+    none = np.zeros_like(part.S)
+    return boundary_forms(part.S, part.slopes, part.nominal.closed_loop, none, bounds)
 
 
 def test_the_largest_growth_is_found_from_few_points(forms):

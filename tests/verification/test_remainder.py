@@ -7,12 +7,12 @@ from glider.paths import models_path
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
-    FLOOR,
     find_focus,
     remainder_of,
     remainder_weights,
     sample_remainder,
 )
+from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import to_ball
 from tests.verification.points import sphere_points
 
@@ -50,14 +50,14 @@ def test_a_bound_is_large_only_where_the_remainder_is(proven):
     beta = sample_remainder(*given, focus=focus)
     assert np.all(focus[:, :2] == 0.0)
     assert np.linalg.eigvalsh(focus).min() > -1e-9 * np.abs(focus).max()
-    assert np.all(beta <= 1.2 * FLOOR * largest)
+    assert np.all(beta <= 1.2 * FunnelSettings.floor * largest)
     e = sphere_points(20_000, 7, 1) @ np.swapaxes(to_ball(proven.S[at])[1], 1, 2)
     found = np.abs(remainder_of(proven.nominal, at, e))
     bent = 1.0 + np.einsum("kbi,kij,kbj->kb", e, focus, e)
     ratios = (found[..., 4:] / beta[:, None, 4:]).max(axis=2) / bent
     assert 0.8 < ratios.max() < 1.05
     # Most of the boundary has hardly more than the floor.
-    assert np.all(np.median(bent, axis=1) < 0.7 / FLOOR)
+    assert np.all(np.median(bent, axis=1) < 0.7 / FunnelSettings.floor)
 
 
 def test_climbing_finds_nearly_all_of_what_many_more_samples_find():

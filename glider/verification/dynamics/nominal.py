@@ -99,6 +99,15 @@ class Nominal:
         coefficients = np.array([coefficients_of(rate, command) for rate in rates])
         return np.moveaxis(coefficients, 2, 0)  # (n, M, T) to (T, n, M).
 
+    @functools.cached_property
+    def push_slopes(self) -> np.ndarray:
+        """G = ∂f/∂(u, w) (T, n, 3): of the command, and of the wind along x and z."""
+        push = variables(np.zeros((3, len(self.times))), 1)
+        command = push[0] + self.inputs
+        rates = open_loop_rates(self.model, list(self.states.T), command, wind=push[1:])
+        coefficients = np.array([coefficients_of(rate, command) for rate in rates])
+        return np.moveaxis(coefficients[:, 1:], 2, 0)  # (n, 3, T) to (T, n, 3).
+
     def part(self, which: slice) -> "Nominal":
         """Returns the flight at some of its times."""
         arrays = {name: getattr(self, name)[which] for name in ARRAYS}
@@ -180,20 +189,21 @@ def evaluate(coefficients: np.ndarray, errors: np.ndarray) -> np.ndarray:
     return values @ np.swapaxes(coefficients, -1, -2)
 
 
-def open_loop_rates(model, states, command, theta=None):
+def open_loop_rates(model, states, command, theta=None, wind=(0.0, 0.0)):
     """Returns ẋ for any kind of number, without the servo limits.
 
     Args:
         command: u, a number [rad/s].
         theta: the numbers of a glider that deviates from it; None for its own.
+        wind: along x and z, beyond the model's own [m/s].
     """
     theta = model.numbers if theta is None else theta
-    return model.chain.derivatives(0.0, states, command, 0.0, 0.0, theta)
+    return model.chain.derivatives(0.0, states, command, *wind, theta)
 
 
-def closed_loop_rates(model, states, gains, x0, u0, theta=None):
+def closed_loop_rates(model, states, gains, x0, u0, theta=None, wind=(0.0, 0.0)):
     """Returns ẋ under u = u₀ - K (x - x₀) for any kind of number, n numbers each."""
     command = u0
     for gain, x, center in zip(gains, states, x0, strict=True):
         command = command - gain * (x - center)
-    return open_loop_rates(model, states, command, theta)
+    return open_loop_rates(model, states, command, theta, wind)

@@ -31,10 +31,9 @@ from glider.verification.funnel.growth import (
     boundary_forms,
     growth_between,
     largest_growth,
-    remainder_form,
 )
 from glider.verification.funnel.remainder import SAMPLES
-from glider.verification.funnel.servo_limits import margin_to_limits, servo_bounds
+from glider.verification.funnel.servo_limits import margin_to_limits
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
 from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow
 from glider.verification.sos.programs import (
@@ -110,10 +109,11 @@ def make_funnel(
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
         settings = dataclasses.replace(settings, goal=goal)
     n = nominal.states.shape[1]
-    total = n + (confidence.dimension if confidence else 0)
+    of_set = confidence.dimension if confidence else 0
+    total = n + of_set + (3 if settings.pushes.any() else 0)
     directions = normalized(rng.normal(size=(SAMPLES, total)))
     if settings.elevator_gain > 0.0:
-        own = normalized(directions[:, :n])
+        own = normalized(np.delete(directions, np.s_[n : n + of_set], axis=1))
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
         _shape(steered, say, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
@@ -126,7 +126,6 @@ def make_funnel(
     grams = certify(nominal.times, forms, settings.margin)
     return Funnel(
         **{field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)},
-        settings=settings,
         grams=grams,
         solver=next(iter(SOLVERS)),
         seconds=time.perf_counter() - began,
@@ -186,12 +185,12 @@ class Gauge:
         """Expands the dynamics between the times."""
         self._task, self._nominal = task, task.nominal
         self._starts = task.directions[:STARTS]
-        if task.center is not None:
-            n = self._nominal.states.shape[1]
+        n = self._nominal.states.shape[1]
+        if task.directions.shape[1] > n:
             self._starts = normalized(self._starts[:, :n])
         self._between = {share: self._nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(self._nominal)
-        self._limits = servo_bounds(self._nominal, task.center)
+        self._limits = task.servo_bounds()
 
     def scaled(self, S: np.ndarray) -> tuple[BoundarySets, BoundaryForms]:
         """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary, and V̇/V.
@@ -227,19 +226,17 @@ class Gauge:
     def _sets(self, S):
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
         times = self._nominal.times
-        beta, weights, focus = self._task.bound(S, np.arange(len(S)))
+        bounds, push = self._task.bound(S, np.arange(len(S)))
         slopes = CubicSpline(times, S)(times, 1)
-        disturbance = remainder_form(S, beta, weights)
         coefficients, drift = self._nominal.closed_loop, self._drift(S)[:, None, None]
-        forms = boundary_forms(S, slopes, coefficients, disturbance, focus)
+        forms = boundary_forms(S, slopes, coefficients, push, bounds)
         quadratic = forms.quadratic + drift * np.eye(S.shape[1])
         sets = BoundarySets(
             nominal=self._nominal,
+            settings=self._task.settings,
             S=S,
             slopes=slopes,
-            beta=beta,
-            weights=weights,
-            focus=focus,
+            **bounds._asdict(),
         )
         return sets, forms._replace(quadratic=quadratic)
 

@@ -16,6 +16,8 @@ A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `
     focus   (T, n, n)  F, symmetric, straight lines between the times; not in files of
                        an earlier format, where it is zero
     weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
+    push_weights       (T, 2) λ of the bounds `command_error` and `wind` in the notes;
+                       not in files of earlier formats, where these are zero
     grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, as the check
                        corrects them; lower triangles, column by column, in the
                        basis of `glider.verification.sos.sphere`
@@ -38,10 +40,13 @@ from glider.errors import InputError, show
 from glider.files import schema
 from glider.verification.funnel.settings import FunnelSettings
 
-FORMAT = "drake-glider funnel 2"
+FORMAT = "drake-glider funnel 3"
 
-EARLIER = "drake-glider funnel 1"
-"""Format of files without a focus, which are still read."""
+EARLIER = {
+    "drake-glider funnel 1": ("focus", "push_weights"),
+    "drake-glider funnel 2": ("push_weights",),
+}
+"""Formats that are still read, and the arrays that they lack: zeros."""
 
 MOST_BYTES = 30_000_000
 """Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
@@ -105,6 +110,7 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
         "beta": (count, n),
         "focus": (count, n, n),
         "weights": (count, n),
+        "push_weights": (count, 2),
         "grams": (count, size * (size + 1) // 2),
     }
 
@@ -130,10 +136,10 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
             shapes = _shapes(count[0], len(notes.state_names))
             if 8 * sum(map(math.prod, shapes.values())) > MOST_BYTES:
                 raise ValueError(f"its arrays are larger than {MOST_BYTES:,} bytes")
-            if notes.format == EARLIER:
-                del shapes["focus"]
-            arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes}
-            arrays.setdefault("focus", np.zeros_like(arrays["S"]))
+            lacking = {
+                k: np.zeros(shapes.pop(k)) for k in EARLIER.get(notes.format, ())
+            }
+            arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes} | lacking
         _check(arrays)
         return notes, arrays, hashlib.sha256(content).hexdigest()
     except InputError:
@@ -175,7 +181,7 @@ def _read_notes(archive, source):
     if shape or dtype.kind != "U" or dtype.itemsize > MOST_BYTES:
         raise ValueError("'notes' is not a text")
     data = schema.parse_json(str(_read(archive, "notes")), source)
-    if isinstance(data, dict) and data.get("format") not in (FORMAT, EARLIER):
+    if isinstance(data, dict) and data.get("format") not in (FORMAT, *EARLIER):
         raise ValueError(f"its format is {show(data.get('format'))}, not '{FORMAT}'")
     return schema.convert(data, Notes, source)
 
@@ -207,6 +213,6 @@ def _check(arrays: dict[str, np.ndarray]) -> None:
     for name in ("S", "slopes", "focus"):
         if not np.array_equal(arrays[name], np.swapaxes(arrays[name], 1, 2)):
             raise ValueError(f"'{name}' is not symmetric")
-    for name in ("beta", "weights"):
+    for name in ("beta", "weights", "push_weights"):
         if np.any(arrays[name] < 0.0):
             raise ValueError(f"'{name}' is negative somewhere")

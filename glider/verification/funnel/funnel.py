@@ -18,14 +18,12 @@ from glider.verification.dynamics.moving_center import MovingCenter, make_moving
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.funnel.file import GlidersNote, Notes, read_file
 from glider.verification.funnel.growth import BoundarySets
-from glider.verification.funnel.settings import FunnelSettings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Funnel(BoundarySets):
     """The sets that no flight leaves, from the launch to the goal, and their proof."""
 
-    settings: FunnelSettings  #: Settings that it was made with; the goal is there.
     grams: np.ndarray  #: Gram matrices (T, E), one a time: the certificate.
     solver: str  #: Name of the solver that was tried first.
     seconds: float  #: Duration of the computation [s].
@@ -74,7 +72,7 @@ class Funnel(BoundarySets):
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
 
 
-_OWN_ARRAYS = ("S", "slopes", "beta", "weights", "focus", "grams")
+_OWN_ARRAYS = ("S", "slopes", "beta", "weights", "focus", "push_weights", "grams")
 
 
 def save_funnel(path: Path | str, funnel: Funnel) -> None:

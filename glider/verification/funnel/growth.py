@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.verification.dynamics.nominal import Nominal
+from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import (
     higher_forms,
     product_form,
@@ -48,6 +49,9 @@ class BoundarySets:
     weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
     #: F (T, n, n) of where the remainder is large: |R_k| <= β_k (1 + eᵀ F e).
     focus: np.ndarray
+    #: Weights λ (T, 2) of the command's error and of the wind.
+    push_weights: np.ndarray
+    settings: FunnelSettings  #: Settings that it was made with.
 
     @functools.cached_property
     def curve(self) -> CubicHermiteSpline:
@@ -63,29 +67,63 @@ class BoundaryForms(NamedTuple):
     quartic: np.ndarray  #: Coefficients of c₄ (T, C₄) [1/s].
 
 
+class Bounds(NamedTuple):
+    """What acts on sets at K times; the names are those of `BoundarySets`."""
+
+    beta: np.ndarray  #: β (K, n).
+    weights: np.ndarray  #: λ (K, n).
+    focus: np.ndarray  #: F (K, n, n).
+    push_weights: np.ndarray  #: λ (K, 2).
+
+
 def boundary_forms(
     S: np.ndarray,
     slopes: np.ndarray,
     coefficients: np.ndarray,
-    disturbance: np.ndarray,
-    focus: np.ndarray,
+    push: np.ndarray,
+    bounds: Bounds,
 ) -> BoundaryForms:
-    """Returns V̇/V on the boundary, including (zᵀ D z)(1 + eᵀ F e); D, F (T, n, n)."""
+    """Returns V̇/V on the boundary, with (zᵀ D z)(1 + eᵀ F e) of R.
+
+    The command's error and the wind add zᵀ D z, D `push` (T, n, n).
+    """
     cubic, quartic = higher_forms(S, coefficients)
     _, L_inv_T = to_ball(S)
     L_inv = np.swapaxes(L_inv_T, 1, 2)
+    disturbance = remainder_form(S, bounds.beta, bounds.weights)
     quadratic = quadratic_form(S, slopes, coefficients)
-    quadratic = L_inv @ quadratic @ L_inv_T + disturbance
-    quartic = quartic + product_form(disturbance, L_inv @ focus @ L_inv_T)
+    quadratic = L_inv @ quadratic @ L_inv_T + disturbance + push
+    quartic = quartic + product_form(disturbance, L_inv @ bounds.focus @ L_inv_T)
     return BoundaryForms(quadratic, cubic, quartic)
 
 
-def remainder_form(S: np.ndarray, beta: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Returns D (T, n, n) in the coordinates of the ball; λ is zero where β is."""
+def push_form(
+    S: np.ndarray, slopes: np.ndarray, pushes: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Returns D (T, n, n) of pushes along G (T, n, 3), in the coordinates of the ball.
+
+    2 eᵀ S G w <= λ |Gᵀ S e|² + w² / λ of both axes of the wind: half of w² each.
+    """
+    both = [0, 1, 1]
+    sizes = pushes[both] * [1.0, np.sqrt(0.5), np.sqrt(0.5)] + 0.0 * weights[:, both]
+    return remainder_form(S, sizes, weights[:, both], slopes)
+
+
+def remainder_form(
+    S: np.ndarray,
+    beta: np.ndarray,
+    weights: np.ndarray,
+    directions: np.ndarray | None = None,
+) -> np.ndarray:
+    """Returns D (T, n, n) in the coordinates of the ball; λ is zero where β is.
+
+    The directions (T, n, m) are those of m disturbances; of R they are the axes.
+    """
     L_T, _ = to_ball(S)
     n = S.shape[-1]
     ball = np.divide(beta**2, weights, out=np.zeros_like(beta), where=weights > 0.0)
-    along = np.einsum("tik,tk,tjk->tij", L_T, weights, L_T)
+    pulls = L_T if directions is None else L_T @ directions
+    along = np.einsum("tik,tk,tjk->tij", pulls, weights, pulls)
     return along + ball.sum(axis=1)[:, None, None] * np.eye(n)
 
 
@@ -127,9 +165,10 @@ def growth_between(
 
     here = here or sets.nominal.between(share).part(slice(None, None, every))
     S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
-    disturbance = remainder_form(S, mixed(sets.beta), mixed(sets.weights))
-    coefficients, focus = here.closed_loop, mixed(sets.focus)
-    forms = boundary_forms(S, slopes, coefficients, disturbance, focus)
+    bounds = Bounds(*(mixed(getattr(sets, name)) for name in Bounds._fields))
+    given = mixed(sets.nominal.push_slopes), sets.settings.pushes
+    push = push_form(S, *given, bounds.push_weights)
+    forms = boundary_forms(S, slopes, here.closed_loop, push, bounds)
     return largest_growth(forms, starts)
 
 

@@ -24,6 +24,7 @@ from glider.verification.dynamics.nominal import (
     nonlinear_parts,
 )
 from glider.verification.funnel.growth import climb_sphere
+from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
 
@@ -50,6 +51,7 @@ def sample_remainder(
     at: np.ndarray,
     center: MovingCenter | None = None,
     focus: np.ndarray | None = None,
+    pushes: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns the largest |R_k| / (1 + eᵀ F e) on the boundaries of sets, (K, n).
 
@@ -59,33 +61,46 @@ def sample_remainder(
     Args:
         S: (K, n, n) of the sets, at K times in order.
         directions: (B, n + r) to sample, r the dimension of the gliders' set; their
-            negatives too. The first n are of the deviation e, the others of δ.
+            negatives too. The first n are of the deviation e, the others of δ; the
+            last 3 are of pushes, where there are any.
         focus: (K, n, n) F; zero if None.
+        pushes: (2,) bounds of the command's error and the wind; none if None.
     """
-    remainders = _Remainders(nominal, S, at, center, focus)
+    remainders = _Remainders(nominal, S, at, center, focus, pushes)
     highest, _ = remainders.climb(directions)
     return remainders.in_all_rates(highest)
+
+
+def towards(pushes: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Returns the largest pushes (..., 3), of bounds (2,), towards directions."""
+    error, wind = np.sign(directions[..., :1]), normalized(directions[..., 1:])
+    return np.concatenate([error, wind], axis=-1) * pushes[[0, 1, 1]]
 
 
 class _Remainders:
     """R / (1 + eᵀ F e) on the boundaries of K sets, of the rates that have one."""
 
-    def __init__(self, nominal, S, at, center, focus):
+    def __init__(self, nominal, S, at, center, focus, pushes=None):
         names = center.confidence.names if center else ()
         self.which, self.rows = nonlinear_parts(nominal.model, names)
         self._nominal, self._center, self._at = nominal, center, at
+        self._pushes = pushes
         self._L_inv = np.swapaxes(to_ball(S)[1], 1, 2)
         self.focus = np.zeros_like(S) if focus is None else focus
 
     def errors(self, y, here=slice(None)):
-        """Returns e (K, B, n) and δ at points (K, B, n + r) of the spheres."""
+        """Returns e (K, B, n) and δ at points (K, B, n + r) or with three more."""
+        y = y if self._pushes is None else y[..., :-3]
         return split_directions(self._nominal, self._center, self._L_inv[here], y)
 
     def __call__(self, y, here=slice(None)):
         """Returns values (K, B, rows) at points of the spheres, at some times."""
         errors, deviations = self.errors(y, here)
+        push = None
+        if self._pushes is not None:
+            push = towards(self._pushes, y[..., -3:])
         found = remainder_of(
-            self._nominal, self._at[here], errors, self._center, deviations
+            self._nominal, self._at[here], errors, self._center, deviations, push
         )
         bent = np.einsum("kbi,kij,kbj->kb", errors, self.focus[here], errors)
         # Where 1 + eᵀ F e is not positive, nothing is a bound.
@@ -126,10 +141,6 @@ class _Remainders:
         return found
 
 
-FLOOR = 0.3
-"""Share of the largest R that its bound keeps where R is small. Less makes a funnel
-wider, and the proof that R is no larger longer."""
-
 ROUNDS = 2
 """Times that F is made, the second with the points where the first was exceeded."""
 
@@ -141,15 +152,17 @@ def find_focus(
     at: np.ndarray,
     center: MovingCenter | None,
     sizes: np.ndarray,
+    pushes: np.ndarray | None = None,
+    floor: float = FunnelSettings.floor,
 ) -> np.ndarray:
     """Returns F (K, n, n), positive semidefinite, of where R is large.
 
     At the points that were seen, 1 + eᵀ F e is at least the largest of R's shares of
-    its largest values, relative to FLOOR, and tr(Σ F) is small; Σ is `sizes`. F has
+    its largest values, relative to a floor, and tr(Σ F) is small; Σ is `sizes`. F has
     the axes of the second moment of these points.
     """
-    bare = _Remainders(nominal, S, at, center, None)
-    bent = _Remainders(nominal, S, at, center, np.zeros_like(S))
+    bare = _Remainders(nominal, S, at, center, None, pushes)
+    bent = _Remainders(nominal, S, at, center, np.zeros_like(S), pushes)
     states = [i for i in bare.which if i < S.shape[-1]]
     scales = np.sqrt(np.diagonal(np.linalg.inv(S), axis1=1, axis2=2))[:, states]
     largest: np.ndarray | None = None
@@ -168,22 +181,22 @@ def find_focus(
             seen[k].append((values.max(axis=1), own))
             shares, own = map(np.concatenate, zip(*seen[k], strict=True))
             scaled = sizes[k][np.ix_(states, states)] / np.outer(scales[k], scales[k])
-            F = _least_focus(shares, own, scaled) / np.outer(scales[k], scales[k])
+            F = _least_focus(shares / floor, own, scaled) / np.outer(
+                scales[k], scales[k]
+            )
             bent.focus[k][np.ix_(states, states)] = F
     return bent.focus
 
 
 def _least_focus(shares, own, sizes):
-    """Returns F (m, m) so that 1 + eᵀ F e is at least shares (B,) / FLOOR."""
+    """Returns F (m, m) so that 1 + eᵀ F e is at least shares (B,)."""
     moment = np.einsum("b,bi,bj->ij", shares**2, own, own)
     axes = np.linalg.eigh(moment)[1]
     cost = np.einsum("ij,ik,jk->k", sizes / np.trace(sizes), axes, axes) + 1e-3
-    needs = shares > FLOOR
+    needs = shares > 1.0
     if not np.any(needs):
         return np.zeros_like(moment)
-    found = linprog(
-        cost, A_ub=-((own[needs] @ axes) ** 2), b_ub=1.0 - shares[needs] / FLOOR
-    )
+    found = linprog(cost, A_ub=-((own[needs] @ axes) ** 2), b_ub=1.0 - shares[needs])
     F = (axes * (found.x if found.success else 0.0 * cost)) @ axes.T
     return 0.5 * (F + F.T)
 
@@ -210,7 +223,7 @@ def split_directions(
         directions: (K, B, n + r).
     """
     if center is None:
-        return directions @ L_inv, None
+        return normalized(directions) @ L_inv, None
     n = L_inv.shape[-1]
     deviations = center.confidence.on_boundary(directions[..., n:])
     deviations = physical(nominal.model, center.confidence.names, deviations)
@@ -223,35 +236,39 @@ def remainder_of(
     errors: np.ndarray,
     center: MovingCenter | None = None,
     deviations: np.ndarray | None = None,
+    push: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns R (K, B, n) = ė - p(e), without the servo's limits, at K times.
 
-    Errors e are from x₀ + X δ where a center moves, with deviations δ (K, B, m).
+    Errors e are from x₀ + X δ where a center moves, with deviations δ (K, B, m). A
+    push (K, B, 3) is d_u and w, which act in R but for their linear part.
     """
     polynomial = evaluate(nominal.closed_loop[at], errors)
+    if push is not None:
+        polynomial = polynomial + push @ np.swapaxes(nominal.push_slopes[at], 1, 2)
+    own = _rates(nominal, at, np.zeros_like(errors[:, :1]))
     if center is None or deviations is None:
-        both = np.concatenate([0.0 * errors[:, :1], errors], axis=1)
-        full = _rates(nominal, at, both)
-        return full[:, 1:] - full[:, :1] - polynomial
+        return _rates(nominal, at, errors, push=push) - own - polynomial
     moved = errors + deviations @ np.swapaxes(center.shifts[at], 1, 2)
     drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
     theta = theta_at(
         nominal.model, center.confidence.names, np.moveaxis(deviations, 2, 0)
     )
-    own = _rates(nominal, at, np.zeros_like(errors[:, :1]))
-    return _rates(nominal, at, moved, theta) - own - drift - polynomial
+    return _rates(nominal, at, moved, theta, push) - own - drift - polynomial
 
 
-def _rates(nominal, at, errors, theta=None):
-    """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀."""
+def _rates(nominal, at, errors, theta=None, push=None):
+    """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀, with a push (K, B, 3)."""
     states = nominal.states[at][:, None] + errors
+    error, *wind = (0.0,) * 3 if push is None else np.moveaxis(push, 2, 0)
     rates = closed_loop_rates(
         nominal.model,
         list(np.moveaxis(states, 2, 0)),
         nominal.gains[at].T[..., None],
         nominal.states[at].T[..., None],
-        nominal.inputs[at][:, None],
+        nominal.inputs[at][:, None] + error,
         theta,
+        wind,
     )
     return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)
 
@@ -261,7 +278,23 @@ def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.
 
     With W = Lᵀ Σ L, these minimize tr(W D).
     """
+    weight, pulls = _pulls(S, np.eye(S.shape[-1]), sizes)
+    return beta * np.sqrt(weight[:, None] / pulls)
+
+
+def push_weights(
+    S: np.ndarray, pushes: np.ndarray, slopes: np.ndarray, sizes: np.ndarray
+) -> np.ndarray:
+    """Returns the same λ (T, 2) of pushes (2,) along G (T, n, 3)."""
+    weight, pulls = _pulls(S, slopes, sizes)
+    pulls = np.stack([pulls[:, 0], pulls[:, 1] + pulls[:, 2]], axis=1)
+    return pushes * np.sqrt(weight[:, None] / pulls)
+
+
+def _pulls(S, directions, sizes):
+    """Returns tr W (T,) and gᵀ L W Lᵀ g (T, m) for directions g (..., n, m)."""
     L_T, _ = to_ball(S)
     weight = L_T @ sizes @ np.swapaxes(L_T, 1, 2)
-    pull = np.einsum("tik,tij,tjk->tk", L_T, weight, L_T)
-    return beta * np.sqrt(np.einsum("tii->t", weight)[:, None] / pull)
+    pulls = L_T @ directions
+    along = np.einsum("tik,tij,tjk->tk", pulls, weight, pulls)
+    return np.einsum("tii->t", weight), along

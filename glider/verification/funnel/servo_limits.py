@@ -26,11 +26,15 @@ reach 0.9942 of them."""
 
 
 def servo_bounds(
-    nominal: Nominal, center: MovingCenter | None = None, shrink: float = SHRINK
+    nominal: Nominal,
+    center: MovingCenter | None = None,
+    shrink: float = SHRINK,
+    command_error: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
 
-    A center that moves by X δ leaves b - max aᵀ X δ.
+    A center that moves by X δ leaves b - max aᵀ X δ, and an error of the command
+    [rad/s] that much less of the rate.
     """
     low, high, rate = nominal.model.parameters.servo
     ahead = nominal.states[:, ELEVATOR] + STOPPING_TIME * nominal.inputs
@@ -39,7 +43,7 @@ def servo_bounds(
     directions = np.stack([nominal.gains, travel], axis=1)
     rate_left = rate - np.abs(nominal.inputs)
     bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
-    bounds *= shrink
+    bounds = shrink * bounds - command_error * np.array([1.0, STOPPING_TIME])
     if center is not None:
         bounds -= center.reach(directions)
     return directions, bounds
@@ -103,11 +107,6 @@ def margin_to_limits(
 SHARE = 0.97
 """Share of the servo's rate that the feedback uses on the boundary: the set changes
 until the gains are used, one time earlier."""
-
-
-def command_slopes(nominal: Nominal) -> np.ndarray:
-    """Returns B = ∂f/∂u (T, n) along a flight."""
-    return nominal.open_loop[:, :, 1 + nominal.states.shape[1]]
 
 
 def steepest_gains(

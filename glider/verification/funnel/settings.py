@@ -48,10 +48,15 @@ class FunnelSettings:
     #: be proven that the true one is no larger, at all times; with less, that takes
     #: many times as long.
     remainder: float = 0.0
+    #: Share of the largest remainder that its bound keeps where the remainder is small.
+    #: Less makes a funnel wider and its proof longer; with 1 the bound is constant.
+    floor: float = 0.3
     #: Largest gain on the elevator's own deviation [1/s] of a feedback that is made
     #: with the funnel's shape (`glider.verification.funnel.servo_limits`); 0 for the
     #: policy's own feedback. 40 is slow enough for commands held for 20 ms.
     elevator_gain: float = 0.0
+    command_error: float = 0.0  #: Largest error of the command, at any time [rad/s].
+    wind: float = 0.0  #: Largest wind beyond the model's own, at any time [m/s].
 
     def __post_init__(self):
         """Raises InputError where a setting is out of range."""
@@ -61,13 +66,21 @@ class FunnelSettings:
             if name != "launch_sizes" or values is not None:
                 good = len(values) == NUM_STATES and all(map(_is_positive, values))
                 expect(good, f"field '{name}'", values, vector)
-        for name in ("goal_extra", "sizes_extra", "step", "hold", "margin"):
+        for name in ("goal_extra", "sizes_extra", "step", "hold", "margin", "floor"):
             value = getattr(self, name)
             expect(_is_positive(value), f"field '{name}'", value, "a positive number")
-        for name in ("remainder", "elevator_gain"):
+        for name in ("remainder", "elevator_gain", "command_error", "wind"):
             value = getattr(self, name)
             good = _is_positive(value) or value == 0.0
             expect(good, f"field '{name}'", value, "a number that is zero or positive")
+        words = "a positive number where there is a command_error or wind"
+        good = self.remainder > 0.0 or not self.pushes.any()
+        expect(good, "field 'remainder'", self.remainder, words)
+
+    @property
+    def pushes(self) -> np.ndarray:
+        """Bounds (2,) of the command's error [rad/s] and of the wind [m/s]."""
+        return np.array([self.command_error, self.wind])
 
     def goal_axes(self, num_states: int) -> np.ndarray:
         """Returns the goal's half-axes (n,), the effects' own states included."""

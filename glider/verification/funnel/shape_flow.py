@@ -24,15 +24,15 @@ from scipy.linalg import expm
 
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.funnel.growth import remainder_form
+from glider.verification.funnel.growth import Bounds, push_form, remainder_form
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
     find_focus,
+    push_weights,
     remainder_weights,
     sample_remainder,
 )
 from glider.verification.funnel.servo_limits import (
-    command_slopes,
     goal_about,
     keep_bounds,
     servo_bounds,
@@ -74,23 +74,33 @@ class FunnelTask:
         spread = np.array(errors)
         return spread @ np.swapaxes(spread, 1, 2) + SHARE**2 * steady
 
-    def bound(
-        self, S: np.ndarray, at: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns β (K, n), λ (K, n) and F (K, n, n) of K sets.
+    def servo_bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the servo's bounds, which leave room for the command's error."""
+        error = self.settings.command_error
+        return servo_bounds(self.nominal, self.center, command_error=error)
+
+    def bound(self, S: np.ndarray, at: np.ndarray) -> tuple[Bounds, np.ndarray]:
+        """Returns β, λ and F of K sets, and D (K, n, n) of the pushes from outside.
 
         β (1 + eᵀ F e) is the inflated remainder, but for rounding. All are zero where
         the funnel is to be of the Taylor polynomial alone.
         """
-        inflation = self.settings.remainder
+        inflation, pushes = self.settings.remainder, self.settings.pushes
         if inflation == 0.0:
-            return np.zeros(S.shape[:2]), np.zeros(S.shape[:2]), np.zeros_like(S)
-        sizes = self.sizes[at]
+            beta, none = np.zeros(S.shape[:2]), np.zeros_like(S)
+            return Bounds(beta, beta, none, np.zeros((len(S), 2))), none
+        sizes, slopes = self.sizes[at], self.nominal.push_slopes[at]
         given = self.nominal, S, self.directions, at, self.center
-        focus = find_focus(*given, sizes)
-        sampled = sample_remainder(*given, focus)
+        acting = pushes if pushes.any() else None
+        focus, floor = np.zeros_like(S), self.settings.floor
+        if floor < 1.0:
+            focus = find_focus(*given, sizes, acting, floor)
+        sampled = sample_remainder(*given, focus, acting)
         beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
-        return beta, remainder_weights(S, beta, sizes), focus
+        weights = remainder_weights(S, beta, sizes)
+        of_pushes = push_weights(S, pushes, slopes, sizes)
+        push = push_form(S, slopes, pushes, of_pushes)
+        return Bounds(beta, weights, focus, of_pushes), push
 
 
 CHANGE_SHARE = 0.3
@@ -116,8 +126,8 @@ class ShapeFlow:
             nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())
             task = dataclasses.replace(task, nominal=nominal)
         self._task, self.nominal, self._sizes = task, nominal, task.sizes
-        self._bounds = servo_bounds(nominal, task.center)
-        self._slopes = command_slopes(nominal) if steer else None
+        self._bounds = task.servo_bounds()
+        self._slopes = nominal.push_slopes[:, :, 0] if steer else None
 
     def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
@@ -169,11 +179,12 @@ class ShapeFlow:
     def _growth(self, S, k):
         """Returns N + D at a time."""
         cubic, quartic = higher_forms(S, self.nominal.closed_loop[k])
-        beta, weights, focus = self._task.bound(S[None], np.array([k]))
-        disturbance = remainder_form(S[None], beta, weights)[0]
+        bounds, push = self._task.bound(S[None], np.array([k]))
+        disturbance = remainder_form(S[None], bounds.beta, bounds.weights)[0]
         L = np.linalg.cholesky(S)
         L_inv = np.linalg.inv(L)
-        quartic = quartic + product_form(disturbance, L_inv @ focus[0] @ L_inv.T)
+        focus = L_inv @ bounds.focus[0] @ L_inv.T
+        quartic = quartic + product_form(disturbance, focus)
         weight = L.T @ self._sizes[k] @ L
         [growth] = first_success(
             least_growth,
@@ -182,7 +193,7 @@ class ShapeFlow:
             weight,
             fault="No solver shaped the funnel; the goal may be too wide.",
         )
-        return growth + disturbance
+        return growth + disturbance + push[0]
 
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""

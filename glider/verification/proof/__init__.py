@@ -5,7 +5,7 @@ intended problem and glider. exact_check: the part in exact arithmetic. flight_p
 that no flight leaves, interval by interval. interval_proof: one of them. interval: its
 polynomials in time, its servo, a ball that holds its sets, and the centers of a set of
 gliders. interval_growth: that V falls. enclosure, boxes: that the Taylor remainder is
-within the bounds that the certificate assumes.
+within the bounds that the certificate assumes. held: what held commands are off by.
 
 Between its times t_k a funnel is this: with τ from 0 to 1, x₀ and S are cubic Hermite
 polynomials, u₀ and K straight lines; its sets are E(t) = {x₀ + e: eᵀ S e <= 1}, and its
@@ -14,19 +14,24 @@ feedback is u = u₀ - K (x - x₀).
 Theorem. Let a funnel pass `check_funnel` with a problem, and let `prove_flights` be
 whole. Then every flight of its glider, ẋ = f(x, servo(u)), that starts in E(0), which
 is about the problem's launch, is in E(t) at every time 0 <= t <= T; its servo follows
-every command; and it ends in the goal, within the hook's reach of the wire.
+every command; and it ends in the goal, within the hook's reach of the wire. For a
+funnel made with a command error κ and a wind w̄ that holds with every |d_u(t)| <= κ and
+|w(t)| <= w̄: ẋ = f(x, servo(u + d_u); w).
 
 Proof. With V = eᵀ S e, on each interval and for all of its times and deviations
 1. S is positive definite, and on E neither limit of the servo is met: b > 0 and
-   b² S - a aᵀ > 0 for each limit aᵀ e < b. So ẋ = f(x, u) there.
-2. ė = P(τ, e) + R + d, P a straight line in time between the third-order Taylor
-   polynomials of f at both ends, with the feedback inserted. d is the nominal's defect
-   in the linear rates, |d| <= δ; R is the rest of f(x, u) - ẋ₀ - P in the others, and
-   |R_k| <= β_k (1 + eᵀ F e) on E, which is positive; β and F are straight lines in
-   time, and F is of the states that R depends on.
+   b² S - a aᵀ > 0 for each limit aᵀ e < b, less what κ takes. So ẋ = f(x, u + d_u; w).
+2. ė = P(τ, e) + G (d_u, w) + R + d, P a straight line in time between the third-order
+   Taylor polynomials of f at both ends, with the feedback inserted, and G one between
+   ∂f / ∂(u, w) there. d is the nominal's defect in the linear rates, |d| <= δ; R is the
+   rest of f - ẋ₀ - P - G (d_u, w) in the others, and |R_k| <= β_k (1 + eᵀ F e) on E,
+   which is positive; β and F are straight lines in time, and F is of the states that R
+   depends on.
 3. On V = 1, for λ_k and μ_k straight lines between λ_k and β_k² / λ_k,
    2 eᵀ S R <= (Σ λ_k (S e)_k² + μ_k V)(1 + eᵀ F e), because β_k² <= λ_k μ_k: √(λ μ)
-   is concave. And 2 eᵀ S d <= 2 √(δᵀ |S| δ).
+   is concave. Likewise, of the columns B and G_w of G,
+   2 eᵀ S G (d_u, w) <= λ_u (Bᵀ S e)² + μ_u + λ_w |G_wᵀ S e|² + μ_w.
+   And 2 eᵀ S d <= 2 √(δᵀ |S| δ).
 4. So V̇ <= -slack there, if a polynomial in e and τ is positive, which it is where a
    Gram matrix with its Bernstein coefficients is (`interval_growth`).
 A flight that left would have a last time with V = 1, and V > 1 after it: against 4.
@@ -51,7 +56,7 @@ them, is omitted, and so is that of the cubic polynomials' coefficients.
 
 Assumed: IEEE arithmetic; NumPy's functions are accurate to 100 units in the last
 place; f is the text of `glider.physics.chain` with the glider's parameters, in real
-arithmetic; the feedback knows the true state and acts at once; the servo is
+arithmetic; the feedback knows the true state and acts at once, but for κ; the servo is
 `glider.physics.servo`; Python, NumPy, FLINT and this package are correct; so were they
 when the file that a proof resumes from was written.
 """

@@ -45,6 +45,7 @@ from glider.verification.proof.purpose import (
     inlet_faults,
     model_faults,
     problem_faults,
+    push_faults,
     set_faults,
 )
 from glider.verification.sos.sphere import normalized
@@ -99,6 +100,7 @@ def check_funnel(
     covariance: Covariance | None = None,
     hook: bool = False,
     least_inlet: Mapping[str, float] | None = None,
+    least_pushes: tuple[float, float] = (0.0, 0.0),
     seed: int | None = None,
 ) -> Verdict:
     """Checks a funnel.
@@ -112,6 +114,7 @@ def check_funnel(
             contain the set of the same level; any if None.
         hook: whether the problem's hook must accept every state of the last set.
         least_inlet: least half-widths of the inlet, of states that deviate alone.
+        least_pushes: command error [rad/s] and wind [m/s] that it must account for.
         seed: of the points where ascents start; one that no file can know if None.
     """
     last = len(funnel.nominal.times) - 1
@@ -122,6 +125,7 @@ def check_funnel(
     faults = model_faults(funnel, model) if model else []
     faults += set_faults(funnel, covariance) if covariance and not faults else []
     faults += inlet_faults(funnel, least_inlet or {})
+    faults += push_faults(funnel, least_pushes)
     faults += problem_faults(funnel, problem) if problem else []
     faults += hook_faults(funnel, problem) if hook and problem else []
     faults += _defect_faults(funnel, growth)
@@ -173,9 +177,11 @@ def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> f
     worst = 0.0
     for center in dict.fromkeys((None, funnel.gliders)):
         total = n + (center.confidence.dimension if center else 0)
+        pushes = funnel.settings.pushes if funnel.settings.pushes.any() else None
+        total += 0 if pushes is None else 3
         directions = normalized(rng.normal(size=(SAMPLES, total)))
-        places = np.array(at)
-        found = sample_remainder(nominal, sets, directions, places, center, focus)
+        given = directions, np.array(at), center, focus, pushes
+        found = sample_remainder(nominal, sets, *given)
         with np.errstate(divide="ignore", invalid="ignore"):
             # What is no number counts.
             ratios = np.where(found <= LEAST_REMAINDER, 0.0, found / beta)
@@ -209,7 +215,8 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     if not funnel.gliders:
         return []
     faults = []
-    directions, bounds = servo_bounds(funnel.nominal, funnel.gliders, shrink=1.0)
+    error = funnel.settings.command_error
+    directions, bounds = servo_bounds(funnel.nominal, funnel.gliders, 1.0, error)
     try:
         reach = margin_to_limits(funnel.S, directions, bounds)
         met = ~((reach >= 1.0) & np.all(bounds > 0.0, axis=1))

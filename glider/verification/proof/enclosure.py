@@ -12,10 +12,15 @@ turned so that R varies most along w₁, then along w₂, and so on.
 For a set of gliders, δ = A v, y is the deviation from each one's own center:
     R(τ, y, δ) = f(x₀ + X δ + y, u₀ - K X δ + y; c₀ + δ) - ẋ₀ - Ẋ δ - P(τ, y),
 and boxes are of w, v and s. What X A v has beyond the degree in (v, s) is bounded.
+
+Pushes from outside, the command's error κ q₁, |q₁| <= 1, and the wind w (q₂, q₃),
+|(q₂, q₃)| <= 1, act in f too. Their linear part, G a straight line in time, is not in
+R: V̇ has it as it is. Boxes are then of w, v, q and s; q has what is not zero.
 """
 
 import dataclasses
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -47,8 +52,8 @@ STARTS = 4
 class TaylorRemainder:
     """R over the sets of an interval, ready to be enclosed on boxes of (w, s).
 
-    Polynomials are in (w, v, s), by `jets.monomials(m + r + 1, ORDER)`; there is no v
-    for one glider alone.
+    Polynomials are in (w, v, q, s), by `jets.monomials(m + r + p + 1, ORDER)`; there is
+    no v for one glider alone, and no q where nothing pushes.
     """
 
     model: GliderModel  #: Glider whose rates they are.
@@ -56,7 +61,7 @@ class TaylorRemainder:
     basis: np.ndarray  #: Matrix (m, m) of y = basis w.
     #: Polynomials (n + 1, M) of the states x₀ + y, and of the command.
     inputs: np.ndarray
-    #: Polynomials (r, M) of ẋ₀ + P, without what is of degree ORDER + 1.
+    #: Polynomials (r, M) of ẋ₀ + P + G q, without what is of degree ORDER + 1.
     polynomials: np.ndarray
     highest: np.ndarray  #: What these lack, divided by s: polynomials (r, M).
     rounding: np.ndarray  #: Bounds (r,) of what rounding leaves out of the two.
@@ -65,19 +70,23 @@ class TaylorRemainder:
     span: tuple[float, float]  #: First and last s.
     allowed: ConfidenceSet | None  #: Set of the gliders that fly; None for one alone.
     beyond: np.ndarray  #: Bounds (n + 1,) of what the inputs lack of that.
+    pushes: np.ndarray  #: Bounds (2,) of the command's error [rad/s], the wind [m/s].
 
     @property
     def dimension(self) -> int:
         """Number of the boxes' coordinates."""
         of_set = self.allowed.dimension if self.allowed else 0
-        return len(self.basis) + of_set + 1
+        return len(self.basis) + of_set + len(_acting(self.pushes)) + 1
 
     @property
     def balls(self) -> tuple[slice, ...]:
-        """Coordinates of w, and of v where they are in a ball."""
-        m = len(self.basis)
-        is_round = self.allowed is not None and self.allowed.shape == "ellipsoid"
-        return (slice(0, m), slice(m, -1)) if is_round else (slice(0, m),)
+        """Coordinates of w, of the wind, and of v where they are in a ball."""
+        m, found = len(self.basis), [slice(0, len(self.basis))]
+        if self.allowed is not None and self.allowed.shape == "ellipsoid":
+            found.append(slice(m, m + self.allowed.dimension))
+        if self.pushes[1] > 0.0:
+            found.append(slice(self.dimension - 3, self.dimension - 1))
+        return tuple(found)
 
     def seen(self) -> float:
         """Returns the largest |R| / β of the model's own glider that ascent finds.
@@ -132,9 +141,13 @@ class TaylorRemainder:
         theta = None
         if self.allowed:
             factor = self.allowed.factor
-            deviations = [_lazy(on_boxes(row @ unit[1 + m : d])) for row in factor]
+            own = unit[1 + m : 1 + m + factor.shape[1]]
+            deviations = [_lazy(on_boxes(row @ own)) for row in factor]
             theta = theta_at(self.model, self.allowed.names, deviations)
-        rates = open_loop_rates(self.model, states, command, theta)
+        wind: list[Any] = [0.0, 0.0]
+        if self.pushes[1] > 0.0:
+            wind = [_lazy(on_boxes(self.pushes[1] * unit[k])) for k in (d - 2, d - 1)]
+        rates = open_loop_rates(self.model, states, command, theta, wind)
         time = on_boxes(unit[d])
         inside = [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls]
         within = np.all(inside, axis=0)
@@ -172,7 +185,9 @@ def make_remainder(
     which, rows = nonlinear_parts(nominal.model)
     m = len(which)
     moved, drift = gliders_path(piece)
-    last = m + moved.shape[1]  # The coordinate s.
+    pushes = piece.settings.pushes
+    acting, first = _acting(pushes), m + moved.shape[1]  # Of q the first coordinate.
+    last = first + len(acting)  # The coordinate s.
     table, open_loop = monomials(last + 1, ORDER), table_of(n + 1)
     own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
     P = nominal.open_loop[:, rows][..., own]
@@ -205,6 +220,12 @@ def make_remainder(
         places = [_place(table, unit[m + v] + j * unit[last]) for j in range(ORDER)]
         inputs[:, places] += moved[:, v, :ORDER]
         polynomials[:, places] += drift[rows, v]
+    G = _mean_and_half_change(nominal.push_slopes * pushes[[0, 1, 1]])
+    for number, k in enumerate(acting, start=first):
+        places = [_place(table, unit[number] + j * unit[last]) for j in range(2)]
+        polynomials[:, places] += G[:, rows, k].T
+        inputs[-1, places[0]] += pushes[0] if k == 0 else 0.0
+    sizes += 2.0 * np.abs(G[:, rows]).sum(axis=(0, 2))
     beyond = np.abs(moved[..., ORDER:]).sum(axis=(1, 2))
     beyond += ROUNDING * np.abs(moved).sum(axis=(1, 2))
     return TaylorRemainder(
@@ -219,7 +240,13 @@ def make_remainder(
         span=span,
         allowed=piece.gliders.confidence if piece.gliders else None,
         beyond=beyond * WIDER,
+        pushes=pushes,
     )
+
+
+def _acting(pushes):
+    """Returns which of the command's error and both axes of the wind are not zero."""
+    return [k for k, bound in enumerate(pushes[[0, 1, 1]]) if bound > 0.0]
 
 
 def _excess(difference, limit, boxes):

@@ -1,8 +1,9 @@
 """A funnel between two of its times, as polynomials in time without rounding.
 
 With τ from 0 to 1 along the interval and h its duration: S is cubic, and so is x₀; u₀,
-the gains K, the weights λ and β² / λ, the focus F, and the open loop's Taylor
-polynomials P in (e, δu) are straight lines. The deviation of the command is δu = -K e.
+the gains K, the weights λ and β² / λ, the focus F, the slopes G of pushes and the open
+loop's Taylor polynomials P in (e, δu) are straight lines. The deviation of the command
+is δu = -K e.
 
 Of its sets it is determined exactly whether they are ellipsoids, within the servo's
 limits, and within a ball.
@@ -55,6 +56,9 @@ class Interval:
     weights: InTime  #: λ (n,).
     bearing: InTime  #: β² / λ (n,), rounded up.
     focus: InTime  #: F (n, n).
+    push_slopes: InTime  #: G (n, 3) of the command's error, and of the wind in x, z.
+    push_weights: InTime  #: λ (2,) of these.
+    push_bearing: InTime  #: κ² / λ and w² / λ (2,), rounded up.
     #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.
     limits: tuple[tuple[InTime, InTime], ...]
 
@@ -88,7 +92,8 @@ def make_interval(piece: Funnel) -> Interval:
 
     command, gains = line(*nominal.inputs), line(*nominal.gains)
     angle, _ = hermite(nominal.states[:, ELEVATOR], nominal.slopes[:, ELEVATOR], step)
-    limits = _limits(nominal, command, gains, angle)
+    limits = _limits(nominal, command, gains, angle, piece.settings)
+    pushes = piece.settings.pushes
     return Interval(
         step=step,
         rows=rows,
@@ -102,6 +107,9 @@ def make_interval(piece: Funnel) -> Interval:
         weights=line(*piece.weights),
         bearing=InTime(tuple(map(_bearing, piece.beta, piece.weights))),
         focus=line(*_seen_focus(piece, which)),
+        push_slopes=line(*nominal.push_slopes),
+        push_weights=line(*piece.push_weights),
+        push_bearing=InTime(tuple(_bearing(pushes, w) for w in piece.push_weights)),
         # The centers of a set of gliders may reach some of b.
         limits=tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits),
     )
@@ -114,7 +122,13 @@ def _seen_focus(piece, which):
 
 
 def _bearing(beta, weights):
-    """Returns β² / λ (n,), rounded up; zero where β is."""
+    """Returns β² / λ (n,), rounded up; zero where β is.
+
+    Raises:
+        ValueError: λ is not positive where β is.
+    """
+    if np.any((beta > 0.0) & ~(weights > 0.0)):
+        raise ValueError("a weight is zero")
     parts = [
         at_least(Fraction(b) ** 2 / Fraction(w)) if b > 0.0 else exact(0.0)
         for b, w in zip(beta, weights, strict=True)
@@ -136,6 +150,7 @@ def at_time(funnel: Funnel, k: int) -> Interval:
 
     rows = np.flatnonzero(rates[:, table.degrees > 1].any(axis=1)).tolist()
     command, gains = constant(nominal.inputs[k]), constant(nominal.gains[k])
+    angle = constant(nominal.states[k, ELEVATOR])
     return Interval(
         step=exact(1.0),
         rows=rows,
@@ -149,14 +164,24 @@ def at_time(funnel: Funnel, k: int) -> Interval:
         weights=constant(funnel.weights[k]),
         bearing=InTime((_bearing(funnel.beta[k], funnel.weights[k]),)),
         focus=constant(funnel.focus[k]),
-        limits=_limits(nominal, command, gains, constant(nominal.states[k, ELEVATOR])),
+        push_slopes=constant(nominal.push_slopes[k]),
+        push_weights=constant(funnel.push_weights[k]),
+        push_bearing=InTime(
+            (_bearing(funnel.settings.pushes, funnel.push_weights[k]),)
+        ),
+        limits=_limits(nominal, command, gains, angle, funnel.settings),
     )
 
 
-def _limits(nominal, command, gains, angle):
-    """Returns a and b, of either way of the rate limit and of both stops."""
+def _limits(nominal, command, gains, angle, settings):
+    """Returns a and b, of either way of the rate limit and of both stops.
+
+    The command may be off by its error.
+    """
     servo = nominal.model.parameters.servo
     low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
+    error = exact(settings.command_error)
+    rate, high, low = rate - error, high - ahead_by * error, low + ahead_by * error
     ahead = angle + ahead_by * command
     travel = exact(np.eye(len(nominal.states[0]))[ELEVATOR]) - ahead_by * gains
     return (
@@ -302,6 +327,24 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
     found = np.abs(wanted).sum(axis=(1, 2)) + ROUNDING * sizes.sum(axis=1)
     found[rows] = 0.0
     return found * WIDER
+
+
+def unproven_wind(piece: Funnel) -> bool:
+    """Determines whether the wind acts where R does not account for it.
+
+    That is on a rate that is linear, or together with a state that R does not have.
+    """
+    if piece.settings.wind == 0.0:
+        return False
+    model, n = piece.nominal.model, piece.num_states
+    *states, u, x, z = dependences(n + 3)
+    rates = open_loop_rates(model, states, u, wind=(x, z))
+    which, rows = nonlinear_parts(model)
+    linear, bent = set[int](), set[int]()
+    for row, rate in enumerate(rates):
+        bent |= getattr(rate, "nonlinear", frozenset())
+        linear |= set() if row in rows else getattr(rate, "variables", frozenset())
+    return max(linear) > n or not bent <= {*which, n + 1, n + 2}
 
 
 def unproven_numbers(piece: Funnel) -> bool:

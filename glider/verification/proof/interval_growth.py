@@ -92,26 +92,18 @@ def prove_growth(
 
 def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     """Returns the forms above, exactly, for a basis B (n, n)."""
-    n, m, h = len(basis), len(interval.which), interval.step
+    h = interval.step
     H = basis.T @ interval.S
     G = H @ basis
     y = interval.outputs @ basis
     half = H @ (interval.linear @ y)
     disturbance = (H * interval.weights) @ H.T + interval.bearing.map(Exact.sum) * G
-    growth = half + half.T + disturbance + slack * G
+    pushed, both = H @ interval.push_slopes, [0, 1, 1]
+    push = (pushed * interval.push_weights[both]) @ pushed.T
+    push = push + interval.push_bearing.map(Exact.sum) * G
+    growth = half + half.T + disturbance + push + slack * G
     A = basis.T @ interval.rise @ basis + h * growth
-    # Of the rates that are not linear, and what they depend on.
-    pull = h * H.T[interval.rows]
-    own = y[interval.which]
-    forms = []
-    for degree, part in ((2, interval.quadratic), (3, interval.cubic)):
-        tensor = part.map(functools.partial(form_tensor, n=m, degree=degree))
-        for _ in range(degree):
-            tensor = tensor.product(own, contracted)
-        tensor = tensor.product(pull, functools.partial(contracted, axis=0))
-        gather = functools.partial(gathered, n=n, degree=degree + 1)
-        forms.append(tensor.map(gather) * -2)
-    cubic, quartic = forms
+    cubic, quartic = (f * -2 for f in pulled_forms(interval, basis, h * H.T, 1))
     focus = basis.T @ interval.focus @ basis
     if any(part.numbers.any() for part in focus.parts):
         quartic = quartic - h * disturbance.product(focus, quadratic_product)
@@ -139,6 +131,27 @@ def _prove_whole(interval, slack, grams):
     proven = _is_definite(tables, forms, N, raised_guesses, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
     return back.T @ middle @ back / h, proven
+
+
+def pulled_forms(
+    interval: Interval, basis: Exact, pull: InTime, more: int
+) -> list[InTime]:
+    """Returns P₂ᵀ p and P₃ᵀ p as forms in z, e = B z, for a pull p (n, k).
+
+    There are no more factors z in p, and k is 1, or there is one more, and p (n, n) z.
+    """
+    n, m = len(basis), len(interval.which)
+    # Of the rates that are not linear, and what they depend on.
+    own, pull = (interval.outputs @ basis)[interval.which], pull[interval.rows]
+    forms = []
+    for degree, part in ((2, interval.quadratic), (3, interval.cubic)):
+        tensor = part.map(functools.partial(form_tensor, n=m, degree=degree))
+        for _ in range(degree):
+            tensor = tensor.product(own, contracted)
+        tensor = tensor.product(pull, functools.partial(contracted, axis=0))
+        gather = functools.partial(gathered, n=n, degree=degree + more)
+        forms.append(tensor.map(gather))
+    return forms
 
 
 def _middle_gram(tables, forms, guess, h):

@@ -32,6 +32,7 @@ from glider.verification.proof.interval import (
     stays_definite,
     tight_cover,
     unproven_numbers,
+    unproven_wind,
 )
 from glider.verification.proof.interval_growth import prove_growth
 from glider.verification.sos.exact import exact
@@ -92,6 +93,10 @@ def _prove(piece, budget):
         return IntervalProof(fault="the certificate accounts for no remainder")
     if np.any((piece.beta > 0.0) & (piece.weights == 0.0)):
         return IntervalProof(fault="a weight of the remainder is zero")
+    if np.any((piece.settings.pushes > 0.0) & (piece.push_weights == 0.0)):
+        return IntervalProof(fault="a weight of a disturbance is zero")
+    if unproven_wind(piece):
+        return IntervalProof(fault="the wind acts where the remainder leaves it out")
     if unproven_numbers(piece):
         return IntervalProof(fault="a linear rate depends on a number that deviates")
     interval = make_interval(piece)

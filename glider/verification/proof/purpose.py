@@ -120,6 +120,16 @@ def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
     ]
 
 
+def push_faults(funnel: Funnel, least: tuple[float, float]) -> list[str]:
+    """Returns what of a command error [rad/s] and a wind [m/s] a funnel leaves out."""
+    words = ("a command error of {:g} rad/s", "wind of {:g} m/s")
+    return [
+        f"The funnel accounts for {word.format(own)}; expected at least {bound:g}."
+        for word, own, bound in zip(words, funnel.settings.pushes, least, strict=True)
+        if not own >= bound
+    ]
+
+
 def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     """Returns why a funnel does not solve a problem, launch to wire, in sentences."""
     nominal, reached = funnel.nominal, arrival(funnel, problem)

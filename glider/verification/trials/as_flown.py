@@ -2,11 +2,11 @@
 
 The theorem is about a feedback that knows the state and acts at once, in the model's
 air. Here commands come from a clock, each computed from the state one latency ago and
-held, and any phase between clock and launch may occur; the wind beyond the model's is
-at most so strong. Flights start on the boundary of the inlet; from the worst of them,
-their start, phase and wind climb. Half of them meet a steady wind, and half one that at
-each moment blows to where V rises fastest. Nothing here is proven; flights show what
-the loop does not tolerate.
+held, and any phase between clock and launch may occur; the wind beyond the model's and
+an error of the command are at most so large. Flights start on the boundary of the
+inlet; from the worst of them, their start, phase and wind climb. Half of them meet a
+steady wind and error, and half what at each moment makes V rise fastest. Nothing here
+is proven; flights show what the loop does not tolerate.
 """
 
 import dataclasses
@@ -37,8 +37,11 @@ from glider.verification.trials.falsify import (
 MOST_WIND = 20.0
 """Strongest wind that is flown [m/s]."""
 
+MOST_ERROR = 100.0
+"""Largest error of the command that is flown [rad/s]."""
+
 _FRESH = 1e-3
-"""Wind by which the direction where V rises fastest is found [m/s]."""
+"""Push by which the direction where V rises fastest is found [m/s, rad/s]."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,11 +50,14 @@ class FlownLoop:
 
     hold: Hold  #: How commands reach the servo.
     wind: float = 0.0  #: Largest speed of the wind beyond the model's own [m/s].
+    command_error: float = 0.0  #: Largest other error of the command [rad/s].
 
     def __post_init__(self):
-        """Raises InputError where the wind is out of range."""
+        """Raises InputError where the wind or the error is out of range."""
         good = 0.0 <= self.wind <= MOST_WIND
         expect(good, "the wind", self.wind, f"a speed from 0 to {MOST_WIND:g} m/s")
+        error, words = self.command_error, f"from 0 to {MOST_ERROR:g} rad/s"
+        expect(0.0 <= error <= MOST_ERROR, "the command error", error, words)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -150,6 +156,7 @@ class _Flight:
         self._funnel, self._loop = funnel, loop
         self._model, self._policy = funnel.nominal.model, funnel_policy(funnel)
         self._wind = loop.wind * genes[:, n : n + 2]
+        self._error = loop.command_error * np.sign(genes[:, n])
         self._steady = genes[:, n + 3] > 0.5
         self._first = genes[:, n + 2] * loop.hold.period
         self._states = boundary_states(funnel, 0, genes[:, :n])
@@ -182,9 +189,9 @@ class _Flight:
         step = duration / count * np.ones(len(self._times))
         for _ in range(count):
             left = np.clip(self._policy.duration - self._times, 0.0, step)
-            wind = self._wind_now(command)
+            error, wind = self._pushes_now(command)
             flown = advance(
-                lambda x, t, u=command, w=wind: rates_of(self._model, x, u, w),
+                lambda x, t, u=command + error, w=wind: rates_of(self._model, x, u, w),
                 self._states,
                 left[:, None],
             )
@@ -197,19 +204,24 @@ class _Flight:
             acts = self._times > self._first + hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)
 
-    def _wind_now(self, command):
-        """Returns the wind (B, 2): steady, or where V rises fastest."""
-        if not self._loop.wind:
-            return None
+    def _pushes_now(self, command):
+        """Returns error (B,) and wind (B, 2): steady, or where V rises fastest."""
+        if not (self._loop.wind or self._loop.command_error):
+            return 0.0, None
         error = self._states - self._funnel.center(self._times)
         pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
         slopes = []
-        for axis in np.eye(2):
-            breeze = np.broadcast_to(_FRESH * axis, (len(error), 2))
-            pushed = rates_of(self._model, self._states, command, breeze)
-            pushed = pushed - rates_of(self._model, self._states, command, -breeze)
+        for axis in np.eye(3):
+            push = np.broadcast_to(_FRESH * axis, (len(error), 3))
+            pushed = self._rates(command, push) - self._rates(command, -push)
             slopes.append(np.sum(pull * pushed, axis=1))
-        toward = np.array(slopes).T
+        toward = np.array(slopes[1:]).T
         size = np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
         worst = self._loop.wind * toward / size
-        return np.where(self._steady[:, None], self._wind, worst)
+        wind = np.where(self._steady[:, None], self._wind, worst)
+        highest = self._loop.command_error * np.sign(slopes[0])
+        return np.where(self._steady, self._error, highest), wind
+
+    def _rates(self, command, push):
+        u = command + push[:, 0]
+        return rates_of(self._model, self._states, u, push[:, 1:])

@@ -1,0 +1,385 @@
+"""Errors of the command and wind, of any time course: bounded, proven, counted."""
+
+import dataclasses
+import json
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from glider.__main__ import main
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.verification.dynamics.nominal import (
+    nonlinear_parts,
+    open_loop_rates,
+    table_of,
+)
+from glider.verification.funnel.funnel import load_funnel
+from glider.verification.funnel.growth import push_form
+from glider.verification.funnel.remainder import (
+    push_weights,
+    remainder_of,
+    sample_remainder,
+)
+from glider.verification.funnel.servo_limits import servo_bounds
+from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.proof import interval
+from glider.verification.proof.check import remainder_seen
+from glider.verification.proof.enclosure import make_remainder
+from glider.verification.proof.held import command_rates, held_commands
+from glider.verification.proof.interval import (
+    keeps_servo,
+    make_interval,
+    tight_cover,
+    unproven_wind,
+)
+from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_proof import prove_interval
+from glider.verification.sos.exact import exact, rounded
+from glider.verification.sos.forms import to_ball
+from tests.verification.forging import forge
+from tests.verification.points import sphere_points
+
+ERROR, WIND = 0.5, 0.03
+
+
+def pushed(funnel, error=ERROR, wind=WIND):
+    """The same funnel, that claims to account for pushes, with good weights."""
+    settings = dataclasses.replace(
+        funnel.settings, command_error=error, wind=wind, remainder=1.1
+    )
+    sizes = np.diag(np.square(settings.size_axes(funnel.num_states)))
+    slopes = funnel.nominal.push_slopes
+    weights = push_weights(funnel.S, settings.pushes, slopes, sizes)
+    return dataclasses.replace(funnel, settings=settings, push_weights=weights)
+
+
+@pytest.fixture(scope="module")
+def piece(proven):
+    return pushed(proven.between(60, 61))
+
+
+def pushes_of(count, seed=0):
+    """Pushes (count, 3) on the boundary of what is allowed."""
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(0.0, 2.0 * np.pi, count)
+    wind = WIND * np.array([np.cos(angles), np.sin(angles)])
+    return np.vstack([ERROR * rng.choice([-1.0, 1.0], count), wind]).T
+
+
+def test_their_slopes_are_those_of_the_dynamics(piece):
+    nominal, step = piece.nominal, 1e-6
+    states = list(nominal.states.T)
+    for k, push in enumerate(step * np.eye(3)):
+        more, less = (
+            np.array(
+                [
+                    rate + 0.0 * nominal.inputs
+                    for rate in open_loop_rates(
+                        nominal.model,
+                        states,
+                        nominal.inputs + sign * push[0],
+                        wind=sign * push[1:],
+                    )
+                ]
+            )
+            for sign in (1.0, -1.0)
+        )
+        slopes = (more - less).T / (2.0 * step)
+        assert nominal.push_slopes[..., k] == pytest.approx(slopes, abs=1e-6)
+
+
+def test_no_push_makes_v_rise_faster_than_they_say(piece):
+    """2 eᵀ S G q <= zᵀ D z, and there are e and q that nearly reach it."""
+    S, G = piece.S[:1], piece.nominal.push_slopes[:1]
+    D = push_form(S, G, piece.settings.pushes, piece.push_weights[:1])[0]
+    L_T = to_ball(S)[0][0]
+    z, q = sphere_points(20_000, 7), pushes_of(20_000)
+    pull = 2.0 * np.einsum("bi,ij,bj->b", z, L_T @ G[0], q)
+    assert np.all(pull <= np.einsum("bi,ij,bj->b", z, D, z))
+    best = L_T @ G[0] @ q.T
+    z = (best / np.linalg.norm(best, axis=0)).T
+    pull = 2.0 * np.einsum("bi,ij,bj->b", z, L_T @ G[0], q)
+    assert (pull / np.einsum("bi,ij,bj->b", z, D, z)).max() > 0.5
+
+
+def test_the_proof_bears_what_the_certificate_bears(piece):
+    """At an end; halving, the error counts half as much where it does alone."""
+    whole, basis = make_interval(piece), rounded(to_ball(piece.S[0])[1], 30)
+    h = np.diff(piece.nominal.times)[0]
+    A = growth_forms(whole, basis, exact(0.0)).A
+    bare = pushed(piece, 0.0, 0.0)
+    own = growth_forms(make_interval(bare), basis, exact(0.0)).A
+    found = (own.at(Fraction(0)).to_float() - A.at(Fraction(0)).to_float()) / h
+    given = piece.nominal.push_slopes, piece.settings.pushes, piece.push_weights
+    expected = push_form(piece.S, *given)[0]
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    half = pushed(piece, 0.5 * ERROR, 0.0)
+    given = piece.nominal.push_slopes, half.settings.pushes, half.push_weights
+    alone = pushed(piece, ERROR, 0.0)
+    twice = piece.nominal.push_slopes, alone.settings.pushes, alone.push_weights
+    assert push_form(piece.S, *given) == pytest.approx(0.5 * push_form(piece.S, *twice))
+
+
+def true_ratio(piece, basis, points):
+    """|R| / β at points (m + 4, B) of w, q and s, by the physics; F is zero here."""
+    nominal, n = piece.nominal, piece.num_states
+    which, rows = nonlinear_parts(nominal.model)
+    shares = 0.5 * (1.0 + points[-1])
+    times = nominal.times[0] + shares * np.diff(nominal.times)
+    y = np.zeros((n + 1, len(times)))
+    y[which] = basis @ points[:-4]
+    u0 = (1.0 - shares) * nominal.inputs[0] + shares * nominal.inputs[1]
+    q = points[-4:-1] * piece.settings.pushes[[0, 1, 1], None]
+    states = nominal.path(times).T + y[:-1]
+    rates = open_loop_rates(nominal.model, list(states), u0 + y[-1] + q[0], wind=q[1:])
+    P = nominal.open_loop[:, rows]
+    P[..., 0] = 0.0
+    ends = P @ table_of(n + 1).values(y.T).T + nominal.push_slopes[:, rows] @ q
+    model = (1.0 - shares) * ends[0] + shares * ends[1]
+    beta = piece.beta[:, rows]
+    limits = (1.0 - shares) * beta[0][:, None] + shares * beta[1][:, None]
+    found = np.array([rates[row] for row in rows]) - nominal.path(times, 1).T[rows]
+    return np.abs(found - model) / limits
+
+
+@pytest.mark.parametrize("size", [1e-4, 0.05, 0.3])
+def test_no_remainder_with_pushes_is_larger_than_its_bound(piece, size):
+    remainder = make_remainder(piece, tight_cover(make_interval(piece))[0])
+    d, rng = remainder.dimension, np.random.default_rng(0)
+    assert d == len(remainder.basis) + 4
+    assert remainder.balls == (slice(0, d - 4), slice(d - 3, d - 1))
+    center = rng.normal(size=(d, 40))
+    center[:-4] *= 0.9 / np.linalg.norm(center[:-4], axis=0)
+    center[-3:-1] *= 0.9 / np.linalg.norm(center[-3:-1], axis=0)
+    center[[-4, -1]] = rng.uniform(-0.7, 0.7, (2, 40))
+    half = size * rng.uniform(0.3, 1.0, (d, 40))
+    bounds, reached, _ = remainder.bounds(center, half)
+    v = rng.uniform(-1.0, 1.0, (200, d, 1))
+    points = np.moveaxis(center + half * v, 1, 0)
+    found = true_ratio(piece, remainder.basis, points.reshape(d, -1))
+    inside = [np.sum(points[b] ** 2, axis=0) <= 1.0 for b in remainder.balls]
+    within = np.all(inside, axis=0)
+    largest = np.where(within, found.reshape(-1, 200, 40), 0.0).max(axis=1)
+    assert np.all(largest <= bounds) and np.all(reached <= bounds)
+    if size == 1e-4:  # Bounds without the wind, or of half the error, are too small.
+        without = pushed(piece, wind=0.0), [*range(d - 3), d - 1]
+        for less, here in (without, (pushed(piece, 0.5 * ERROR), range(d))):
+            forgetful = make_remainder(less, tight_cover(make_interval(less))[0])
+            few = forgetful.bounds(center[list(here)], half[list(here)])[0]
+            assert np.any(largest > few)
+
+
+def test_the_sampled_remainder_is_that_of_pushes_too(piece):
+    S, at, pushes = piece.S[:1], np.array([0]), piece.settings.pushes
+    d = sphere_points(500, 10)
+    most = sample_remainder(piece.nominal, S, d, at, pushes=pushes)[0]
+    alone = sample_remainder(piece.nominal, S, d[:, :7], at)[0]
+    assert np.all(most >= alone) and np.any(most > 1.05 * alone)
+    e = sphere_points(20_000, 7) @ to_ball(S)[1][0].T
+    R = remainder_of(piece.nominal, at, e[None], push=pushes_of(20_000)[None])[0]
+    assert np.all(np.abs(R).max(axis=0) <= most * (1.0 + 1e-9) + 1e-9)
+
+
+def test_the_check_sees_a_remainder_that_has_no_wind(proven):
+    rng = np.random.default_rng(0)
+    assert remainder_seen(proven, [0, 60], rng) < 1.0
+    assert remainder_seen(pushed(proven, wind=0.3), [0, 60], rng) > 1.0
+
+
+def test_the_servo_leaves_room_for_the_error(proven):
+    piece = proven.between(60, 61)
+    directions, bounds = servo_bounds(piece.nominal, shrink=1.0)
+    _, left = servo_bounds(piece.nominal, None, 1.0, ERROR)
+    assert bounds[:, 0] - left[:, 0] == pytest.approx([ERROR, ERROR])
+    reach = np.einsum("tki,tij,tkj->tk", directions, np.linalg.inv(piece.S), directions)
+    room = float((bounds - np.sqrt(reach))[:, 0].min())
+    assert keeps_servo(make_interval(pushed(piece, 0.99 * room, 0.0)))
+    assert not keeps_servo(make_interval(pushed(piece, 1.02 * room, 0.0)))
+
+
+def test_a_funnel_that_was_made_without_them_is_not_proven_with_them(piece):
+    assert prove_interval(pushed(piece, 0.0, 0.0)).proven
+    assert not prove_interval(piece, 2000).proven
+    bare = dataclasses.replace(piece, push_weights=np.zeros((2, 2)))
+    assert "a weight of a disturbance is zero" in prove_interval(bare).fault
+
+
+@pytest.mark.parametrize("row", [0, 4])
+def test_wind_acts_only_where_the_remainder_has_it(piece, row, monkeypatch):
+    """The first rate is linear, and the other does not depend on x."""
+    assert not unproven_wind(piece)
+    rates = interval.open_loop_rates
+
+    def blown(model, states, command, theta=None, wind=(0.0, 0.0)):
+        found = list(rates(model, states, command, theta, wind))
+        found[row] = found[row] + wind[0] * states[0]
+        return found
+
+    monkeypatch.setattr(interval, "open_loop_rates", blown)
+    assert unproven_wind(piece)
+    assert not unproven_wind(pushed(piece, wind=0.0))
+
+
+def test_pushes_need_a_remainder():
+    with pytest.raises(InputError, match="where there is a command_error or wind"):
+        FunnelSettings(wind=0.02)
+
+
+# --------------------------------------------------------------- held, late commands
+
+
+def test_no_command_changes_faster_than_its_bound(piece):
+    """ċ by difference quotients along ẋ of the full dynamics, with pushes."""
+    nominal, count = piece.nominal, 20_000
+    (bound,) = command_rates(piece)
+    share, step = 0.4, 1e-7
+    time = nominal.times[0] + share * np.diff(nominal.times)[0]
+
+    def command(t, x):
+        along = (t - nominal.times[0]) / np.diff(nominal.times)[0]
+        u, K = (
+            (1.0 - along) * v[0] + along * v[1] for v in (nominal.inputs, nominal.gains)
+        )
+        return u - (x - nominal.path(t)) @ K
+
+    e = sphere_points(count, 7) @ to_ball(piece.shape(time))[1].T
+    q, x = pushes_of(count), nominal.path(time) + e
+    rates = open_loop_rates(
+        nominal.model, list(x.T), command(time, x) + q[:, 0], wind=q[:, 1:].T
+    )
+    ahead = x + step * np.array([np.broadcast_to(rate, count) for rate in rates]).T
+    found = np.abs(command(time + step, ahead) - command(time, x)).max() / step
+    assert 0.3 * bound < found < bound
+
+
+def test_a_late_command_takes_the_largest_rate_since_it_was_computed(piece):
+    times = np.array([0.0, 0.01, 0.02, 0.03])
+    nominal = dataclasses.replace(piece.nominal, times=times)
+    longer = dataclasses.replace(piece, nominal=nominal)
+    rates = np.array([90.0, 10.0, 10.0])
+    found = held_commands(longer, 0.003, 0.001, rates)
+    assert found.largest == pytest.approx(0.004 * 90.0)
+    assert found.left == pytest.approx(ERROR - 0.36)
+    late = held_commands(longer, 0.004, 0.002, rates[::-1])
+    assert late.largest == pytest.approx(0.006 * 90.0)
+    assert late.left < 0.0
+
+
+def test_nothing_is_known_of_held_commands_of_a_set_of_gliders():
+    of_set = load_funnel(models_path("funnels", "head_wind_95.npz"))
+    assert command_rates(of_set.between(0, 1)) == [np.inf]
+
+
+# ------------------------------------------------------------------------------ files
+
+
+@pytest.fixture(scope="module")
+def source():
+    return models_path("funnels", "disturbed_hook.npz")
+
+
+def _set(name, value):
+    def change(arrays, notes):
+        notes["settings"][name] = value
+
+    return change
+
+
+def _times(name, factor):
+    def change(arrays, notes):
+        arrays[name] *= factor
+
+    return change
+
+
+def _earlier(arrays, notes):
+    notes["format"] = "drake-glider funnel 2"
+    del arrays["push_weights"]
+
+
+FORGED = {
+    "a wind that is no number": (_set("wind", float("nan")), "wind' is nan"),
+    "an infinite wind": (_set("wind", float("inf")), "wind' is inf"),
+    "a negative wind": (_set("wind", -0.02), "field 'wind' is -0.02"),
+    "a wind in words": (_set("wind", "0.02"), "'settings.wind' is '0.02'"),
+    "a list of winds": (_set("wind", [0.02]), "'settings.wind' is "),
+    "a wind that is true": (_set("wind", True), "wind' is "),
+    "a negative error": (_set("command_error", -1.0), "field 'command_error' is -1"),
+    "an error of 401 digits": (
+        _set("command_error", 10**400),
+        "'settings.command_error' is 1000",
+    ),
+    "pushes without a remainder": (_set("remainder", 0.0), "field 'remainder' is 0.0"),
+    "a wind twice as strong": (_set("wind", 0.04), "does not prove that V falls"),
+    "an error six times as large": (
+        _set("command_error", 0.6),
+        "does not prove that V falls",
+    ),
+    "an error that no servo follows": (
+        _set("command_error", 13.0),
+        "The servo would meet its limits",
+    ),
+    "no weights": (_times("push_weights", 0.0), "the wind is zero"),
+    "negative weights": (_times("push_weights", -1.0), "'push_weights' is negative"),
+    "weights that are no numbers": (_times("push_weights", np.nan), "infinite or NaN"),
+    "half of the weights": (_times("push_weights", 0.5), "does not prove that V falls"),
+    "an earlier format": (_earlier, "the wind is zero"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_bound_is_refused_in_a_sentence(name, source, tmp_path, capsys):
+    change, words = FORGED[name]
+    forge(source, tmp_path / "f.npz", change)
+    code = main(["check-funnel", str(tmp_path / "f.npz"), "--hook", "--every", "100"])
+    said = capsys.readouterr()
+    assert code in (1, 2)
+    assert words in " ".join((said.out + said.err).split())
+    assert "Traceback" not in said.out + said.err
+
+
+def test_a_bound_that_was_removed_is_not_claimed(source, tmp_path, capsys):
+    """The sets are those of a funnel without pushes too; it says nothing of any."""
+
+    def change(arrays, notes):
+        del notes["settings"]["wind"], notes["settings"]["command_error"]
+
+    forge(source, tmp_path / "f.npz", change)
+    asked = ["check-funnel", str(tmp_path / "f.npz"), "--hook", "--every", "100"]
+    assert main(asked) == 0
+    assert "command error" not in capsys.readouterr().out
+    assert main([*asked, "--prove", "--wind", "0.01"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "accounts for wind of 0 m/s; expected at least 0.01." in said
+
+
+def test_the_check_says_what_it_accounts_for(source, capsys):
+    asked = ["check-funnel", str(source), "--hook", "--every", "100"]
+    assert main(asked) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    words = (
+        "a command error of at most 0.1 rad/s and wind of at most 2 cm/s at any time"
+    )
+    assert f"It accounts for {words}." in said
+    assert main([*asked, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert (report["command_error_rad_s"], report["wind_m_s"]) == (0.1, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--hold", "0.02"], "--hold has no effect without --as-flown or --prove"),
+        (["--command-error", "0.1"], "--command-error has no effect without"),
+        (["--prove", "--hold", "nan"], "--hold is nan; expected zero or a positive"),
+        (["--prove", "--wind", "-1"], "--wind is -1.0; expected zero or a positive"),
+        (["--prove", "--command-error", "inf"], "--command-error is inf; expected"),
+        (["--prove", "--hold", "0", "--latency", "0"], "expected a positive time"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options, words, source, capsys):
+    asked = ["check-funnel", str(source), "--hook", "--every", "200", *options]
+    assert main(asked) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
