@@ -9,7 +9,6 @@ import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -89,7 +88,7 @@ def _header(funnel, problem):
     }
 
 
-def _knots(funnel) -> dict[str, Any]:
+def _knots(funnel):
     nominal = funnel.nominal
     arrays = {
         **{name: getattr(nominal, name) for name in ("times", "states", "inputs")},
