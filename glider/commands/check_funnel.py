@@ -76,6 +76,8 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_switch("--prove", words)
     words = "with --prove: record what is proven in FILE, and continue from it"
     parser.add_path("--resume", "FILE", words)
+    words = "with --prove: write the proof to FILE, for tools/verify_proof.py"
+    parser.add_path("--write-proof", "FILE", words)
     words = f"fly gliders that the data allow with this probability (default: {LEVEL})"
     parser.add_argument("--confidence", metavar="P", nargs="?", const=LEVEL, help=words)
     words = "with --confidence: a box of intervals instead of an ellipsoid"
@@ -123,6 +125,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.held import command_rates, held_commands
+    from glider.verification.proof.written import write_proof
     from glider.verification.trials.as_flown import fly_loop
     from glider.verification.trials.falsify import falsify_funnel
 
@@ -171,6 +174,8 @@ def run(args: argparse.Namespace) -> int:
         if loop and verdict.holds:
             rng = np.random.default_rng(seed)
             flown = fly_loop(funnel, loop, flights, rng, follow("flights"))
+        if args.write_proof and proof and proof.is_whole:
+            write_proof(args.write_proof, funnel, problem, follow("file"))
     outcomes = verdict, proof, held, trial, flown
     _print_outcome(args, funnel, problem, covariance, *outcomes)
     good = verdict.holds and not any(t.escapes for t in (trial, flown) if t)
@@ -217,6 +222,9 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     expect(args.every >= 1, "--every", args.every, "a positive number")
     if args.resume and not args.prove:
         raise InputError("--resume has no effect without --prove; expected both.")
+    if args.write_proof and not args.prove:
+        words = "--write-proof has no effect without --prove; expected both."
+        raise InputError(words)
     level = _level(args.confidence)
     flown = {"predict": args.predict or None}
     names = ("hold", "latency", "command_error", "wind")

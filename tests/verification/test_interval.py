@@ -16,7 +16,7 @@ from glider.verification.proof.interval import (
     tight_cover,
 )
 from glider.verification.proof.interval_growth import growth_forms, prove_growth
-from glider.verification.proof.interval_proof import _gram_guesses
+from glider.verification.proof.interval_proof import gram_guesses
 from glider.verification.sos.exact import InTime, exact, line, rounded
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
@@ -119,17 +119,17 @@ def test_halves_have_the_same_polynomials(interval):
 
 
 def test_v_falls_throughout_and_not_for_larger_sets(piece, interval):
-    guesses = _gram_guesses(piece, 0.003)
+    guesses = gram_guesses(piece, 0.003)
     assert prove_growth(interval, exact(0.003), guesses) == 1
     assert prove_growth(interval, exact(2.0), guesses, halvings=1) is None
     larger = dataclasses.replace(piece, S=0.7 * piece.S, slopes=0.7 * piece.slopes)
-    guesses = _gram_guesses(larger, 0.003)
+    guesses = gram_guesses(larger, 0.003)
     assert prove_growth(make_interval(larger), exact(0.003), guesses, 1) is None
 
 
 def test_an_interval_that_is_halved_is_proven_too(proven):
     piece = proven.between(39, 40)
-    interval, guesses = make_interval(piece), _gram_guesses(piece, 0.003)
+    interval, guesses = make_interval(piece), gram_guesses(piece, 0.003)
     assert prove_growth(interval, exact(0.003), guesses, halvings=0) is None
     assert prove_growth(interval, exact(0.003), guesses) == 2
 

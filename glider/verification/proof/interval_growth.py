@@ -62,28 +62,41 @@ class GrowthForms(NamedTuple):
     G: InTime  #: (n, n).
 
 
+class PartProof(NamedTuple):
+    """What proves that V falls on a part of an interval."""
+
+    halvings: int  #: How often the interval was halved.
+    basis: Exact  #: B (n, n).
+    multiplier: InTime  #: N (n, n), quadratic.
+    grams: list[Exact]  #: Parts of Q (s, s), but for what their rounding left over.
+
+
 def prove_growth(
     interval: Interval,
     slack: Exact,
     grams: tuple[np.ndarray, np.ndarray],
     halvings: int = HALVINGS,
+    kept: list[PartProof] | None = None,
 ) -> int | None:
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
 
-    Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses.
+    Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses. What proves
+    each part is added to a list, if one is given.
 
     Returns:
         the number of parts that the interval was proven in; None where it was not.
     """
-    middle, proven = _prove_whole(interval, slack, grams)
-    if proven:
+    middle, proof = _prove_whole(interval, slack, grams)
+    if proof:
+        if kept is not None:
+            kept.append(PartProof(HALVINGS - halvings, *proof))
         return 1
     if middle is None or not halvings:
         return None
     count = 0
     ends = (grams[0], middle), (middle, grams[1])
     for half, guesses in zip(interval.halves(), ends, strict=True):
-        parts = prove_growth(half, slack, guesses, halvings - 1)
+        parts = prove_growth(half, slack, guesses, halvings - 1, kept)
         if parts is None:
             return None
         count += parts
@@ -111,9 +124,9 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
 
 
 def _prove_whole(interval, slack, grams):
-    """Returns a Gram matrix in the middle, in b(e), and whether all is proven.
+    """Returns a Gram matrix in the middle, in b(e), and what proves all: B, N, Q.
 
-    The matrix is None where none is found.
+    Both are None where none is found.
     """
     S = interval.S.at(Fraction(1, 2)).to_float()
     tables = sphere(len(S))
@@ -124,13 +137,13 @@ def _prove_whole(interval, slack, grams):
     first, last = (h * turn.T @ gram @ turn for gram in grams)
     middle = _middle_gram(tables, forms, 0.5 * (first + last), h)
     if middle is None:
-        return None, False
+        return None, None
     guesses = first, middle, last
     N = _multiplier(forms.A, [gram[: tables.n, : tables.n] for gram in guesses])
     raised_guesses = _raised(guesses, 1 + max(form.degree for form in forms))
-    proven = _is_definite(tables, forms, N, raised_guesses, h)
+    found = _definite_grams(tables, forms, N, raised_guesses, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
-    return back.T @ middle @ back / h, proven
+    return back.T @ middle @ back / h, found and (basis, N, found)
 
 
 def pulled_forms(
@@ -192,11 +205,11 @@ def _raised(guesses, count):
     ) / pairs
 
 
-def _is_definite(
+def _definite_grams(
     tables: Sphere, forms: GrowthForms, N: InTime, guesses: np.ndarray, h: float
-) -> bool:
-    """Returns whether all parts of a Q with this N are positive definite, for sure."""
-    n = tables.n
+) -> list[Exact] | None:
+    """Returns the parts of a Q with this N if all are positive definite, for sure."""
+    n, grams = tables.n, []
     even = forms.quartic + N.product(forms.G, quadratic_product)
     degree = len(guesses) - 1
     columns = (p.raised(degree).parts for p in (forms.A - N, forms.cubic, even))
@@ -208,10 +221,11 @@ def _is_definite(
         block = corner.to_float() / share
         found = _search(tables, guesses[j], rest.to_float() / share, h, block)
         if found is None:
-            return False
+            return None
         whole = rounded(share * tables.matrix(found) * scales, GRAM_BITS)
         left_over = rest - mixed_forms(tables, whole)
         change = sparse_gram(tables, left_over, corner - whole[:n, :n])
         if not leaves_definite(whole, change)[0]:
-            return False
-    return True
+            return None
+        grams.append(whole)
+    return grams

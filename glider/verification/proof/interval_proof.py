@@ -111,7 +111,7 @@ def _prove(piece, budget):
     if not found.proven:
         return found
     slack = proven_slack(piece) + defect
-    parts = prove_growth(interval, exact(slack), _gram_guesses(piece, slack))
+    parts = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
     if parts is None:
         fault = "V was not proven to fall on the boundary"
         return dataclasses.replace(found, fault=fault)
@@ -131,7 +131,7 @@ def linear_defect(piece: Funnel, interval: Interval) -> float:
     return float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)
 
 
-def _gram_guesses(piece, slack):
+def gram_guesses(piece, slack):
     """Returns the Gram matrices of -V̇/V - slack at both times, in b(e)."""
     tables = sphere(piece.num_states)
     # On the boundary bᵀ b = 2.

@@ -1,0 +1,149 @@
+"""A proof as a file, for a program that verifies it without this package.
+
+`tools/verify_proof.py` reads it and says what the file holds: a header, the funnel's
+values at its times, and for each interval the Gram matrices that prove that V falls and
+the balls that contain the deviations. Integers count binary places.
+"""
+
+import gzip
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from glider.errors import InputError
+from glider.files.writing import replace_file
+from glider.physics.effects import KINDS
+from glider.physics.parameters import PARAMETER_NAMES
+from glider.planning.problem import PerchingProblem
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.proof.enclosure import make_remainder
+from glider.verification.proof.exact_check import proven_slack
+from glider.verification.proof.interval import covers, make_interval, tight_cover
+from glider.verification.proof.interval_growth import (
+    BALL_BITS,
+    GRAM_BITS,
+    PartProof,
+    prove_growth,
+)
+from glider.verification.proof.interval_proof import gram_guesses, linear_defect
+from glider.verification.sos.exact import exact
+
+FORMAT = "drake-glider proof 1"
+
+STRETCH = 1.02
+"""Share by which a written ball may be wider than the sets along an axis."""
+
+HALVINGS = 4
+"""Times that an interval is halved for such a ball."""
+
+
+def write_proof(
+    path: Path,
+    funnel: Funnel,
+    problem: PerchingProblem,
+    progress: Callable[[float], None] | None = None,
+) -> None:
+    """Writes the proof of a funnel that was proven, as JSON lines in gzip.
+
+    Raises:
+        InputError: its glider has more than flat plates and a steady wind, or a part is
+            not proven.
+    """
+    count, lines = len(funnel.nominal.times) - 1, [_header(funnel, problem)]
+    lines.append(_knots(funnel))
+    for k in range(count):
+        lines.append({"interval": k, **_interval_proof(funnel.between(k, k + 1))})
+        if progress:
+            progress((k + 1) / count)
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    content = gzip.compress(text.encode(), mtime=0)
+    replace_file(path, lambda file: file.write_bytes(content))
+
+
+def _header(funnel, problem):
+    """Returns the glider and what it is to do."""
+    model, nominal = funnel.nominal.model, funnel.nominal
+    winds = [e.to_dict() for e in model.effects if e.kind is KINDS["wind"]]
+    if len(model.effects) != len(winds) or model.has_field:
+        raise InputError(
+            "--write-proof is for a glider of flat plates, in still air or in a steady "
+            "wind; this model has other effects."
+        )
+    if funnel.gliders:
+        raise InputError("--write-proof is for one glider; this funnel is of a set.")
+    if funnel.settings.command_error or funnel.settings.wind:
+        raise InputError("--write-proof is for a loop without disturbances.")
+    return {
+        "format": FORMAT,
+        "funnel": funnel.sha256,
+        "parameters": {
+            name: getattr(model.parameters, name)
+            for name in (*PARAMETER_NAMES, "elevator_limits", "elevator_rate_limit")
+        },
+        "wind": [winds[0][axis] for axis in "xz"] if winds else [0.0, 0.0],
+        "launch": np.array(model.initial_state(problem.launch)).tolist(),
+        "wire": np.array(problem.wire).tolist(),
+        "reach": problem.hook.reach,
+        "goal": funnel.settings.goal_axes(nominal.states.shape[1]).tolist(),
+    }
+
+
+def _knots(funnel):
+    nominal = funnel.nominal
+    arrays = {
+        **{name: getattr(nominal, name) for name in ("times", "states", "inputs")},
+        **{name: getattr(funnel, name) for name in ("S", "beta", "weights", "focus")},
+        "gains": nominal.gains,
+        "state_slopes": nominal.slopes,
+        "S_slopes": funnel.slopes,
+    }
+    return {name: values.tolist() for name, values in arrays.items()}
+
+
+def _interval_proof(piece):
+    """Returns the slack, Gram matrices and balls of an interval."""
+    interval, kept = make_interval(piece), list[PartProof]()
+    slack = proven_slack(piece) + linear_defect(piece, interval)
+    guesses = gram_guesses(piece, slack)
+    if prove_growth(interval, exact(slack), guesses, kept=kept) is None:
+        raise InputError("--write-proof needs a funnel that --prove proves.")
+    first, parts = 0.0, []
+    for part in kept:
+        last = first + 0.5**part.halvings
+        n = len(part.basis)
+        lower = np.tri(part.grams[0].numbers.shape[0], dtype=bool)[n:]
+        grams = (gram.at(-GRAM_BITS)[n:] for gram in part.grams)
+        parts.append(
+            {
+                "span": [first, last],
+                "basis": part.basis.at(-BALL_BITS).tolist(),
+                "multiplier": [
+                    N.at(-GRAM_BITS).tolist() for N in part.multiplier.parts
+                ],
+                "grams": [
+                    [row[own].tolist() for row, own in zip(gram, lower, strict=True)]
+                    for gram in grams
+                ],
+            }
+        )
+        first = last
+    balls = list(_balls(piece, interval))
+    return {"slack": slack, "parts": parts, "balls": balls}
+
+
+def _balls(piece, interval, span=(-1.0, 1.0), halvings=HALVINGS):
+    """Yields balls that contain the deviations y, for parts of an interval in time."""
+    basis, stretch = tight_cover(interval)
+    middle = 0.5 * sum(span)
+    if stretch > STRETCH and halvings:
+        spans = (span[0], middle), (middle, span[1])
+        for half, part in zip(interval.halves(), spans, strict=True):
+            yield from _balls(piece, half, part, halvings - 1)
+        return
+    # With axes in the order of how much R varies.
+    basis = make_remainder(piece, basis, span).basis
+    if not covers(interval, basis):
+        raise InputError("--write-proof finds no ball that contains the sets.")
+    yield {"span": [0.5 + 0.5 * s for s in span], "basis": basis.tolist()}

@@ -1,0 +1,274 @@
+"""A written proof, and the program that verifies it without this package."""
+
+import copy
+import dataclasses
+import gzip
+import importlib.util
+import json
+import subprocess
+import sys
+
+import pytest
+
+from glider.errors import InputError
+from glider.paths import PACKAGE
+from glider.physics.effects import KINDS, Effect
+from glider.planning.problem import PerchingProblem
+from glider.verification.proof import written
+
+PROGRAM = PACKAGE.parent / "tools" / "verify_proof.py"
+
+
+@pytest.fixture(scope="module")
+def verifier():
+    """The program, as a module."""
+    spec = importlib.util.spec_from_file_location("verify_proof", PROGRAM)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def lines(proven, tmp_path_factory):
+    """A proof of one interval, from where it begins to where it ends."""
+    piece = proven.between(75, 76)
+    times = piece.nominal.times - piece.nominal.times[0]
+    piece = dataclasses.replace(
+        piece, nominal=dataclasses.replace(piece.nominal, times=times)
+    )
+    path = tmp_path_factory.mktemp("proof") / "proof.json.gz"
+    written.write_proof(path, piece, PerchingProblem())
+    text = gzip.decompress(path.read_bytes()).decode()
+    found = [json.loads(line) for line in text.splitlines()]
+    first, last = piece.nominal.states
+    found[0] |= {"launch": first.tolist(), "goal": [9.0] * 7, "reach": 10.0}
+    found[0]["wire"] = last[:2].tolist()
+    return found
+
+
+def save(path, lines):
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    path.write_bytes(gzip.compress(text.encode()))
+    return path
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Runs the program on lines, or on bytes."""
+
+    def run(lines):
+        path = tmp_path / "proof.json.gz"
+        if isinstance(lines, bytes):
+            path.write_bytes(lines)
+        else:
+            save(path, lines)
+        command = [sys.executable, "-P", PROGRAM, path]
+        return subprocess.run(
+            command, capture_output=True, text=True, cwd=tmp_path, check=False
+        )
+
+    return run
+
+
+def test_a_proven_interval_is_verified(run, lines):
+    done = run(lines)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Proven: every flight that starts in the inlet stays" in done.stdout
+    assert "mass 0.08" in done.stdout
+
+
+def test_it_is_independent_of_the_package():
+    code = (
+        f"import runpy, sys; runpy.run_path({str(PROGRAM)!r}); "
+        "print([m for m in sys.modules if m.split('.')[0] in ('glider', 'numpy')])"
+    )
+    command = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+def scale(name, factor):
+    def change(header, knots, interval):
+        def scaled(value):
+            return (
+                list(map(scaled, value)) if isinstance(value, list) else value * factor
+            )
+
+        knots[name] = scaled(knots[name])
+
+    return change
+
+
+def wider(header, knots, interval):
+    scale("S", 0.97)(header, knots, interval)
+    scale("S_slopes", 0.97)(header, knots, interval)
+
+
+def other_gram(header, knots, interval):
+    interval["parts"][0]["grams"][2][9][3] += 64
+
+
+def not_definite(header, knots, interval):
+    """The same polynomial: z0^2 z6^2 from elsewhere."""
+    gram = interval["parts"][0]["grams"][2]
+    gram[6][-1] -= 2**36
+    gram[27][7] += 2**35
+
+
+def other_multiplier(header, knots, interval):
+    interval["parts"][0]["multiplier"][1][2][2] += 2**36
+
+
+def no_number(header, knots, interval):
+    knots["beta"][0][4] = float("nan")
+
+
+def huge_number(header, knots, interval):
+    knots["beta"][0][4] = 10**400
+
+
+def heavier(header, knots, interval):
+    header["parameters"]["mass"] = 0.09
+
+
+def windy(header, knots, interval):
+    header["wind"] = [-0.3, 0.0]
+
+
+def late_balls(header, knots, interval):
+    interval["balls"][0]["span"][0] = 0.125
+
+
+def short_balls(header, knots, interval):
+    interval["balls"][-1]["span"][1] = 0.875
+
+
+def no_balls(header, knots, interval):
+    interval["balls"] = []
+
+
+def small_ball(header, knots, interval):
+    for ball in interval["balls"]:
+        ball["basis"] = [[0.98 * value for value in row] for row in ball["basis"]]
+
+
+def hole_in_parts(header, knots, interval):
+    interval["parts"][0]["span"][0] = 0.5
+
+
+def no_slack(header, knots, interval):
+    interval["slack"] = 0.0
+
+
+def renamed(header, knots, interval):
+    interval["interval"] = 1
+
+
+def elsewhere(header, knots, interval):
+    header["launch"][1] += 0.01
+
+
+def far_wire(header, knots, interval):
+    header["wire"][0] += 2.0
+
+
+def small_goal(header, knots, interval):
+    header["goal"][6] = 0.1
+
+
+def skew(header, knots, interval):
+    knots["S"][0][0][1] *= 1.001
+
+
+def negative(header, knots, interval):
+    knots["weights"][0][4] *= -1.0
+
+
+def other_effects(header, knots, interval):
+    header["beyond"] = "servo_lag"
+
+
+def weak_servo(header, knots, interval):
+    header["parameters"]["elevator_rate_limit"] = 3.0
+
+
+FORGED = {
+    "smaller bounds": (scale("beta", 0.5), ""),
+    "no bounds": (scale("beta", 0.0), "a bound of R is zero"),
+    "larger sets": (wider, ""),
+    "other gains": (scale("gains", 1.3), ""),
+    "another Gram matrix": (other_gram, "a Gram matrix is not that of V'"),
+    "a Gram matrix that is not definite": (not_definite, "does not prove that V"),
+    "another multiplier": (other_multiplier, "a Gram matrix is not that of V'"),
+    "NaN": (no_number, "is no finite number"),
+    "a number of 401 digits": (huge_number, "no finite number"),
+    "a heavier glider": (heavier, ""),
+    "a wind": (windy, ""),
+    "balls that start late": (late_balls, "the balls leave a hole at 0"),
+    "balls that end early": (short_balls, "the balls end at 7/8"),
+    "no balls": (no_balls, "there are no balls"),
+    "a ball 2 % smaller": (small_ball, "a ball does not contain the sets"),
+    "a hole between parts": (hole_in_parts, "leave a hole at 0"),
+    "no slack": (no_slack, "defect exceeds the slack"),
+    "a wrong interval": (renamed, "not all 1 intervals are there"),
+    "another launch": (elsewhere, "does not start at the launch"),
+    "another wire": (far_wire, "not within the hook's reach"),
+    "a smaller goal": (small_goal, "the last set is not within the goal"),
+    "a set of two triangles": (skew, "S is not symmetric"),
+    "a negative weight": (negative, "is negative"),
+    "other effects": (other_effects, "this program knows no 'servo_lag'"),
+    "a weak servo": (weak_servo, "the servo would meet its limits"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_forged_proofs_are_refused(run, lines, name):
+    change, words = FORGED[name]
+    forged = copy.deepcopy(lines)
+    change(*forged)
+    done = run(forged)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1].startswith("Not proven: ")
+    assert words in done.stdout
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+def test_truncated_files_are_refused(run, lines, tmp_path, share):
+    content = save(tmp_path / "whole", lines).read_bytes()
+    done = run(content[: int(share * len(content))])
+    assert done.returncode == 1
+    assert done.stdout.startswith("Not proven: ")
+    assert done.stderr == ""
+
+
+def test_an_interval_that_was_removed_is_missed(run, lines):
+    done = run(lines[:-1])
+    assert done.returncode == 1
+    assert "not all 1 intervals are there" in done.stdout
+
+
+def test_its_physics_is_that_of_the_package(verifier, lines, proven):
+    """Two independent texts; beside the nominal and in a wind."""
+    glider = verifier.Glider(lines[0])
+    nominal = proven.nominal
+    state, command = nominal.states[75], nominal.inputs[75]
+    found = verifier.taylor_of(
+        glider, list(map(verifier.rational, state)), verifier.rational(command)
+    )
+    ours = nominal.open_loop[75]
+    for row, coefficients in zip(ours[4:], found, strict=True):
+        slopes = [float(verifier.arb(c)) for c in coefficients[:6]]
+        assert slopes == pytest.approx(row[3:9].tolist(), rel=1e-12, abs=1e-12)
+
+
+def test_other_gliders_are_refused_in_a_sentence(tmp_path, proven):
+    model = proven.nominal.model
+    kind = next(kind for name, kind in KINDS.items() if name != "wind")
+    effect = Effect(kind=kind, values=(0.01,) * len(kind.coefficients))
+    model = dataclasses.replace(model, effects=(effect,))
+    other = dataclasses.replace(
+        proven, nominal=dataclasses.replace(proven.nominal, model=model)
+    )
+    with pytest.raises(InputError, match="this model has other effects"):
+        written.write_proof(tmp_path / "proof.json.gz", other, PerchingProblem())
