@@ -2,9 +2,9 @@
 
 The feedback's command is c(t, x) = u₀ - K (x - x₀). Along a flight in the funnel
     ċ = u̇₀ - K̇ e - K (P + R + d + G q),  P of e,
-d the nominal's defect and q the pushes. If |ċ| <= ρ on the sets of an interval, a
+d the nominal's defect and q the pushes. If |ċ| <= ρ on the sets of each interval, a
 command that was computed at a time s differs at t from the feedback's by at most
-|t - s| times the largest ρ between. One that is computed from the state a latency L
+|t - s| max ρ. One that is computed from the state a latency L
 before it acts, and is held for h, is then off by (h + L) max ρ at most, whatever the
 phase of its clock. Until the first that a sample gave acts, that of the launch does.
 
@@ -36,7 +36,7 @@ class HeldCommands:
     hold: float  #: h [s].
     latency: float  #: L [s].
     rates: np.ndarray  #: Bounds ρ (T - 1,) of the command's rate [rad/s²].
-    largest: float  #: Largest (h + L) max ρ [rad/s].
+    largest: float  #: (h + L) max ρ [rad/s].
     left: float  #: What is left of the command error that is tolerated [rad/s].
 
 
@@ -56,12 +56,9 @@ def held_commands(
         latency: time from a state to the command that acts on it [s].
         rates: of `command_rates`.
     """
-    times, delay = funnel.nominal.times, hold + latency
+    delay = hold + latency
     expect(0.0 < delay < np.inf, "hold and latency", delay, "a positive time in all")
-    # Of each interval the first one that a command which acts in it may be from.
-    first = np.searchsorted(times, times[:-1] - delay, side="right") - 1
-    off = [rates[max(a, 0) : k + 1].max() for k, a in enumerate(first)]
-    largest = float(delay * max(off) * WIDER)
+    largest = float(delay * rates.max() * WIDER)
     return HeldCommands(
         hold=hold,
         latency=latency,
