@@ -125,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.held import command_rates, held_commands
-    from glider.verification.proof.written import write_proof
+    from glider.verification.proof.written import expect_writable, write_proof
     from glider.verification.trials.as_flown import fly_loop
     from glider.verification.trials.falsify import falsify_funnel
 
@@ -141,6 +141,8 @@ def run(args: argparse.Namespace) -> int:
     proof = trial = flown = held = None
     pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
     delays = args.hold, args.latency
+    if args.write_proof:
+        expect_writable(funnel)
     asks_held = args.prove and delays != (None, None) and not args.predict
     with working(is_even=True) as progress:
 
@@ -174,10 +176,16 @@ def run(args: argparse.Namespace) -> int:
         if loop and verdict.holds:
             rng = np.random.default_rng(seed)
             flown = fly_loop(funnel, loop, flights, rng, follow("flights"))
-        if args.write_proof and proof and proof.is_whole:
-            write_proof(args.write_proof, funnel, problem, follow("file"))
     outcomes = verdict, proof, held, trial, flown
     _print_outcome(args, funnel, problem, covariance, *outcomes)
+    if args.write_proof and proof and proof.is_whole:
+        with working(is_even=True) as progress:
+            write_proof(
+                args.write_proof,
+                funnel,
+                problem,
+                lambda share: progress(Step("writing the proof", share)),
+            )
     good = verdict.holds and not any(t.escapes for t in (trial, flown) if t)
     if args.prove:
         good = good and verdict.is_whole and proof is not None and proof.is_whole

@@ -10,11 +10,13 @@ import sys
 
 import pytest
 
+from glider.__main__ import main
 from glider.errors import InputError
-from glider.paths import PACKAGE
+from glider.paths import PACKAGE, models_path
 from glider.physics.effects import KINDS, Effect
 from glider.planning.problem import PerchingProblem
-from glider.verification.proof import written
+from glider.verification.funnel.funnel import save_funnel
+from glider.verification.proof import check, exact_check, written
 
 PROGRAM = PACKAGE.parent / "tools" / "verify_proof.py"
 
@@ -29,13 +31,18 @@ def verifier():
 
 
 @pytest.fixture(scope="module")
-def lines(proven, tmp_path_factory):
-    """A proof of one interval, from where it begins to where it ends."""
+def piece(proven):
+    """A funnel of one interval."""
     piece = proven.between(75, 76)
     times = piece.nominal.times - piece.nominal.times[0]
-    piece = dataclasses.replace(
+    return dataclasses.replace(
         piece, nominal=dataclasses.replace(piece.nominal, times=times)
     )
+
+
+@pytest.fixture(scope="module")
+def lines(piece, tmp_path_factory):
+    """A proof of one interval, from where it begins to where it ends."""
     path = tmp_path_factory.mktemp("proof") / "proof.json.gz"
     written.write_proof(path, piece, PerchingProblem())
     text = gzip.decompress(path.read_bytes()).decode()
@@ -272,3 +279,26 @@ def test_other_gliders_are_refused_in_a_sentence(tmp_path, proven):
     )
     with pytest.raises(InputError, match="this model has other effects"):
         written.write_proof(tmp_path / "proof.json.gz", other, PerchingProblem())
+
+
+def test_the_command_line_writes_what_it_has_proven(
+    tmp_path, piece, capsys, monkeypatch
+):
+    funnel, path = tmp_path / "funnel.npz", tmp_path / "proof.json.gz"
+    save_funnel(funnel, piece)
+    monkeypatch.setattr(check, "problem_faults", lambda funnel, problem: [])
+    monkeypatch.setattr(exact_check, "_within_goal", lambda funnel: True)
+    command = ["check-funnel", str(funnel), "--prove", "--write-proof", str(path)]
+    assert main(command) == 0
+    assert "1 intervals" in capsys.readouterr().out
+    assert len(gzip.decompress(path.read_bytes()).splitlines()) == 3
+
+
+def test_what_cannot_be_written_is_refused_before_it_is_proven(tmp_path, capsys):
+    funnel = models_path("funnels", "disturbed_hook.npz")
+    path = tmp_path / "proof.json.gz"
+    command = ["check-funnel", str(funnel), "--prove", "--write-proof", str(path)]
+    assert main(command) == 2
+    out, complaint = capsys.readouterr()
+    assert not out
+    assert "--write-proof is for a loop without disturbances." in complaint

@@ -48,9 +48,9 @@ def write_proof(
     """Writes the proof of a funnel that was proven, as JSON lines in gzip.
 
     Raises:
-        InputError: its glider has more than flat plates and a steady wind, or a part is
-            not proven.
+        InputError: see `expect_writable`; or a part is not proven.
     """
+    expect_writable(funnel)
     count, lines = len(funnel.nominal.times) - 1, [_header(funnel, problem)]
     lines.append(_knots(funnel))
     for k in range(count):
@@ -62,11 +62,14 @@ def write_proof(
     replace_file(path, lambda file: file.write_bytes(content))
 
 
-def _header(funnel, problem):
-    """Returns the glider and what it is to do."""
-    model, nominal = funnel.nominal.model, funnel.nominal
-    winds = [e.to_dict() for e in model.effects if e.kind is KINDS["wind"]]
-    if len(model.effects) != len(winds) or model.has_field:
+def expect_writable(funnel: Funnel) -> None:
+    """Raises InputError for a funnel whose proof the verifying program cannot read.
+
+    That is of a glider of more than flat plates and a steady wind, of a set of gliders,
+    or for disturbances.
+    """
+    model = funnel.nominal.model
+    if len(model.effects) != len(_winds(model)) or model.has_field:
         raise InputError(
             "--write-proof is for a glider of flat plates, in still air or in a steady "
             "wind; this model has other effects."
@@ -75,6 +78,16 @@ def _header(funnel, problem):
         raise InputError("--write-proof is for one glider; this funnel is of a set.")
     if funnel.settings.command_error or funnel.settings.wind:
         raise InputError("--write-proof is for a loop without disturbances.")
+
+
+def _winds(model):
+    """Returns the coefficients of the winds among a model's effects."""
+    return [e.to_dict() for e in model.effects if e.kind is KINDS["wind"]]
+
+
+def _header(funnel, problem):
+    """Returns the glider and what it is to do."""
+    model, winds = funnel.nominal.model, _winds(funnel.nominal.model)
     return {
         "format": FORMAT,
         "funnel": funnel.sha256,
@@ -86,7 +99,7 @@ def _header(funnel, problem):
         "launch": np.array(model.initial_state(problem.launch)).tolist(),
         "wire": np.array(problem.wire).tolist(),
         "reach": problem.hook.reach,
-        "goal": funnel.settings.goal_axes(nominal.states.shape[1]).tolist(),
+        "goal": funnel.settings.goal_axes(funnel.num_states).tolist(),
     }
 
 
