@@ -46,11 +46,12 @@ def trace(
     model = improved(search, named)
     if model.free_kinds:  # Formulas alone may have led the search astray.
         model = min(model, improved(search, start), key=search.penalized_cost)
-    search.task = only_late(task, model)
-    late = improved(search, model, ("best set",))
-    search.task = task
-    if late is not model:
-        model = improved(search, late)
+    if usual is not task:
+        search.task = only_late(task, model)
+        late = improved(search, model, ("best set",))
+        search.task = task
+        if late is not model:
+            model = improved(search, late)
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
