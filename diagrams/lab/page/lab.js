@@ -61,8 +61,8 @@ async function showThrow(row) {
   }
   if (!isNew) return;
   const address = `throws/${encodeURIComponent(stem(row.name))}`;
-  const answer = await fetch(`${address}.json?${row.sha256}`).catch(() => ({ ok: false }));
-  const data = answer.ok && await answer.json();
+  const data = await fetch(`${address}.json?${row.sha256}`)
+    .then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);
   // Later views have other objects for the same throw: its key says whether it is meant.
   if (byId("throw").dataset.key !== key) return;
   if (!data) {
