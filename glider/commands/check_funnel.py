@@ -186,11 +186,16 @@ def run(args: argparse.Namespace) -> int:
                 problem,
                 lambda share: progress(Step("writing the proof", share)),
             )
+    return 0 if _is_good(args, pushes[0], *outcomes) else 1
+
+
+def _is_good(args, least_error, verdict, proof, held, trial, flown):
+    """Whether all that was asked for holds, and with --prove is proven."""
     good = verdict.holds and not any(t.escapes for t in (trial, flown) if t)
     if args.prove:
         good = good and verdict.is_whole and proof is not None and proof.is_whole
-        good = good and (held is None or held.left >= pushes[0])
-    return 0 if good else 1
+        good = good and (held is None or held.left >= least_error)
+    return good
 
 
 def _print_outcome(
