@@ -20,8 +20,7 @@ from glider.report.flight_figures import flight_panels
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.simulation.refly import Motion, nominal_parameters, position_errors, refly
-from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
-from glider.sysid.fit.prediction import RolloutModel
+from glider.sysid.fit.prediction import RolloutModel, beginning_rows
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import HeldOutFlight
 
@@ -114,9 +113,8 @@ def compare(
         return Comparison(name=flight.name, motions={MEASURED: _measured(flight)})
     motions = refly(campaign, flight, models, rollouts=rollouts)
     time, known = motions[MEASURED].time, make_vehicle(campaign).trim_is_known
-    share = BEGINNING if known else BEGINNING_WITH_TRIM
-    until = max(share * time[-1], time[min(BEGINNING_ROWS, len(time)) - 1])
-    return Comparison(name=flight.name, motions=motions, fitted_until=float(until))
+    until = float(time[beginning_rows(time, per_flight_trims=not known) - 1])
+    return Comparison(name=flight.name, motions=motions, fitted_until=until)
 
 
 def _measured(flight: Flight) -> Motion:

@@ -11,7 +11,7 @@ from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.compiled.parallel import in_parallel
 from glider.sysid import result
-from glider.sysid.constants import EVIDENCE_THRESHOLD, FLOOR_FLIGHTS
+from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
@@ -99,7 +99,7 @@ def evaluate(
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
     records.sort(key=lambda record: record.name not in kept)
-    first, smoothness = records[:FLOOR_FLIGHTS], flights.noise.smoothing[2].ratio
+    first, smoothness = records[:MANY_FLIGHTS], flights.noise.smoothing[2].ratio
     floor = find_floor(own, first, truth, smoothness, rng)
     is_kept = np.isin(after.flight, [after.names.index(name) for name in kept])
     perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
@@ -213,7 +213,7 @@ def _flights(
     turned, own = np.array([1.0, 1.0, flights.signs.pitch]), []
     for i in found.kept:
         record = flights.corrected[names[i]]
-        rows = prediction.beginning_rows(record, per_flight_trims)
+        rows = prediction.beginning_rows(record.time, per_flight_trims)
         flown = {n: p[i].pose for n, p in found.predictions.items() if n in MODELS}
         own.append(
             result.HeldOutFlight(

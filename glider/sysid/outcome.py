@@ -123,7 +123,8 @@ def absorbed(
     First the slight ones, see `slight`. Then formulas with a memory whose times are not
     longer than the least, within two standard errors, beside a formula without one, or
     a free function, that may have their shape. Then, of those that a free function
-    bends, each that explains less than it does, but for the first that is left.
+    bends, each that explains less than it does, but for the first that is left, unless
+    the function is of another family: it is better named after its own.
     """
     model, evidence = traced.model, traced.evidence
     found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
@@ -145,10 +146,13 @@ def absorbed(
     for block in model.free_kinds:
         if block in found:
             continue
-        bent = BLOCKS[block].bends.intersection(have) - found.keys()
+        own = BLOCKS[block]
+        bent = own.bends.intersection(have) - found.keys()
         ranked = sorted(bent, key=lambda k: evidence[k])
-        weak = [k for k in ranked[:-1] if evidence[k] < evidence[block]]
-        found |= dict.fromkeys(weak, {*bent}.difference(weak))
+        if ranked and (not own.formulas or ranked[-1] in own.formulas):
+            ranked.pop()  # Its name.
+        weak = [k for k in ranked if evidence[k] < evidence[block]]
+        found |= dict.fromkeys(weak, {*bent, block}.difference(weak))
     return found
 
 

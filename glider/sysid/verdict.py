@@ -24,6 +24,8 @@ from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
 
+_AT_CEILING = 0.97  # Share of the largest scale, which a fit only comes near.
+
 BOUNDED = {
     "air": "gusts of {:.2g} m/s",
     "wind": "flight-to-flight winds of {:.2g} m/s",
@@ -46,7 +48,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
     shift = float(theta[layout.index[SERVO_LOG.kind, "poses"]])
-    if abs(shift) > constants.SHIFTED:
+    if abs(shift) > constants.CLOCK_ERROR:
         words = "earlier" if shift < 0.0 else "later"
         return (
             f"the servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than "
@@ -67,7 +69,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     found = [
         words.format(scales[name])
         for name, words in BOUNDED.items()
-        if scales[name] > constants.NEAR_CEILING * getattr(CEILING, name)
+        if scales[name] > _AT_CEILING * getattr(CEILING, name)
     ]
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
@@ -79,7 +81,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     if found:
         return f"the model needs {' and '.join(found)}"
     gain, error = elevator_gain(task, model)
-    if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.GAIN_Z * error):
+    if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.Z * error):
         return (
             f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
             "as with a wrong clock or unit"
@@ -107,7 +109,7 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
         first = np.flatnonzero((ends < len(time)) & (turns[last] == turns[begins]))
         both = record.elevator[rows], modelled
         travel, ordered = (v[ends[first]] - v[first] for v in both)
-        if (known := float(ordered @ ordered)) > constants.LEAST_TRAVEL:
+        if (known := float(ordered @ ordered)) > 0.0:
             found.append(float(ordered @ travel) / known)
     if len(found) < 3:
         return 1.0, np.inf

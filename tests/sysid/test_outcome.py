@@ -181,9 +181,15 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     first = {"attached_lift": 30.0, "lagged_separation": 60.0, "lift over alpha": 50.0}
     assert unnamed(short, first, ("lift over alpha",)).keys() == {"lagged_separation"}
     three = {"added_mass": 90.0, "pitch_rate_lift": 30.0}
-    shaped = {"pitch_rate_lift": {"added_mass"}}
+    shaped = {"pitch_rate_lift": {"added_mass", block}}
     assert unnamed({}, three | {block: 50.0}, (block,)) == shaped
     assert unnamed({}, three | {block: 20.0}, (block,)) == {}
+    stream = "stream at the tail over alpha"  # Its family has no area.
+    area, pressure = {"elevator_area": 22.0}, "tail's force over elevator"
+    assert unnamed({}, area | {stream: 400.0}, (stream,)) == {"elevator_area": {stream}}
+    assert unnamed({}, area | {stream: 20.0}, (stream,)) == {}
+    assert unnamed({}, {"downwash": 22.0, stream: 400.0}, (stream,)) == {}
+    assert unnamed({}, area | {pressure: 400.0}, (pressure,)) == {}  # It has no family.
     small = {"profile_drag": 2000.0, "camber": 12.0}
     assert unnamed({}, small) == {}
     assert unnamed({}, small | {"drag over V": 50.0}, ("drag over V",)) == {

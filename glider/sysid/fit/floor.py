@@ -35,6 +35,8 @@ from glider.sysid.replay.record import Record
 from glider.sysid.result import EquationErrors, Errors
 
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
+_REPLICAS = 100  # Of a flight: the RMS of its floor is known to 5 %.
+_LARGEST = 10.0  # Error above which a replica says nothing [m].
 _STEP = 0.1  # Of the logarithm of gusts, for slopes of the likelihood.
 _TRANSLATED = [0, 1, 4, 5]  # States that are fitted along the measured pitch,
 _TURNED = [PITCH, PITCH_RATE]  # and those that are measured.
@@ -51,7 +53,7 @@ class Floor:
     def _is_known(self) -> np.ndarray:
         """(F,) whether flights are linear enough; some pass a model's validity."""
         means = self.squares.mean(axis=2)[:, :2]
-        return np.all(means < constants.LARGEST_FLOOR**2, axis=1)
+        return np.all(means < _LARGEST**2, axis=1)
 
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
@@ -71,7 +73,7 @@ class Floor:
             return np.nan
         drawn = 0.5 * np.log(self.squares[known, :2])
         errors = np.nan_to_num(np.log(np.maximum(paths[known], 1e-9)), nan=np.inf)
-        most = constants.FLOOR_CLIP
+        most = constants.CLIP
         apart = np.clip(errors - drawn.mean(axis=2), -most, most)
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
         z = apart.mean(axis=0) / np.hypot(error, constants.FLOOR_ACCURACY)
@@ -106,11 +108,11 @@ def _squares(
     pitch_ratio: float,
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`."""
-    flight, count = linearize(record, model.theta, model.field), constants.REPLICAS
+    flight, count = linearize(record, model.theta, model.field), _REPLICAS
     moves, shows = _transitions(flight, truth)
     (nodes, channels, total), n = shows.shape, len(flight.states)
     seen, sensors = record.seen, np.array(model.scales.sensors[:channels])
-    first = of_launch(record, beginning_rows(record, model.per_flight_trims))
+    first = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
     stds = np.sqrt(start_variances(flight, truth))
     stds[[*range(n), n + 2]] = 0.0  # The launch; unmodelled pitch accelerations.
     shocks = rng.normal(size=(nodes, total, count)) * stds[:, None]

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from glider.campaign.checks.motion import robust_std
-from glider.sysid.constants import FOLDS, GAIN_CHANCE, GAIN_CLIP, WORSE
+from glider.sysid.constants import CLIP, FOLDS, GAIN_CHANCE, WORSE
 from glider.sysid.fit.prediction import compare, flown_by, mean_squares
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
@@ -33,7 +33,7 @@ class Gains:
         if len(held) < 2:
             return 0.0
         median = np.median(held)
-        most = GAIN_CLIP * (robust_std(held - median) + 1e-12)
+        most = CLIP * (robust_std(held - median) + 1e-12)
         held = np.clip(held, median - most, median + most)
         error = np.std(held, ddof=1) / np.sqrt(len(held))
         return float(np.mean(held) / max(error, 1e-12))

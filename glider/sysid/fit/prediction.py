@@ -16,7 +16,7 @@ from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import LogPath, roll_out
 from glider.compiled.theta import OFFSET
 from glider.physics.effects import Field
-from glider.sysid.constants import BEGINNING, BEGINNING_ROWS, BEGINNING_WITH_TRIM
+from glider.sysid.constants import BEGINNING, FEWEST_ROWS
 from glider.sysid.likelihood.linear_flight import (
     STILL_AIR,
     Surroundings,
@@ -58,7 +58,7 @@ class RolloutModel:
         still = {name: getattr(FLOOR, name) for name in ("air", "moment", "servo")}
         scales, flights = dataclasses.replace(self.scales, **still), []
         for record in typical_flights(records):
-            rows = beginning_rows(record, self.per_flight_trims)
+            rows = beginning_rows(record.time, self.per_flight_trims)
             flights.append(linearize(record.first(rows), self.theta, self.field))
         costs = negative_log_likelihood([f.error_only() for f in flights], scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
@@ -90,11 +90,11 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
     ).on(task.records)
 
 
-def beginning_rows(record: Record, per_flight_trims: bool) -> int:
-    """Number of nodes that the launch state is fitted on."""
-    share = BEGINNING_WITH_TRIM if per_flight_trims else BEGINNING
-    rows = int(np.searchsorted(record.time, share * record.time[-1]))
-    return min(max(rows, BEGINNING_ROWS), len(record.time))
+def beginning_rows(time: np.ndarray, per_flight_trims: bool) -> int:
+    """Number of rows at some times that a launch is fitted on; twice for a trim too."""
+    share = BEGINNING * (1 + per_flight_trims)
+    rows = int(np.searchsorted(time, share * time[-1]))
+    return min(max(rows, FEWEST_ROWS), len(time))
 
 
 def of_launch(record: Record, rows: int) -> np.ndarray:
@@ -111,7 +111,7 @@ def find_launch(
     model: RolloutModel, record: Record, rows: int | None = None
 ) -> tuple[np.ndarray, Surroundings]:
     """Returns the likeliest state (n,) and constants, by a flight's first rows."""
-    rows = rows or beginning_rows(record, model.per_flight_trims)
+    rows = rows or beginning_rows(record.time, model.per_flight_trims)
     beginning = dataclasses.replace(record, seen=of_launch(record, rows))
     about = STILL_AIR
     for _ in range(2):
@@ -127,7 +127,7 @@ def find_launch(
 
 def predict(model: RolloutModel, record: Record) -> Prediction:
     """Predicts one flight from its beginning."""
-    rows = beginning_rows(record, model.per_flight_trims)
+    rows = beginning_rows(record.time, model.per_flight_trims)
     launch, about = find_launch(model, record)
     layout, (*_, trim, pitch_zero) = record.layout, about.constants
     path, dynamics = path_of(record, model.theta, about)

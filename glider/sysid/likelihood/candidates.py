@@ -6,12 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
-from glider.sysid.constants import (
-    LARGEST_COORDINATE,
-    LARGEST_PUSH,
-    STRENGTHS_TRIED,
-    SURVEY_FLIGHTS,
-)
+from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
@@ -32,6 +27,8 @@ from glider.sysid.likelihood.task import Task
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
 Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
 
+_STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
+_LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
 _AT_ONCE = 16  # Flights whose information is in memory at once.
 _IN_PART = 32  # Flights whose columns are.
 
@@ -92,7 +89,7 @@ class Candidates:
         stays[:first] |= np.array([*map(self.task.is_shape, self.slots)], dtype=bool)
         share = np.where(stays, 0.0, -prior.mean)
         more = sum(block.count for block in self.blocks)
-        most = np.full(more, LARGEST_COORDINATE)
+        most = np.full(more, model_fit.LARGEST_COORDINATE)
         prior = model_fit.Prior(  # Unknown parameters count from where they are.
             mean=np.zeros(len(prior.mean) + more),
             precision=np.append(prior.precision, np.ones(more)),
@@ -158,7 +155,7 @@ def gather(
     first = len(scaled)
     for block in new:
         variants[block.name] = []
-        for strength in STRENGTHS_TRIED:
+        for strength in _STRENGTHS:
             begin = len(scaled)
             scaled += [(first + j, strength) for j in range(block.count)]
             variants[block.name].append(tuple(range(begin, len(scaled))))
@@ -226,7 +223,7 @@ def survey(task: Task, model: model_fit.FitResult) -> dict[str, float]:
 
     On a few flights; minus infinity where the model diverges.
     """
-    few = dataclasses.replace(task.thinned(SURVEY_FLIGHTS), kinds=())
+    few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
     candidates = gather(few, model, with_blocks=True)
     names, gram = [b.name for b in candidates.blocks], candidates.total(model.scales)
     if not np.all(np.isfinite(gram)):
@@ -249,7 +246,7 @@ def tamed(
     wild = np.zeros(len(directions), dtype=bool)
     for flight in flights:
         largest = np.abs(flight.inputs[:, :, columns]).max(axis=(0, 1), initial=0.0)
-        wild |= ~(largest * scale < LARGEST_PUSH)  # So is what is not a number.
+        wild |= ~(largest * scale < _LARGEST_PUSH)  # So is what is not a number.
     found = set(np.flatnonzero(wild).tolist())
     if not found:
         return list(flights), found

@@ -12,13 +12,7 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.effects.field import joined, make_field
-from glider.sysid.constants import (
-    FIT_TOLERANCE,
-    LARGEST_COORDINATE,
-    LARGEST_STRENGTH,
-    LEAST_STRENGTH,
-    MOST_TRIES,
-)
+from glider.sysid.constants import LARGEST_STRENGTH, RESOLVED
 from glider.sysid.likelihood.blocks import Block, FittedBlock, values_at_nodes
 from glider.sysid.likelihood.information import bounded_step, inverse
 from glider.sysid.likelihood.linear_flight import (
@@ -44,6 +38,11 @@ from glider.sysid.replay.record import Noise, Record
 
 FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
 
+LARGEST_COORDINATE = 30.0
+"""Of free functions, in prior spreads: a fit that diverges does not overflow."""
+
+_TOLERANCE = 0.3  # Gain of an iteration below which a fit stops [nats].
+_MOST_TRIES = 3  # Of shorter steps.
 _STRENGTH_ROUNDS = 8  # Of the fixed point of strengths.
 
 
@@ -250,9 +249,9 @@ def fit_model(
         value += 0.5 * float(prior.precision @ prior.mean**2)
         value = value if np.isfinite(value) else np.inf
         current = dataclasses.replace(current, scales=scales, cost=value)
-        if best is not None and not value < best.cost + 0.5 * FIT_TOLERANCE:
+        if best is not None and not value < best.cost + 0.5 * _TOLERANCE:
             tries += 1
-            if tries > MOST_TRIES or step is None:
+            if tries > _MOST_TRIES or step is None:
                 break
             # First about the constants as they were: others shift the cost as well.
             step = step if tries == 1 else 0.5 * step
@@ -262,7 +261,7 @@ def fit_model(
         best = current
         if iteration == iterations:
             break
-        is_done = gained < FIT_TOLERANCE or best.cost > most
+        is_done = gained < _TOLERANCE or best.cost > most
         if is_done and iteration >= FEWEST_ITERATIONS:
             break
         step = prior.best_step(grams_of(flights, scales).sum(axis=0))
@@ -334,7 +333,7 @@ def fit_strength(
         blocks = []
         for fitted, mine in zip(model.blocks, model.split(squares), strict=True):
             strength = float(np.sqrt(np.mean(mine)))
-            strength = min(max(strength, LEAST_STRENGTH), LARGEST_STRENGTH)
+            strength = min(max(strength, RESOLVED), LARGEST_STRENGTH)
             blocks.append(dataclasses.replace(fitted, strength=strength))
         model = dataclasses.replace(model, blocks=tuple(blocks))
     prior = prior_of(task, model)

@@ -13,12 +13,10 @@ from glider.campaign.checks.motion import robust_std
 from glider.sysid.constants import (
     COARSE_NOISE,
     FEWEST_COMPARED,
-    HEAVY_FLIGHT,
     LEAST_DEVIATION,
-    LEAST_EXTREME,
+    LEAST_SPREAD,
     MOST_OUTLYING,
-    Z_EXTREME,
-    Z_OUTLYING,
+    Z,
 )
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
@@ -54,7 +52,7 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
         left = np.append(-solve(total), 1.0)
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
         squares = np.maximum(squares, _LEAST_SQUARE)
-        weights = 1.0 / np.maximum(squares / (HEAVY_FLIGHT * np.median(squares)), 1.0)
+        weights = 1.0 / np.maximum(squares / np.median(squares), 1.0)
     return squares
 
 
@@ -62,13 +60,19 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     """Finds the mean squares (flights,) that are out of line with the others.
 
     Logarithms are compared, since an error common to all flights scales the squares.
-    With few flights the deviation is uncertain, and a larger one is required.
     """
-    logs = np.log(squares)
-    apart = logs - np.median(logs)
-    deviation = max(float(robust_std(apart)), LEAST_DEVIATION)
-    outlying = apart > Z_OUTLYING * (1.0 + 4.0 / len(logs)) * deviation
+    outlying = deviations(np.log(squares), LEAST_DEVIATION) > Z
     return outlying & (np.mean(outlying) <= MOST_OUTLYING)
+
+
+def deviations(values: np.ndarray, least: float) -> np.ndarray:
+    """Returns how many standard deviations, at least some, values are off the median.
+
+    Of few values the standard deviation is uncertain, and counts as a larger one.
+    """
+    apart = values - np.median(values)
+    std = max(float(robust_std(apart)), least)
+    return apart / (std * (1.0 + 4.0 / len(values)))
 
 
 def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
@@ -83,10 +87,8 @@ def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
     found: dict[str, str] = {}
     for (kind, name), values in zip(PER_FLIGHT, own.T, strict=True):
         coefficient = task.layout.coefficients[task.layout.index[kind, name]]
-        apart = np.abs(values - np.median(values))
-        least = LEAST_EXTREME * coefficient.scale
-        largest = max(Z_EXTREME * float(robust_std(apart)), least)
-        for i in np.flatnonzero(apart > largest).tolist():
+        apart = deviations(values, LEAST_SPREAD * coefficient.scale)
+        for i in np.flatnonzero(np.abs(apart) > Z).tolist():
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
             found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
     return found if len(found) <= MOST_OUTLYING * len(task.records) else {}

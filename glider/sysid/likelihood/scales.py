@@ -16,18 +16,17 @@ from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import OFFSET
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import (
-    AIR_TIME_SPREAD,
     LAUNCH_SPREAD,
     MOMENT_TIME,
     NOISE,
     SERVO_TIME,
     STATE_SPREAD,
-    STILL,
 )
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings
 from glider.sysid.replay.record import Noise
 
+_AT_FLOOR = 2.0  # Over the least scale, which a fit only comes near.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
@@ -67,7 +66,7 @@ class Scales:
     @property
     def is_still(self) -> bool:
         """Whether the air is."""
-        return self.air < STILL * FLOOR.air
+        return self.air < _AT_FLOOR * FLOOR.air
 
     @property
     def sensors(self) -> tuple[float, float, float, float, float]:
@@ -90,9 +89,12 @@ FLOOR, CEILING = (
     Scales(**{f.name: f.metadata["range"][end] for f in dataclasses.fields(Scales)})
     for end in (0, 1)
 )
-# Prior of the logarithms; the others have none.
+# Prior of the logarithms. Flights in nearly still air do not determine the gusts' time:
+# its range is two standard deviations either way. The others have none.
 _USUAL = Scales().logs
-_PRECISION = np.where(np.array(NAMES) == "air_time", AIR_TIME_SPREAD**-2.0, 0.0)
+_PRECISION = np.where(
+    np.array(NAMES) == "air_time", (0.25 * (CEILING.logs - FLOOR.logs)) ** -2.0, 0.0
+)
 
 
 def start_scales(noise: Noise) -> Scales:

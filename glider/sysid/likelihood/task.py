@@ -7,7 +7,7 @@ import numpy as np
 
 from glider.compiled.theta import SERVO_LOG, Layout
 from glider.physics.effects import SERVO_LAG
-from glider.sysid.constants import CLOCK_REACH, HIDDEN_LAG, PRIOR_SCALES
+from glider.sysid.constants import CLOCK_ERROR, CLOCK_REACH, PRIOR_SCALES
 from glider.sysid.likelihood.blocks import Block, flown_values, make_blocks
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.vehicle import Vehicle
@@ -63,7 +63,7 @@ class Task:
             lower[slot] = -upper[slot]
         if commands in of_log:  # Samples as far apart smooth an elevator like a lag.
             [lag] = self.layout.slots_of(SERVO_LAG.kind)
-            lower[lag] = min(upper[commands], HIDDEN_LAG)
+            lower[lag] = min(upper[commands], CLOCK_ERROR)
         return lower[slots], upper[slots]
 
     def on(self, records: Sequence[Record]) -> "Task":

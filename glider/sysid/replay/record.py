@@ -13,10 +13,11 @@ from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.actuator_replay import command_steps, elevator_path
-from glider.sysid.constants import FEWEST_ELEVATOR_ROWS, GAP
+from glider.sysid.constants import FEWEST_ROWS
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.
 _LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
+_GAP = 1.6  # Time between rows, over the usual one, above which nodes are inserted.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,7 @@ def measure_noise(
     elevator, times, errors = 0.0, [], []
     for flight, mask in pairs if campaign.elevator == "servo" else ():
         seen = ~mask.elevator
-        if np.count_nonzero(seen) >= FEWEST_ELEVATOR_ROWS:
+        if np.count_nonzero(seen) >= FEWEST_ROWS:
             assert flight.command is not None and flight.elevator is not None
             tape = command_steps(flight.time, flight.command, campaign.switch_rate)
             error = flight.elevator - elevator_path(*tape, flight.time)
@@ -204,6 +205,6 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Times with more in the gaps, and where the given ones are in them."""
     steps = np.diff(time)
     usual = np.median(steps)
-    more = np.where(steps > GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
+    more = np.where(steps > _GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
     place = np.concatenate([[0], np.cumsum(more)])
     return np.interp(np.arange(place[-1] + 1), place, time), place

@@ -2,19 +2,13 @@
 
 import dataclasses
 from collections.abc import Collection, Iterable
+from math import log
 from typing import Any
 
 import numpy as np
 
 from glider.progress import Progress
-from glider.sysid.constants import (
-    CLEAR,
-    EVIDENCE_THRESHOLD,
-    MOST_COMPARED,
-    RIVAL_GAP,
-    SIMPLE_MOMENT,
-    THRESHOLD_FLIGHTS,
-)
+from glider.sysid.constants import CLEAR, EVIDENCE_THRESHOLD, MANY_FLIGHTS, RIVAL_GAP
 from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
 from glider.sysid.likelihood.candidates import Candidates, Variant, gather, saturated
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
@@ -96,7 +90,7 @@ class Search:
 
     def _penalty_of(self, model: FitResult) -> float:
         """Returns the thresholds of a model's effects [nats]."""
-        penalty = penalty_in(self.task, model)
+        penalty = penalty_in(self.task)
         return sum(penalty(kind, model.kinds) for kind in model.kinds)
 
     def prefers(self, model: FitResult, other: FitResult) -> bool:
@@ -146,7 +140,7 @@ class Search:
 
         On some of many flights: what is proposed is fitted to all.
         """
-        few = self.task.thinned(MOST_COMPARED)
+        few = self.task.thinned(MANY_FLIGHTS)
         candidates = gather(few, model, with_blocks=True)
         about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
         if about.scales.is_still:
@@ -185,36 +179,30 @@ def marginal_scorer(
 ) -> Scorer:
     """Returns the evidence of sets on flights that count so often, penalized."""
     evidence = candidates.evidence(np.tensordot(counts, grams, 1))
-    penalty = penalty_in(candidates.task, candidates.model)
+    penalty = penalty_in(candidates.task)
     return Scorer(evidence, candidates.variants, penalty)
 
 
-def penalty_in(task: Task, model: FitResult) -> Penalty:
-    """Returns the evidence that effects must bring in sets that are near a model.
+def penalty_in(task: Task) -> Penalty:
+    """Returns the evidence that each effect of a set must bring.
 
-    A marginal likelihood penalizes the prior volume of coefficients already: where one
-    effect and air explain the flights, another need only be likelier than that none of
-    all acts, and so a free function that bends a formula of the set, as it claims
-    nothing new. Any other claims that no formula will do, which is its rival.
+    A marginal likelihood penalizes the prior volume of coefficients already. The only
+    effect of a set need but be likelier than that none of all acts. Others may stand in
+    for errors of its formula, and must bring more, with what the first was spared. A
+    free function that bends a formula of the set claims nothing new, and need only be
+    likelier than that none of them acts; any other claims that no formula will do,
+    which is its rival.
     """
-    more = max(1.0, len(task.records) / THRESHOLD_FLIGHTS)
-    by_chance = float(np.log(len(task.vehicle.kinds)))
-    of_formula = by_chance if is_simple(model) else EVIDENCE_THRESHOLD
+    more = max(1.0, len(task.records) / MANY_FLIGHTS)
 
     def penalty(kind: str, kinds: Collection[str]) -> float:
         if kind not in BLOCKS:
-            own = of_formula
+            is_alone = len(kinds) <= 1
+            own = log(len(task.vehicle.kinds)) if is_alone else EVIDENCE_THRESHOLD
         elif not BLOCKS[kind].bends.isdisjoint(kinds):
-            own = float(np.log(len(BLOCKS)))
+            own = log(len(BLOCKS))
         else:
             own = EVIDENCE_THRESHOLD + RIVAL_GAP
         return more * own
 
     return penalty
-
-
-def is_simple(model: FitResult) -> bool:
-    """Whether one effect at most and air explain the flights, and nothing else."""
-    if model.blocks or model.has_force_errors or len(model.kinds) > 1:
-        return False
-    return model.scales.moment < SIMPLE_MOMENT

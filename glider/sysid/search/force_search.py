@@ -11,13 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.progress import Progress, Step
-from glider.sysid.constants import (
-    ALONG_ATTITUDE,
-    FORCE_ROUNDS,
-    HELD_OUT_COEFFICIENT,
-    HELD_OUT_THRESHOLD,
-    HELD_OUT_UNCOMMON,
-)
+from glider.sysid.constants import ALONG_ATTITUDE, HELD_OUT_THRESHOLD
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import (
@@ -34,11 +28,7 @@ from glider.sysid.search.fits import FirstOrder, bare_of
 from glider.sysid.search.subsets import Scorer, best_set
 from glider.sysid.search.support import SearchResult, weigh
 
-HELD_OUT = EvidenceThreshold(
-    effect=HELD_OUT_THRESHOLD,
-    coefficient=HELD_OUT_COEFFICIENT,
-    uncommon=HELD_OUT_UNCOMMON,
-)
+HELD_OUT = EvidenceThreshold(**HELD_OUT_THRESHOLD)
 """Gain on held-out flights that an effect must bring."""
 
 EVERY_GLIDER_HAS = (  # No wing's lift is exactly a flat plate's.
@@ -55,6 +45,7 @@ _OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces
 # Scales that are estimated from the forces: errors of the moment, whose formula is
 # rougher, must not turn the flights' axes or their winds.
 OF_FORCES = ("wind", "trim", "pitch_zero")
+_ROUNDS = 4  # Of sets and strengths of errors that depend on each other.
 _SLACK = 1e-9  # Rounding by which a bound may be passed.
 
 
@@ -132,7 +123,7 @@ def search_forces(
     model = dataclasses.replace(start, scales=scales, has_force_errors=True)
     alone: dict[str, float] = {}
     tried: list[frozenset[str]] = []
-    for _ in range(FORCE_ROUNDS):
+    for _ in range(_ROUNDS):
         progress("searching for effects along the measured attitude")
         candidates = gather(task, model)
         grams = candidates.grams(model.scales)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glider.sysid.constants import MOST_TRIED, OFF, SLACK, UNDERVALUED
+from glider.sysid.constants import CLEAR, FOLLOWED, SLACK, Z
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
@@ -43,7 +43,7 @@ def pruned(search: Search, model: FitResult) -> FitResult | None:
     """The model without effects that do not reach their thresholds."""
     shown, found = shown_by(search.task, model), model
     for kind in sorted(shown, key=shown.__getitem__):
-        if shown[kind] > UNDERVALUED:
+        if shown[kind] > CLEAR:
             break
         fewer = search.fit(without(search.task, found, kind), f"is {kind} needed?")
         found = fewer if search.prefers(fewer, found) else found
@@ -84,7 +84,7 @@ def with_mean(search: Search, model: FitResult) -> FitResult | None:
     task = search.task
     own = flight_values(error_flights(task, model), model.scales)
     mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
-    is_off = np.abs(mean) > OFF * error
+    is_off = np.abs(mean) > Z * error
     for kind in dict(PER_FLIGHT):
         slots = list(task.layout.slots_of(kind))
         places = [k for k, (other, _) in enumerate(PER_FLIGHT) if other == kind]
@@ -158,10 +158,10 @@ def with_another(search: Search, model: FitResult) -> FitResult | None:
             kind = other[-1][0]
             found[kind] = max(found.get(kind, other), other, key=score)
         for members in found.values():
-            if score(members) > score(own) - UNDERVALUED:
+            if score(members) > score(own) - CLEAR:
                 yield members
 
-    few = heapq.nlargest(MOST_TRIED, by_kind(), key=score)
+    few = heapq.nlargest(FOLLOWED, by_kind(), key=score)
     return search.better(model, near, few)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.turning import Signs, turn
-from glider.sysid.constants import SIGN_FLIGHTS, SIGN_GAIN
+from glider.sysid.constants import CLEAR, FEW_FLIGHTS
 from glider.sysid.likelihood.model_fit import error_flights, fit_model, start_of
 from glider.sysid.likelihood.outliers import COARSE_SCALES
 from glider.sysid.likelihood.scales import negative_log_likelihood
@@ -30,9 +30,9 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round, as no small effect does: the best set of signs must
-    beat the logged one by `SIGN_GAIN` in the median flight, with `COMPANIONS` fitted.
+    beat the logged one by `CLEAR` in the median flight, with `COMPANIONS` fitted.
     """
-    few = flights[:SIGN_FLIGHTS]
+    few = flights[:FEW_FLIGHTS]
     kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)
 
     def costs(signs: Signs) -> np.ndarray:
@@ -57,7 +57,7 @@ def find_signs(
         gain = float(np.median(logged - costs(signs)))
         if gain > most:
             best, most = signs, gain
-    if best.are_right or most < SIGN_GAIN:
+    if best.are_right or most < CLEAR:
         return Signs()
     rows = 4 * np.mean([len(f.time) for f in few])
     share = float(1.0 - math.exp(-2.0 * most / rows))

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from glider.sysid.constants import BEAM, HOPELESS, MOST_EFFECTS
+from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS
 from glider.sysid.likelihood.candidates import Member, Variant
 
 Members = tuple[Member, ...]
@@ -59,10 +59,6 @@ class Scorer:
             self._kept[key] = self.evidence.log_marginal(_columns_of(members))
         return self._kept[key]
 
-    def with_penalty(self, penalty: Penalty) -> "Scorer":
-        """Returns the scorer with other penalties of members [nats]."""
-        return self._like(self.variants, penalty)
-
     def alone(self) -> dict[str, float]:
         """Returns the gain of each kind alone, without its penalty [nats]."""
         return {
@@ -94,13 +90,7 @@ class Scorer:
     def among(self, kinds: Collection[str]) -> "Scorer":
         """Returns the scorer with only some kinds to choose from."""
         few = {kind: own for kind, own in self.variants.items() if kind in kinds}
-        return self._like(few, self.penalty)
-
-    def _like(
-        self, variants: Mapping[str, Sequence[Variant]], penalty: Penalty
-    ) -> "Scorer":
-        """Returns another scorer of the same evidence, which knows what is cached."""
-        other = Scorer(self.evidence, variants, penalty)
+        other = Scorer(self.evidence, few, self.penalty)
         other._kept = self._kept
         return other
 
@@ -171,8 +161,8 @@ def best_of_sizes(score: Scorer) -> list[Members]:
     best: Members = ()
     for _ in range(MOST_EFFECTS):
         pool = {frozenset(m): m for parent in beam for m in score.larger(parent)}
-        ranked = sorted(pool.values(), key=score, reverse=True)[:BEAM]
-        if not ranked or score(ranked[0]) < score(best) - HOPELESS:
+        ranked = sorted(pool.values(), key=score, reverse=True)[:FOLLOWED]
+        if not ranked or score(ranked[0]) < score(best) - CLEAR:
             break
         reached = [climb(score, m, same_size=True) for m in ranked]
         beam = list({frozenset(m): m for m in reached}.values())

@@ -2,44 +2,33 @@
 
 import dataclasses
 import math
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
-from glider.sysid.constants import (
-    DOUBTED,
-    LEAST_STAND_IN,
-    LEAST_SUPPORT,
-    MOST_RIVALS,
-    OFFERED,
-    RESAMPLED_SHARE,
-    RESAMPLES,
-    RIVAL_GAP,
-    SIMPLE_SUPPORT,
-)
+from glider.sysid.constants import CLEAR, LEAST_SUPPORT, RIVAL_GAP
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import EvidenceThreshold
-from glider.sysid.search.fits import is_simple
 from glider.sysid.search.subsets import Members, Scorer, climb
+
+_LEAST_DRAWS, _MOST_DRAWS = 25, 200  # Sets of flights: the most where in doubt.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EffectSupport:
     """Support of an effect of the chosen set."""
 
-    rivals: tuple[str, ...]  #: Kinds that would do as well, here or on drawn flights.
+    rivals: tuple[str, ...]  #: Kinds that would do as well.
     inclusion: float  #: Share of the resampled flights that choose it.
     support: float  #: Share that choose it or one of its rivals.
-    enough: float  #: Least support of an effect that is claimed.
 
     def is_settled(self, draws: int) -> bool:
         """Whether the support is two standard errors of so many draws off its limit."""
-        error = math.sqrt(self.enough * (1.0 - self.enough) / draws)
-        return abs(self.support - self.enough) > 2.0 * error
+        error = math.sqrt(LEAST_SUPPORT * (1.0 - LEAST_SUPPORT) / draws)
+        return abs(self.support - LEAST_SUPPORT) > 2.0 * error
 
 
 Scoring = Callable[[Candidates, np.ndarray, np.ndarray], Scorer]
@@ -57,40 +46,24 @@ def weigh(
     score = scoring(candidates, grams, np.ones(len(grams)))
     chosen = score.by_first(model.kinds)
     near, rivals = near_and_rivals(score, chosen)
-    is_single = is_simple(model)
-    share = RESAMPLED_SHARE if is_single else 1.0
-    enough = SIMPLE_SUPPORT if is_single else LEAST_SUPPORT
+    backers = {k: {k, *rivals[k], *_family_of(k, model)} for k in model.kinds}
     resampled: list[set[str]] = []
-    families = {kind: _family_of(kind, model) for kind in model.kinds}
-
-    def support_of(kind: str) -> EffectSupport:
-        similar = rivals[kind]
-        if is_single:
-            similar = similar | _stand_ins(kind, resampled)
-        backers = {kind, *similar, *families[kind]}
-        if len(similar) > MOST_RIVALS * len(score.variants):
-            backers = {kind}
-        chosen_by = sum(not backers.isdisjoint(s) for s in resampled)
-        return EffectSupport(
-            rivals=tuple(k for k in score.variants if k in similar),
-            inclusion=sum(kind in s for s in resampled) / len(resampled),
-            support=chosen_by / len(resampled),
-            enough=enough,
-        )
-
-    least, most = RESAMPLES
     while True:
-        for _ in range(least):
+        for _ in range(_LEAST_DRAWS):
             drawn = rng.integers(len(grams), size=len(grams))
             times = np.bincount(drawn, minlength=len(grams)).astype(float)
             again = scoring(candidates, grams, times).among(near)
-            lenient = again.with_penalty(
-                lambda kind, kinds: share * score.penalty(kind, kinds)
-            )
-            resampled.append({kind for kind, _ in climb(lenient, chosen)})
-        found = {kind: support_of(kind) for kind in model.kinds}
+            resampled.append({kind for kind, _ in climb(again, chosen)})
         draws = len(resampled)
-        if draws >= most or all(f.is_settled(draws) for f in found.values()):
+        found = {
+            kind: EffectSupport(
+                rivals=tuple(k for k in score.variants if k in rivals[kind]),
+                inclusion=sum(kind in s for s in resampled) / draws,
+                support=sum(not own.isdisjoint(s) for s in resampled) / draws,
+            )
+            for kind, own in backers.items()
+        }
+        if draws >= _MOST_DRAWS or all(f.is_settled(draws) for f in found.values()):
             return found
 
 
@@ -112,7 +85,7 @@ def near_and_rivals(
     rivals: dict[str, set[str]] = {kind: set() for kind in kinds}
     for other in (*score.larger(chosen), *score.swapped(chosen)):
         kind, value = other[-1][0], score(other)
-        if value > best - OFFERED:
+        if value > best - CLEAR:
             near.add(kind)
         lost = kinds - {k for k, _ in other}
         if lost and value > best - RIVAL_GAP and kind not in kinds:
@@ -121,19 +94,12 @@ def near_and_rivals(
     return near, rivals
 
 
-def _stand_ins(kind: str, resampled: Sequence[set[str]]) -> set[str]:
-    """Returns the effects that resampled flights choose in place of another."""
-    counts = Counter(k for found in resampled if kind not in found for k in found)
-    return {k for k, n in counts.items() if n >= LEAST_STAND_IN * len(resampled)}
-
-
 def weakest(
     weighed: dict[str, EffectSupport], evidence: dict[str, float]
 ) -> str | None:
     """Returns the effect of least evidence that too few resampled flights support."""
-    weak = [k for k, own in weighed.items() if own.support < own.enough]
-    doubted = [k for k in weak if evidence[k] < DOUBTED]
-    return min(doubted, key=evidence.__getitem__, default=None)
+    weak = [k for k, own in weighed.items() if own.support < LEAST_SUPPORT]
+    return min(weak, key=evidence.__getitem__, default=None)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

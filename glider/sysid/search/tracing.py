@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Mapping
 import numpy as np
 
 from glider.progress import Progress, Step
-from glider.sysid.constants import MOST_AVERAGED, MOST_TRIED, RIVAL_GAP
+from glider.sysid.constants import FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
@@ -72,7 +72,7 @@ def trace(
         families=moves.families_of(search, model),
         found_by={kind: search.found_by.get(kind, "") for kind in model.kinds},
         rivals=rivals_of(search, model, weighed),
-        threshold=EvidenceThreshold(effect=fits.penalty_in(task, model)("", ())),
+        threshold=EvidenceThreshold(effect=fits.penalty_in(task)("", model.kinds)),
     )
 
 
@@ -92,7 +92,7 @@ def rivals_of(
             break
         rest = [m for m in near.score.by_first(model.kinds) if m[0] != kind]
         others = near.score.among(support.rivals).larger(tuple(rest))
-        for members in heapq.nlargest(MOST_TRIED, others, key=near.score):
+        for members in heapq.nlargest(FOLLOWED, others, key=near.score):
             search.fit(near.begin(members))
     found: dict[frozenset[str], tuple[FitResult, float]] = {}
     for kinds, other in search.fitted.items():
@@ -102,7 +102,7 @@ def rivals_of(
             lack = max(lack, 0.0)
         if kinds != own and 0.0 <= lack < found.get(kinds, (other, RIVAL_GAP))[1]:
             found[kinds] = other, lack
-    return tuple(sorted(found.values(), key=lambda pair: pair[1])[:MOST_AVERAGED])
+    return tuple(sorted(found.values(), key=lambda pair: pair[1])[:FOLLOWED])
 
 
 def improved(

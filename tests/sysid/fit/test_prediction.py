@@ -38,9 +38,9 @@ def test_the_launch_is_fitted_on_the_beginning_only(windy):
     """What happens later does not change the prediction."""
     task, model = windy
     record = task.records[1]
-    rows = beginning_rows(record, per_flight_trims=False)
+    rows = beginning_rows(record.time, per_flight_trims=False)
     assert 10 <= rows < 0.3 * len(record.time)
-    assert beginning_rows(record, per_flight_trims=True) > 1.5 * rows
+    assert beginning_rows(record.time, per_flight_trims=True) > 1.5 * rows
     pose = record.pose.copy()
     pose[rows:] += 5.0
     spoilt = dataclasses.replace(record, pose=pose)
@@ -53,7 +53,7 @@ def test_the_elevator_is_known_along_the_whole_flight(windy):
     """An error of its first rows moves its offset by their share of all."""
     task, model = windy
     record = task.records[1]
-    rows = beginning_rows(record, per_flight_trims=False)
+    rows = beginning_rows(record.time, per_flight_trims=False)
     elevator = record.elevator.copy()
     elevator[:rows] += 0.03
     spoilt = dataclasses.replace(record, elevator=elevator)
@@ -63,7 +63,7 @@ def test_the_elevator_is_known_along_the_whole_flight(windy):
 
 def test_the_truth_flies_whole_flights_as_they_were(windy, monkeypatch):
     task, model = windy
-    monkeypatch.setattr(prediction, "beginning_rows", lambda r, trims: len(r.time))
+    monkeypatch.setattr(prediction, "beginning_rows", lambda time, trims: len(time))
     for record in task.records:
         error = record.pose - predict(model, record).pose
         assert np.sqrt(np.mean(error[:, :2] ** 2)) < 1.5 * 4e-4
@@ -109,7 +109,7 @@ def test_a_flight_whose_elevator_is_first_seen_late_is_predicted():
     """The elevator then starts where its commands have it: no error is NaN."""
     campaign, masks = without_elevator_at_first(fly(WIND, flights=4), 0.35)
     task, noise = task_of(campaign, masks=masks)
-    rows = beginning_rows(task.records[0], per_flight_trims=False)
+    rows = beginning_rows(task.records[0].time, per_flight_trims=False)
     assert not task.records[0].seen[:rows, 3].any()
     truth = dataclasses.replace(
         begin(task, noise), theta=theta_of(GliderModel(effects=(WIND,)))

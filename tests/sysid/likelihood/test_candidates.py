@@ -130,7 +130,7 @@ def test_flights_may_be_gathered_in_parts(dragged, monkeypatch):
     """What diverges on a flight of any part is offered by none."""
     task, _, model = dragged
     monkeypatch.setattr(gathering, "_IN_PART", 3)
-    monkeypatch.setattr(gathering, "LARGEST_PUSH", np.inf)
+    monkeypatch.setattr(gathering, "_LARGEST_PUSH", np.inf)
     whole = gather(task, model)
     flights = model_fit.linear_flights(task, model, whole.directions)
     scale = task.layout.scale[whole.slots]
@@ -140,7 +140,7 @@ def test_flights_may_be_gathered_in_parts(dragged, monkeypatch):
     order = np.argsort(pushes)  # The wildest alone, in the last part.
     task = task.on([task.records[i] for i in order])
     most = 0.5 * sum(pushes[i] for i in order[-2:])
-    monkeypatch.setattr(gathering, "LARGEST_PUSH", most)
+    monkeypatch.setattr(gathering, "_LARGEST_PUSH", most)
     whole = gather(task, model)
     parts, grams, costs = gather_in_parts(task, model, model.scales)
     assert parts.variants == whole.variants

@@ -146,12 +146,10 @@ def test_a_set_grows_to_the_most_effects_and_no_farther():
 
 
 def test_thresholds_grow_with_many_flights_only():
-    model = types.SimpleNamespace(blocks=("drag over alpha",))
-
     def threshold(flights):
         vehicle = types.SimpleNamespace(kinds=("wind", "mass"))
         task = types.SimpleNamespace(records=range(flights), vehicle=vehicle)
-        return penalty_in(task, model)("wind", ("wind",))
+        return penalty_in(task)("wind", ("wind", "mass"))
 
     assert threshold(6) == threshold(40) == EVIDENCE
     assert threshold(400) == 10.0 * EVIDENCE
