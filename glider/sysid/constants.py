@@ -93,7 +93,7 @@ ALONG_ATTITUDE = {  # Noise of flights along their attitude, which ignore moment
 MOST_EFFECTS = 8  # Of a set (c).
 # Best sets that are followed up: by larger ones, by fits, by averages (c): each costs.
 FOLLOWED = 3
-LEAST_SUPPORT = 0.5  # Share of drawn flights that choose an effect or a rival (c).
+LEAST_SUPPORT = 0.85  # Share of drawn flights that choose an effect or a rival (c).
 SLACK = 0.1  # Share of the evidence that a smaller set may lack, to first order (c).
 
 # -------------------------------------------------- free functions and fits

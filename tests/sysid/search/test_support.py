@@ -130,7 +130,7 @@ def test_of_what_few_draws_support_the_least_is_doubted():
     def of(support):
         return EffectSupport(rivals=(), inclusion=support, support=support)
 
-    both = {"camber": of(0.1), "wind": of(0.4), "mass": of(0.6)}
+    both = {"camber": of(0.5), "wind": of(0.8), "mass": of(1.0)}
     assert weakest(both, {"camber": 19.0, "wind": 20.0, "mass": 20.0}) == "camber"
     assert weakest(both, {"camber": 20.0, "wind": 19.0, "mass": 2.0}) == "wind"
     assert weakest({"mass": of(1.0)}, {"mass": 20.0}) is None
@@ -150,12 +150,12 @@ def test_what_is_not_free_has_no_standard_error():
 
 
 def test_an_effect_in_doubt_is_resampled_more_often():
-    """Of 25 draws the share is known to 0.1: that settles most and few only."""
+    """Of 25 draws the share is known to 0.07: that settles all and none only."""
 
     def settled(support, draws):
         found = EffectSupport(rivals=(), inclusion=0.0, support=support)
         return found.is_settled(draws)
 
-    assert settled(0.8, 25) and settled(0.2, 25)
-    assert not settled(0.6, 25) and not settled(0.4, 25)
-    assert settled(0.6, 200) and settled(0.4, 200)
+    assert settled(1.0, 25) and settled(0.6, 25)
+    assert not settled(0.92, 25) and not settled(0.76, 25)
+    assert settled(0.92, 200) and settled(0.76, 200)
