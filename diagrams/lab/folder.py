@@ -3,18 +3,21 @@
 import dataclasses
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from diagrams.lab.state import CORRECTED, NOMINAL, PROPOSED, Throw
 from diagrams.station.throw_log import read_throw
 from glider.campaign.importing.campaign_import import read_flights
+from glider.campaign.settings import read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect
 from glider.files import schema
 
 MAP = "MAP.yaml"
 """A folder with it holds takes of other software; one without it is a campaign."""
+
+SETTINGS = "campaign.yaml"
 
 KEPT = "lab"
 """What the session writes is in this folder of its folder."""
@@ -49,9 +52,14 @@ class Watched:
         return self.kept / "campaign" if self.has_takes else self.path
 
     @property
+    def settings(self) -> Path:
+        """The file of what all throws have in common."""
+        return self.campaign / SETTINGS
+
+    @property
     def is_open(self) -> bool:
         """Whether it is not decided yet what the throws of this folder are."""
-        return not (self.has_takes or (self.path / "campaign.yaml").is_file())
+        return not (self.has_takes or (self.path / SETTINGS).is_file())
 
     @property
     def takes(self) -> list[Path]:
@@ -86,10 +94,12 @@ class Watched:
         All takes are imported together each time: clocks and signs are found from all.
 
         Raises:
-            InputError: they cannot be imported.
+            InputError: they cannot be imported, or campaign.yaml not be read.
         """
         self._imported = self._sizes = _sizes(self._files())
         takes = self.takes
+        if not self.has_takes:
+            read_settings(self.settings)
         if not (self.has_takes and takes):
             return ()
         imported = read_flights(takes, self.path / MAP)
@@ -103,7 +113,8 @@ class Watched:
     def throws(self, known: Sequence[Throw]) -> list[Throw]:
         """The flights of the campaign; known ones whose files are the same stay."""
         files = sorted(self.campaign.glob("flight_*.csv"))
-        found = [Throw(name=f.name, sha256=_digest(f)) for f in files]
+        digests = throw_digests(self.campaign, [file.name for file in files])
+        found = [Throw(name=name, sha256=own) for name, own in digests.items()]
         first = next((r for t in found if (r := _record(self.path, t))), None)
         nominal = read_throw(first)[0].get("model", "") if first else ""
         same = {(throw.name, throw.sha256): throw for throw in known}
@@ -116,16 +127,22 @@ class Watched:
     def _files(self) -> list[Path]:
         if self.has_takes or self.is_open:
             return [*self.takes, *self.path.glob(MAP)]
-        return sorted(self.path.glob("flight_*.csv"))
+        return sorted([*self.path.glob("flight_*.csv"), *self.path.glob(SETTINGS)])
 
 
-def joint_digest(throws: Sequence[Throw]) -> str:
+def throw_digests(campaign: Path, names: Sequence[str]) -> dict[str, str]:
+    """Digests of flights of a campaign, each with campaign.yaml, by name."""
+    settings = (campaign / SETTINGS).read_bytes() if names else b""
+    common = hashlib.sha256(settings).digest()
+    return {
+        name: hashlib.sha256(common + (campaign / name).read_bytes()).hexdigest()
+        for name in names
+    }
+
+
+def joint_digest(digests: Iterable[str]) -> str:
     """Digest of the contents of flights, in their order."""
-    return hashlib.sha256("".join(t.sha256 for t in throws).encode()).hexdigest()
-
-
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 def _sizes(files: list[Path]) -> dict[Path, tuple[int, int]]:

@@ -18,7 +18,7 @@ class Throw:
     """A flight of the session."""
 
     name: str  #: Of its file in the campaign.
-    sha256: str  #: Of this file: another content is another throw.
+    sha256: str  #: Of this file and campaign.yaml: another content is another throw.
     fault: str = ""  #: Why it cannot be read, or why the station stopped it.
     is_read: bool = True  #: Whether it is a flight of the campaign.
     #: By the station's record, where there is one: NOMINAL or CORRECTED, the model that
@@ -64,6 +64,7 @@ class Proposal:
     flights: int  #: Number of the flights that it was found from.
     sentences: tuple[str, ...]  #: What to expect of it.
     throws: tuple[str, ...] = ()  #: Each launch in words.
+    sha256: str = ""  #: Of the contents of the flights.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

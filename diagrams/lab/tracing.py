@@ -9,6 +9,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from diagrams.lab.assistant import MapJob
+from diagrams.lab.folder import joint_digest, throw_digests
 from diagrams.lab.state import Draft, Proposal, Trace, trace_of
 from glider.errors import InputError
 
@@ -37,22 +38,38 @@ class Job:
         try:
             return self._propose() if self.proposes else self._trace()
         except InputError as error:
-            return self.refused(str(error).removeprefix(f"{self.folder}: "))
+            why = str(error).removeprefix(f"{self.folder}: ")
+            return self.refused(why, is_fault=not self._is_there)
+
+    @property
+    def _is_there(self) -> bool:
+        """Whether the folder still holds the flights that were asked for."""
+        try:
+            found = throw_digests(self.folder, self.flights).values()
+        except OSError:
+            return False
+        return joint_digest(found) == self.sha256
 
     def refused(self, why: str, *, is_fault: bool = False) -> Trace | Proposal:
         """The answer where there is none."""
         if self.proposes:
-            return Proposal(flights=len(self.flights), sentences=(why,))
+            return Proposal(
+                flights=len(self.flights), sentences=(why,), sha256=self.sha256
+            )
         return Trace(
             flights=self.flights, sha256=self.sha256, refusal=why, is_fault=is_fault
         )
 
     def _trace(self) -> Trace:
+        from glider.campaign.reader import load_campaign
         from glider.report.folder import write_report
         from glider.report.wording import headline
         from glider.sysid.pipeline import close_the_loop
 
-        result = close_the_loop(self.folder, flights=self.flights)
+        campaign = load_campaign(self.folder, flights=self.flights)
+        if not self._is_there:
+            raise InputError("The throws changed while they were read.")
+        result = close_the_loop(campaign, flights=self.flights)
         write_report(result, self.out)
         return trace_of(result.report, headline(result), self.sha256)
 
@@ -68,6 +85,7 @@ class Job:
             flights=len(self.flights),
             sentences=tuple(sentences(found)),
             throws=tuple(throw_words(found, k) for k in range(1, count + 1)),
+            sha256=self.sha256,
         )
 
 
