@@ -73,6 +73,7 @@ class Draft:
 
     text: str  #: Of MAP.yaml.
     takes: tuple[str, ...]  #: That it was checked on.
+    is_proposed: bool = False  #: Whether no person has corrected or checked it.
     flights: int = 0  #: That were found in them; their picture is there if any.
     refusal: str = ""  #: Why it cannot be.
     warnings: tuple[str, ...] = ()  #: What the flights do not show.
