@@ -7,17 +7,22 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from diagrams.lab.state import CORRECTED, NOMINAL, PROPOSED, Throw
+from diagrams.station.scenario import Limits
 from diagrams.station.throw_log import read_throw
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.settings import read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect
+from glider.experiments.throw_limits import ThrowLimits, load_limits
 from glider.files import schema
 
 MAP = "MAP.yaml"
 """A folder with it holds takes of other software; one without it is a campaign."""
 
 SETTINGS = "campaign.yaml"
+
+LIMITS = "limits.yaml"
+"""A file of the folder: limits of proposed throws, as of `glider next-throw`."""
 
 KEPT = "lab"
 """What the session writes is in this folder of its folder."""
@@ -55,6 +60,12 @@ class Watched:
     def settings(self) -> Path:
         """The file of what all throws have in common."""
         return self.campaign / SETTINGS
+
+    @property
+    def limits(self) -> str:
+        """Text of the limits of proposed throws; "" for none."""
+        file = self.path / LIMITS
+        return file.read_text(errors="replace") if file.is_file() else ""
 
     @property
     def is_open(self) -> bool:
@@ -138,6 +149,24 @@ def throw_digests(campaign: Path, names: Sequence[str]) -> dict[str, str]:
         name: hashlib.sha256(common + (campaign / name).read_bytes()).hexdigest()
         for name in names
     }
+
+
+def limits_of(folder: Path) -> ThrowLimits | None:
+    """Limits of the throws that are proposed in a session's folder.
+
+    Those of its file; else x and z of the room, as the station's last record has them.
+    None without either: as flown.
+    """
+    if (folder / LIMITS).is_file():
+        return load_limits(folder / LIMITS)
+    records = sorted(folder.glob("throw_*.mcap"))
+    if not records:
+        return None
+    facts, _ = read_throw(records[-1])
+    scenario = schema.parse_yaml(facts.get("scenario", ""), str(records[-1]))
+    own = scenario.get("limits", {}) if isinstance(scenario, dict) else {}
+    room = schema.convert(own, Limits, str(records[-1]))
+    return ThrowLimits(x=room.x, z=room.z)
 
 
 def joint_digest(digests: Iterable[str]) -> str:

@@ -276,10 +276,12 @@ class LabSession:
         faults = sum(t.is_fault and t.sha256 == digest for t in state.traces)
         if last is None or last.sha256 != digest or 0 < faults <= RETRIES:
             return trace
-        done = last.refusal or (state.proposal and state.proposal.sha256 == digest)
-        if done or not proposes:
+        if last.refusal or not proposes:
             return None
-        return dataclasses.replace(trace, proposes=True)
+        path, limits, done = self.watched.path, self.watched.limits, state.proposal
+        if done and (done.sha256, done.limits) == (digest, limits):
+            return None
+        return dataclasses.replace(trace, proposes=True, session=path, limits=limits)
 
     def _take(self, answer: Trace | Proposal | Draft) -> None:
         """Adds an answer to the state."""

@@ -65,6 +65,7 @@ class Proposal:
     sentences: tuple[str, ...]  #: What to expect of it.
     throws: tuple[str, ...] = ()  #: Each launch in words.
     sha256: str = ""  #: Of the contents of the flights.
+    limits: str = ""  #: Text of limits.yaml, if there was one.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -5,11 +5,12 @@ import multiprocessing
 import os
 import signal
 import traceback
+from collections.abc import Iterable
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from diagrams.lab.assistant import MapJob
-from diagrams.lab.folder import joint_digest, throw_digests
+from diagrams.lab.folder import joint_digest, limits_of, throw_digests
 from diagrams.lab.state import Draft, Proposal, Trace, trace_of
 from glider.errors import InputError
 
@@ -26,6 +27,8 @@ class Job:
     flights: tuple[str, ...]
     sha256: str  #: Of their contents.
     proposes: bool = False  #: Whether the report is there, and a throw is wanted.
+    session: Path | None = None  #: Folder with the limits of a throw that is wanted.
+    limits: str = ""  #: Text of its limits.yaml.
 
     @property
     def words(self) -> str:
@@ -53,9 +56,7 @@ class Job:
     def refused(self, why: str, *, is_fault: bool = False) -> Trace | Proposal:
         """The answer where there is none."""
         if self.proposes:
-            return Proposal(
-                flights=len(self.flights), sentences=(why,), sha256=self.sha256
-            )
+            return self._proposal((why,))
         return Trace(
             flights=self.flights, sha256=self.sha256, refusal=why, is_fault=is_fault
         )
@@ -78,14 +79,20 @@ class Job:
         from glider.experiments.proposal import next_throw
         from glider.report.next_throw import sentences, throw_words, write_proposal
 
-        found = next_throw(self.folder, load_findings(self.out), launches=1)
+        limits = limits_of(self.session) if self.session else None
+        findings = load_findings(self.out)
+        found = next_throw(self.folder, findings, launches=1, limits=limits)
         write_proposal(found, self.out / "next_throw")
-        count = len(found.throws)
+        words = [throw_words(found, k + 1) for k in range(len(found.throws))]
+        return self._proposal(sentences(found), words)
+
+    def _proposal(self, why: Iterable[str], throws: Iterable[str] = ()) -> Proposal:
         return Proposal(
             flights=len(self.flights),
-            sentences=tuple(sentences(found)),
-            throws=tuple(throw_words(found, k) for k in range(1, count + 1)),
+            sentences=tuple(why),
+            throws=tuple(throws),
             sha256=self.sha256,
+            limits=self.limits,
         )
 
 
