@@ -44,7 +44,7 @@ class Watched:
         self.kept = path / KEPT
         self._sizes: dict[Path, tuple[int, int]] = {}
         self._imported: dict[Path, tuple[int, int]] = {}
-        expect(path.is_dir(), "the session's folder", str(path), "a folder")
+        expect(path.is_dir(), "the session's folder", str(path), "a folder that exists")
 
     @property
     def has_takes(self) -> bool:
