@@ -1,6 +1,5 @@
 """Measured throws and takes, dropped into a session's folder file by file."""
 
-import dataclasses
 import shutil
 from pathlib import Path
 
@@ -10,7 +9,6 @@ from diagrams.lab.session import LabSession
 from diagrams.lab.state import trace_of
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.reader import load_campaign
-from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.report.wording import headline
 from glider.sysid.pipeline import close_the_loop
@@ -75,33 +73,3 @@ def test_measured_throws_one_by_one_give_the_answer_of_a_full_run(tmp_path, sess
         assert (last.verdict, last.headline) == (expected.verdict, expected.headline)
         assert last.effects == expected.effects and last.errors == expected.errors
     assert last.verdict != "not_trusted"
-
-
-@pytest.mark.nightly
-def test_takes_in_any_order_give_the_answer_of_an_import_of_all(tmp_path):
-    """A take that sorts before others moves their flights' names."""
-    lab, apart = tmp_path / "lab", tmp_path / "apart"
-    lab.mkdir()
-    (lab / "MAP.yaml").write_text(
-        "columns: {time: time, x: x, z: z, pitch: pitch, y: y, roll: roll, yaw: yaw}\n"
-        "vehicle: {elevator: fixed_per_flight}\n"
-    )
-    session, source = LabSession(lab), MEASURED / "motion_studio_v3"
-    try:
-        for number in (6, 2, 4, 1):
-            shutil.copy(
-                source / f"flight_{number:03d}.csv", lab / f"take {number:03d}.csv"
-            )
-            session.update()
-        session.finish()
-        last = session.state.traces[-1]
-    finally:
-        session.close()
-    imported = read_flights(sorted(lab.glob("*.csv")), lab / "MAP.yaml").campaign
-    save_campaign(apart, imported)
-    full = close_the_loop(apart, flights=last.flights)
-    expected = trace_of(full.report, headline(full), last.sha256)
-    assert len(last.flights) == 4
-    assert dataclasses.replace(last, seconds=0.0) == dataclasses.replace(
-        expected, seconds=0.0
-    )
