@@ -48,9 +48,10 @@ class MapJob:
                 from glider.campaign.importing.guess import guess_mapping
 
                 text = guess_mapping(self._files).text
-            return self._check(text)
+            draft = self._check(text)
         except InputError as error:
-            return self.refused(self._short(error), text)
+            draft = self.refused(self._short(error), text)
+        return dataclasses.replace(draft, is_proposed=not self.text)
 
     def refused(self, why: str, text: str = "", *, is_fault: bool = False) -> Draft:
         """The answer where there is none."""
@@ -103,7 +104,8 @@ def next_map_job(
         folder=watched.path,
         out=watched.kept / "draft",
         takes=takes,
-        text=asked or (draft.text if draft else ""),
+        # More takes make another proposal; what a person has corrected stays.
+        text=asked or (draft.text if draft and not draft.is_proposed else ""),
     )
 
 

@@ -113,7 +113,7 @@ def _errors_figure(throws: Sequence[Throw]) -> Figure | None:
             "error of the predicted position, RMS [mm]",
             errors,
             span,
-            Axis(is_log=True),
+            _log_axis(errors),
             height=240,
         )
     ]
@@ -124,6 +124,15 @@ def _errors_figure(throws: Sequence[Throw]) -> Figure | None:
     if np.isfinite([*missed.values()]).any():
         marks = [points(key, values) for key, values in missed.items()]
         title = "distance from hook to wire [mm]"
-        panels.append(Panel(title, marks, span, Axis(is_log=True), height=240))
+        panels.append(Panel(title, marks, span, _log_axis(marks), height=240))
         keys |= {"named": "perched", "worse": "no perch"}
     return Figure(keys=keys, panels=panels, least_width=24.0)
+
+
+def _log_axis(marks: Sequence[Points]) -> Axis:
+    """A logarithmic axis that is so long that at least one of its ticks is labelled."""
+    values = np.concatenate([own.y for own in marks])
+    shown = values[values > 0.0]  # None that is NaN.
+    if not len(shown):
+        return Axis(is_log=True)
+    return Axis(range=(0.5 * shown.min(), 2.0 * shown.max()), is_log=True)

@@ -3,18 +3,26 @@
 import dataclasses
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from diagrams.lab.state import CORRECTED, NOMINAL, PROPOSED, Throw
+from diagrams.station.scenario import Limits
 from diagrams.station.throw_log import read_throw
 from glider.campaign.importing.campaign_import import read_flights
+from glider.campaign.settings import read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect
+from glider.experiments.throw_limits import ThrowLimits, load_limits
 from glider.files import schema
 
 MAP = "MAP.yaml"
 """A folder with it holds takes of other software; one without it is a campaign."""
+
+SETTINGS = "campaign.yaml"
+
+LIMITS = "limits.yaml"
+"""A file of the folder: limits of proposed throws, as of `glider next-throw`."""
 
 KEPT = "lab"
 """What the session writes is in this folder of its folder."""
@@ -36,7 +44,7 @@ class Watched:
         self.kept = path / KEPT
         self._sizes: dict[Path, tuple[int, int]] = {}
         self._imported: dict[Path, tuple[int, int]] = {}
-        expect(path.is_dir(), "the session's folder", str(path), "a folder")
+        expect(path.is_dir(), "the session's folder", str(path), "a folder that exists")
 
     @property
     def has_takes(self) -> bool:
@@ -49,9 +57,20 @@ class Watched:
         return self.kept / "campaign" if self.has_takes else self.path
 
     @property
+    def settings(self) -> Path:
+        """The file of what all throws have in common."""
+        return self.campaign / SETTINGS
+
+    @property
+    def limits(self) -> str:
+        """Text of the limits of proposed throws; "" for none."""
+        file = self.path / LIMITS
+        return file.read_text(errors="replace") if file.is_file() else ""
+
+    @property
     def is_open(self) -> bool:
         """Whether it is not decided yet what the throws of this folder are."""
-        return not (self.has_takes or (self.path / "campaign.yaml").is_file())
+        return not (self.has_takes or (self.path / SETTINGS).is_file())
 
     @property
     def takes(self) -> list[Path]:
@@ -86,10 +105,12 @@ class Watched:
         All takes are imported together each time: clocks and signs are found from all.
 
         Raises:
-            InputError: they cannot be imported.
+            InputError: they cannot be imported, or campaign.yaml not be read.
         """
         self._imported = self._sizes = _sizes(self._files())
         takes = self.takes
+        if not self.has_takes:
+            read_settings(self.settings)
         if not (self.has_takes and takes):
             return ()
         imported = read_flights(takes, self.path / MAP)
@@ -103,7 +124,8 @@ class Watched:
     def throws(self, known: Sequence[Throw]) -> list[Throw]:
         """The flights of the campaign; known ones whose files are the same stay."""
         files = sorted(self.campaign.glob("flight_*.csv"))
-        found = [Throw(name=f.name, sha256=_digest(f)) for f in files]
+        digests = throw_digests(self.campaign, [file.name for file in files])
+        found = [Throw(name=name, sha256=own) for name, own in digests.items()]
         first = next((r for t in found if (r := _record(self.path, t))), None)
         nominal = read_throw(first)[0].get("model", "") if first else ""
         same = {(throw.name, throw.sha256): throw for throw in known}
@@ -116,16 +138,40 @@ class Watched:
     def _files(self) -> list[Path]:
         if self.has_takes or self.is_open:
             return [*self.takes, *self.path.glob(MAP)]
-        return sorted(self.path.glob("flight_*.csv"))
+        return sorted([*self.path.glob("flight_*.csv"), *self.path.glob(SETTINGS)])
 
 
-def joint_digest(throws: Sequence[Throw]) -> str:
+def throw_digests(campaign: Path, names: Sequence[str]) -> dict[str, str]:
+    """Digests of flights of a campaign, each with campaign.yaml, by name."""
+    settings = (campaign / SETTINGS).read_bytes() if names else b""
+    common = hashlib.sha256(settings).digest()
+    return {
+        name: hashlib.sha256(common + (campaign / name).read_bytes()).hexdigest()
+        for name in names
+    }
+
+
+def limits_of(folder: Path) -> ThrowLimits | None:
+    """Limits of the throws that are proposed in a session's folder.
+
+    Those of its file; else x and z of the room, as the station's last record has them.
+    None without either: as flown.
+    """
+    if (folder / LIMITS).is_file():
+        return load_limits(folder / LIMITS)
+    records = sorted(folder.glob("throw_*.mcap"))
+    if not records:
+        return None
+    facts, _ = read_throw(records[-1])
+    scenario = schema.parse_yaml(facts.get("scenario", ""), str(records[-1]))
+    own = scenario.get("limits", {}) if isinstance(scenario, dict) else {}
+    room = schema.convert(own, Limits, str(records[-1]))
+    return ThrowLimits(x=room.x, z=room.z)
+
+
+def joint_digest(digests: Iterable[str]) -> str:
     """Digest of the contents of flights, in their order."""
-    return hashlib.sha256("".join(t.sha256 for t in throws).encode()).hexdigest()
-
-
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 def _sizes(files: list[Path]) -> dict[Path, tuple[int, int]]:

@@ -210,7 +210,7 @@ def view_of(session: LabSession) -> dict[str, Any]:
         },
         "figures": session_figures(state),
         "import": {
-            "is_open": session.watched.is_open,
+            "is_open": session.watched.is_open and launches is None,
             "has_takes": session.watched.has_takes,
             "takes": [file.name for file in session.watched.takes],
             "choices": MAP_CHOICES,

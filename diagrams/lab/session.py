@@ -14,6 +14,7 @@ from diagrams.lab.state import (
     NOMINAL,
     Draft,
     Proposal,
+    State,
     Throw,
     Trace,
     load_state,
@@ -61,14 +62,11 @@ class LabSession:
         self.watched.kept.mkdir(exist_ok=True)
         self._lock = FolderLock(self.watched.kept / ".session", folder, "session")
         self._file = self.watched.kept / "session.json"
-        known = load_state(self._file)
-        # What a fault kept from an answer is tried again.
-        done = tuple(trace for trace in known.traces if not trace.is_fault)
-        self.state = dataclasses.replace(known, traces=done)
+        self.state = _without_faults(load_state(self._file))
         self.report = self.watched.kept / "report"
         self.launches = launches
-        #: With the trace that they are of.
-        self._rollouts: tuple[str, dict[str, RolloutModel]] | None = None
+        #: With what they are of.
+        self._rollouts: tuple[tuple[str, bytes], dict[str, RolloutModel]] | None = None
         self._worker = Worker()
         self.asked_map: str | None = None  #: A map's text to be checked.
         self.fault = ""  #: Of this program, in the last step; "" for none.
@@ -133,6 +131,7 @@ class LabSession:
         except InputError as error:
             self._change(notes=(*notes, str(error)))
             return
+        self._change(traces=_without_faults(self.state).traces)
         excluded = self.state.excluded
         if campaign is not None:
             try:
@@ -223,19 +222,21 @@ class LabSession:
 
         One throw more changes that too little to make people wait for it.
         """
-        if self._rollouts is None or self._rollouts[0] != self._last_sha256:
+        if self._rollouts is None or self._rollouts[0] != self._basis:
             varies = CORRECTED in models
             found = rollout_models(campaign, models, varies=varies) if models else {}
-            self._rollouts = self._last_sha256, found
+            self._rollouts = self._basis, found
         return self._rollouts[1]
 
     @property
-    def _last_sha256(self) -> str:
-        return self.state.answer.sha256 if self.state.answer else ""
+    def _basis(self) -> tuple[str, bytes]:
+        """What the models come from: the last answer, and campaign.yaml."""
+        answer = self.state.answer
+        return answer.sha256 if answer else "", self.watched.settings.read_bytes()
 
     def _prepare(self) -> None:
         """Does what the next throw needs; flies one throw again by a first answer."""
-        if not self.model_file:
+        if not self.model_file or not self.watched.settings.is_file():
             return
         throws, campaign = list(self.state.throws), None
         late = [
@@ -243,10 +244,13 @@ class LabSession:
             for k, throw in enumerate(throws)
             if throw.is_drawn and CORRECTED not in throw.errors and not throw.is_fitted
         ]
-        is_known = self._rollouts is not None and self._rollouts[0] == self._last_sha256
+        is_known = self._rollouts is not None and self._rollouts[0] == self._basis
         if late or not is_known:
             folder = self.watched.campaign
-            campaign = load_campaign(folder, flights=self.state.flights)
+            try:
+                campaign = load_campaign(folder, flights=self.state.flights)
+            except InputError:  # It has changed since; `update` says how.
+                return
             self._rollouts_of(campaign, self._models(campaign))
         if late and campaign:
             throws[late[-1]] = self._drawn(throws[late[-1]], campaign)
@@ -261,7 +265,8 @@ class LabSession:
         given = [throw for throw in state.throws if throw.is_read]
         if not given:
             return None
-        digest, last = joint_digest(given), state.traces[-1] if state.traces else None
+        digest = joint_digest(throw.sha256 for throw in given)
+        last = state.traces[-1] if state.traces else None
         trace = Job(
             folder=self.watched.campaign,
             out=self.report,
@@ -271,10 +276,12 @@ class LabSession:
         faults = sum(t.is_fault and t.sha256 == digest for t in state.traces)
         if last is None or last.sha256 != digest or 0 < faults <= RETRIES:
             return trace
-        done = last.refusal or (state.proposal and state.proposal.flights == len(given))
-        if done or not proposes:
+        if last.refusal or not proposes:
             return None
-        return dataclasses.replace(trace, proposes=True)
+        path, limits, done = self.watched.path, self.watched.limits, state.proposal
+        if done and (done.sha256, done.limits) == (digest, limits):
+            return None
+        return dataclasses.replace(trace, proposes=True, session=path, limits=limits)
 
     def _take(self, answer: Trace | Proposal | Draft) -> None:
         """Adds an answer to the state."""
@@ -292,3 +299,9 @@ class LabSession:
         if state != self.state:
             save_state(state, self._file)
             self.state = state
+
+
+def _without_faults(state: State) -> State:
+    """The state without the traces that a fault ended: they are tried again."""
+    traces = tuple(trace for trace in state.traces if not trace.is_fault)
+    return dataclasses.replace(state, traces=traces)

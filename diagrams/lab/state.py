@@ -18,7 +18,7 @@ class Throw:
     """A flight of the session."""
 
     name: str  #: Of its file in the campaign.
-    sha256: str  #: Of this file: another content is another throw.
+    sha256: str  #: Of this file and campaign.yaml: another content is another throw.
     fault: str = ""  #: Why it cannot be read, or why the station stopped it.
     is_read: bool = True  #: Whether it is a flight of the campaign.
     #: By the station's record, where there is one: NOMINAL or CORRECTED, the model that
@@ -64,6 +64,8 @@ class Proposal:
     flights: int  #: Number of the flights that it was found from.
     sentences: tuple[str, ...]  #: What to expect of it.
     throws: tuple[str, ...] = ()  #: Each launch in words.
+    sha256: str = ""  #: Of the contents of the flights.
+    limits: str = ""  #: Text of limits.yaml, if there was one.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -72,6 +74,7 @@ class Draft:
 
     text: str  #: Of MAP.yaml.
     takes: tuple[str, ...]  #: That it was checked on.
+    is_proposed: bool = False  #: Whether no person has corrected or checked it.
     flights: int = 0  #: That were found in them; their picture is there if any.
     refusal: str = ""  #: Why it cannot be.
     warnings: tuple[str, ...] = ()  #: What the flights do not show.

@@ -5,10 +5,12 @@ import multiprocessing
 import os
 import signal
 import traceback
+from collections.abc import Iterable
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from diagrams.lab.assistant import MapJob
+from diagrams.lab.folder import joint_digest, limits_of, throw_digests
 from diagrams.lab.state import Draft, Proposal, Trace, trace_of
 from glider.errors import InputError
 
@@ -25,6 +27,8 @@ class Job:
     flights: tuple[str, ...]
     sha256: str  #: Of their contents.
     proposes: bool = False  #: Whether the report is there, and a throw is wanted.
+    session: Path | None = None  #: Folder with the limits of a throw that is wanted.
+    limits: str = ""  #: Text of its limits.yaml.
 
     @property
     def words(self) -> str:
@@ -37,22 +41,36 @@ class Job:
         try:
             return self._propose() if self.proposes else self._trace()
         except InputError as error:
-            return self.refused(str(error).removeprefix(f"{self.folder}: "))
+            why = str(error).removeprefix(f"{self.folder}: ")
+            return self.refused(why, is_fault=not self._is_there)
+
+    @property
+    def _is_there(self) -> bool:
+        """Whether the folder still holds the flights that were asked for."""
+        try:
+            found = throw_digests(self.folder, self.flights).values()
+        except OSError:
+            return False
+        return joint_digest(found) == self.sha256
 
     def refused(self, why: str, *, is_fault: bool = False) -> Trace | Proposal:
         """The answer where there is none."""
         if self.proposes:
-            return Proposal(flights=len(self.flights), sentences=(why,))
+            return self._proposal((why,))
         return Trace(
             flights=self.flights, sha256=self.sha256, refusal=why, is_fault=is_fault
         )
 
     def _trace(self) -> Trace:
+        from glider.campaign.reader import load_campaign
         from glider.report.folder import write_report
         from glider.report.wording import headline
         from glider.sysid.pipeline import close_the_loop
 
-        result = close_the_loop(self.folder, flights=self.flights)
+        campaign = load_campaign(self.folder, flights=self.flights)
+        if not self._is_there:
+            raise InputError("The throws changed while they were read.")
+        result = close_the_loop(campaign, flights=self.flights)
         write_report(result, self.out)
         return trace_of(result.report, headline(result), self.sha256)
 
@@ -61,13 +79,20 @@ class Job:
         from glider.experiments.proposal import next_throw
         from glider.report.next_throw import sentences, throw_words, write_proposal
 
-        found = next_throw(self.folder, load_findings(self.out), launches=1)
+        limits = limits_of(self.session) if self.session else None
+        findings = load_findings(self.out)
+        found = next_throw(self.folder, findings, launches=1, limits=limits)
         write_proposal(found, self.out / "next_throw")
-        count = len(found.throws)
+        words = [throw_words(found, k + 1) for k in range(len(found.throws))]
+        return self._proposal(sentences(found), words)
+
+    def _proposal(self, why: Iterable[str], throws: Iterable[str] = ()) -> Proposal:
         return Proposal(
             flights=len(self.flights),
-            sentences=tuple(sentences(found)),
-            throws=tuple(throw_words(found, k) for k in range(1, count + 1)),
+            sentences=tuple(why),
+            throws=tuple(throws),
+            sha256=self.sha256,
+            limits=self.limits,
         )
 
 

@@ -17,11 +17,13 @@ from diagrams.lab.launches import Launches
 from diagrams.lab.server import make_app
 from diagrams.lab.session import LabSession
 from diagrams.lab.simulated import run_simulated
-from diagrams.lab.state import load_state, trace_of
+from diagrams.lab.state import Trace, load_state, trace_of
 from glider.__main__ import main
+from glider.campaign.reader import load_campaign
 from glider.campaign.samples import campaign_folder
 from glider.errors import InputError
 from glider.report.wording import headline
+from glider.simulation.refly import nominal_model
 from glider.sysid.pipeline import close_the_loop
 
 ADDRESS = Address(port=7000, token="a right token of the session")
@@ -155,6 +157,51 @@ def test_a_throw_that_cannot_be_read_is_named_and_the_others_count(
     drop(folder, 2)  # The same name again, whole.
     session.update()
     assert session.state.throws[-1].is_read and not session.state.throws[-1].fault
+
+
+def test_corrected_settings_make_every_throw_new(folder, open_session):
+    drop(folder, 0, 1)
+    session, settings = open_session(), folder / "campaign.yaml"
+    session.update()
+    session.report.mkdir()
+    nominal_model(load_campaign(folder)).save(session.report / "model.yaml")
+    session._take(Trace(flights=session.state.flights, sha256="of other throws"))
+    steps = [lambda: session.step(traces=False)] * 2  # The file may still grow.
+    [step() for step in steps]
+    assert "corrected" in session.state.throws[-1].errors
+    before, job, text = session.state, session._next_job(), settings.read_text()
+    settings.write_text("vehicle: {mass: heavy}\n")
+    [step() for step in steps]
+    assert session.state.throws == before.throws
+    [note] = session.state.notes
+    assert "campaign.yaml" in note and "heavy" in note
+    heavier = re.sub(r"mass: \S+", "mass: 0.2", text)
+    assert heavier != text
+    settings.write_text(heavier)
+    [step() for step in steps]
+    assert session.state.notes == before.notes
+    assert session._next_job().sha256 != job.sha256  # It is traced again.
+    for throw, old in zip(session.state.throws, before.throws, strict=True):
+        assert throw.is_drawn and throw.errors["nominal"] != old.errors["nominal"]
+    settings.write_text(text)
+    [step() for step in steps]
+    assert session._next_job() == job
+    assert session.state.throws[-1] == before.throws[-1]
+
+
+def test_throws_that_changed_since_are_no_answer(folder, open_session):
+    drop(folder, 0, 1, 2)
+    session = open_session()
+    session.update()
+    job = session._next_job()
+    drop(folder, 3)
+    (folder / "flight_003.csv").replace(folder / "flight_001.csv")
+    answer = job.run()
+    assert answer.is_fault and "changed" in answer.refusal
+    session._take(answer)
+    session.update()
+    assert session.state.traces == ()  # What it was asked for is no more.
+    assert session._next_job().sha256 != job.sha256
 
 
 def test_one_session_at_a_time_has_a_folder(folder, open_session, capsys):

@@ -1,5 +1,6 @@
 """The import assistant: takes that are dropped on the page, and a map for them."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -81,6 +82,7 @@ def test_dropped_takes_become_throws_by_a_map_that_is_corrected(client, session)
         assert refused.status_code == 400 and not session.watched.has_takes
     client.post("/map/check", content=good)
     step(session)
+    assert not session.state.draft.is_proposed
     assert session.state.draft.refusal == "" and session.state.draft.flights == 3
     assert client.post("/map/save", content=good + " ").status_code == 400
     assert client.post("/map/save", content=good).status_code == 200
@@ -97,6 +99,19 @@ def test_dropped_takes_become_throws_by_a_map_that_is_corrected(client, session)
     speed = np.gradient(flight.pose[:, 0], flight.time).mean()
     assert speed == pytest.approx(6.0, abs=0.01)
     assert flight.pose[0, 2] == pytest.approx(-math.radians(5.0), abs=0.01)
+
+
+def test_more_takes_make_another_proposal_unless_a_person_has_corrected_it(session):
+    def job_after(name, draft):
+        (session.watched.path / name).write_text(make_take())
+        return next_map_job(session.watched, draft, None)
+
+    proposed = job_after("a.csv", None).run()
+    assert proposed.is_proposed and proposed.text
+    assert next_map_job(session.watched, proposed, None) is None
+    assert job_after("b.csv", proposed).text == ""
+    corrected = dataclasses.replace(proposed, is_proposed=False)
+    assert job_after("c.csv", corrected).text == proposed.text
 
 
 @pytest.mark.parametrize(

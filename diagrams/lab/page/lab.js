@@ -179,8 +179,10 @@ function showProposal({ proposal, throws }) {
   byId("commands").replaceChildren(...proposal.throws.map((_, i) => make("a", "Save the commands (CSV)",
     { class: "pick", href: `next/commands_${i + 1}.csv`, download: `commands_${i + 1}.csv` })));
   byId("next-picture").hidden = !proposal.throws.length;
-  const picture = byId("next-picture").querySelector("img"), source = `next/next_throw.png?${proposal.flights}`;
-  if (picture.getAttribute("src") !== source) picture.setAttribute("src", source);
+  const picture = byId("next-picture").querySelector("img"), key = JSON.stringify(proposal);
+  if (!proposal.throws.length || picture.dataset.key === key) return;
+  picture.dataset.key = key;
+  picture.setAttribute("src", `next/next_throw.png?${Date.now()}`);
 }
 
 // -------------------------------------------------------------------- launches
