@@ -93,8 +93,8 @@ def test_a_funnel_is_made_for_all_gliders_of_a_set(made, policy):
     words = describe_check(made, verdict, None, PerchingProblem(), None)
     assert "95 % ellipsoid of mass ± 0.00049, wing_area ± 0.00049" in words
     assert "only --prove proves anything about them" in words
-    trial = falsify_funnel(made, 400, np.random.default_rng(0), confidence=allowed_by())
-    assert trial.samples > 800
+    trial = falsify_funnel(made, 200, np.random.default_rng(0), confidence=allowed_by())
+    assert trial.samples > 400
     assert trial.escapes == 0
     assert trial.later.max() < 1.0
     np.testing.assert_allclose(trial.levels, 1.0, atol=1e-6)  # All start at 1.

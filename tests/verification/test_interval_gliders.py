@@ -88,8 +88,7 @@ def true_parts(piece, basis, points):
     return np.array(ratios).T, np.array(defects).T
 
 
-@pytest.mark.parametrize("size", [0.03, 0.3])
-@pytest.mark.parametrize("share", [1.0, 20.0])
+@pytest.mark.parametrize(("share", "size"), [(1.0, 0.03), (20.0, 0.3)])
 def test_no_remainder_of_a_glider_is_larger_than_its_bound(funnel, share, size):
     piece, rng = of_set(funnel, share), np.random.default_rng(1)
     remainder = make_remainder(piece, tight_cover(make_interval(piece))[0])

@@ -129,6 +129,14 @@ def files_are_read_once(monkeypatch):
 
 
 @pytest.mark.usefixtures("files_are_read_once")
+@pytest.mark.parametrize(
+    "lab",
+    [
+        pytest.param(f, marks=() if f in ("motive", "csv") else pytest.mark.nightly)
+        for f in foreign.FORMATS
+    ],
+    indirect=True,
+)
 def test_a_wrong_map_is_refused_or_makes_no_difference(lab, tmp_path):
     """All errors of a sign or an axis, one at a time: none gets as far as a tracer."""
     _, files, path = lab
