@@ -191,7 +191,13 @@ def in_space(flight):
     return Rotation.from_euler("z", 0.7).apply(foreign.position(flight)), turn
 
 
-@pytest.mark.parametrize("names", ["rot_x_deg,rot_y_deg,rot_z_deg", "q0,q1,q2,q3"])
+@pytest.mark.parametrize(
+    "names",
+    [
+        "rot_x_deg,rot_y_deg,rot_z_deg",
+        pytest.param("q0,q1,q2,q3", marks=pytest.mark.nightly),
+    ],
+)
 def test_vectors_with_units_or_numbers_in_their_names(tmp_path, campaign, names):
     def columns(flight):
         place, turn = in_space(flight)
@@ -207,7 +213,13 @@ def test_vectors_with_units_or_numbers_in_their_names(tmp_path, campaign, names)
     assert_guessed(files, campaign, tmp_path, sure, position="pos", attitude=stem)
 
 
-@pytest.mark.parametrize("words", ["roll,pitch,yaw", "alabeo,cabeceo,guiñada"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param("roll,pitch,yaw", marks=pytest.mark.nightly),
+        "alabeo,cabeceo,guiñada",
+    ],
+)
 def test_roll_pitch_and_yaw(tmp_path, campaign, words):
     """A positive pitch is nose up, though z is up; the rates are no angles."""
 

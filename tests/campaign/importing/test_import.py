@@ -54,6 +54,15 @@ def lab(request, tmp_path_factory, campaign):
     return request.param, files, path
 
 
+def few_formats(*few):
+    """Marks a test of `lab`: with the other formats it is of make nightly."""
+    formats = [
+        pytest.param(name, marks=() if name in few else pytest.mark.nightly)
+        for name in foreign.FORMATS
+    ]
+    return pytest.mark.parametrize("lab", formats, indirect=True)
+
+
 def assert_same(imported, campaign, name):
     """The motions agree to the digits of each format, and a known shift of clocks."""
     assert len(imported.flights) == len(campaign.flights)
@@ -129,14 +138,7 @@ def files_are_read_once(monkeypatch):
 
 
 @pytest.mark.usefixtures("files_are_read_once")
-@pytest.mark.parametrize(
-    "lab",
-    [
-        pytest.param(f, marks=() if f in ("motive", "csv") else pytest.mark.nightly)
-        for f in foreign.FORMATS
-    ],
-    indirect=True,
-)
+@few_formats("motive", "csv")
 def test_a_wrong_map_is_refused_or_makes_no_difference(lab, tmp_path):
     """All errors of a sign or an axis, one at a time: none gets as far as a tracer."""
     _, files, path = lab
@@ -158,6 +160,7 @@ def test_a_wrong_map_is_refused_or_makes_no_difference(lab, tmp_path):
     assert tried > 15
 
 
+@few_formats("motive", "ulog", "c3d")
 def test_a_guess_is_the_right_map(lab, campaign, tmp_path):
     name, files, _ = lab
     if name == "c3d":  # Markers have no attitude by name.
