@@ -192,7 +192,7 @@ def test_command_line(tmp_path, campaign, capsys):
     assert main(["import", *files, "--map", str(path), "--out", str(out)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 5 and lines[0].startswith(f"{files[0]}: 1 flight, ")
-    assert lines[-1] == f"Campaign: {out}, 4 flights"
+    assert lines[-1] == f"Campaign: {out}, 3 flights"
     assert main(["import", *files, "--guess", "--map", str(path)]) == 2
 
 

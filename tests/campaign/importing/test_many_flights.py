@@ -66,7 +66,7 @@ def test_a_column_of_flights(tmp_path, campaign, words, step):
     first = words.format(3)
     assert str(result.recordings[0].path) == f"{path}/flight {first}"
     [line] = result.describe(details=False).splitlines()
-    assert line == f"{path}: 4 flights of 4 parts, {len(rows)} rows"
+    assert line == f"{path}: 3 flights of 3 parts, {len(rows)} rows"
 
 
 def test_a_column_of_flights_with_another_name(tmp_path, campaign):
@@ -258,7 +258,7 @@ def test_flights_of_a_campaign_are_one_in_each_file(tmp_path, campaign):
     rows, _ = table_of(campaign)
     write_text(tmp_path / "flight_000.csv", rows)
     (tmp_path / "campaign.yaml").write_text(MAP % "" + foreign.VEHICLE)
-    with pytest.raises(InputError, match="holds 4 flights"):
+    with pytest.raises(InputError, match="holds 3 flights"):
         load_campaign(tmp_path)
 
 

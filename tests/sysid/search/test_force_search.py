@@ -20,7 +20,7 @@ from tests.helpers.tasks import task_of
 @pytest.fixture(scope="module")
 def throws():
     """Throws of camber, axial drag and lift by pitch rate, in the library's forms."""
-    campaign, truth = draw_throws(0, 10)
+    campaign, truth = draw_throws(0)
     return *task_of(campaign), truth
 
 
