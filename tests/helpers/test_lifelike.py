@@ -110,8 +110,19 @@ def test_without_effects_it_flies_as_the_library_does(nominal, plain):
     np.testing.assert_allclose(nominal, plain, atol=1e-6)
 
 
+EACH_STAGE = (
+    *("servo_lag", "wind", "attached_lift", "dynamic_stall", "tail_wake"),
+    *("pitch_damping", "inertia", "marker_offset"),
+)
+
+
 @pytest.mark.parametrize(
-    "kind", [k for k, forms in FORMS.items() if "library" in forms]
+    "kind",
+    [
+        pytest.param(k, marks=() if k in EACH_STAGE else pytest.mark.nightly)
+        for k, forms in FORMS.items()
+        if "library" in forms
+    ],
 )
 def test_the_librarys_forms_are_the_librarys(kind, plain):
     """With its coefficients the library flies the same; sensors and servo too."""

@@ -205,8 +205,6 @@ BUOYANCY = _effect(
         (OFFSET(by=0.1), "rate_offset.by", True),
         (BUOYANCY(slope=0.1), "buoyancy.slope", False),
         (OFFSET(by=0.1), "wing_area", False),
-        (BUOYANCY(slope=0.1), "mass", False),
-        (KINDS["wind"](x=-0.6), "wind.x", False),
     ],
 )
 def test_a_number_that_acts_where_the_remainder_does_not_is_seen(
