@@ -50,7 +50,7 @@ def planted(kind, **plan):
 )
 def closed(request):
     """A user effect without and one with a state of its own, closed the loop on."""
-    _, campaign = planted(request.param, flights=5)
+    _, campaign = planted(request.param, flights=8)
     return request.param, close_the_loop(campaign, own_effects=ALL)
 
 

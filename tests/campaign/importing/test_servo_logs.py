@@ -46,7 +46,7 @@ TIMING = ("attached_lift", "servo_lag", "command_delay", "pose_latency")
 
 @pytest.fixture(scope="module")
 def campaign():
-    return foreign.flights("attached_lift", 5)
+    return foreign.flights("attached_lift", 8)
 
 
 def write(folder, campaign, logs, clock=None):

@@ -95,7 +95,7 @@ def held_out(campaign, *kinds):
 
 def test_a_planted_effect_holds():
     drag = KINDS["profile_drag"](cd0=0.05)
-    task, held = held_out(fly(drag, flights=5), "profile_drag")
+    task, held = held_out(fly(drag, flights=7), "profile_drag")
     assert held.gain.t > 5.0 and held.gain.are_significant
     assert np.all(held.gain.values > 0.0)
     assert held.ratio < 0.3 and max(held.lost_along.values) < 0.0
@@ -107,7 +107,7 @@ def test_a_planted_effect_holds():
 
 
 def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone():
-    campaign = fly(KINDS["mass"](change=0.1), flights=5)
+    campaign = fly(KINDS["mass"](change=0.1), flights=7)
     task, noise = task_of(campaign)
     drawn = fit_model(task, begin(task, noise))
     plate = fit_model(
@@ -123,7 +123,7 @@ def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone()
 
 
 def test_an_idle_effect_does_not():
-    _, held = held_out(fly(flights=7), "profile_drag", "pitch_damping")
+    _, held = held_out(fly(flights=10), "profile_drag", "pitch_damping")
     assert not held.gain.are_significant
     assert np.abs(held.gain.values).max() < 20.0
     assert 0.9 < held.ratio < 1.3 and not held.lost_along.are_significant
@@ -138,17 +138,17 @@ def test_effects_are_searched_again_in_each_fold(monkeypatch):
         return found[-1]
 
     monkeypatch.setattr(folds, "search_about", watched)
-    held_out(fly(flights=6), "pitch_moment")
+    held_out(fly(flights=8), "pitch_moment")
     assert [model.kinds for model, _ in found] == FOLDS * [()]
     found.clear()
-    held_out(fly(KINDS["profile_drag"](cd0=0.05), flights=6), "profile_drag", "camber")
+    held_out(fly(KINDS["profile_drag"](cd0=0.05), flights=8), "profile_drag", "camber")
     assert all("profile_drag" in model.kinds for model, _ in found)
     assert not any("camber" in model.kinds for model, _ in found)
 
 
 def test_flights_apart_are_scored_but_not_fitted():
     drag = KINDS["profile_drag"](cd0=0.05)
-    campaign = fly(drag, flights=5)
+    campaign = fly(drag, flights=7)
     task, noise = task_of(campaign)
     plate = fit_model(task, begin(task, noise))
     model = fit_model(task, begin(task, noise, ("profile_drag",)))

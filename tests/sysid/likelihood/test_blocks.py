@@ -94,7 +94,7 @@ def test_a_stream_of_another_form_is_one_family_not_several_effects():
         widths=[0.12],
         weights={"tail_downwash": [0.15]},
     )
-    search, plate = searched(bump, flights=6)
+    search, plate = searched(bump, flights=8)
     found = improved(search, plate)
     assert found.free_kinds == ("stream at the tail over alpha",)
     assert not set(found.kinds) - {*found.free_kinds, "downwash", "stalled_downwash"}
