@@ -50,7 +50,8 @@ def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motio
     # four powers of at most 1 cost few, and a tenth of the time of an SVD a window.
     turned = powers.swapaxes(1, 2)
     target = turned @ (pose[window] - pose[rows][:, None])
-    coefficients = np.linalg.solve(turned @ powers, target)
+    ridge = 1e-12 * np.eye(4)  # Of a window of the same times.
+    coefficients = np.linalg.solve(turned @ powers + ridge, target)
     return Motion(
         time=time[rows],
         pose=pose[rows] + coefficients[:, 0],

@@ -211,7 +211,8 @@ def test_a_column_that_only_says_whether_it_flies_is_not_one_of_flights(
         imported(path, ", flight: run")
 
 
-def test_an_index_that_starts_again_on_the_next_day(tmp_path, campaign):
+def test_an_index_that_starts_again_on_the_next_day(tmp_path):
+    campaign = foreign.flights("attached_lift", 4)
     rows, labels = table_of(campaign, step=0.01)
     path = tmp_path / "throws.csv"
     write_text(path, rows, [label if label < 6 else 3 for label in labels])
