@@ -191,7 +191,7 @@ def test_command_line(tmp_path, campaign, capsys):
     out = tmp_path / "campaign"
     assert main(["import", *files, "--map", str(path), "--out", str(out)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 5 and lines[0].startswith(f"{files[0]}: 1 flight, ")
+    assert len(lines) == 4 and lines[0].startswith(f"{files[0]}: 1 flight, ")
     assert lines[-1] == f"Campaign: {out}, 3 flights"
     assert main(["import", *files, "--guess", "--map", str(path)]) == 2
 
@@ -244,7 +244,7 @@ def test_recordings_without_a_flight_are_counted(tmp_path, campaign, capsys):
     lines = capsys.readouterr().out.splitlines()
     warnings = [line for line in lines if line.startswith("warning: ")]
     assert lines[: len(warnings)] == warnings
-    few = "3 of 4 recordings gave no flight"
+    few = "2 of 3 recordings gave no flight"
     assert f"warning: {few}; is 'frame:' right?" in warnings
     assert lines[-1] == f"Campaign: {out}, 1 flight; {few}"
     assert f"{files[1]}: no flight, 0 rows" in (out / "import.txt").read_text()
