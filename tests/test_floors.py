@@ -1,6 +1,7 @@
 """A package imports only from lower floors; CONTRIBUTING.md has their order."""
 
 import ast
+import functools
 import graphlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -92,13 +93,16 @@ def is_within(module: str, package: str) -> bool:
     return module == package or module.startswith(package + ".")
 
 
+parsed = functools.cache(ast.parse)
+
+
 def imports_of(module: str, sources: Sources) -> Iterator[str]:
     """Yields our modules that a module imports, at its top or in a function."""
     path, text = sources[module]
     package = module.split(".")
     if path.name != "__init__.py":
         package = package[:-1]
-    for node in ast.walk(ast.parse(text, filename=str(path))):
+    for node in ast.walk(parsed(text)):
         if isinstance(node, ast.Import):
             found = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

@@ -15,16 +15,57 @@ def compile_tracer() -> None:
     warm_up()
 
 
-def compile_flights() -> None:
-    """Compiles the planner, the feedback and the flights of the nominal glider."""
-    from glider import GliderModel, PerchingProblem, fly, plan, tracking_policy
+def compile_flights(*kinds: str) -> None:
+    """Compiles the planner, the feedback and the flights of a glider."""
+    from glider import PerchingProblem, fly, plan, tracking_policy
 
-    model, problem = GliderModel(), PerchingProblem()
+    model, problem = _model(*kinds), PerchingProblem()
     policy = tracking_policy(model, plan(model, problem))
     fly(model, policy, problem.draw_launches(2, np.random.default_rng(0)))
 
 
+def compile_filter(*kinds: str) -> None:
+    """Compiles the Kalman filter of a glider."""
+    from glider.estimation.perching import perching_filter
+    from glider.estimation.running import run_ekf
+    from glider.planning.problem import PerchingProblem
+
+    ekf, prior = perching_filter(_model(*kinds), PerchingProblem().launch)
+    measured = np.zeros((1, 2, 4)) + prior.mean[:4]
+    run_ekf(ekf, prior, np.zeros((1, 2, 1)), measured)
+
+
+def compile_samples(*kinds: str) -> None:
+    """Compiles the costs of a glider's sampled commands."""
+    from glider.planning.problem import PerchingProblem
+    from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
+
+    model, problem = _model(*kinds), PerchingProblem()
+    cost = SequenceCost(model, problem)
+    start = np.zeros(model.num_states)
+    start[: len(problem.launch)] = problem.launch
+    mean, rng = np.zeros(cost.steps), np.random.default_rng(0)
+    mppi_step(cost, start, mean, rng, MppiSettings(samples=2))
+
+
+def _model(*kinds):
+    from glider.physics.model import GliderModel
+    from tests.helpers.tasks import typical
+
+    return GliderModel(effects=tuple(typical(kind) for kind in kinds))
+
+
+JOBS = (
+    (compile_tracer,),  # The longest first.
+    (compile_flights,),
+    (compile_flights, "servo_lag"),
+    (compile_filter,),
+    (compile_filter, "servo_lag"),
+    (compile_samples,),
+    (compile_samples, "servo_lag", "ground_effect"),
+)
+
 if __name__ == "__main__":
     with ProcessPoolExecutor() as pool:  # Compilers of one process wait in turn.
-        for job in [pool.submit(compile_tracer), pool.submit(compile_flights)]:
+        for job in [pool.submit(*job) for job in JOBS]:
             job.result()

@@ -97,6 +97,9 @@ def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
         return [line.split() for line in lines]
     rows = []
     for line in lines:
+        if line and '"' not in line:
+            rows.append([cell.strip() for cell in line.split(delimiter)])
+            continue
         cells = csv.reader(
             [line], delimiter=delimiter, strict=True, skipinitialspace=True
         )

@@ -41,7 +41,11 @@ def hooked(kind: EffectKind, *values: float) -> EffectKind:
 
 @pytest.mark.parametrize(
     ("kind", "values"),
-    [(None, ()), (DYNAMIC_STALL, (1.2, 0.08)), (ADDED_MASS, (0.02, 2e-4, -3e-4))],
+    [
+        pytest.param(None, (), marks=pytest.mark.nightly),
+        pytest.param(DYNAMIC_STALL, (1.2, 0.08), marks=pytest.mark.nightly),
+        (ADDED_MASS, (0.02, 2e-4, -3e-4)),
+    ],
     ids=["nominal", "a state", "inertia"],
 )
 def test_hooked_flights_are_the_librarys(kind, values):

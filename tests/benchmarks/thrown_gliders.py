@@ -162,7 +162,9 @@ def _derivative(g: Glider, y: np.ndarray, elevator: float, trim: float) -> np.nd
     yaw = 0.06 * beta - 0.15 * damp_b * r - 0.03 * damp_b * p
     inertia = g.mass * np.array([0.2 * b, 0.22 * b, 0.29 * b]) ** 2
     moment = q_s * np.array([b * roll, -c * pitch, b * yaw])
-    spin = (moment - np.cross([p, q, r], inertia * [p, q, r])) / inertia
+    i, j, k = inertia
+    gyroscopic = np.array([(k - j) * q * r, (i - k) * r * p, (j - i) * p * q])
+    spin = (moment - gyroscopic) / inertia
     acceleration = turn @ force / g.mass - [0.0, 0.0, GRAVITY]
     dq = 0.5 * np.array(
         [
@@ -172,7 +174,7 @@ def _derivative(g: Glider, y: np.ndarray, elevator: float, trim: float) -> np.nd
             -qx * p - qy * q - qz * r,
         ]
     )
-    return np.r_[velocity, acceleration, dq, spin]
+    return np.concatenate([velocity, acceleration, dq, spin])
 
 
 def _sample(

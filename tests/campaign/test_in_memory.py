@@ -20,7 +20,7 @@ NAMES = ("time", "x", "z", "pitch", "elevator", "elevator_rate_command")
 
 @pytest.fixture(scope="module")
 def campaign():
-    return foreign.flights("attached_lift")
+    return foreign.flights("attached_lift", 4)
 
 
 def arrays_of(flight):

@@ -216,6 +216,7 @@ def test_the_command_checks_its_output_before_it_compares(
     assert f"{file}: is a file; expected a folder." in capsys.readouterr().err
 
 
+@pytest.mark.browser
 @pytest.mark.skipif(why_not() is not None, reason=str(why_not()))
 def test_the_page_works_in_a_browser(tmp_path, changed):
     pytest.importorskip("playwright.sync_api", reason="no Playwright")

@@ -72,8 +72,8 @@ def test_held_predictions_fly_as_the_feedback_that_acts_at_once(policy, article_
             while t[0] < policy.duration - 1e-9:
                 span = min(period, policy.duration - t[0])
                 u = held_command(model, policy, t, x, [np.zeros(4)], hold)
-                for _ in range(20):
-                    x = advance(lambda x, since, u=u: _rates(model, x, u), x, span / 20)
+                for _ in range(8):
+                    x = advance(lambda x, since, u=u: _rates(model, x, u), x, span / 8)
                 t = t + span
             errors[predicts, period] = np.abs(x - end).max()
     assert errors[True, 0.02] < 0.3 * errors[False, 0.02]

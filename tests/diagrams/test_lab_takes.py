@@ -15,9 +15,10 @@ from glider.sysid.pipeline import close_the_loop
 
 MEASURED = Path(__file__).parents[3] / "shared" / "measured"
 
-pytestmark = pytest.mark.skipif(
-    not MEASURED.is_dir(), reason="no measured flights are here"
-)
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.skipif(not MEASURED.is_dir(), reason="no measured flights are here"),
+]
 
 MAP = """\
 columns: {position: V3Glider.Position, attitude: V3Glider.Rotation}
@@ -56,7 +57,6 @@ def test_takes_one_by_one_give_the_flights_of_an_import_of_all(tmp_path, session
     assert len(session.state.throws) == 2
 
 
-@pytest.mark.nightly
 def test_measured_throws_one_by_one_give_the_answer_of_a_full_run(tmp_path, session):
     source = MEASURED / "motion_studio_v3"
     shutil.copy(source / "campaign.yaml", tmp_path)

@@ -262,7 +262,9 @@ def read_terminal(ours):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", ["SIGTERM", "SIGINT", "kill"])
+@pytest.mark.parametrize(
+    "way", ["SIGTERM", pytest.param("SIGINT", marks=pytest.mark.nightly), "kill"]
+)
 def test_the_servo_is_neutral_when_its_driver_is_ended_or_killed_by_an_operator(way):
     address, (ours, name) = free_address(), pseudo_terminal()
     bus = Bus(address)

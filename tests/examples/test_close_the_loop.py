@@ -16,7 +16,7 @@ from tests.helpers.examples import run_main
 def folder(tmp_path_factory):
     """A few flights of the sample campaign."""
     campaign = load_campaign(campaign_path("attached_lift"))
-    few = dataclasses.replace(campaign, flights=campaign.flights[:10])
+    few = dataclasses.replace(campaign, flights=campaign.flights[:8])
     path = tmp_path_factory.mktemp("few") / "attached_lift"
     save_campaign(path, few)
     return path

@@ -15,23 +15,26 @@ from glider.simulation.flown_flights import Perches
 from tests.helpers.examples import run_main
 from tests.helpers.physics import FIELD
 
+LAUNCHES = 6
+
 
 @pytest.fixture(scope="module")
 def flown():
-    return perch_corrected.fly(load_truth("head_wind"), launches=10, seed=3)
+    return perch_corrected.fly(load_truth("head_wind"), launches=LAUNCHES, seed=3)
 
 
 @pytest.fixture(scope="module")
 def output(flown, tmp_path_factory):
     folder = tmp_path_factory.mktemp("corrected")
-    return run_main(perch_corrected, flown, folder, "--launches=10", "--seed=3")
+    asked = f"--launches={LAUNCHES}", "--seed=3"
+    return run_main(perch_corrected, flown, folder, *asked)
 
 
 @pytest.mark.slow
 def test_the_corrected_model_perches_where_the_nominal_one_misses(flown):
     assert [effect.kind for effect in flown.found.effects] == ["wind"]
     assert flown.before.flights.perched <= 2
-    assert flown.after.flights.perched == len(flown.after.flights) == 10
+    assert flown.after.flights.perched == len(flown.after.flights) == LAUNCHES
     assert max(flown.after.flights.misses) < 0.05 < min(flown.before.flights.misses)
 
 
@@ -42,10 +45,10 @@ def test_the_result_is_reported(output, flown):
     assert figures["effect_found"] == ["wind"]
     for name, rehearsal in (("before", flown.before), ("after", flown.after)):
         assert figures[name] == rehearsal.flights.key_figures()
-    assert (figures["launches"], figures["seed"]) == (10, 3)
-    assert "planned corrected: 10 of 10 launches perch" in output.words
+    assert (figures["launches"], figures["seed"]) == (LAUNCHES, 3)
+    assert "planned corrected: 6 of 6 launches perch" in output.words
     truth, *asked = output.asked.call_args.args[:3]
-    assert asked == [10, 3]
+    assert asked == [LAUNCHES, 3]
     assert truth == load_truth("head_wind")
 
 

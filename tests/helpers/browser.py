@@ -100,7 +100,8 @@ def visit(browser: Any, url: str, **options: Any) -> Iterator[Window]:
         url: of the page.
         options: of Playwright's `new_context`: viewport, color_scheme, has_touch.
     """
-    context = browser.new_context(**options)
+    # What turns while work is done would be drawn 60 times a second by the processor.
+    context = browser.new_context(**{"reduced_motion": "reduce"} | options)
     context.set_default_timeout(1e3 * PATIENCE)  # Drawing a report is work.
     window = Window(context.new_page(), [], [])
     window.page.on("pageerror", lambda error: window.faults.append(str(error)))

@@ -3,8 +3,10 @@
 import functools
 
 import numpy as np
+import pytest
 
 from glider.campaign.logs import Campaign
+from glider.experiments import throw_search
 from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.proposal import Proposal, propose, read_task
 from glider.physics.effects import KINDS
@@ -35,5 +37,7 @@ def late_posterior() -> Posterior:
 
 @functools.cache
 def late_proposal() -> Proposal:
-    """Returns two throws that are proposed for them."""
-    return propose(*late_posterior(), launches=2)
+    """Returns two throws that are proposed for them, after half a search."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(throw_search, "ROUNDS", throw_search.ROUNDS // 2)
+        return propose(*late_posterior(), launches=2)

@@ -22,12 +22,23 @@ FILES = (
     "benchmarks/test_power.py",
     "control/test_predictor.py",
     "diagrams/test_browser.py",
+    "diagrams/test_lab.py",
+    "diagrams/test_lab_import.py",
+    "diagrams/test_lab_page.py",
+    "diagrams/test_lab_takes.py",
+    "diagrams/test_station_drivers.py",
+    "diagrams/test_station_faults.py",
     "examples/article/test_basis_dynamics.py",
     "examples/article/test_filter_parameters.py",
+    "examples/article/test_learning.py",
     "examples/article/test_regression.py",
+    "examples/article/test_residual_coefficients.py",
     "examples/article/test_searches.py",
     "examples/test_figures.py",
+    "examples/test_lab_session.py",
     "examples/test_next_throw.py",
+    "examples/test_perch_corrected.py",
+    "examples/test_perching_funnel.py",
     "physics/test_actuator_replay.py",
     "planning/test_problem.py",
     "simulation/test_refly.py",
@@ -38,23 +49,31 @@ FILES = (
     "test_readme.py",
     "test_shape.py",
     "test_vocabulary.py",
+    "verification/test_as_flown.py",
     "verification/test_check.py",
     "verification/test_check_funnel.py",
     "verification/test_confidence.py",
     "verification/test_defect.py",
     "verification/test_exact_time.py",
     "verification/test_falsify.py",
+    "verification/test_feedback.py",
     "verification/test_flight_proof.py",
     "verification/test_forged.py",
+    "verification/test_gliders.py",
     "verification/test_goal.py",
     "verification/test_interval.py",
     "verification/test_interval_gliders.py",
+    "verification/test_pushes.py",
     "verification/test_remainder.py",
     "verification/test_remainder_proof.py",
+    "verification/test_sizes.py",
     "verification/test_taylor_models.py",
+    "verification/test_written.py",
 )
 """The same: of a browser, of sources, of regressions, and of proofs that no solver has
-a part in."""
+a part in. And what uses Drake only as other files do that run with both: the station's
+faults and drivers its bus as test_station.py does, funnels the solvers as
+test_funnel.py and test_sos.py."""
 
 IS_LEFT_OUT = sys.version_info >= (3, 12) and shutil.which("python3.11") is not None
 """Whether this interpreter leaves them to another, of Python 3.11."""

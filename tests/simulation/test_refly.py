@@ -31,7 +31,7 @@ CORRECTED = GliderModel(
 
 @pytest.fixture(scope="module")
 def campaign():
-    names = [f"flight_{i:03d}" for i in range(8)]
+    names = [f"flight_{i:03d}" for i in range(5)]
     return load_campaign(campaign_path("attached_lift"), flights=names)
 
 

@@ -10,6 +10,7 @@ from glider.sysid.pipeline import close_the_loop
 THROWS = Path(__file__).parents[3] / "shared" / "measured" / "motion_studio_v3"
 
 pytestmark = [
+    pytest.mark.nightly,
     pytest.mark.slow,
     pytest.mark.skipif(
         not THROWS.is_dir(), reason=f"needs the measured throws in {THROWS}"
@@ -17,11 +18,7 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(
-    scope="module",
-    params=[["A", "B"], pytest.param(None, marks=pytest.mark.nightly)],
-    ids=["planar", "all"],
-)
+@pytest.fixture(scope="module", params=[["A", "B"], None], ids=["planar", "all"])
 def throws(request):
     """Those graded planar by hand, and all: the others roll over by up to 95°."""
     return close_the_loop(THROWS, grades=request.param)

@@ -92,7 +92,7 @@ def test_the_command_line_asks_whether_the_hook_takes_the_last_set(capsys):
 def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys):
     funnel = str(models_path("funnels", "head_wind_95.npz"))
     model = models_path("identified", "head_wind.yaml")
-    few = [funnel, "--every", "1000", "--model", str(model), "--flights", "240"]
+    few = [funnel, "--every", "1000", "--model", str(model), "--flights", "80"]
     command = ["check-funnel", *few, "--confidence"]
     assert main(command) == 0
     words = capsys.readouterr().out

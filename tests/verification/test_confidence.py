@@ -175,7 +175,9 @@ def test_what_is_not_physical_is_drawn_back():
         glider_at(MODEL, NAMES, deviations[0])
 
 
-@SHAPES
+@pytest.mark.parametrize(
+    "shape", ["ellipsoid", pytest.param("box", marks=pytest.mark.nightly)]
+)
 def test_of_few_flights_it_is_as_much_larger(shape):
     """Hotelling's T² and Student's t: a covariance that is estimated is uncertain."""
     rng, freedom, held = np.random.default_rng(0), 8, []

@@ -67,7 +67,8 @@ def test_a_set_of_gliders_that_the_model_does_not_have_is_refused(
     path = tmp_path / "funnel.npz"
     forge(models_path("funnels", "head_wind_95.npz"), path, SETS[name])
     model = str(models_path("identified", "head_wind.yaml"))
-    code = main(["check-funnel", str(path), *FEW, "--model", model, "--prove"])
+    few = ["--every", "1000", "--prove"]
+    code = main(["check-funnel", str(path), *few, "--model", model])
     said = capsys.readouterr().out
     assert code == 1
     assert "is smaller than the model's, the " in said
@@ -78,10 +79,11 @@ def test_a_set_without_a_model_is_said_to_be_the_files_own(tmp_path, capsys):
     path, bare = tmp_path / "funnel.npz", tmp_path / "bare.yaml"
     source = models_path("funnels", "head_wind_95.npz")
     forge(source, path, lambda arrays, notes: None)
-    assert main(["check-funnel", str(path), *FEW]) == 0
+    few = ["check-funnel", str(path), "--every", "1000"]
+    assert main(few) == 0
     assert "which is the file's own statement: compare" in capsys.readouterr().out
     GliderModel.load(models_path("identified", "head_wind.yaml")).save(bare)
-    assert main(["check-funnel", str(path), *FEW, "--model", str(bare)]) == 0
+    assert main([*few, "--model", str(bare)]) == 0
     assert "bare.yaml has no covariance" in capsys.readouterr().out
 
 
@@ -106,7 +108,7 @@ def test_a_bomb_is_refused_without_the_memory_it_asks_for(source, tmp_path, caps
     path = tmp_path / "funnel.npz"
     with zipfile.ZipFile(source) as good:
         texts = {name: good.read(name) for name in good.namelist()}
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as forged:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as forged:
         for name, text in texts.items():
             with forged.open(name, "w", force_zip64=True) as stream:
                 stream.write(text)

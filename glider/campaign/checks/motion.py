@@ -46,8 +46,12 @@ def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motio
     window, since, rows = window[whole], since[whole], rows[whole, 0]
     scale = half * step
     powers = (since / scale)[..., None] ** np.arange(4)
-    # Centered pose: the offset of a position must not cost digits.
-    coefficients = np.linalg.pinv(powers) @ (pose[window] - pose[rows][:, None])
+    # Centered pose: the offset of a position must not cost digits. Normal equations of
+    # four powers of at most 1 cost few, and a tenth of the time of an SVD a window.
+    turned = powers.swapaxes(1, 2)
+    target = turned @ (pose[window] - pose[rows][:, None])
+    ridge = 1e-12 * np.eye(4)  # Of a window of the same times.
+    coefficients = np.linalg.solve(turned @ powers + ridge, target)
     return Motion(
         time=time[rows],
         pose=pose[rows] + coefficients[:, 0],

@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import logsumexp
 
 from glider.campaign.checks.motion import SPAN, Motion, calc_motion
 from glider.campaign.importing.cutting import cut
@@ -86,7 +85,7 @@ def rank_frames(
             for body, score in _judge(flights, world["up"], known):
                 total = score + float(np.log(prior * habit))
                 found.append((world | reading | body, total))
-    total = logsumexp([score for _, score in found]) if found else 0.0
+    total = np.logaddexp.reduce([score for _, score in found]) if found else 0.0
     shares = [(frame, float(np.exp(score - total))) for frame, score in found]
     return sorted(shares, key=lambda share: -share[1])
 
@@ -225,4 +224,5 @@ class _Forces:
         fitted = np.linalg.solve(matrix, along[:, None] / variance)[..., 0] @ along
         values = (rest @ rest - fitted) / _NOISES**2 + np.linalg.slogdet(matrix)[1]
         values += 2.0 * len(rest) * np.log(_NOISES)
-        return float(logsumexp(-0.5 * values, b=1.0 / len(values)) - self._other)
+        total = np.logaddexp.reduce(-0.5 * values) - np.log(len(values))
+        return float(total - self._other)

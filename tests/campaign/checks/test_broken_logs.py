@@ -42,7 +42,10 @@ def rows_set_aside(campaign, edit):
     return list(np.flatnonzero(found.masks[NAME].pose)), found
 
 
-@pytest.mark.parametrize("name", PRACTICE + BLIND)
+@pytest.mark.parametrize(
+    "name",
+    [*PRACTICE, *(pytest.param(name, marks=pytest.mark.nightly) for name in BLIND)],
+)
 def test_a_good_campaign_is_left_as_it_is(name):
     campaign = load_campaign(campaign_path(name))
     found = inspect(campaign)

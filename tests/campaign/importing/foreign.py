@@ -17,7 +17,7 @@ from glider.campaign.logs import Campaign, Flight
 from glider.campaign.reader import load_campaign
 from tests.helpers.campaigns import campaign_path
 
-FLIGHTS = 4
+FLIGHTS = 3
 AHEAD = 40.0  # How far the servo's clock is ahead, where it has one of its own [s].
 
 

@@ -78,7 +78,9 @@ UP, DOWN = "trailing_edge_up", "trailing_edge_down"
     [
         {"units": {"length": "cm"}},
         {"frame": {"elevator": DOWN}},
-        {"frame": {"elevator": DOWN, "command": UP}},
+        pytest.param(
+            {"frame": {"elevator": DOWN, "command": UP}}, marks=pytest.mark.nightly
+        ),
         {"columns": RIGHT["columns"] | {"x": "z", "z": "x"}},
     ],
     ids=str,

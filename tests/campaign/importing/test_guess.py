@@ -59,15 +59,16 @@ def write_tables(folder, campaign, head, columns_of):
 
 
 def test_a_guess_is_right_or_asks():
-    """Eight campaigns of any axes; many more in `bench_guess`, with its table."""
+    """Five campaigns of any axes; many more in `bench_guess`, with its table."""
     sources = [foreign.flights(name, 20) for name in ("still_air", "attached_lift")]
-    rows = bench_guess.run(sources, 8, seed=3)
-    assert len(rows) == 8
+    rows = bench_guess.run(sources, 5, seed=3)
+    assert len(rows) == 5
     assert all(asks or right for _, asks, right in rows)
-    assert sum(right for _, _, right in rows) >= 7
-    assert sum(not asks for _, asks, _ in rows) >= 4
+    assert sum(right for _, _, right in rows) >= 4
+    assert sum(not asks for _, asks, _ in rows) >= 2
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not MOTIVE.is_dir(), reason="no measured flights are here")
 def test_motive_takes_are_y_up_or_a_question():
     takes = sorted(MOTIVE.glob("*.csv"))
@@ -190,7 +191,13 @@ def in_space(flight):
     return Rotation.from_euler("z", 0.7).apply(foreign.position(flight)), turn
 
 
-@pytest.mark.parametrize("names", ["rot_x_deg,rot_y_deg,rot_z_deg", "q0,q1,q2,q3"])
+@pytest.mark.parametrize(
+    "names",
+    [
+        "rot_x_deg,rot_y_deg,rot_z_deg",
+        pytest.param("q0,q1,q2,q3", marks=pytest.mark.nightly),
+    ],
+)
 def test_vectors_with_units_or_numbers_in_their_names(tmp_path, campaign, names):
     def columns(flight):
         place, turn = in_space(flight)
@@ -206,7 +213,13 @@ def test_vectors_with_units_or_numbers_in_their_names(tmp_path, campaign, names)
     assert_guessed(files, campaign, tmp_path, sure, position="pos", attitude=stem)
 
 
-@pytest.mark.parametrize("words", ["roll,pitch,yaw", "alabeo,cabeceo,guiñada"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param("roll,pitch,yaw", marks=pytest.mark.nightly),
+        "alabeo,cabeceo,guiñada",
+    ],
+)
 def test_roll_pitch_and_yaw(tmp_path, campaign, words):
     """A positive pitch is nose up, though z is up; the rates are no angles."""
 

@@ -396,9 +396,8 @@ def test_clocks_differ_as_far_as_they_are_uncertain(campaign):
     assert upper[2] == task.layout.upper[0]
 
 
-@pytest.mark.parametrize(
-    "logs", ["commanded", pytest.param("two clocks", marks=pytest.mark.nightly)]
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("logs", ["commanded", "two clocks"])
 def test_a_wrong_servo_log_is_no_effect(tmp_path, campaign, logs):
     """Half the travel of an elevator nobody measured, and a clock 20 ms off."""
     off = AHEAD - 0.02 if logs == "two clocks" else None

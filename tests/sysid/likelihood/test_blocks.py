@@ -84,6 +84,7 @@ def test_every_family_is_of_the_library():
         assert set(kind.formulas) <= kind.bends <= set(KINDS)
 
 
+@pytest.mark.nightly
 def test_a_stream_of_another_form_is_one_family_not_several_effects():
     """A downwash of which no formula has the shape: no second effect stands in."""
     bump = FieldData(

@@ -24,9 +24,18 @@ def throws():
     return *task_of(campaign), truth
 
 
-@pytest.fixture(scope="module")
-def traced(throws):
+FEW = (*EVERY_GLIDER_HAS, "pitch_moment", "pitch_damping", "downwash", "frame_tilt")
+
+
+@pytest.fixture(
+    scope="module", params=["few", pytest.param("all", marks=pytest.mark.nightly)]
+)
+def traced(throws, request):
+    """Traced among few kinds, or all."""
     task, noise, truth = throws
+    if request.param == "few":
+        few = tuple(kind for kind in task.kinds if kind in FEW)
+        task = dataclasses.replace(task, kinds=few)
     rng = np.random.default_rng(0)
     return task, search_forces(task, noise, rng, lambda text: None), truth
 

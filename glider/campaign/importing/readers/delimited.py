@@ -6,6 +6,7 @@ which are found here, and do not give the line of a bad cell.
 
 import datetime
 import gzip
+import math
 import re
 import zlib
 from collections.abc import Iterable, Sequence
@@ -202,7 +203,7 @@ def _is_number(cell: str) -> bool:
 
 def _number(cell: str) -> float:
     value = to_float(cell.replace(",", "."))
-    return value if np.isfinite(value) else np.nan
+    return value if math.isfinite(value) else math.nan
 
 
 def _instant(cell: str) -> float:
