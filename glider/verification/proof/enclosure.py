@@ -223,12 +223,14 @@ def make_remainder(
         polynomials[:, places] += drift[rows, v]
     if pushes[0] > 0.0:
         inputs[-1, table.place(unit[first])] = pushes[0]
-    G = _pushed(piece, basis)
+    ends = nominal.push_slopes[:, rows] * pushes[PUSHES, None]
+    G = _mean_and_half_change(_turned_slopes(ends, which, basis))
     for (number, k), i in itertools.product(enumerate(acting, first), range(m + 1)):
         here = unit[number] + (unit[i - 1] if i else 0)
         places = [table.place(here + j * unit[last]) for j in range(2)]
         polynomials[:, places] += G[:, :, k, i].T
-    sizes += 2.0 * np.abs(G).sum(axis=(0, 2, 3))
+    spread = _turned_slopes(np.abs(ends), which, np.abs(basis))
+    sizes += 2.0 * spread.sum(axis=(0, 2, 3))
     beyond = np.abs(moved[..., ORDER:]).sum(axis=(1, 2))
     beyond += ROUNDING * np.abs(moved).sum(axis=(1, 2))
     return TaylorRemainder(
@@ -247,13 +249,11 @@ def make_remainder(
     )
 
 
-def _pushed(piece, basis):
-    """Returns G q (2, r, 3, 1 + m), as a + b s, of pushes in (1, w) and of q."""
-    which, rows = nonlinear_parts(piece.nominal.model)
-    G = piece.nominal.push_slopes[:, rows] * piece.settings.pushes[PUSHES, None]
-    states = [i for i in which if i < piece.num_states]
-    turned = G[..., 1:][..., states] @ basis[: len(states)]
-    return _mean_and_half_change(np.concatenate([G[..., :1], turned], axis=-1))
+def _turned_slopes(slopes, which, basis):
+    """Returns slopes (..., 1 + m) in (1, w), given those in (1, e), (..., 1 + n)."""
+    states = [1 + i for i in which if i + 1 < slopes.shape[-1]]
+    moved = slopes[..., states] @ basis[: len(states)]
+    return np.concatenate([slopes[..., :1], moved], axis=-1)
 
 
 def _acting(pushes):
