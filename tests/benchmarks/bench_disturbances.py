@@ -24,19 +24,17 @@ from glider.verification.sos.sphere import normalized
 
 ROWS: tuple[dict[str, float], ...] = (
     {},
-    {"wind": 0.02},
-    {"command_error": 0.5},
-    {"wind": 0.01},
-    {"wind": 0.02, "command_error": 0.1},
-    {"command_error": 0.1},
-    {"command_error": 0.5, "elevator_gain": 15.0},
+    *({"wind": wind} for wind in (0.01, 0.02, 0.03, 0.05)),
+    *({"command_error": error} for error in (0.1, 0.4, 0.7, 1.0, 1.5, 2.0)),
+    *({"command_error": error, "wind": 0.02} for error in (0.1, 0.4, 0.7, 1.0)),
+    {"command_error": 0.4, "elevator_gain": 20.0},
 )
 """Settings of each row; what they lack is that of the shipped funnels."""
 
 
 def shape_of(model, policy, problem, steps, **settings):
     """Returns height [m] and largest rate [rad/s²] of a shape; None without one."""
-    base = {"remainder": 1.2, "floor": 1.0, "elevator_gain": 40.0}
+    base = {"remainder": 1.6, "elevator_gain": 40.0}
     chosen = funnels.FunnelSettings(
         **base | settings,
         step=steps * funnels.FunnelSettings.step,

@@ -34,14 +34,14 @@ def test_the_commands_slopes_are_those_of_the_closed_loop(nominal):
     more[:, 2] += 1.0
     changed = linear_part(dataclasses.replace(nominal, gains=more).closed_loop)
     difference = linear_part(nominal.closed_loop) - changed
-    slopes = nominal.push_slopes[:, :, 0]
+    slopes = nominal.push_slopes[:, :, 0, 0]
     np.testing.assert_allclose(difference[:, :, 2], slopes, atol=1e-9)
     np.testing.assert_allclose(slopes[:, ELEVATOR], 1.0)
 
 
 def test_no_command_of_this_size_brings_v_down_faster(funnel, nominal):
     """V̇ = ... - 2 eᵀ S B K e: the most, where e is worst, is what the rate allows."""
-    S, slopes = funnel.S[60], nominal.push_slopes[:, :, 0][10]
+    S, slopes = funnel.S[60], nominal.push_slopes[:, :, 0, 0][10]
     gains = steepest_gains(S, slopes, RATE, 1e9)
     boundary = sphere_points(5000, 7) @ np.linalg.inv(np.linalg.cholesky(S))
     largest = np.sqrt(gains @ np.linalg.solve(S, gains))

@@ -156,7 +156,7 @@ class Monomials:
         rows = [exponents_of(num_variables, d) for d in range(degree + 1)]
         self.exponents = np.concatenate(rows)
         self.degrees = self.exponents.sum(axis=1)
-        place = {tuple(e): k for k, e in enumerate(self.exponents)}
+        self._places = place = {tuple(e): k for k, e in enumerate(self.exponents)}
         pairs = [
             (place[tuple(self.exponents[i] + self.exponents[j])], i, j)
             for i in range(len(place))
@@ -187,6 +187,10 @@ class Monomials:
         They are those of the variables that are left, in the same order.
         """
         return np.logical_not(np.any(self.exponents[:, others], axis=1))
+
+    def place(self, exponents: np.ndarray) -> int:
+        """Returns the index of a monomial."""
+        return self._places[tuple(exponents)]
 
     def of_degree(self, degree: int) -> slice:
         """Returns where the monomials of one degree are."""

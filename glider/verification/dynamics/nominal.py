@@ -101,12 +101,18 @@ class Nominal:
 
     @functools.cached_property
     def push_slopes(self) -> np.ndarray:
-        """G = ∂f/∂(u, w) (T, n, 3): of the command, and of the wind along x and z."""
-        push = variables(np.zeros((3, len(self.times))), 1)
-        command = push[0] + self.inputs
-        rates = open_loop_rates(self.model, list(self.states.T), command, wind=push[1:])
-        coefficients = np.array([coefficients_of(rate, command) for rate in rates])
-        return np.moveaxis(coefficients[:, 1:], 2, 0)  # (n, 3, T) to (T, n, 3).
+        """G = ∂f/∂(u, w) (T, n, 3, 1 + n): of the command, and of the wind in x and z.
+
+        It is linear in the deviation e: the coefficients are those of (1, e).
+        """
+        n, still = self.states.shape[1], np.zeros((2, len(self.times)))
+        own = variables(np.vstack([self.states.T, self.inputs, still]), 2)
+        rates = open_loop_rates(self.model, own[:n], own[n], wind=own[n + 1 :])
+        coefficients = np.array([coefficients_of(rate, own[n]) for rate in rates])
+        unit = np.eye(n + 3, dtype=int)
+        factors = [0 * unit[0], *unit[:n]]
+        places = [[own[n].table.place(a + b) for b in factors] for a in unit[n:]]
+        return np.moveaxis(coefficients[:, places], 3, 0)  # T first.
 
     def part(self, which: slice) -> "Nominal":
         """Returns the flight at some of its times."""

@@ -67,6 +67,10 @@ class BoundaryForms(NamedTuple):
     quartic: np.ndarray  #: Coefficients of c₄ (T, C₄) [1/s].
 
 
+PUSHES = [0, 1, 1]
+"""Which bound each push has: the command's error, and the wind along x and z."""
+
+
 class Bounds(NamedTuple):
     """What acts on sets at K times; the names are those of `BoundarySets`."""
 
@@ -80,33 +84,41 @@ def boundary_forms(
     S: np.ndarray,
     slopes: np.ndarray,
     coefficients: np.ndarray,
-    push: np.ndarray,
+    push: BoundaryForms,
     bounds: Bounds,
 ) -> BoundaryForms:
-    """Returns V̇/V on the boundary, with (zᵀ D z)(1 + eᵀ F e) of R.
-
-    The command's error and the wind add zᵀ D z, D `push` (T, n, n).
-    """
+    """Returns V̇/V on the boundary, with (zᵀ D z)(1 + eᵀ F e) of R, and `push`."""
     cubic, quartic = higher_forms(S, coefficients)
     _, L_inv_T = to_ball(S)
     L_inv = np.swapaxes(L_inv_T, 1, 2)
     disturbance = remainder_form(S, bounds.beta, bounds.weights)
     quadratic = quadratic_form(S, slopes, coefficients)
-    quadratic = L_inv @ quadratic @ L_inv_T + disturbance + push
+    quadratic = L_inv @ quadratic @ L_inv_T + disturbance
     quartic = quartic + product_form(disturbance, L_inv @ bounds.focus @ L_inv_T)
-    return BoundaryForms(quadratic, cubic, quartic)
+    return BoundaryForms(
+        quadratic + push.quadratic, cubic + push.cubic, quartic + push.quartic
+    )
 
 
 def push_form(
     S: np.ndarray, slopes: np.ndarray, pushes: np.ndarray, weights: np.ndarray
-) -> np.ndarray:
-    """Returns D (T, n, n) of pushes along G (T, n, 3), in the coordinates of the ball.
+) -> BoundaryForms:
+    """Returns what pushes along G add to V̇/V, G (T, n, 3, 1 + n) in (1, e).
 
     2 eᵀ S G w <= λ |Gᵀ S e|² + w² / λ of both axes of the wind: half of w² each.
+    Gᵀ S e = pᵀ z + zᵀ M z, so that its square is a quartic.
     """
-    both = [0, 1, 1]
-    sizes = pushes[both] * [1.0, np.sqrt(0.5), np.sqrt(0.5)] + 0.0 * weights[:, both]
-    return remainder_form(S, sizes, weights[:, both], slopes)
+    L_T, L_inv_T = to_ball(S)
+    sizes = pushes[PUSHES] * [1.0, np.sqrt(0.5), np.sqrt(0.5)]
+    weights = weights[:, PUSHES]
+    quadratic = remainder_form(S, sizes + 0.0 * weights, weights, slopes[..., 0])
+    p = np.moveaxis(L_T @ slopes[..., 0], 2, 0)
+    M = L_inv_T.swapaxes(1, 2) @ np.moveaxis(slopes[..., 1:], 2, 0).swapaxes(2, 3)
+    M = M @ L_T.swapaxes(1, 2)
+    cubic, quartic = (
+        np.einsum("tk,ktc->tc", weights, product_form(factor, M)) for factor in (p, M)
+    )
+    return BoundaryForms(quadratic, 2.0 * cubic, quartic)
 
 
 def remainder_form(

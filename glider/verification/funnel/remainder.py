@@ -23,7 +23,7 @@ from glider.verification.dynamics.nominal import (
     evaluate,
     nonlinear_parts,
 )
-from glider.verification.funnel.growth import climb_sphere
+from glider.verification.funnel.growth import PUSHES, climb_sphere
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
@@ -74,7 +74,7 @@ def sample_remainder(
 def towards(pushes: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Returns the largest pushes (..., 3), of bounds (2,), towards directions."""
     error, wind = np.sign(directions[..., :1]), normalized(directions[..., 1:])
-    return np.concatenate([error, wind], axis=-1) * pushes[[0, 1, 1]]
+    return np.concatenate([error, wind], axis=-1) * pushes[PUSHES]
 
 
 class _Remainders:
@@ -241,11 +241,15 @@ def remainder_of(
     """Returns R (K, B, n) = ė - p(e), without the servo's limits, at K times.
 
     Errors e are from x₀ + X δ where a center moves, with deviations δ (K, B, m). A
-    push (K, B, 3) is d_u and w, which act in R but for their linear part.
+    push (K, B, 3) is d_u and w, which act in R but for G (d_u, w).
     """
     polynomial = evaluate(nominal.closed_loop[at], errors)
     if push is not None:
-        polynomial = polynomial + push @ np.swapaxes(nominal.push_slopes[at], 1, 2)
+        along = nominal.push_slopes[at]
+        slopes = along[:, None, ..., 0] + np.einsum(
+            "kijl,kbl->kbij", along[..., 1:], errors
+        )
+        polynomial = polynomial + (slopes @ push[..., None])[..., 0]
     own = _rates(nominal, at, np.zeros_like(errors[:, :1]))
     if center is None or deviations is None:
         return _rates(nominal, at, errors, push=push) - own - polynomial
@@ -285,8 +289,8 @@ def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.
 def push_weights(
     S: np.ndarray, pushes: np.ndarray, slopes: np.ndarray, sizes: np.ndarray
 ) -> np.ndarray:
-    """Returns the same λ (T, 2) of pushes (2,) along G (T, n, 3)."""
-    weight, pulls = _pulls(S, slopes, sizes)
+    """Returns the same λ (T, 2) of pushes (2,) along G (T, n, 3, 1 + n)."""
+    weight, pulls = _pulls(S, slopes[..., 0], sizes)
     pulls = np.stack([pulls[:, 0], pulls[:, 1] + pulls[:, 2]], axis=1)
     return pushes * np.sqrt(weight[:, None] / pulls)
 

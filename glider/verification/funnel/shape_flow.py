@@ -24,7 +24,12 @@ from scipy.linalg import expm
 
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.funnel.growth import Bounds, push_form, remainder_form
+from glider.verification.funnel.growth import (
+    BoundaryForms,
+    Bounds,
+    push_form,
+    remainder_form,
+)
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
     find_focus,
@@ -79,17 +84,18 @@ class FunnelTask:
         error = self.settings.command_error
         return servo_bounds(self.nominal, self.center, command_error=error)
 
-    def bound(self, S: np.ndarray, at: np.ndarray) -> tuple[Bounds, np.ndarray]:
-        """Returns β, λ and F of K sets, and D (K, n, n) of the pushes from outside.
+    def bound(self, S: np.ndarray, at: np.ndarray) -> tuple[Bounds, BoundaryForms]:
+        """Returns β, λ and F of K sets, and what the pushes from outside add.
 
         β (1 + eᵀ F e) is the inflated remainder, but for rounding. All are zero where
         the funnel is to be of the Taylor polynomial alone.
         """
         inflation, pushes = self.settings.remainder, self.settings.pushes
-        if inflation == 0.0:
-            beta, none = np.zeros(S.shape[:2]), np.zeros_like(S)
-            return Bounds(beta, beta, none, np.zeros((len(S), 2))), none
         sizes, slopes = self.sizes[at], self.nominal.push_slopes[at]
+        if inflation == 0.0:
+            beta, none = np.zeros(S.shape[:2]), np.zeros((len(S), 2))
+            push = push_form(S, slopes, pushes, none)
+            return Bounds(beta, beta, np.zeros_like(S), none), push
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
         focus, floor = np.zeros_like(S), self.settings.floor
@@ -127,7 +133,7 @@ class ShapeFlow:
             task = dataclasses.replace(task, nominal=nominal)
         self._task, self.nominal, self._sizes = task, nominal, task.sizes
         self._bounds = task.servo_bounds()
-        self._slopes = nominal.push_slopes[:, :, 0] if steer else None
+        self._slopes = nominal.push_slopes[:, :, 0, 0] if steer else None
 
     def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
@@ -184,7 +190,8 @@ class ShapeFlow:
         L = np.linalg.cholesky(S)
         L_inv = np.linalg.inv(L)
         focus = L_inv @ bounds.focus[0] @ L_inv.T
-        quartic = quartic + product_form(disturbance, focus)
+        cubic = cubic + push.cubic[0]
+        quartic = quartic + product_form(disturbance, focus) + push.quartic[0]
         weight = L.T @ self._sizes[k] @ L
         [growth] = first_success(
             least_growth,
@@ -193,7 +200,7 @@ class ShapeFlow:
             weight,
             fault="No solver shaped the funnel; the goal may be too wide.",
         )
-        return growth + disturbance + push[0]
+        return growth + disturbance + push.quadratic[0]
 
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""

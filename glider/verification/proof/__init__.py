@@ -22,15 +22,15 @@ Proof. With V = eᵀ S e, on each interval and for all of its times and deviatio
 1. S is positive definite, and on E neither limit of the servo is met: b > 0 and
    b² S - a aᵀ > 0 for each limit aᵀ e < b, less what κ takes. So ẋ = f(x, u + d_u; w).
 2. ė = P(τ, e) + G (d_u, w) + R + d, P a straight line in time between the third-order
-   Taylor polynomials of f at both ends, with the feedback inserted, and G one between
-   ∂f / ∂(u, w) there. d is the nominal's defect in the linear rates, |d| <= δ; R is the
-   rest of f - ẋ₀ - P - G (d_u, w) in the others, and |R_k| <= β_k (1 + eᵀ F e) on E,
-   which is positive; β and F are straight lines in time, and F is of the states that R
-   depends on.
+   Taylor polynomials of f at both ends, with the feedback inserted, and G(τ, e) one
+   between those of first order of ∂f / ∂(u, w) there. d is the nominal's defect in the
+   linear rates, |d| <= δ; R is the rest of f - ẋ₀ - P - G (d_u, w) in the others, and
+   |R_k| <= β_k (1 + eᵀ F e) on E, which is positive; β and F are straight lines in
+   time, and F is of the states that R depends on.
 3. On V = 1, for λ_k and μ_k straight lines between λ_k and β_k² / λ_k,
    2 eᵀ S R <= (Σ λ_k (S e)_k² + μ_k V)(1 + eᵀ F e), because β_k² <= λ_k μ_k: √(λ μ)
    is concave. Likewise, of the columns B and G_w of G,
-   2 eᵀ S G (d_u, w) <= λ_u (Bᵀ S e)² + μ_u + λ_w |G_wᵀ S e|² + μ_w.
+   2 eᵀ S G (d_u, w) <= λ_u (Bᵀ S e)² + μ_u + λ_w |G_wᵀ S e|² + μ_w, quartic in e.
    And 2 eᵀ S d <= 2 √(δᵀ |S| δ).
 4. So V̇ <= -slack there, if a polynomial in e and τ is positive, which it is where a
    Gram matrix with its Bernstein coefficients is (`interval_growth`).

@@ -14,8 +14,9 @@ For a set of gliders, δ = A v, y is the deviation from each one's own center:
 and boxes are of w, v and s. What X A v has beyond the degree in (v, s) is bounded.
 
 Pushes from outside, the command's error κ q₁, |q₁| <= 1, and the wind w (q₂, q₃),
-|(q₂, q₃)| <= 1, act in f too. Their linear part, G a straight line in time, is not in
-R: V̇ has it as it is. Boxes are then of w, v, q and s; q has what is not zero.
+|(q₂, q₃)| <= 1, act in f too. Their part G q, G a straight line in time and linear in
+e, is not in R: V̇ has it as it is. Boxes are then of w, v, q and s; q has what is not
+zero.
 """
 
 import dataclasses
@@ -35,7 +36,7 @@ from glider.verification.dynamics.nominal import (
 )
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import DIFFERENCE, climb_sphere
+from glider.verification.funnel.growth import DIFFERENCE, PUSHES, climb_sphere
 from glider.verification.proof.boxes import blame_of, shifted, top_in_balls
 from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
@@ -204,7 +205,7 @@ def make_remainder(
     plain = alone & (table.exponents[:, last] == 0)
     timed = alone & (table.exponents[:, last] == 1)
     unit = np.eye(last + 1, dtype=int)
-    times = [_place(table, j * unit[last]) for j in range(ORDER + 1)]
+    times = [table.place(j * unit[last]) for j in range(ORDER + 1)]
     inputs = np.zeros((n + 1, len(table.degrees)))
     inputs[:-1, times] = path
     inputs[-1, times[:2]] = inputs_ends
@@ -217,15 +218,19 @@ def make_remainder(
     polynomials[:, times[:-1]] += slopes[rows]
     highest[:, plain] = np.where(low, 0.0, change)
     for v in range(moved.shape[1]):
-        places = [_place(table, unit[m + v] + j * unit[last]) for j in range(ORDER)]
+        places = [table.place(unit[m + v] + j * unit[last]) for j in range(ORDER)]
         inputs[:, places] += moved[:, v, :ORDER]
         polynomials[:, places] += drift[rows, v]
-    G = _mean_and_half_change(nominal.push_slopes * pushes[[0, 1, 1]])
-    for number, k in enumerate(acting, start=first):
-        places = [_place(table, unit[number] + j * unit[last]) for j in range(2)]
-        polynomials[:, places] += G[:, rows, k].T
-        inputs[-1, places[0]] += pushes[0] if k == 0 else 0.0
-    sizes += 2.0 * np.abs(G[:, rows]).sum(axis=(0, 2))
+    if pushes[0] > 0.0:
+        inputs[-1, table.place(unit[first])] = pushes[0]
+    ends = nominal.push_slopes[:, rows] * pushes[PUSHES, None]
+    G = _mean_and_half_change(_turned_slopes(ends, which, basis))
+    for (number, k), i in itertools.product(enumerate(acting, first), range(m + 1)):
+        here = unit[number] + (unit[i - 1] if i else 0)
+        places = [table.place(here + j * unit[last]) for j in range(2)]
+        polynomials[:, places] += G[:, :, k, i].T
+    spread = _turned_slopes(np.abs(ends), which, np.abs(basis))
+    sizes += 2.0 * spread.sum(axis=(0, 2, 3))
     beyond = np.abs(moved[..., ORDER:]).sum(axis=(1, 2))
     beyond += ROUNDING * np.abs(moved).sum(axis=(1, 2))
     return TaylorRemainder(
@@ -244,9 +249,16 @@ def make_remainder(
     )
 
 
+def _turned_slopes(slopes, which, basis):
+    """Returns slopes (..., 1 + m) in (1, w), given those in (1, e), (..., 1 + n)."""
+    states = [1 + i for i in which if i + 1 < slopes.shape[-1]]
+    moved = slopes[..., states] @ basis[: len(states)]
+    return np.concatenate([slopes[..., :1], moved], axis=-1)
+
+
 def _acting(pushes):
     """Returns which of the command's error and both axes of the wind are not zero."""
-    return [k for k, bound in enumerate(pushes[[0, 1, 1]]) if bound > 0.0]
+    return [k for k, bound in enumerate(pushes[PUSHES]) if bound > 0.0]
 
 
 def _excess(difference, limit, boxes):
@@ -281,23 +293,18 @@ def _limits(piece, basis, table):
     beta, beta_change = _mean_and_half_change(piece.beta[:, rows])
     focus, focus_change = _mean_and_half_change(B.T @ F @ B)
     limits = np.zeros((len(rows), len(table.degrees)))
-    limits[:, 0], limits[:, _place(table, unit[last])] = beta, beta_change
+    limits[:, 0], limits[:, table.place(unit[last])] = beta, beta_change
     for i, j in itertools.product(range(len(basis)), repeat=2):
         here = unit[i] + unit[j]
         half = 0.5 * beta_change * focus_change[i, j]
-        limits[:, _place(table, here)] += beta * focus[i, j] + half
+        limits[:, table.place(here)] += beta * focus[i, j] + half
         slope = beta_change * focus[i, j] + beta * focus_change[i, j]
-        limits[:, _place(table, here + unit[last])] += slope
+        limits[:, table.place(here + unit[last])] += slope
     sizes = np.abs(B).T @ np.abs(F).max(axis=0) @ np.abs(B)
     lost = 0.5 * np.abs(beta_change) * np.linalg.norm(focus_change)
     lost += ROUNDING * piece.beta[:, rows].max(axis=0) * sizes.sum()
     limits[:, 0] -= lost * WIDER
     return limits
-
-
-def _place(table, exponents):
-    """Returns the index of a monomial."""
-    return int(np.flatnonzero((table.exponents == exponents).all(axis=1))[0])
 
 
 def _mean_and_half_change(ends):

@@ -24,9 +24,9 @@ from glider.verification.sos.exact import (
     rounded,
 )
 from glider.verification.sos.forms import (
+    exact_product,
     mixed_forms,
     odd_then_even,
-    quadratic_product,
     sparse_gram,
     to_ball,
 )
@@ -119,7 +119,7 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         A, cubic, quartic, G = (form.parts[0] for form in forms)
         # In floating point: a Gram matrix of nearly this polynomial. The one in the
         # file may or may not have the nominal's defect in it.
-        polynomial = odd_then_even(cubic, quartic + quadratic_product(A, G))
+        polynomial = odd_then_even(cubic, quartic + exact_product(A, G))
         doubles = polynomial.to_float()
         entries = funnel.grams[k].astype(float)
         entries = entries - 0.5 * slack * tables.entries(np.eye(tables.size))
@@ -128,7 +128,7 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         whole = rounded(gram, GRAM_BITS)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return [*faults, rises], 0.0
-    even = quartic + quadratic_product(A - whole[: tables.n, : tables.n], G)
+    even = quartic + exact_product(A - whole[: tables.n, : tables.n], G)
     left_over = odd_then_even(cubic, even) - mixed_forms(tables, whole)
     falls, change = leaves_definite(whole, sparse_gram(tables, left_over))
     return faults if falls else [*faults, rises], change

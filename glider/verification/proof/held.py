@@ -20,6 +20,7 @@ from glider.errors import expect
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import covers, make_interval, tight_cover
 from glider.verification.proof.interval_growth import pulled_forms
 from glider.verification.sos.exact import InTime, exact, line, rounded
@@ -91,8 +92,10 @@ def _rate(piece):
     wide, K = np.abs(B.to_float()), np.abs(ends).max(axis=0)
     bend = np.linalg.norm(wide.T @ np.abs(piece.focus).max(axis=0) @ wide)
     total += K @ (piece.beta.max(axis=0) * (1.0 + bend) + defect_bounds(nominal)[0])
-    pushed = np.abs((gains @ line(*nominal.push_slopes)).bernstein()).max(axis=(0, 1))
-    total += pushed @ piece.settings.pushes[[0, 1, 1]]
+    for k, size in enumerate(piece.settings.pushes[PUSHES]):
+        along = (gains @ interval.push_slopes[:, k]).bernstein()[:, 0]
+        bend = np.linalg.norm(along[:, 1:] @ B.to_float(), axis=1)
+        total += size * (np.abs(along[:, 0]) + bend).max()
     return float(total * WIDER) if np.isfinite(total) else np.inf
 
 

@@ -56,7 +56,7 @@ class Interval:
     weights: InTime  #: λ (n,).
     bearing: InTime  #: β² / λ (n,), rounded up.
     focus: InTime  #: F (n, n).
-    push_slopes: InTime  #: G (n, 3) of the command's error, and of the wind in x, z.
+    push_slopes: InTime  #: G (n, 3, 1 + n) of pushes, in (1, e).
     push_weights: InTime  #: λ (2,) of these.
     push_bearing: InTime  #: κ² / λ and w² / λ (2,), rounded up.
     #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.

@@ -19,15 +19,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import Interval
 from glider.verification.sos.exact import Exact, InTime, leaves_definite, rounded
 from glider.verification.sos.forms import (
     contracted,
+    exact_product,
     form_tensor,
     gathered,
     mixed_forms,
     odd_then_even,
-    quadratic_product,
     sparse_gram,
     to_ball,
 )
@@ -111,15 +112,22 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     y = interval.outputs @ basis
     half = H @ (interval.linear @ y)
     disturbance = (H * interval.weights) @ H.T + interval.bearing.map(Exact.sum) * G
-    pushed, both = H @ interval.push_slopes, [0, 1, 1]
-    push = (pushed * interval.push_weights[both]) @ pushed.T
+    pushes = interval.push_slopes
+    pushed = H @ pushes[:, :, 0]
+    push = (pushed * interval.push_weights[PUSHES]) @ pushed.T
     push = push + interval.push_bearing.map(Exact.sum) * G
     growth = half + half.T + disturbance + push + slack * G
     A = basis.T @ interval.rise @ basis + h * growth
     cubic, quartic = (f * -2 for f in pulled_forms(interval, basis, h * H.T, 1))
     focus = basis.T @ interval.focus @ basis
     if any(part.numbers.any() for part in focus.parts):
-        quartic = quartic - h * disturbance.product(focus, quadratic_product)
+        quartic = quartic - h * disturbance.product(focus, exact_product)
+    for k, of in enumerate(PUSHES):
+        M = basis.T @ pushes[:, k, 1:].T @ H.T
+        if any(part.numbers.any() for part in interval.push_bearing[of].parts):
+            weight = h * interval.push_weights[of]
+            cubic = cubic - weight * pushed[:, k].product(M, exact_product) * 2
+            quartic = quartic - weight * M.product(M, exact_product)
     return GrowthForms(-A, cubic, quartic, G)
 
 
@@ -210,7 +218,7 @@ def _definite_grams(
 ) -> list[Exact] | None:
     """Returns the parts of a Q with this N if all are positive definite, for sure."""
     n, grams = tables.n, []
-    even = forms.quartic + N.product(forms.G, quadratic_product)
+    even = forms.quartic + N.product(forms.G, exact_product)
     degree = len(guesses) - 1
     columns = (p.raised(degree).parts for p in (forms.A - N, forms.cubic, even))
     parts = zip(*columns, strict=True)

@@ -52,10 +52,13 @@ def higher_forms(
 
 
 def product_form(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Returns the coefficients (..., C₄) of (zᵀ A z)(zᵀ B z), A and B (..., n, n)."""
-    n = first.shape[-1]
-    both = first[..., :, :, None, None] * second[..., None, None, :, :]
-    return both.reshape(*both.shape[:-4], n**4) @ _gather(n, 4)
+    """Returns the coefficients (..., C) of (zᵀ A z)(zᵀ B z) or of pᵀ z (zᵀ B z).
+
+    B is (..., n, n), the first factor A (..., n, n) or p (..., n).
+    """
+    *batch, n, _ = second.shape
+    both = first.reshape(*batch, -1, 1) * second.reshape(*batch, 1, -1)
+    return both.reshape(*batch, -1) @ _gather(n, first.ndim - len(batch) + 2)
 
 
 def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
@@ -141,11 +144,11 @@ def gathered(tensor: Exact, n: int, degree: int) -> Exact:
     return Exact(total, tensor.exponent)
 
 
-def quadratic_product(first: Exact, second: Exact) -> Exact:
-    """Returns the coefficients (C₄,) of (zᵀ A z)(zᵀ B z), A and B (n, n)."""
-    n = len(first)
+def exact_product(first: Exact, second: Exact) -> Exact:
+    """Returns what `product_form` does, exactly."""
     tensor = np.multiply.outer(first.numbers, second.numbers)
-    return gathered(Exact(tensor, first.exponent + second.exponent), n, 4)
+    product = Exact(tensor, first.exponent + second.exponent)
+    return gathered(product, len(first), tensor.ndim)
 
 
 def odd_then_even(cubic: Exact, quartic: Exact) -> Exact:

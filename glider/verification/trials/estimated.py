@@ -47,6 +47,7 @@ class EstimatedFlights:
     levels: np.ndarray  #: V (B, K + 1) of the true state; 1 is the boundary.
     believed: np.ndarray  #: V (B, K + 1) of the estimate.
     errors: np.ndarray  #: √(eᵀ S e) (B, K + 1) of the estimate's error.
+    command_errors: np.ndarray  #: |K e| (B, K + 1) of it [rad/s].
     miss: np.ndarray  #: Least distance (B,) of the center of mass from the wire [m].
     arrivals: np.ndarray  #: States (B, n) there.
 
@@ -161,6 +162,7 @@ def fly_estimated(
     truth, estimate = (np.swapaxes(a[kept], 0, 1) for a in (states, means))
     times = times[kept]
     errors = np.sqrt(funnel.level(times, funnel.center(times) + estimate - truth))
+    off = np.einsum("bki,ki->bk", estimate - truth, gain[: len(times)])
     return EstimatedFlights(
         noise=noise,
         unknown=unknown,
@@ -168,6 +170,7 @@ def fly_estimated(
         levels=funnel.level(times, truth),
         believed=funnel.level(times, estimate),
         errors=errors,
+        command_errors=np.abs(off),
         miss=np.array([passed.miss for passed in passes]),
         arrivals=np.array([passed.arrival for passed in passes]),
     )
