@@ -123,8 +123,8 @@ def absorbed(
     First the slight ones, see `slight`. Then formulas with a memory whose times are not
     longer than the least, within two standard errors, beside a formula without one, or
     a free function, that may have their shape. Then, of those that a free function
-    bends, each that explains less than it does, but for the first that is left, unless
-    the function is of another family: it is better named after its own.
+    bends, each that explains less than it does: but for the first of its family, or of
+    all where it is of none, and for those that have a function of their own family.
     """
     model, evidence = traced.model, traced.evidence
     found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
@@ -143,16 +143,17 @@ def absorbed(
                 near |= {block, *(k for k in alone if not kinds[k].states)}
         if times and not far.any() and near & have:
             found[name] = near & have
+    families = {kind for block in model.free_kinds for kind in BLOCKS[block].formulas}
     for block in model.free_kinds:
         if block in found:
             continue
         own = BLOCKS[block]
         bent = own.bends.intersection(have) - found.keys()
-        ranked = sorted(bent, key=lambda k: evidence[k])
-        if ranked and (not own.formulas or ranked[-1] in own.formulas):
-            ranked.pop()  # Its name.
-        weak = [k for k in ranked if evidence[k] < evidence[block]]
-        found |= dict.fromkeys(weak, {*bent, block}.difference(weak))
+        mine = bent.intersection(own.formulas) if own.formulas else bent
+        first = sorted(mine, key=lambda k: evidence[k])[-1:]
+        rest = bent - {*first} - (families - mine)
+        weak = {k for k in rest if evidence[k] < evidence[block]}
+        found |= dict.fromkeys(weak, {*bent, block} - weak)
     return found
 
 

@@ -132,8 +132,7 @@ def supported(
             model = improved(search, best)
             continue
         weighed = weigh(search.task, model, fits.marginal_scorer, rng)
-        own = model.cost + model.freedom
-        evidence = {kind: m.cost + m.freedom - own for kind, m in fewer.items()}
+        evidence = evidence_of(search.task, model, fewer)
         weak = weakest(weighed, evidence)
         if weak is None:
             return model, evidence, weighed
@@ -144,6 +143,21 @@ def supported(
             blocks={k: own for k, own in task.blocks.items() if k != weak},
         )
         model = improved(search, search.fit(fits.without(task, model, weak)))
+
+
+def evidence_of(
+    task: Task, model: FitResult, fewer: Mapping[str, FitResult]
+) -> dict[str, float]:
+    """Returns the evidence lost without each effect, of models without them [nats].
+
+    By Wald's test where a model without one diverges.
+    """
+    own = model.cost + model.freedom
+    lost = {kind: m.cost + m.freedom - own for kind, m in fewer.items()}
+    if not np.all(np.isfinite([*lost.values()])):
+        shown = moves.shown_by(task, model)
+        lost = {k: v if np.isfinite(v) else shown[k] for k, v in lost.items()}
+    return lost
 
 
 def without_late(task: Task, kept: Collection[str] = ()) -> Task:

@@ -15,7 +15,7 @@ from glider.sysid.search.fits import Search, marginal_scorer
 from glider.sysid.search.moves import shown_by
 from glider.sysid.search.subsets import Scorer
 from glider.sysid.search.support import EffectSupport, weakest, weigh
-from glider.sysid.search.tracing import rivals_of
+from glider.sysid.search.tracing import evidence_of, rivals_of
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -54,6 +54,16 @@ def test_what_can_hardly_be_told_apart_is_a_rival():
     drag = KINDS["profile_drag"](cd0=0.0008)
     found, *_ = weighed(drag, "profile_drag", offered=offered, flights=3)
     assert found["profile_drag"].rivals == ("axial_drag",)
+
+
+def test_an_effect_without_which_a_model_diverges_has_evidence_all_the_same():
+    """Else all others would be slight beside it."""
+    drag, offered = KINDS["profile_drag"](cd0=0.05), ("profile_drag",)
+    _, task, model = weighed(drag, *offered, offered=offered)
+    worse = dataclasses.replace(model, cost=model.cost + 7.0)
+    assert evidence_of(task, model, {"profile_drag": worse}) == {"profile_drag": 7.0}
+    lost = {"profile_drag": dataclasses.replace(model, cost=np.inf)}
+    assert evidence_of(task, model, lost) == shown_by(task, model)
 
 
 def test_a_rival_is_fitted_in_an_effects_place():
