@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from glider.verification.funnel.build import STARTS
-from glider.verification.funnel.growth import Bounds, boundary_forms, largest_growth
+from glider.verification.funnel.growth import (
+    BoundaryForms,
+    Bounds,
+    boundary_forms,
+    largest_growth,
+)
 from tests.verification.points import sphere_points
 
 
@@ -13,7 +18,7 @@ def forms(proven):
     """V̇/V on the boundary at 50 times, as the certificate has it."""
     part = proven.between(40, 89)
     bounds = Bounds(*(getattr(part, name) for name in Bounds._fields))
-    none = np.zeros_like(part.S)
+    none = BoundaryForms(*np.zeros(3))
     return boundary_forms(part.S, part.slopes, part.nominal.closed_loop, none, bounds)
 
 
