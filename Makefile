@@ -1,5 +1,5 @@
 # make demo        sets up .venv and runs the main command on a sample campaign
-# make test        sets up .venv and runs the tests, in some minutes
+# make test        sets up .venv and runs the tests, in about nine minutes
 # make browser     the tests of pages, in a browser
 # make docs        builds the docs into out/docs, every warning an error; tests them
 # make nightly     the tests that take longest: campaigns, effects, the article
