@@ -3,8 +3,9 @@
 import dataclasses
 import hashlib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from diagrams.lab.state import CORRECTED, NOMINAL, PROPOSED, Throw
 from diagrams.station.scenario import Limits
@@ -163,8 +164,7 @@ def limits_of(folder: Path) -> ThrowLimits | None:
     if not records:
         return None
     facts, _ = read_throw(records[-1])
-    scenario = schema.parse_yaml(facts.get("scenario", ""), str(records[-1]))
-    own = scenario.get("limits", {}) if isinstance(scenario, dict) else {}
+    own = _scenario_of(facts, records[-1]).get("limits", {})
     room = schema.convert(own, Limits, str(records[-1]))
     return ThrowLimits(x=room.x, z=room.z)
 
@@ -191,6 +191,12 @@ def _record(folder: Path, throw: Throw) -> Path | None:
     return folder / name if (folder / name).is_file() else None
 
 
+def _scenario_of(facts: Mapping[str, str], record: Path) -> dict[str, Any]:
+    """The station's scenario by the facts of a record; empty where it has none."""
+    scenario = schema.parse_yaml(facts.get("scenario", ""), str(record))
+    return scenario if isinstance(scenario, dict) else {}
+
+
 def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
     """Adds what the station recorded: the plan's model, and how the throw ended."""
     record = _record(folder, throw)
@@ -198,8 +204,7 @@ def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
         return throw
     facts, topics = read_throw(record)
     planned = NOMINAL if facts.get("model") == nominal else CORRECTED
-    scenario = schema.parse_yaml(facts.get("scenario", ""), str(record))
-    if isinstance(scenario, dict) and scenario.get("commands"):
+    if _scenario_of(facts, record).get("commands"):
         planned = PROPOSED
     results = [e for e in topics["/event"] if e.get("state") == "result"]
     if not results:  # The station died before the throw was over.

@@ -4,6 +4,7 @@ What cannot be in SI units, or cannot be a flight, is refused. A fault that an e
 the library models (a wrong sign, an offset, a delay) passes.
 """
 
+import contextlib
 import csv
 import dataclasses
 import math
@@ -97,16 +98,13 @@ def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
         return [line.split() for line in lines]
     rows = []
     for line in lines:
-        if line and '"' not in line:
-            rows.append([cell.strip() for cell in line.split(delimiter)])
-            continue
-        cells = csv.reader(
-            [line], delimiter=delimiter, strict=True, skipinitialspace=True
-        )
-        try:
-            row = next(cells, [])
-        except csv.Error:
-            row = line.split(delimiter)
+        row = line.split(delimiter) if line else []
+        if '"' in line:
+            cells = csv.reader(
+                [line], delimiter=delimiter, strict=True, skipinitialspace=True
+            )
+            with contextlib.suppress(csv.Error):
+                row = next(cells)
         rows.append([cell.strip() for cell in row])
     return rows
 

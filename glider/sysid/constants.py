@@ -77,7 +77,9 @@ COARSE_NOISE = {
 LEAST_DEVIATION = 0.15
 LEAST_SPREAD = 0.1  # Flight-to-flight variation, in a coefficient's scale (c).
 FEWEST_COMPARED = 5  # Flights below which none can be an outlier (c).
-MOST_OUTLYING = 0.3  # Share of the flights that may be: more are no exceptions (c).
+# Share of the flights that may be, or that a correction may make worse without a word:
+# more are no exceptions (c).
+MOST_OUTLYING = 0.3
 
 # ---------------------------------------------------------- evidence of effects
 # Of effects of gliders of unknown forces, by predictions: e³ is 20 to 1, and 20 effects

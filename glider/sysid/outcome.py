@@ -150,8 +150,8 @@ def absorbed(
         own = BLOCKS[block]
         bent = own.bends.intersection(have) - found.keys()
         mine = bent.intersection(own.formulas) if own.formulas else bent
-        first = sorted(mine, key=lambda k: evidence[k])[-1:]
-        rest = bent - {*first} - (families - mine)
+        first = max(mine, key=lambda k: evidence[k], default="")
+        rest = bent - {first} - (families - mine)
         weak = {k for k in rest if evidence[k] < evidence[block]}
         found |= dict.fromkeys(weak, {*bent, block} - weak)
     return found
