@@ -60,7 +60,7 @@ def sensor_terms(flow, x, c):
 
 def residual_terms(flow, field):
     """The residual field's FIELD_TERMS."""
-    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 def effect_rates(flow, xdd, zdd, x, c):
@@ -179,6 +179,10 @@ def wrench(flow, terms, x, c):
     )
     force_x, force_z, moment = wrench_terms(flow, x, c)
 
+    push = flow.mass * terms[8]
+    force_x = force_x + push * flow.cos_pitch
+    force_z = force_z - push * flow.sin_pitch
+
     # The learned residual: lift turns the velocity up, drag is against it.
     pressure_area = 0.5 * flow.air_density * flow.speed * flow.wing_area
     lift, drag, turn = terms[2], terms[3], terms[4]
@@ -265,9 +269,9 @@ def measure(x, theta):
     error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c)
     terms = residual_terms(flow, theta.field)
     return (
-        x[0] + error_x + terms[8],
-        x[1] + error_z + terms[9],
-        x[2] + error_pitch + terms[10],
+        x[0] + error_x + terms[9],
+        x[1] + error_z + terms[10],
+        x[2] + error_pitch + terms[11],
     )
 
 

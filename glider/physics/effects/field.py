@@ -44,15 +44,22 @@ turned down, as by the wing's downwash [rad]."""
 WING_TERM = "wing_factor"
 """Relative change of the wing's force [-]."""
 
+PUSH_TERM = "push"
+"""Force along the body axis over the mass [m/s²]."""
+
 SENSOR_TERMS = ("pose_x", "pose_z", "pose_pitch")
 """Measured minus true pose [m, m, rad], over _SENSOR_VARIABLES alone."""
 
 _SENSOR_VARIABLES = "x", "z", "pitch"
 
-FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, WING_TERM, *SENSOR_TERMS)
+FIELD_TERMS = (
+    *(*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, WING_TERM, PUSH_TERM),
+    *SENSOR_TERMS,
+)
 
 TERM_UNITS = {
     **{"wind_x": "m/s", "wind_z": "m/s", "c_moment": "m", "tail_downwash": "rad"},
+    PUSH_TERM: "m/s²",
     **dict(zip(SENSOR_TERMS, ("m", "m", "rad"), strict=True)),
 }
 """Units of the terms that have one."""
@@ -68,9 +75,9 @@ class Field(NamedTuple):
     #: (M, v), zero where the function does not depend on the variable; a row of zeros
     #: is a constant.
     inverse_widths: np.ndarray
-    #: (M, 11), in the order of FIELD_TERMS.
+    #: (M, 12), in the order of FIELD_TERMS.
     weights: np.ndarray
-    #: (v + 1, 12), or of length zero, of what is added as linear about a point: its
+    #: (v + 1, 13), or of length zero, of what is added as linear about a point: its
     #: variables in the first column, slopes of the terms along them in the others, and
     #: values there in the last row.
     tangent: np.ndarray = np.zeros((0, 1 + len(FIELD_TERMS)))
@@ -104,7 +111,8 @@ def field_variables(flow):
 @scalar
 def field_terms(flow, field):
     """Returns the values of FIELD_TERMS in a flow."""
-    wind_x = wind_z = lift = drag = moment = tail = turn = wing = 0.0 * flow.speed
+    wind_x = wind_z = lift = drag = moment = tail = 0.0 * flow.speed
+    turn = wing = push = 0.0 * flow.speed
     pose_x = pose_z = pose_pitch = 0.0 * flow.speed
     if field.weights.shape[0] > 0:
         variables = field_variables(flow)
@@ -124,9 +132,10 @@ def field_terms(flow, field):
             tail = tail + basis * field.weights[m, 5]
             turn = turn + basis * field.weights[m, 6]
             wing = wing + basis * field.weights[m, 7]
-            pose_x = pose_x + basis * field.weights[m, 8]
-            pose_z = pose_z + basis * field.weights[m, 9]
-            pose_pitch = pose_pitch + basis * field.weights[m, 10]
+            push = push + basis * field.weights[m, 8]
+            pose_x = pose_x + basis * field.weights[m, 9]
+            pose_z = pose_z + basis * field.weights[m, 10]
+            pose_pitch = pose_pitch + basis * field.weights[m, 11]
     if field.tangent.shape[0] > 0:
         variables = field_variables(flow)
         for d in range(field.tangent.shape[0]):
@@ -141,7 +150,8 @@ def field_terms(flow, field):
             tail = tail + apart * slopes[6]
             turn = turn + apart * slopes[7]
             wing = wing + apart * slopes[8]
-    forces = wind_x, wind_z, lift, drag, moment, tail, turn, wing
+            push = push + apart * slopes[9]
+    forces = wind_x, wind_z, lift, drag, moment, tail, turn, wing, push
     return (*forces, pose_x, pose_z, pose_pitch)
 
 

@@ -70,6 +70,7 @@ TERMS = {
     "elevator_factor": "force of the tail, relative change",
     "tail_downwash": "downwash at the tail [rad]",
     "wing_factor": "force of the wing, relative change",
+    "push": "force along the body axis over the mass [m/s²]",
     "c_lift": "lift $C_L$",
     "c_drag": "drag $C_D$",
     "wind_x": "air moving forward [m/s]",

@@ -17,6 +17,7 @@ from glider.physics.effects import FIELD_VARIABLES
 from glider.physics.effects.field import (
     AIR_TERMS,
     COEFFICIENTS,
+    PUSH_TERM,
     SENSOR_TERMS,
     WING_TERM,
     FieldData,
@@ -30,11 +31,13 @@ SPREADS = {
     **dict.fromkeys(AIR_TERMS, 0.5),
     **dict(zip(COEFFICIENTS, (0.2, 0.2, 0.01), strict=True)),
     **{"elevator_factor": 0.5, "tail_downwash": 0.2, WING_TERM: 0.2},
+    PUSH_TERM: 1.0,
     **dict.fromkeys(SENSOR_TERMS, 0.05),
 }
-"""Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad; -; m,
-m, rad]: a tenth of a flat plate's largest coefficients, half of a tail's force, a fifth
-of a wing's, of a reading what a wide lens or a tilted axis does."""
+"""Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad; -;
+m/s²; m, m, rad]: a tenth of a flat plate's largest coefficients, half of a tail's
+force, a fifth of a wing's, a tenth of the weight, of a reading what a wide lens or a
+tilted axis does."""
 
 # Gaussians over a variable; over the others there are 8. Of two variables, over each.
 COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}
@@ -73,6 +76,7 @@ _LINKS = {
     "air along z": ("air", "wind_z", "the air moves along z", ""),
     "lift": ("wing_force", "c_lift", "the lift changes", ""),
     "drag": ("wing_force", "c_drag", "the drag changes", _DRAGS),
+    "push": ("push", PUSH_TERM, "a force along the body axis changes", ""),
     "moment": ("moment", "c_moment", "the moment changes", ""),
     "wing's force": ("wing_force", WING_TERM, "the wing's force changes", ""),
     "tail's force": (
@@ -105,6 +109,8 @@ _FAMILIES = (
     ("drag", "V", ""),
     ("drag", "z", ""),
     ("drag", "elevator", ""),
+    ("push", "x", "thrust"),
+    ("push", "t", "thrust"),
     ("moment", "alpha", "center_of_pressure pitch_moment"),
     ("moment", "V", ""),
     ("moment", "reduced_rate", "pitch_damping added_mass"),

@@ -31,11 +31,22 @@ VENT = FieldData(
 )
 
 
-def searched(field, flights=6, seed=0):
+TOW = FieldData(
+    kind="unexplained",
+    variables=["t"],
+    centers=[[0.0]],
+    widths=[0.06],
+    weights={"push": [3.0]},
+)
+
+
+def searched(field, flights=6, seed=0, kinds=None):
     """A search in flights through a field, and the plate fitted to them."""
     rng = np.random.default_rng(seed)
     campaign = CampaignPlan(flights=flights).simulate(GliderModel(field=field), rng)
     task, noise = task_of(campaign)
+    if kinds is not None:
+        task = dataclasses.replace(task, kinds=kinds)
     search = Search(task, lambda text: None)
     return search, search.fit(begin(task, noise))
 
@@ -76,6 +87,21 @@ def test_the_block_is_the_vent(vent):
     blown = own.block.values(own.coordinates, x)
     assert x[np.argmax(blown), 0] == pytest.approx(-1.8, abs=0.05)
     assert blown.max() == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
+    """Not a drag, nor moving air: it does not depend on the airspeed."""
+    search, plate = searched(TOW, kinds=("thrust", "profile_drag", "mass", "wind"))
+    found = improved(search, plate)
+    assert set(found.kinds) <= {"push over t", "thrust"}
+    own = found.by_name["push over t"]
+    t = np.array([0.03, 0.06, 0.3, 0.7])
+    pushed = own.block.values(own.coordinates, t[:, None])[:, 0]
+    index, start = search.task.layout.index, search.task.vehicle.theta
+    thrust = found.theta[index["thrust", "force"]]
+    pushed += thrust / start[index["parameters", "mass"]]
+    true = 3.0 * np.exp(-0.5 * (t / 0.06) ** 2)
+    assert pushed == pytest.approx(true, abs=0.3)
 
 
 def test_every_family_is_of_the_library():
