@@ -243,6 +243,30 @@ def filter_flight(*flight):
         filter_columns(n, m, *flight)
 
 
+@inlined_code
+def move_back(n, m, step, rates, moves, later, summed, earlier):
+    """Writes F' A for the matrix F of an interval and A (n + 8, m), `later`."""
+    for r in range(n + 5):
+        for j in range(m):
+            summed[r, j] = 0.0
+    for i in range(n):
+        for r in range(n + 5):
+            part = moves[i, r]
+            if part != 0.0:
+                for j in range(m):
+                    summed[r, j] += part * later[i, j]
+    for j in range(m):
+        for i in range(n):
+            earlier[i, j] = summed[i, j]
+        for p in range(PROCESSES):
+            keep = np.exp(-rates[p] * step)
+            earlier[n + p, j] = keep * later[n + p, j] + summed[n + p, j]
+            earlier[n + 4 + p, j] = later[n + 4 + p, j]
+        for p in range(2):
+            earlier[n + 4 + p, j] += summed[n + p, j]
+        earlier[n + 6, j] += summed[n + 4, j]
+
+
 @machine_code
 def smooth_flight(adjoint, *flight):
     """Filters a flight of one column and smooths its gusts, see `filter_columns`.
@@ -257,36 +281,122 @@ def smooth_flight(adjoint, *flight):
     filter_columns(by_x.shape[1], 1, *flight)
     n = by_x.shape[1]
     total = n + OWN_STATES
-    moves, summed, row = np.zeros((n, n + 5)), np.empty(n + 5), np.empty(total)
-    adjoint[:] = 0.0
+    moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, 1)), np.empty(total)
+    now, later = np.zeros((total, 1)), np.empty((total, 1))
     for k in range(times.shape[0] - 1, -1, -1):
         if k < times.shape[0] - 1:
             step = times[k + 1] - times[k]
             set_moves(n, k, step, by_x, by_air, by_trim, moves)
-            summed[:] = 0.0
-            for i in range(n):
-                for r in range(n + 5):
-                    summed[r] += moves[i, r] * adjoint[i]
-            for i in range(n):
-                adjoint[i] = summed[i]
-            for p in range(PROCESSES):
-                adjoint[n + p] = np.exp(-rates[p] * step) * adjoint[n + p]
-                adjoint[n + p] += summed[n + p]
-            for p in range(2):
-                adjoint[n + 4 + p] += summed[n + p]
-            adjoint[n + 6] += summed[n + 4]
+            later[:] = now
+            move_back(n, 1, step, rates, moves, later, summed, now)
         for p in range(2):
             for j in range(total):
-                airs[k, p, total] += airs[k, p, j] * adjoint[j]
+                airs[k, p, total] += airs[k, p, j] * now[j, 0]
         for c in range(seen.shape[1] - 1, -1, -1):
             if not seen[k, c]:
                 continue
             measuring(n, k, c, pose_by_x, row)
             change = innovations[k, c, 0] * np.sqrt(variances[k, c])
             for j in range(total):
-                change -= gains[k, c, j] * adjoint[j]
+                change -= gains[k, c, j] * now[j, 0]
             for j in range(total):
-                adjoint[j] += row[j] * change / variances[k, c]
+                now[j, 0] += row[j] * change / variances[k, c]
+    for j in range(adjoint.shape[0]):
+        adjoint[j] = now[j, 0]
+
+
+@machine_code
+def score_flight(by_sensor, by_start, by_power, by_time, *flight):
+    """Filters a flight of one column and writes the slopes of its cost.
+
+    The cost is ½ Σ (e² + log s) of innovations e over their standard deviations and of
+    their variances s. With λ, the adjoint of `smooth_flight`, and Λ, its covariance,
+        dcost = ½ tr((Λ - λ λ') dP) - λ' dm
+    for changes of a covariance P and a mean m (Segal and Weinstein, IEEE Trans. Inf.
+    Theory 35, 1989).
+
+    Args:
+        by_sensor: (C,) by the variances of the measurements.
+        by_start: (n + 8,) by those of the deviations at the first node.
+        by_power: (4,) by the steady ones of the processes, but for their start.
+        by_time: (2,) by the logarithms of the gusts' correlation times.
+        flight: arguments of `filter_columns`, with gains and airs.
+    """
+    times, by_x, by_air, by_trim = flight[0], flight[1], flight[2], flight[3]
+    pose_by_x, seen, rates, powers = flight[5], flight[7], flight[11], flight[12]
+    innovations, variances, gains, airs = flight[13], flight[14], flight[15], flight[16]
+    n = by_x.shape[1]
+    if n == MOTION:
+        filter_columns(MOTION, 1, *flight)
+    else:
+        filter_columns(n, 1, *flight)
+    total = n + OWN_STATES
+    size = total + 1  # The last column is λ.
+    moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, size)), np.empty(total)
+    now, later, half = np.zeros((total, size)), np.empty((total, size)), np.empty(total)
+    by_sensor[:] = 0.0
+    by_power[:] = 0.0
+    by_time[:] = 0.0
+    for k in range(times.shape[0] - 1, -1, -1):
+        if k < times.shape[0] - 1:
+            step = times[k + 1] - times[k]
+            set_moves(n, k, step, by_x, by_air, by_trim, moves)
+            later[:] = now
+            for p in range(PROCESSES):
+                keep = np.exp(-rates[p] * step)
+                own = 0.5 * (later[n + p, n + p] - later[n + p, total] ** 2)
+                by_power[p] += own * (1.0 - keep * keep)
+                if p < 2:
+                    mean = 0.0  # Of the adjoint and the gust's filtered covariances.
+                    for i in range(n):
+                        moved = 0.0
+                        for j in range(n):
+                            moved += moves[i, j] * airs[k, p, j]
+                        for j in range(4):
+                            moved += moves[i, n + j] * airs[k, p, n + j]
+                        for j in range(2):
+                            moved += moves[i, n + j] * airs[k, p, n + 4 + j]
+                        moved += moves[i, n + 4] * airs[k, p, n + 6]
+                        side = later[n + p, i]
+                        side -= later[n + p, total] * later[i, total]
+                        mean += side * moved
+                    for j in range(OWN_STATES):
+                        moved = airs[k, p, n + j]
+                        if j < PROCESSES:
+                            moved *= np.exp(-rates[j] * step)
+                        side = later[n + p, n + j]
+                        side -= later[n + p, total] * later[n + j, total]
+                        mean += side * moved
+                    mean -= later[n + p, total] * airs[k, p, total]
+                    mean -= 2.0 * own * powers[p] * keep
+                    by_time[p] += mean * keep * step * rates[p]
+            move_back(n, size, step, rates, moves, later, summed, now)
+            for i in range(total):
+                for j in range(total):
+                    later[i, j] = now[j, i]
+            move_back(n, total, step, rates, moves, later, summed, now)
+        for c in range(seen.shape[1] - 1, -1, -1):
+            if not seen[k, c]:
+                continue
+            measuring(n, k, c, pose_by_x, row)
+            inverse = 1.0 / variances[k, c]
+            change = innovations[k, c, 0] * np.sqrt(variances[k, c])
+            spread = inverse
+            for i in range(total):
+                half[i] = 0.0
+                for j in range(total):
+                    half[i] += now[i, j] * gains[k, c, j] * inverse
+                change -= gains[k, c, i] * now[i, total]
+                spread += gains[k, c, i] * half[i] * inverse
+            change *= inverse
+            by_sensor[c] += 0.5 * (spread - change * change)
+            for i in range(total):
+                for j in range(total):
+                    now[i, j] += row[i] * row[j] * spread
+                    now[i, j] -= row[i] * half[j] + half[i] * row[j]
+                now[i, total] += row[i] * change
+    for i in range(by_start.shape[0]):
+        by_start[i] = 0.5 * (now[i, i] - now[i, total] ** 2)
 
 
 def no_flight() -> tuple[np.ndarray, ...]:

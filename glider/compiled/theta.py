@@ -206,6 +206,7 @@ def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
     """Compiles the loops, or loads them where they have been compiled before."""
     filter_error.filter_flight(*filter_error.no_flight())
     filter_error.smooth_flight(np.zeros(0), *filter_error.no_flight())
+    filter_error.score_flight(*np.zeros((4, 0)), *filter_error.no_flight())
     kinds, none = layout.compiled_kinds, np.zeros(3)
     theta = layout.dynamics(layout.default_theta(GliderParameters()))
     nodes = np.zeros((3, layout.num_states))

@@ -60,7 +60,7 @@ def sensor_terms(flow, x, c):
 
 def residual_terms(flow, field):
     """The residual field's FIELD_TERMS."""
-    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return (0.0,) * 15
 
 
 def effect_rates(flow, xdd, zdd, x, c):
@@ -168,10 +168,11 @@ def wrench(flow, terms, x, c):
     """
     incidence, shift, trim, downwash = geometry_terms(flow, x, c)
     normal, wing_factor, elevator_factor = surface_terms(flow, x, c)
+    trim = trim + terms[7]
     deflection = flow.elevator + trim
     wing_plate, tail_plate = turned(flow, incidence), turned(flow, deflection)
     wing, wing_moment = wing_force(
-        flow, wing_plate, incidence, shift, normal, wing_factor + terms[7]
+        flow, wing_plate, incidence, shift, normal + terms[9], wing_factor + terms[8]
     )
     downwash = downwash + terms[6] * flow.speed
     tail, tail_moment = elevator_force(
@@ -179,16 +180,15 @@ def wrench(flow, terms, x, c):
     )
     force_x, force_z, moment = wrench_terms(flow, x, c)
 
-    push = flow.mass * terms[8]
-    force_x = force_x + push * flow.cos_pitch
-    force_z = force_z - push * flow.sin_pitch
-
     # The learned residual: lift turns the velocity up, drag is against it.
     pressure_area = 0.5 * flow.air_density * flow.speed * flow.wing_area
     lift, drag, turn = terms[2], terms[3], terms[4]
     force_x = force_x - pressure_area * (lift * flow.air_z + drag * flow.air_x)
     force_z = force_z + pressure_area * (lift * flow.air_x - drag * flow.air_z)
     moment = moment + pressure_area * flow.speed * turn
+    forward = flow.mass * terms[10] - pressure_area * flow.speed * terms[11]
+    force_x = force_x + forward * flow.cos_pitch
+    force_z = force_z - forward * flow.sin_pitch
 
     force_x = force_x + wing * wing_plate[0] + tail * tail_plate[0]
     force_z = force_z + wing * wing_plate[1] + tail * tail_plate[1]
@@ -269,9 +269,9 @@ def measure(x, theta):
     error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c)
     terms = residual_terms(flow, theta.field)
     return (
-        x[0] + error_x + terms[9],
-        x[1] + error_z + terms[10],
-        x[2] + error_pitch + terms[11],
+        x[0] + error_x + terms[12],
+        x[1] + error_z + terms[13],
+        x[2] + error_pitch + terms[14],
     )
 
 

@@ -111,6 +111,7 @@ WORSE = 1.001  # Ratio of errors above which flights got worse: below is a tie (
 FLOOR_ACCURACY = 0.05  # Relative error of a floor (m: bench_floor).
 
 # ---------------------------------------------------------------- the verdict
+MOST_LEFT = 2.0  # Times a perfect model's error that effects may leave at most (c).
 # Unmodelled pitch acceleration over the RMS one above which the model does not explain
 # it (m: bench_broken): at most 0.04 in campaigns with the right answer, 0.2 to 1 where
 # elevator and pose are of different flights or clocks.

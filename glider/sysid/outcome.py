@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,13 @@ from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import result
-from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, SLIGHT
+from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
 from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
+from glider.sysid.naming import LIFT, absorbed, names_of_lift, standing_alone
 from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.result import Estimate, FoundEffect, ResidualTable, Spread
 from glider.sysid.search.support import SearchResult
@@ -73,7 +74,15 @@ def effects_of(
     bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
     unnamed = absorbed(task, traced, known)
     bent = bent.union(*unnamed.values())
-    alone = standing_alone(model.kinds, model.free_kinds, unnamed)
+    families = {
+        name: {traced.families.get(name, "unexplained")}
+        for name in standing_alone(model.kinds, model.free_kinds, unnamed)
+    }
+    if LIFT in model.free_kinds and LIFT not in unnamed:
+        names = names_of_lift(task, model, known)
+        others = {*BLOCKS[LIFT].formulas}.intersection(model.kinds) - names
+        unnamed |= {kind: {LIFT} for kind in others}
+        families[LIFT] = names - ({*model.kinds} - unnamed.keys())
     found = [] if signs.are_right else [_sign_entry(signs)]
     for name in model.kinds:
         evidence = float(traced.evidence.get(name, 0.0))
@@ -86,8 +95,10 @@ def effects_of(
         if name in unnamed:
             continue
         if name in model.free_kinds:
-            if name in alone:
-                found.append(_block_entry(traced, known, name, of_search))
+            found += (
+                _block_entry(traced, known, name, family, of_search)
+                for family in sorted(families.get(name, ()))
+            )
             continue
         kind, slots = task.layout.kinds[name], task.layout.slots_of(name)
         if name == POSE_LATENCY.kind and model.theta[slots[0]] < 0.0:
@@ -115,82 +126,6 @@ def effects_of(
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
-def absorbed(
-    task: Task, traced: SearchResult, known: Uncertainty
-) -> dict[str, set[str]]:
-    """Returns the effects that only help others to their shape, and which others.
-
-    First the slight ones, see `slight`. Then formulas with a memory whose times are not
-    longer than the least, within two standard errors, beside a formula without one, or
-    a free function, that may have their shape. Then, of those that a free function
-    bends, each that explains less than it does: but for the first of its family, or of
-    all where it is of none, and for those that have a function of their own family.
-    """
-    model, evidence = traced.model, traced.evidence
-    found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
-    kinds, have = task.layout.kinds, set(model.kinds) - found.keys()
-    for name in model.kinds:
-        if name not in have or name in model.free_kinds or not kinds[name].states:
-            continue
-        pairs = zip(task.layout.slots_of(name), kinds[name].coefficients, strict=True)
-        times = [i for i, c in pairs if c.unit == "s"]
-        least, _ = task.bounds(times)
-        far = model.theta[times] - least > 2.0 * np.array([known.std(i) for i in times])
-        near = set[str]()
-        for block, own in BLOCKS.items():
-            if name in own.formulas and "alpha" in own.variables:
-                alone = own.formulas if own.variables == ("alpha",) else ()
-                near |= {block, *(k for k in alone if not kinds[k].states)}
-        if times and not far.any() and near & have:
-            found[name] = near & have
-    families = {kind for block in model.free_kinds for kind in BLOCKS[block].formulas}
-    for block in model.free_kinds:
-        if block in found:
-            continue
-        own = BLOCKS[block]
-        bent = own.bends.intersection(have) - found.keys()
-        mine = bent.intersection(own.formulas) if own.formulas else bent
-        first = max(mine, key=lambda k: evidence[k], default="")
-        rest = bent - {first} - (families - mine)
-        weak = {k for k in rest if evidence[k] < evidence[block]}
-        found |= dict.fromkeys(weak, {*bent, block} - weak)
-    return found
-
-
-def standing_alone(
-    kinds: Collection[str],
-    free_kinds: Collection[str],
-    unnamed: Mapping[str, Collection[str]],
-) -> set[str]:
-    """Returns the free functions that only help no formula that is named.
-
-    Neither one that they bend, nor one that such a formula, unnamed itself, helps.
-    """
-    named = {*kinds} - unnamed.keys() - {*free_kinds}
-    found = set()
-    for block in free_kinds:
-        bends = BLOCKS[block].bends
-        helped = bends.union(*(unnamed.get(kind, ()) for kind in bends))
-        if block not in unnamed and helped.isdisjoint(named):
-            found.add(block)
-    return found
-
-
-def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[str]:
-    """Returns the effects that explain next to nothing where free functions act.
-
-    With all that bend them, or that they bend, they bring less than a share `SLIGHT` of
-    the evidence: a free function leaves errors of that size, and they stand for those.
-    """
-    families = dict(evidence)
-    for block in free_kinds:
-        for kind in BLOCKS[block].bends & evidence.keys():
-            families[kind] += evidence[block]
-            families[block] += evidence[kind]
-    least = SLIGHT * sum(evidence.values()) if free_kinds else 0.0
-    return {kind for kind, own in families.items() if own < least}
-
-
 def _sign_entry(signs: Signs) -> FoundEffect:
     values = signs.effect.to_dict().items()
     return FoundEffect(
@@ -204,16 +139,20 @@ def _sign_entry(signs: Signs) -> FoundEffect:
 
 
 def _block_entry(
-    traced: SearchResult, known: Uncertainty, name: str, of_search: dict[str, Any]
+    traced: SearchResult,
+    known: Uncertainty,
+    name: str,
+    family: str,
+    of_search: dict[str, Any],
 ) -> FoundEffect:
     """A free function as an effect of its family, or of none."""
     kind, own = BLOCKS[name], traced.model.by_name[name]
-    family = traced.families.get(name)
+    has_none = family == "unexplained"
     return FoundEffect(
-        kind=family or "unexplained",
-        words=kind.words if family else f"no effect of the library: {kind.words}",
+        kind=family,
+        words=f"no effect of the library: {kind.words}" if has_none else kind.words,
         coefficients=find_peak(own, known, kind.term),
-        shape=result.OTHER_SHAPE if family else result.LIBRARY_SHAPE,
+        shape=result.LIBRARY_SHAPE if has_none else result.OTHER_SHAPE,
         family=kind.link,
         depends_on=kind.depends_on,
         **of_search,

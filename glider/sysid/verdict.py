@@ -168,8 +168,12 @@ def judge(
 
 
 def _beyond_floor(left: Residual) -> str:
-    """Clause about what a perfect model would not leave, empty if it may be chance."""
-    if not left.chance < constants.UNLIKELY:
+    """Clause about what a perfect model would not leave, empty if it may be chance.
+
+    A multiple of it is none: where few flights say so, one of them diverges.
+    """
+    is_near = not left.ratio_to_floor > constants.MOST_LEFT
+    if is_near and not left.chance < constants.UNLIKELY:
         return ""
     varies = dict.fromkeys((*left.depends_on, *left.air_depends_on))
     return (

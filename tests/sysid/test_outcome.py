@@ -10,15 +10,8 @@ from glider.campaign.turning import Signs
 from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.outcome import (
-    absorbed,
-    curves_of,
-    effects_of,
-    model_of,
-    slight,
-    spreads_of,
-    standing_alone,
-)
+from glider.sysid.naming import LIFT, absorbed, names_of_lift, slight, standing_alone
+from glider.sysid.outcome import curves_of, effects_of, model_of, spreads_of
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
@@ -190,7 +183,7 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     assert unnamed({}, area | {stream: 20.0}, (stream,)) == {}
     assert unnamed({}, {"downwash": 22.0, stream: 400.0}, (stream,)) == {}
     assert unnamed({}, area | {pressure: 400.0}, (pressure,)) == {}  # It has no family.
-    load, wake = "stream at the tail over tail_load", "tail's force over alpha"
+    load, wake = "tail's angle over tail_load", "tail's force over alpha"
     both = {"tail_wake": 46.0, "elevator_blowback": 178.0, load: 219.0, wake: 550.0}
     assert unnamed({}, both, (load, wake)) == {}  # Each has a function of its family.
     small = {"profile_drag": 2000.0, "camber": 12.0}
@@ -208,6 +201,43 @@ def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
     assert not standing_alone(kinds, (block,), {lag: {"attached_lift"}})
     assert standing_alone(kinds, (block,), {lag: {block}}) == {block}
     assert not standing_alone(kinds, (block,), {lag: {block}, block: set()})
+    load, wake = "tail's angle over tail_load", "tail's force over alpha"
+    assert not standing_alone(("tail_wake", load), (load,), {})
+    both = standing_alone(("tail_wake", load, wake), (load, wake), {})
+    assert both == {load}  # The wake has a function of its own.
+
+
+@pytest.mark.parametrize(
+    ("force", "names"),
+    [
+        (lambda a: 2.5 * np.sin(a) * np.exp(-((a / 0.4) ** 2)), {"attached_lift"}),
+        (lambda a: 0.1 + 0.0 * a, {"camber"}),
+        (lambda a: 0.3 + 2.5 * np.sin(a) / (1 + a**4), {"attached_lift", "camber"}),
+    ],
+    ids=["lift", "camber", "both"],
+)
+@pytest.mark.parametrize("beside", [0.0, 0.05], ids=["alone", "beside a camber"])
+def test_a_normal_force_where_the_plate_has_none_is_camber(force, names, beside):
+    """Together with a formula, which the free function may undo."""
+    task, _ = task_of(fly(flights=2, duration=0.6))
+    block, theta = task.blocks[LIFT], task.vehicle.theta.copy()
+    (slot,) = task.layout.slots_of("camber")
+    theta[slot] = beside
+    alpha = np.linspace(*np.percentile(block.centers, [0, 100]), 200)
+    alone = force(alpha) - 2.0 * (np.sin(alpha - beside) - np.sin(alpha))
+    shown = block.functions(alpha[:, None]) @ block.mix
+    weights = np.linalg.lstsq(shown, alone, rcond=1e-6)[0]
+    own = FittedBlock(block=block, coordinates=weights, strength=1.0)
+    kinds = (LIFT, "camber") if beside else (LIFT,)
+    model = types.SimpleNamespace(kinds=kinds, theta=theta, by_name={LIFT: own})
+    places = {LIFT: range(1, 1 + block.count)}
+
+    def known(std):
+        errors = {"places": places, "free": (slot,), "std_along": lambda *_: std}
+        return types.SimpleNamespace(**errors)
+
+    assert names_of_lift(task, model, known(0.002)) == names
+    assert names_of_lift(task, model, known(0.05)) == {"attached_lift"}
 
 
 def test_what_stands_for_errors_of_free_functions_is_slight():

@@ -6,7 +6,7 @@ import types
 import pytest
 
 from glider.campaign.turning import Signs
-from glider.sysid.constants import UNLIKELY, WORSE
+from glider.sysid.constants import MOST_LEFT, UNLIKELY, WORSE
 from glider.sysid.result import (
     LIBRARY_SHAPE,
     OTHER_SHAPE,
@@ -71,6 +71,7 @@ def verdict(
     t_over_nominal=None,
     drawn=1.0,
     chance=0.5,
+    times_floor=1.5,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
@@ -86,7 +87,10 @@ def verdict(
         forces=None if left_over is None else object(),
     )
     left = Residual(
-        position_m=0.05, ratio_to_floor=3.0, chance=chance, depends_on=left_over or ()
+        position_m=0.05,
+        ratio_to_floor=times_floor,
+        chance=chance,
+        depends_on=left_over or (),
     )
     held_out = None
     if signs.are_right:
@@ -128,7 +132,11 @@ def test_what_a_perfect_model_would_not_leave_is_not_all_explained():
     assert verdict(("wind",), chance=1.01 * UNLIKELY)[0] == "effect_found"
     word, reason = verdict(("wind",), chance=0.99 * UNLIKELY)
     assert word == "partly_explained"
-    assert "50 mm (RMS), 3 times as much as a perfect model" in reason
+    assert "50 mm (RMS), 1.5 times as much as a perfect model" in reason
+    word, reason = verdict(("wind",), times_floor=1.01 * MOST_LEFT)
+    assert word == "partly_explained"
+    assert "2.02 times as much as a perfect model" in reason
+    assert verdict(("wind",), times_floor=math.nan)[0] == "effect_found"
     _, reason = verdict(("wind",), chance=0.0, left_over=("alpha", "V"))
     assert reason.endswith("depending on alpha, V.")
     assert verdict(chance=0.0)[0] == "no_effect"

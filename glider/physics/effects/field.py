@@ -37,15 +37,16 @@ AIR_TERMS = ("wind_x", "wind_z")
 COEFFICIENTS = ("c_lift", "c_drag", "c_moment")
 """Coefficients referred to ½ ρ V² S_w, the moment without a chord [-, -, m]."""
 
-TAIL_TERMS = ("elevator_factor", "tail_downwash")
+TAIL_TERMS = ("elevator_factor", "tail_downwash", "tail_angle")
 """Relative change of the elevator's force [-]; angle by which the stream at the tail is
-turned down, as by the wing's downwash [rad]."""
+turned down, as by the wing's downwash; angle that is added to the elevator's [rad]."""
 
-WING_TERM = "wing_factor"
-"""Relative change of the wing's force [-]."""
+WING_TERMS = ("wing_factor", "c_normal")
+"""Relative change of the wing's force; coefficient of its normal force [-]."""
 
-PUSH_TERM = "push"
-"""Force along the body axis over the mass [m/s²]."""
+BODY_TERMS = ("push", "c_axial")
+"""Force forward along the body axis over the mass [m/s²]; coefficient of one backward,
+referred to ½ ρ V² S_w [-]."""
 
 SENSOR_TERMS = ("pose_x", "pose_z", "pose_pitch")
 """Measured minus true pose [m, m, rad], over _SENSOR_VARIABLES alone."""
@@ -53,13 +54,13 @@ SENSOR_TERMS = ("pose_x", "pose_z", "pose_pitch")
 _SENSOR_VARIABLES = "x", "z", "pitch"
 
 FIELD_TERMS = (
-    *(*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, WING_TERM, PUSH_TERM),
+    *(*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, *WING_TERMS, *BODY_TERMS),
     *SENSOR_TERMS,
 )
 
 TERM_UNITS = {
     **{"wind_x": "m/s", "wind_z": "m/s", "c_moment": "m", "tail_downwash": "rad"},
-    PUSH_TERM: "m/s²",
+    **{"tail_angle": "rad", "push": "m/s²"},
     **dict(zip(SENSOR_TERMS, ("m", "m", "rad"), strict=True)),
 }
 """Units of the terms that have one."""
@@ -75,9 +76,9 @@ class Field(NamedTuple):
     #: (M, v), zero where the function does not depend on the variable; a row of zeros
     #: is a constant.
     inverse_widths: np.ndarray
-    #: (M, 12), in the order of FIELD_TERMS.
+    #: (M, 15), in the order of FIELD_TERMS.
     weights: np.ndarray
-    #: (v + 1, 13), or of length zero, of what is added as linear about a point: its
+    #: (v + 1, 16), or of length zero, of what is added as linear about a point: its
     #: variables in the first column, slopes of the terms along them in the others, and
     #: values there in the last row.
     tangent: np.ndarray = np.zeros((0, 1 + len(FIELD_TERMS)))
@@ -112,7 +113,7 @@ def field_variables(flow):
 def field_terms(flow, field):
     """Returns the values of FIELD_TERMS in a flow."""
     wind_x = wind_z = lift = drag = moment = tail = 0.0 * flow.speed
-    turn = wing = push = 0.0 * flow.speed
+    turn = angle = wing = normal = push = axial = 0.0 * flow.speed
     pose_x = pose_z = pose_pitch = 0.0 * flow.speed
     if field.weights.shape[0] > 0:
         variables = field_variables(flow)
@@ -131,11 +132,14 @@ def field_terms(flow, field):
             moment = moment + basis * field.weights[m, 4]
             tail = tail + basis * field.weights[m, 5]
             turn = turn + basis * field.weights[m, 6]
-            wing = wing + basis * field.weights[m, 7]
-            push = push + basis * field.weights[m, 8]
-            pose_x = pose_x + basis * field.weights[m, 9]
-            pose_z = pose_z + basis * field.weights[m, 10]
-            pose_pitch = pose_pitch + basis * field.weights[m, 11]
+            angle = angle + basis * field.weights[m, 7]
+            wing = wing + basis * field.weights[m, 8]
+            normal = normal + basis * field.weights[m, 9]
+            push = push + basis * field.weights[m, 10]
+            axial = axial + basis * field.weights[m, 11]
+            pose_x = pose_x + basis * field.weights[m, 12]
+            pose_z = pose_z + basis * field.weights[m, 13]
+            pose_pitch = pose_pitch + basis * field.weights[m, 14]
     if field.tangent.shape[0] > 0:
         variables = field_variables(flow)
         for d in range(field.tangent.shape[0]):
@@ -149,10 +153,13 @@ def field_terms(flow, field):
             moment = moment + apart * slopes[5]
             tail = tail + apart * slopes[6]
             turn = turn + apart * slopes[7]
-            wing = wing + apart * slopes[8]
-            push = push + apart * slopes[9]
-    forces = wind_x, wind_z, lift, drag, moment, tail, turn, wing, push
-    return (*forces, pose_x, pose_z, pose_pitch)
+            angle = angle + apart * slopes[8]
+            wing = wing + apart * slopes[9]
+            normal = normal + apart * slopes[10]
+            push = push + apart * slopes[11]
+            axial = axial + apart * slopes[12]
+    wrenches = lift, drag, moment, tail, turn, angle, wing, normal, push, axial
+    return (wind_x, wind_z, *wrenches, pose_x, pose_z, pose_pitch)
 
 
 @dataclasses.dataclass(kw_only=True)

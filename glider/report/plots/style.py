@@ -69,6 +69,7 @@ TERMS = {
     "c_moment": "moment $C_M$ [m]",
     "elevator_factor": "force of the tail, relative change",
     "tail_downwash": "downwash at the tail [rad]",
+    "tail_angle": "angle added to the elevator's [rad]",
     "wing_factor": "force of the wing, relative change",
     "push": "force along the body axis over the mass [m/s²]",
     "c_lift": "lift $C_L$",

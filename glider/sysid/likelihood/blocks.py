@@ -8,20 +8,14 @@ formulas; beside one they absorb what a formula of nearly the right shape leaves
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
 
 from glider.physics.effects import FIELD_VARIABLES
-from glider.physics.effects.field import (
-    AIR_TERMS,
-    COEFFICIENTS,
-    PUSH_TERM,
-    SENSOR_TERMS,
-    WING_TERM,
-    FieldData,
-)
+from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS, FieldData
 from glider.sysid.constants import RESOLVED
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
@@ -29,19 +23,25 @@ from glider.sysid.replay.replayed import flow_along, flow_at_nodes
 
 SPREADS = {
     **dict.fromkeys(AIR_TERMS, 0.5),
-    **dict(zip(COEFFICIENTS, (0.2, 0.2, 0.01), strict=True)),
-    **{"elevator_factor": 0.5, "tail_downwash": 0.2, WING_TERM: 0.2},
-    PUSH_TERM: 1.0,
+    **{"c_normal": 0.2, "c_axial": 0.2, "c_drag": 0.2, "c_moment": 0.01},
+    **{"elevator_factor": 0.5, "tail_downwash": 0.2, "tail_angle": 0.2},
+    **{"wing_factor": 0.2, "push": 1.0},
     **dict.fromkeys(SENSOR_TERMS, 0.05),
 }
-"""Prior spread of a block's weights at a strength of one [m/s; -, -, m; -; rad; -;
-m/s²; m, m, rad]: a tenth of a flat plate's largest coefficients, half of a tail's
+"""Prior spread of a block's weights at a strength of one [m/s; -, -, -, m; -, rad, rad;
+-, m/s²; m, m, rad]: a tenth of a flat plate's largest coefficients, half of a tail's
 force, a fifth of a wing's, a tenth of the weight, of a reading what a wide lens or a
 tilted axis does."""
+
+ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", *SENSOR_TERMS}
+"""Terms of blocks that vary about their means, which are the library's effects."""
 
 # Gaussians over a variable; over the others there are 8. Of two variables, over each.
 COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}
 PAIR_COUNTS = 16, 3
+WIDEST = {"alpha": 0.08}
+"""Width of a Gaussian at most, of two variables twice that: a stall is as sharp, and a
+glider that tumbles may pass through all angles [rad]."""
 _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 
@@ -74,11 +74,12 @@ _OF_TAIL = "tail_wake elevator_area downwash stalled_downwash elevator_blowback"
 _LINKS = {
     "air along x": ("air", "wind_x", "the air moves along x", ""),
     "air along z": ("air", "wind_z", "the air moves along z", ""),
-    "lift": ("wing_force", "c_lift", "the lift changes", ""),
+    "lift": ("wing_force", "c_normal", "the lift changes", _LAGGED),
     "drag": ("wing_force", "c_drag", "the drag changes", _DRAGS),
-    "push": ("push", PUSH_TERM, "a force along the body axis changes", ""),
+    "axial force": ("wing_force", "c_axial", "the axial force changes", _DRAGS),
+    "push": ("push", "push", "a push along the body axis changes", ""),
     "moment": ("moment", "c_moment", "the moment changes", ""),
-    "wing's force": ("wing_force", WING_TERM, "the wing's force changes", ""),
+    "wing's force": ("wing_force", "wing_factor", "the wing's force changes", ""),
     "tail's force": (
         *("tail_pressure", "elevator_factor", "the tail's force changes"),
         _OF_TAIL,
@@ -87,12 +88,13 @@ _LINKS = {
         *("tail_angle", "tail_downwash", "the stream at the tail turns"),
         _OF_TAIL,
     ),
+    "tail's angle": ("tail_angle", "tail_angle", "the tail turns", _OF_TAIL),
     "measured z": ("sensor", "pose_z", "z is read wrongly", ""),
     "measured pitch": ("sensor", "pose_pitch", "the pitch is read wrongly", ""),
 }
 """Links of the force chain: their name in reports, term, what happens there, and which
-formulas of other variables a function may bend: only the deflection distinguishes a
-change of the tail's angle from one of its force."""
+formulas of other variables a function may bend: lags are soon over, and only the
+deflection distinguishes a change of the tail's angle from one of its force."""
 
 _FAMILIES = (
     ("air along x", "x", ""),
@@ -101,11 +103,12 @@ _FAMILIES = (
     ("air along z", "x", ""),
     ("air along z", "z", ""),
     ("air along z", "t", ""),
-    ("lift", "alpha", f"attached_lift camber {_LAGGED}"),
+    ("lift", "alpha", "attached_lift camber"),
     ("lift", "reduced_rate", f"pitch_rate_lift added_mass {_LAGGED}"),
     ("lift", "alpha reduced_rate", f"pitch_rate_lift added_mass {_LAGGED}"),
     ("lift", "elevator_rate", ""),
     ("drag", "alpha", _DRAGS),
+    ("axial force", "alpha", _DRAGS),
     ("drag", "V", ""),
     ("drag", "z", ""),
     ("drag", "elevator", ""),
@@ -125,8 +128,8 @@ _FAMILIES = (
     ("tail's force", "elevator", ""),
     ("stream at the tail", "alpha", "downwash stalled_downwash"),
     ("stream at the tail", "alpha reduced_rate", "downwash stalled_downwash"),
-    ("stream at the tail", "tail_load", "elevator_blowback"),
-    ("stream at the tail", "elevator", ""),
+    ("tail's angle", "tail_load", "elevator_blowback"),
+    ("tail's angle", "elevator", ""),
     ("measured z", "x", "position_scale frame_tilt marker_offset"),
     ("measured pitch", "pitch", "pitch_offset"),
 )
@@ -265,51 +268,39 @@ def values_at_nodes(flight: LinearFlight, theta: np.ndarray) -> np.ndarray:
     return flow_at_nodes(flight.record, theta, nodes)[:, -len(FIELD_VARIABLES) :]
 
 
-def make_blocks(flown: np.ndarray, wing_offset: float) -> dict[str, Block]:
-    """Spreads the bases of BLOCKS over `flown_values`; a point has none.
-
-    A drag, a moment and a reading vary about their means: `profile_drag`,
-    `pitch_moment` and `pitch_offset` are for these, and a shift changes no flight.
-    """
+def make_blocks(flown: np.ndarray) -> dict[str, Block]:
+    """Spreads the bases of BLOCKS over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     found = {}
     for name, kind in BLOCKS.items():
         columns = [FIELD_VARIABLES.index(name) for name in kind.variables]
         if np.any(high[columns] - low[columns] < _LEAST_RANGE):
             continue
-        counts = (
-            (COUNTS.get(kind.variables[0], 8),) if len(columns) == 1 else PAIR_COUNTS
-        )
-        spaced = [
-            np.linspace(first, last, n)
-            for first, last, n in zip(low[columns], high[columns], counts, strict=True)
-        ]
+        is_pair = len(columns) == 2
+        usual = PAIR_COUNTS if is_pair else (COUNTS.get(kind.variables[0], 8),)
+        spaced = []
+        for variable, j, least in zip(kind.variables, columns, usual, strict=True):
+            widest = (1 + is_pair) * WIDEST.get(variable, np.inf)
+            count = max(least, 1 + math.ceil((high[j] - low[j]) / widest))
+            spaced.append(np.linspace(low[j], high[j], count))
         widths = np.array([own[1] - own[0] for own in spaced])
         centers = np.stack(np.meshgrid(*spaced, indexing="ij"), axis=-1)
         centers = centers.reshape(-1, len(columns))
         count = len(centers)
-        adds = {kind.term: np.ones((count, 1))}
         basis, values = np.eye(count), flown[:: max(1, len(flown) // 2000)][:, columns]
         shown = gaussian(values, centers, widths)
-        if kind.term in ("c_drag", "c_moment", *SENSOR_TERMS):
-            along = np.cos(values) if name == "drag over alpha" else 1.0
-            basis = scipy.linalg.null_space(np.mean(along * shown, axis=0)[None])
+        if kind.term in ABOUT_MEAN:
+            basis = scipy.linalg.null_space(np.mean(shown, axis=0)[None])
         _, spreads, axes = np.linalg.svd(
             shown @ basis / np.sqrt(len(shown)), full_matrices=False
         )
         basis = basis @ axes[: np.count_nonzero(spreads > RESOLVED)].T
-        s, c = np.sin(centers[:, :1]), np.cos(centers[:, :1])
-        if name.startswith("lift over alpha"):  # Normal to the wing, at its place.
-            adds = {"c_lift": c, "c_drag": s, "c_moment": np.full_like(c, -wing_offset)}
-        elif name == "drag over alpha":  # Along the wing.
-            adds = {"c_lift": -s, "c_drag": c}
-        weights = SPREADS[kind.term] * np.hstack(list(adds.values()))
         found[name] = Block(
             name=name,
-            terms=tuple(adds),
+            terms=(kind.term,),
             variables=kind.variables,
             centers=centers,
             widths=widths,
-            mix=(weights[:, :, None] * basis[:, None, :]).reshape(-1, basis.shape[1]),
+            mix=SPREADS[kind.term] * basis,
         )
     return found

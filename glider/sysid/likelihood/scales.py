@@ -10,12 +10,14 @@ from glider.compiled.filter_error import (
     OWN_STATES,
     PROCESSES,
     filter_flight,
+    score_flight,
     smooth_flight,
 )
 from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import OFFSET
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import (
+    FEW_FLIGHTS,
     LAUNCH_SPREAD,
     MOMENT_TIME,
     NOISE,
@@ -31,6 +33,7 @@ _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
 _LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
+_FAR = 0.1  # Step of one beyond which the information on it is another.
 _LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
 
 Flight = TypeVar("Flight")
@@ -222,8 +225,8 @@ def negative_log_likelihood(
 
 
 def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
-    """About a dozen of many flights, evenly picked: enough for scales of noise."""
-    return flights[:: max(1, len(flights) // 12)]
+    """About FEW_FLIGHTS of many, evenly picked."""
+    return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
 
 
 def fit_scales(
@@ -234,6 +237,8 @@ def fit_scales(
     tolerance: float = 0.05,
 ) -> tuple[Scales, float]:
     """Maximises the likelihood of the scales by Fisher scoring, damped.
+
+    The slopes are exact; the information is that of a few flights, which suffices.
 
     Those in `free` are fitted to flights with one column, their error, until less than
     `tolerance` would be gained [nats].
@@ -246,17 +251,19 @@ def fit_scales(
     index = np.array([NAMES.index(name) for name in shown], dtype=int)
     low, high = FLOOR.logs, CEILING.logs
     logs, damping = np.clip(scales.logs, low, high), 0.0
-    whitened, value = _likelihood(flights, logs)
-    for k in range(iterations if np.isfinite(value) else 0):  # Else it diverges.
-        gradient, fisher = _slopes(flights, whitened, logs, index)
+    value, slopes = _score(flights, logs)
+    few, is_far = typical_flights(flights), True
+    for _ in range(iterations if np.isfinite(value) else 0):  # Else it diverges.
+        if is_far:
+            information = _information(few, logs, index)
+            information *= len(flights) / len(few)
+            information += np.diag(_PRECISION[index] + _LEAST_FISHER)
+        gradient = slopes[index]
         has_room = np.where(gradient > 0.0, (logs > low)[index], (logs < high)[index])
-        if not has_room.any() or not np.all(np.isfinite(fisher)):
+        if not has_room.any() or not np.all(np.isfinite(information)):
             break
         own, gradient = index[has_room], gradient[has_room]
-        fisher = fisher[has_room][:, has_room] + _LEAST_FISHER * np.eye(len(own))
-        if k == 0:  # Others stay at the end of their range, where they began.
-            index = own
-        gained = 0.0
+        fisher, gained = information[has_room][:, has_room], 0.0
         while damping <= _MOST_DAMPING:
             step, moved = solve_scaled(fisher, gradient, damping + 1e-6), logs.copy()
             moved[own] -= np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
@@ -264,9 +271,10 @@ def fit_scales(
             promised = float(gradient @ (logs - moved)[own])
             if promised < tolerance:
                 break
-            there, lower = _likelihood(flights, moved)
+            lower, there = _score(flights, moved)
             if lower < value:
-                gained, whitened, logs, value = value - lower, there, moved, lower
+                gained, is_far = value - lower, bool(np.any(np.abs(step) > _FAR))
+                slopes, logs, value = there, moved, lower
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
             damping = max(10.0 * damping, 0.1)
@@ -275,40 +283,64 @@ def fit_scales(
     return Scales.from_logs(logs), value
 
 
-def _likelihood(
+def _score(
     flights: Sequence[LinearFlight], logs: np.ndarray
-) -> tuple[list[WhitenedFlight], float]:
-    """Returns the flights whitened by scales, and their cost with the prior [nats]."""
+) -> tuple[float, np.ndarray]:
+    """Returns the cost of such scales with their prior [nats], and its slopes."""
     scales = Scales.from_logs(logs)
-    found = in_parallel(lambda f: whiten(f, scales), flights)
-    prior = 0.5 * float(_PRECISION @ (logs - _USUAL) ** 2)
-    return found, prior + sum(f.cost for f in found)
+    found = in_parallel(lambda f: score(f, scales), flights)
+    apart = logs - _USUAL
+    return (
+        0.5 * float(_PRECISION @ apart**2) + sum(cost for cost, _ in found),
+        _PRECISION * apart + sum(slopes for _, slopes in found),
+    )
 
 
-def _slopes(
-    flights: Sequence[LinearFlight],
-    whitened: Sequence[WhitenedFlight],
-    logs: np.ndarray,
-    index: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the cost's slopes over logarithms of scales, and Fisher's information."""
+def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
+    """Returns the cost of a flight of one column [nats], and its slopes by `logs`."""
+    start, n = start_variances(flight, scales), flight.by_x.shape[1]
+    arguments = _filter_arguments(flight, scales, start, len(flight.record.time))
+    by_sensor, by_start = np.empty_like(arguments[8]), np.empty_like(start)
+    by_power, by_time = np.empty(PROCESSES), np.empty(2)
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        score_flight(by_sensor, by_start, by_power, by_time, *arguments)
+        sensors = np.zeros(5)
+        sensors[: len(by_sensor)] = 2.0 * arguments[8] * by_sensor
+        by_start[n : n + PROCESSES] += by_power
+        air, air_z, moment, servo, *constants = 2.0 * (start * by_start)[n:]
+    by_name = {
+        "position": sensors[0] + sensors[1],
+        "pitch": sensors[2],
+        "elevator": sensors[3],
+        "air": air + air_z,
+        "air_time": by_time.sum(),
+        "moment": moment,
+        "servo": servo,
+        "wind": constants[0] + constants[1],
+        "trim": constants[2],
+        "pitch_zero": constants[3],
+        "rate": sensors[4],
+    }
+    cost = WhitenedFlight(arguments[13], np.log(arguments[14])).cost
+    return cost, np.array([by_name[name] for name in NAMES])
+
+
+def _information(
+    flights: Sequence[LinearFlight], logs: np.ndarray, index: np.ndarray
+) -> np.ndarray:
+    """Returns Fisher's information of flights on logarithms of some scales."""
     steps = _STEP_OF_LOG * np.eye(len(logs))[index]
-    moved = [Scales.from_logs(logs + step) for step in steps]
+    moved, scales = [Scales.from_logs(logs + s) for s in steps], Scales.from_logs(logs)
 
-    def one(pair: tuple[LinearFlight, WhitenedFlight]) -> tuple[np.ndarray, np.ndarray]:
-        flight, base = pair
-        others = [whiten(flight, scales) for scales in moved]
+    def one(flight: LinearFlight) -> np.ndarray:
+        base = whiten(flight, scales)
+        others = [whiten(flight, own) for own in moved]
         w = base.innovations.ravel()
         with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
             by_w = np.array([f.innovations.ravel() - w for f in others]) / _STEP_OF_LOG
             by_v = [(f.log_variances - base.log_variances).ravel() for f in others]
             half = 0.5 * np.array(by_v) / _STEP_OF_LOG
             mean = by_w + half * w
-            fisher = mean @ mean.T + 2.0 * half @ half.T
-            return by_w @ w + half.sum(axis=1), fisher
+            return mean @ mean.T + 2.0 * half @ half.T
 
-    parts = in_parallel(one, zip(flights, whitened, strict=True))
-    return (
-        (_PRECISION * (logs - _USUAL))[index] + sum(p[0] for p in parts),
-        np.diag(_PRECISION[index]) + sum(p[1] for p in parts),
-    )
+    return np.sum(in_parallel(one, flights), axis=0)

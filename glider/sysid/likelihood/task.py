@@ -81,11 +81,9 @@ def make_task(
     records: Sequence[Record], vehicle: Vehicle, kinds: tuple[str, ...]
 ) -> Task:
     """Returns the task of finding the effects in a vehicle's flights."""
-    flown = flown_values(records, vehicle.theta)
-    wing_offset = vehicle.layout.index["parameters", "wing_offset"]
     return Task(
         records=records,
         vehicle=vehicle,
         kinds=kinds,
-        blocks=make_blocks(flown, vehicle.theta[wing_offset]),
+        blocks=make_blocks(flown_values(records, vehicle.theta)),
     )

@@ -78,7 +78,6 @@ class Search:
 
     task: Task
     progress: Progress
-    formulas_only: bool = False  #: Whether no free functions are proposed.
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
@@ -129,11 +128,7 @@ class Search:
         """Compares sets about a model; None where the model diverges."""
         if self._near[0] is not self.task or self._near[1] is not model:
             self._near = self.task, model, self._compare(model)
-        found = self._near[2]
-        if found is None or not self.formulas_only:
-            return found
-        score = found.score.among({*self.task.kinds, *model.kinds})
-        return dataclasses.replace(found, score=score)
+        return self._near[2]
 
     def _compare(self, model: FitResult) -> FirstOrder | None:
         """Compares sets about a model, free functions too.

@@ -40,12 +40,8 @@ def trace(
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     start, usual = start_of(task, noise), without_late(task)
-    search = fits.Search(usual, progress, formulas_only=True)
-    named = improved(search, start, ("best set",))
-    search.formulas_only = False
-    model = improved(search, named)
-    if model.free_kinds:  # Formulas alone may have led the search astray.
-        model = min(model, improved(search, start), key=search.penalized_cost)
+    search = fits.Search(usual, progress)
+    model = improved(search, start)
     if usual is not task:
         search.task = only_late(task, model)
         late = improved(search, model, ("best set",))

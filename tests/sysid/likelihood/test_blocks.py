@@ -151,7 +151,7 @@ def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypa
 
 def test_blocks_are_spread_over_what_was_flown(vent):
     search, plate = vent
-    blocks = make_blocks(flown_values(search.task.records, plate.theta), 0.0)
+    blocks = make_blocks(flown_values(search.task.records, plate.theta))
     assert set(blocks) == set(BLOCKS)
     own = blocks["wing's force over V"]
     assert own.centers[0, 0] < 5.0 < own.centers[-1, 0]

@@ -15,6 +15,7 @@ from glider.sysid.likelihood.scales import (
     SERVO_TIME,
     Scales,
     negative_log_likelihood,
+    score,
     smooth,
     start_variances,
     whiten,
@@ -167,6 +168,19 @@ def test_the_smoothed_start_and_gusts_are_the_posterior_means(flight, entries):
     gusts = expected[:, n : n + 2]
     assert np.abs(gusts).max() > 1e-3
     np.testing.assert_allclose(found.gusts, 0.5 * (gusts[1:] + gusts[:-1]), atol=1e-6)
+
+
+@pytest.mark.parametrize("entries", MISSING, ids=["all", "gaps", "no elevator"])
+def test_the_score_is_the_slope_of_the_cost(flight, entries):
+    flight = unseen(flight, *entries).error_only()
+    cost, slopes_there = score(flight, SCALES)
+    assert cost == pytest.approx(whiten(flight, SCALES).cost, rel=1e-12)
+    step = 1e-4
+    for i, own in enumerate(step * np.eye(len(SCALES.logs))):
+        ends = (Scales.from_logs(SCALES.logs + sign * own) for sign in (1.0, -1.0))
+        higher, lower = (whiten(flight, scales).cost for scales in ends)
+        expected = (higher - lower) / (2.0 * step)
+        assert slopes_there[i] == pytest.approx(expected, rel=1e-5, abs=1e-5)
 
 
 def test_what_was_not_seen_does_not_count(flight):

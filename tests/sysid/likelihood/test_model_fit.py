@@ -220,14 +220,14 @@ def with_drag(task, model, strength=1.0):
 
 def test_the_cost_of_other_strengths_is_that_of_a_refit():
     task, noise = task_of(fly(KINDS["induced_drag"](k=0.03), flights=4))
-    model = fit_model(task, with_drag(task, begin(task, noise)), iterations=15)
+    model = fit_model(task, with_drag(task, begin(task, noise), 5.0), iterations=15)
     other = fit_strength(task, model)
-    assert other.blocks[0].strength < 0.8
+    assert other.blocks[0].strength < 4.0
     before = fit_model(task, model, iterations=0, free_scales=())
     again = fit_model(task, other, free_scales=())
     assert again.cost - before.cost > 5.0
     change = other.cost - model.cost
-    assert change == pytest.approx(again.cost - before.cost, rel=0.05)
+    assert change == pytest.approx(again.cost - before.cost, rel=0.1)
 
 
 # ------------------------------------------------------------------- surroundings

@@ -1,0 +1,131 @@
+"""The names of what a search found: which formulas are effects, which only help others.
+
+Beside a free function a formula may stand for what the function leaves, and a free
+function for the error of a formula. The model has both; the report names one.
+"""
+
+import types
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from glider.sysid.constants import LEAST_SPREAD, SLIGHT, Z
+from glider.sysid.likelihood.blocks import BLOCKS
+from glider.sysid.likelihood.model_fit import FitResult
+from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.uncertainty import Uncertainty
+from glider.sysid.search.support import SearchResult
+
+LIFT = "lift over alpha"
+
+
+def absorbed(
+    task: Task, traced: SearchResult, known: Uncertainty
+) -> dict[str, set[str]]:
+    """Returns the effects that only help others to their shape, and which others.
+
+    First the slight ones, see `slight`. Then formulas with a memory whose times are not
+    longer than the least, within two standard errors, beside a formula without one, or
+    a free function, that may have their shape. Then, of those that a free function
+    bends, each that explains less than it does: but for the first of its family, or of
+    all where it is of none, and for those that have a function of their own family.
+    """
+    model, evidence = traced.model, traced.evidence
+    found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
+    kinds, have = task.layout.kinds, set(model.kinds) - found.keys()
+    for name in model.kinds:
+        if name not in have or name in model.free_kinds or not kinds[name].states:
+            continue
+        pairs = zip(task.layout.slots_of(name), kinds[name].coefficients, strict=True)
+        times = [i for i, c in pairs if c.unit == "s"]
+        least, _ = task.bounds(times)
+        far = model.theta[times] - least > 2.0 * np.array([known.std(i) for i in times])
+        near = set[str]()
+        for block, own in BLOCKS.items():
+            if name in own.bends and "alpha" in own.variables:
+                alone = own.formulas if own.variables == ("alpha",) else ()
+                near |= {block, *(k for k in alone if not kinds[k].states)}
+        if times and not far.any() and near & have:
+            found[name] = near & have
+    bends = bends_among(model.free_kinds)
+    for block in model.free_kinds:
+        if block in found:
+            continue
+        own = BLOCKS[block]
+        bent = bends[block].intersection(have) - found.keys()
+        mine = bent.intersection(own.formulas) if own.formulas else bent
+        first = max(mine, key=lambda k: evidence[k], default="")
+        weak = {k for k in bent - {first} if evidence[k] < evidence[block]}
+        found |= dict.fromkeys(weak, {*bent, block} - weak)
+    return found
+
+
+def bends_among(free_kinds: Collection[str]) -> dict[str, set[str]]:
+    """Returns the formulas that each free function bends.
+
+    None of those that have a function of their own family, unless it is that.
+    """
+    families = {kind for block in free_kinds for kind in BLOCKS[block].formulas}
+    return {
+        block: {*BLOCKS[block].bends} - (families - {*BLOCKS[block].formulas})
+        for block in free_kinds
+    }
+
+
+def standing_alone(
+    kinds: Collection[str],
+    free_kinds: Collection[str],
+    unnamed: Mapping[str, Collection[str]],
+) -> set[str]:
+    """Returns the free functions that only help no formula that is named.
+
+    Neither one that they bend and that has no function of its own family, nor one that
+    a formula of their family, unnamed itself, helps.
+    """
+    named = {*kinds} - unnamed.keys() - {*free_kinds}
+    found = set()
+    for block, bends in bends_among(free_kinds).items():
+        others = (unnamed.get(kind, ()) for kind in BLOCKS[block].formulas)
+        helped = bends.union(*others)
+        if block not in unnamed and helped.isdisjoint(named):
+            found.add(block)
+    return found
+
+
+def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[str]:
+    """Returns the effects that explain next to nothing where free functions act.
+
+    With all that bend them, or that they bend, they bring less than a share `SLIGHT` of
+    the evidence: a free function leaves errors of that size, and they stand for those.
+    """
+    families = dict(evidence)
+    for block in free_kinds:
+        for kind in BLOCKS[block].bends & evidence.keys():
+            families[kind] += evidence[block]
+            families[block] += evidence[kind]
+    least = SLIGHT * sum(evidence.values()) if free_kinds else 0.0
+    return {kind for kind, own in families.items() if own < least}
+
+
+def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
+    """Returns what a normal force over the angle of attack is: lift, camber or both.
+
+    Camber is what it is at α = 0. That is by chance within Z standard errors, and
+    nothing below a tenth of the largest force; above half of it there is nothing else.
+    """
+    own, layout = model.by_name[LIFT], task.layout
+    alpha = np.append(0.0, own.block.centers[:, 0])
+    shown = own.block.functions(alpha[:, None]) @ own.block.mix
+    force, slopes, places = shown @ own.coordinates, [*shown[0]], [*known.places[LIFT]]
+    flow = types.SimpleNamespace(sin_alpha=np.sin(alpha), cos_alpha=np.cos(alpha))
+    for kind in set(BLOCKS[LIFT].formulas).intersection(model.kinds):
+        slots = [*layout.slots_of(kind)]
+        force += layout.kinds[kind].formula(flow, *model.theta[slots])
+        if kind == "camber":  # The other is none there.
+            slopes.append(-2.0 * np.cos(float(model.theta[slots[0]])))
+            places.append(known.free.index(slots[0]))
+    share = abs(force[0]) / np.abs(force).max()
+    is_known = abs(force[0]) > Z * known.std_along(places, np.array(slopes))
+    if not is_known or share < LEAST_SPREAD:
+        return {"attached_lift"}
+    return {"camber"} if share > 0.5 else {"attached_lift", "camber"}
