@@ -96,7 +96,9 @@ MOST_EFFECTS = 8  # Of a set (c).
 # Best sets that are followed up: by larger ones, by fits, by averages (c): each costs.
 FOLLOWED = 3
 LEAST_SUPPORT = 0.85  # Share of drawn flights that choose an effect or a rival (c).
-SLACK = 0.1  # Share of the evidence that a smaller set may lack, to first order (c).
+# Share of the evidence that a smaller set may lack, to first order; and of a free
+# function's, below which a formula of another family stands for its errors (c).
+SLACK = 0.1
 
 # -------------------------------------------------- free functions and fits
 # RMS along flights, over its prior's, of what a function shows, and the strength of one

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from glider.sysid.constants import LEAST_SPREAD, SLIGHT, Z
+from glider.sysid.constants import LEAST_SPREAD, SLACK, SLIGHT, Z
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.task import Task
@@ -27,8 +27,9 @@ def absorbed(
     First the slight ones, see `slight`. Then formulas with a memory whose times are not
     longer than the least, within two standard errors, beside a formula without one, or
     a free function, that may have their shape. Then, of those that a free function
-    bends, each that explains less than it does: but for the first of its family, or of
-    all where it is of none, and for those that have a function of their own family.
+    bends, each that explains less than it does, or of another family less than a tenth
+    of it: but for the first of its family, or of all where it is of none, and for those
+    that have a function of their own family.
     """
     model, evidence = traced.model, traced.evidence
     found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
@@ -55,7 +56,8 @@ def absorbed(
         bent = bends[block].intersection(have) - found.keys()
         mine = bent.intersection(own.formulas) if own.formulas else bent
         first = max(mine, key=lambda k: evidence[k], default="")
-        weak = {k for k in bent - {first} if evidence[k] < evidence[block]}
+        share = {k: SLACK if k in bent - mine else 1.0 for k in bent - {first}}
+        weak = {k for k in share if evidence[k] < share[k] * evidence[block]}
         found |= dict.fromkeys(weak, {*bent, block} - weak)
     return found
 
