@@ -28,6 +28,7 @@ from glider.sysid.likelihood.scales import (
     NAMES,
     Scales,
     fit_scales,
+    lifted,
     negative_log_likelihood,
     start_scales,
     surroundings_of,
@@ -240,8 +241,11 @@ def fit_model(
         now = [f.error_only() for f in flights]
         scales = current.scales
         if free_scales:
+            begin = (
+                scales if iteration or len(free_scales) < len(NAMES) else lifted(scales)
+            )
             scales, value = fit_scales(
-                now, scales, free_scales, iterations=2 if iteration else 6
+                now, begin, free_scales, iterations=2 if iteration else 6
             )
         else:
             value = float(negative_log_likelihood(now, scales).sum())

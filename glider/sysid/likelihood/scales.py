@@ -100,6 +100,15 @@ _PRECISION = np.where(
 )
 
 
+def lifted(scales: Scales) -> Scales:
+    """Returns scales off their floors: from there none shows that it would gain.
+
+    They are at least halfway to their usual values, in logarithms.
+    """
+    least = np.where(_PRECISION == 0.0, 0.5 * (FLOOR.logs + _USUAL), -np.inf)
+    return Scales.from_logs(np.maximum(scales.logs, least))
+
+
 def start_scales(noise: Noise) -> Scales:
     """Start of a fit of the scales: little more than sensor noise."""
     return Scales(
