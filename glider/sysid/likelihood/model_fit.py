@@ -240,12 +240,11 @@ def fit_model(
         flights = linear_flights(task, current)
         now = [f.error_only() for f in flights]
         scales = current.scales
+        if not iteration and len(free_scales) == len(NAMES):
+            scales = lifted(scales)
         if free_scales:
-            begin = (
-                scales if iteration or len(free_scales) < len(NAMES) else lifted(scales)
-            )
             scales, value = fit_scales(
-                now, begin, free_scales, iterations=2 if iteration else 6
+                now, scales, free_scales, iterations=2 if iteration else 6
             )
         else:
             value = float(negative_log_likelihood(now, scales).sum())

@@ -101,9 +101,10 @@ _PRECISION = np.where(
 
 
 def lifted(scales: Scales) -> Scales:
-    """Returns scales off their floors: from there none shows that it would gain.
+    """Returns scales at least halfway to their usual ones, in logarithms.
 
-    They are at least halfway to their usual values, in logarithms.
+    A fit that begins with little noise keeps to the errors of the model before it: one
+    of four effects stayed 60 nats short.
     """
     least = np.where(_PRECISION == 0.0, 0.5 * (FLOOR.logs + _USUAL), -np.inf)
     return Scales.from_logs(np.maximum(scales.logs, least))
