@@ -75,23 +75,32 @@ def bends_among(free_kinds: Collection[str]) -> dict[str, set[str]]:
 
 
 def standing_alone(
-    kinds: Collection[str],
+    evidence: Mapping[str, float],
     free_kinds: Collection[str],
     unnamed: Mapping[str, Collection[str]],
 ) -> set[str]:
     """Returns the free functions that only help no formula that is named.
 
-    Neither one that they bend and that has no function of its own family, nor one that
-    a formula of their family, unnamed itself, helps.
+    Neither one that they bend and that has no function of its own family (of another
+    family: if they explain less than a tenth of it), nor one that a formula of their
+    family, unnamed itself, helps.
     """
-    named = {*kinds} - unnamed.keys() - {*free_kinds}
+    named = evidence.keys() - unnamed.keys() - {*free_kinds}
     found = set()
     for block, bends in bends_among(free_kinds).items():
-        others = (unnamed.get(kind, ()) for kind in BLOCKS[block].formulas)
-        helped = bends.union(*others)
-        if block not in unnamed and helped.isdisjoint(named):
+        helped = {k for k in bends & named if _helps(block, k, evidence)}
+        for kind in BLOCKS[block].formulas:
+            helped |= named.intersection(unnamed.get(kind, ()))
+        if block not in unnamed and not helped:
             found.add(block)
     return found
+
+
+def _helps(block: str, kind: str, evidence: Mapping[str, float]) -> bool:
+    """Whether a free function that bends a formula need be no effect of its own."""
+    family = BLOCKS[block].formulas
+    is_other = bool(family) and kind not in family
+    return not is_other or evidence[block] < SLACK * evidence[kind]
 
 
 def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[str]:

@@ -76,7 +76,7 @@ def effects_of(
     bent = bent.union(*unnamed.values())
     families = {
         name: {traced.families.get(name, "unexplained")}
-        for name in standing_alone(model.kinds, model.free_kinds, unnamed)
+        for name in standing_alone(traced.evidence, model.free_kinds, unnamed)
     }
     if LIFT in model.free_kinds and LIFT not in unnamed:
         names = names_of_lift(task, model, known)

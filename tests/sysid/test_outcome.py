@@ -195,16 +195,19 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
 
 def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
     block = "lift over alpha and reduced_rate"
-    kinds, lag = ("attached_lift", "lagged_separation", block), "lagged_separation"
-    assert block in standing_alone(("attached_lift", block), (block,), {})
-    assert not standing_alone(kinds, (block,), {})
-    assert not standing_alone(kinds, (block,), {lag: {"attached_lift"}})
-    assert standing_alone(kinds, (block,), {lag: {block}}) == {block}
-    assert not standing_alone(kinds, (block,), {lag: {block}, block: set()})
+    lag, lift = "lagged_separation", "attached_lift"
+    both = {lift: 60.0, lag: 40.0, block: 50.0}
+    assert block in standing_alone({lift: 60.0, block: 50.0}, (block,), {})
+    assert not standing_alone(both, (block,), {})
+    assert not standing_alone(both, (block,), {lag: {lift}})
+    assert standing_alone(both, (block,), {lag: {block}}) == {block}
+    assert not standing_alone(both, (block,), {lag: {block}, block: set()})
     load, wake = "tail's angle over tail_load", "tail's force over alpha"
-    assert not standing_alone(("tail_wake", load), (load,), {})
-    both = standing_alone(("tail_wake", load, wake), (load, wake), {})
-    assert both == {load}  # The wake has a function of its own.
+    one = {"tail_wake": 46.0, load: 4.0}
+    assert not standing_alone(one, (load,), {})
+    assert standing_alone(one | {load: 5.0}, (load,), {}) == {load}
+    both = one | {wake: 550.0}
+    assert standing_alone(both, (load, wake), {}) == {load}  # It has a function.
 
 
 @pytest.mark.parametrize(
