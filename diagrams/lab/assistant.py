@@ -11,6 +11,7 @@ from diagrams.lab.folder import MAP, Watched
 from diagrams.lab.state import Draft
 from glider.errors import InputError, expect, show
 from glider.files.writing import replace_file, write_text
+from glider.report.wording import counted
 
 MOST_BYTES = 200_000_000
 """Size of a take that is dropped; a Motive export of ten minutes has 100 MB."""
@@ -38,7 +39,7 @@ class MapJob:
     def words(self) -> str:
         """What is done."""
         what = "checking the map" if self.text else "proposing axes, units and signs"
-        return f"{what} ({len(self.takes)} takes)"
+        return f"{what} ({counted(self.takes, 'take')})"
 
     def run(self) -> Draft:
         """Does it; what cannot be is in the answer."""

@@ -174,8 +174,9 @@ def flight_of(path: Path) -> Flight | None:
     """The free flight of a throw, by the cameras' clock; None if it is too short.
 
     The command of a row is the one that acts on the servo then, with the time at which
-    it began to: late ones do when they do. The flight ends where it was stopped: what is commanded then no row shows, as poses are missing. A pose
-    without its elevator is no row, if the elevator is measured.
+    it began to: a late one does when it does. The flight ends where it was stopped:
+    what is commanded then no row shows, as poses are missing. A pose without its
+    elevator is no row, if the elevator is measured.
 
     Raises:
         InputError: the record is damaged.

@@ -38,9 +38,7 @@ class Flight:
     command: np.ndarray | None  #: (n,) elevator_rate_command, held [rad/s].
     attitude: np.ndarray | None = None  #: (n, 3) y [m], roll, yaw [rad] if logged.
     pitch_rate: np.ndarray | None = None  #: (n,) of a gyro [rad/s], NaN where none.
-    command_time: np.ndarray | None = (
-        None  #: (n,) since when it is held, if logged [s].
-    )
+    command_time: np.ndarray | None = None  #: (n,) when it began [s].
 
     def __post_init__(self):
         """Raises InputError for a name that a page or a terminal could interpret."""

@@ -13,7 +13,6 @@ from glider.errors import InputError
 from glider.files import schema
 from glider.files.writing import replace_files
 
-
 _TIMES = {"time", logs.COMMAND_TIME}
 
 
@@ -52,7 +51,7 @@ def save_campaign(
 
 
 def flight_csv(flight: Flight) -> bytes:
-    """CSV of a flight in nine digits (times: 15); angles of a tumble wrapped into ±π."""
+    """CSV of a flight in nine digits, times in 15; angles of a tumble are in ±π."""
     x, z, pitch = flight.pose.T
     names, columns = logs.POSE_COLUMNS, [flight.time, x, z, _wrap(pitch)]
     if flight.elevator is not None and flight.command is not None:

@@ -5,6 +5,7 @@ const byId = (id) => document.getElementById(id);
 const isNumber = (value) => typeof value === "number";
 const millimetres = (value) => (isNumber(value) ? `${(1e3 * value).toFixed(1)} mm` : "");
 const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const counted = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 const stem = (name) => name.replace(/\.csv$/, "");
 
 /** An element with a text, attributes and children; nothing is ever read as HTML. */
@@ -282,8 +283,9 @@ function answerDrop(...refusals) {
 function showImport(view) {
   const { draft } = view.state, offer = view.import, { takes } = offer;
   byId("import").hidden = !(offer.is_open || offer.has_takes);
-  byId("takes").textContent = takes.length ? `${takes.length} takes: ${takes.join(", ")}` : "";
-  byId("draft").hidden = !draft;
+  byId("takes").textContent = takes.length ? `${counted(takes.length, "take")}: ${takes.join(", ")}` : "";
+  const isOld = draft?.is_proposed && String(draft.takes) !== String(takes);  // Another comes.
+  byId("draft").hidden = !draft || isOld;
   if (!draft || lastDraft === JSON.stringify(draft)) return;
   lastDraft = JSON.stringify(draft);
   byId("draft").open = offer.is_open || Boolean(draft.refusal);
@@ -291,7 +293,7 @@ function showImport(view) {
   byId("map").value = draft.text;
   showChoices(choices);
   byId("draft-words").textContent = draft.refusal ? "The takes cannot be read like this:"
-    : `${draft.flights} flights, as the map reads them. Do the arrows point where the nose did, and are the throws as they were? Correct what is not, then save.`;
+    : `${counted(draft.flights, "flight")}, as the map reads them. Do the arrows point where the nose did, and are the throws as they were? Correct what is not, then save.`;
   const notes = [draft.refusal, ...draft.warnings].filter(Boolean);
   byId("draft-notes").replaceChildren(...notes.map((text) => make("p", text, { class: draft.refusal ? "warning" : "remark" })));
   byId("save").disabled = Boolean(draft.refusal);

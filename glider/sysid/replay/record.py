@@ -95,6 +95,10 @@ class Record:
         cut = {name: getattr(self, name)[:end] for name, end in ends.items()}
         return dataclasses.replace(self, **cut)
 
+    def begun_at(self, angle: float) -> "Record":
+        """Returns the flight with an elevator that stood at an angle first [rad]."""
+        return dataclasses.replace(self, rest=angle)
+
 
 def prepare(
     flights: Sequence[Flight],
