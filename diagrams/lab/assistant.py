@@ -96,17 +96,18 @@ class MapJob:
 def next_map_job(
     watched: Watched, draft: Draft | None, asked: str | None
 ) -> MapJob | None:
-    """The map to propose or to check now: the one asked for, or for new takes."""
+    """The map to propose or to check now: the one asked for, or for new takes.
+
+    `asked` is its text, "" for a proposal, None where nobody asked.
+    """
     takes = tuple(file.name for file in watched.takes)
     is_new = watched.is_open and (draft is None or draft.takes != takes)
-    if not takes or not (asked or is_new):
+    if not takes or (asked is None and not is_new):
         return None
+    if asked is None:  # What a person has corrected stays.
+        asked = draft.text if draft and not draft.is_proposed else ""
     return MapJob(
-        folder=watched.path,
-        out=watched.kept / "draft",
-        takes=takes,
-        # More takes make another proposal; what a person has corrected stays.
-        text=asked or (draft.text if draft and not draft.is_proposed else ""),
+        folder=watched.path, out=watched.kept / "draft", takes=takes, text=asked
     )
 
 

@@ -50,8 +50,8 @@ async function showThrow(row) {
   byId("throw").dataset.key = key;
   picked = row;
   byId("throw").hidden = false;
-  byId("throw-title").textContent = `Throw ${stem(row.name)}, measured and predicted`;
   const errors = Object.entries(row.errors).map(([model, rms]) => `${model} model ${millimetres(rms)}`);
+  byId("throw-title").textContent = `Throw ${stem(row.name)}, measured${errors.length ? " and predicted" : ""}`;
   const fitted = row.is_fitted && isNumber(row.errors.corrected) ? " (fitted to this throw too)" : "";
   byId("throw-words").textContent = [
     capital([endOf(row), row.fault].filter(Boolean).join("; ")),
@@ -315,7 +315,15 @@ async function upload(files) {
 byId("files").addEventListener("change", (event) => upload([...event.target.files]));
 byId("map").addEventListener("input", edited);
 byId("check").addEventListener("click", check);
-byId("save").addEventListener("click", async () => answerDrop(await post("map/save", byId("map").value)));
+byId("propose").addEventListener("click", async () => {
+  lastDraft = "";  // Also where the proposal is the one that is known.
+  answerDrop(await post("map/propose"));
+});
+byId("save").addEventListener("click", async () => {
+  const refusal = await post("map/save", byId("map").value);
+  answerDrop(refusal);
+  byId("draft").open = Boolean(refusal);
+});
 for (const kind of ["dragover", "dragleave", "drop"]) {
   byId("drop").addEventListener(kind, (event) => {
     event.preventDefault();
