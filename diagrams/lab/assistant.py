@@ -98,7 +98,7 @@ def next_map_job(
 ) -> MapJob | None:
     """The map to propose or to check now: the one asked for, or for new takes.
 
-    `asked` is its text, "" for a proposal, None where nobody asked.
+    `asked` is the text of a map, "" for a proposal, None for neither.
     """
     takes = tuple(file.name for file in watched.takes)
     is_new = watched.is_open and (draft is None or draft.takes != takes)

@@ -506,8 +506,7 @@ def test_when_a_command_began_is_read_where_it_is_logged(folder):
     np.testing.assert_allclose(flights[1].command_time, began, rtol=1e-14)
     assert flights[0].command_time is None
     for wrong in (began + 0.03, began[::-1]):
-        wrong = dataclasses.replace(plain, command_time=wrong)
-        save_flight(folder / plain.name, wrong)
+        save_flight(folder / plain.name, dataclasses.replace(plain, command_time=wrong))
         message = refusal(folder)
         assert "flight_001.csv: column 'command_time', row" in message
         assert "not after the row's, nor before the last" in message
