@@ -5,7 +5,7 @@
 # make nightly     the tests that take longest: campaigns, effects, the article
 # make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
-# make tables      measures the tables of README and docs again; half an hour
+# make tables      measures the tables of README and docs again; over an hour
 # make proofs      proves of the shipped funnels that no flight leaves; half an hour
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo

@@ -11,6 +11,7 @@ from diagrams.lab.folder import MAP, Watched
 from diagrams.lab.state import Draft
 from glider.errors import InputError, expect, show
 from glider.files.writing import replace_file, write_text
+from glider.report.wording import counted
 
 MOST_BYTES = 200_000_000
 """Size of a take that is dropped; a Motive export of ten minutes has 100 MB."""
@@ -38,7 +39,7 @@ class MapJob:
     def words(self) -> str:
         """What is done."""
         what = "checking the map" if self.text else "proposing axes, units and signs"
-        return f"{what} ({len(self.takes)} takes)"
+        return f"{what} ({counted(self.takes, 'take')})"
 
     def run(self) -> Draft:
         """Does it; what cannot be is in the answer."""
@@ -95,17 +96,18 @@ class MapJob:
 def next_map_job(
     watched: Watched, draft: Draft | None, asked: str | None
 ) -> MapJob | None:
-    """The map to propose or to check now: the one asked for, or for new takes."""
+    """The map to propose or to check now: the one asked for, or for new takes.
+
+    `asked` is the text of a map, "" for a proposal, None for neither.
+    """
     takes = tuple(file.name for file in watched.takes)
     is_new = watched.is_open and (draft is None or draft.takes != takes)
-    if not takes or not (asked or is_new):
+    if not takes or (asked is None and not is_new):
         return None
+    if asked is None:  # What a person has corrected stays.
+        asked = draft.text if draft and not draft.is_proposed else ""
     return MapJob(
-        folder=watched.path,
-        out=watched.kept / "draft",
-        takes=takes,
-        # More takes make another proposal; what a person has corrected stays.
-        text=asked or (draft.text if draft and not draft.is_proposed else ""),
+        folder=watched.path, out=watched.kept / "draft", takes=takes, text=asked
     )
 
 

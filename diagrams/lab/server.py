@@ -153,11 +153,13 @@ class Pages:
         return PlainTextResponse("")
 
     async def map(self, request: Request) -> Response:
-        """Checks a map, or saves it."""
-        text = await _small_text(request)
+        """Checks a map, saves it, or asks for another proposal."""
+        text, what = await _small_text(request), request.path_params["what"]
         with _refusals():
-            if request.path_params["what"] == "save":
+            if what == "save":
                 save_map(self._session.watched, self._session.state.draft, text)
+            elif what == "propose":
+                self._session.asked_map = ""
             else:
                 expect(bool(text.strip()), "the map", "nothing", "its columns")
                 self._session.asked_map = text

@@ -68,7 +68,7 @@ class LabSession:
         #: With what they are of.
         self._rollouts: tuple[tuple[str, bytes], dict[str, RolloutModel]] | None = None
         self._worker = Worker()
-        self.asked_map: str | None = None  #: A map's text to be checked.
+        self.asked_map: str | None = None  #: A map to be checked; "": to propose.
         self.fault = ""  #: Of this program, in the last step; "" for none.
 
     @property

@@ -13,6 +13,7 @@ from diagrams.lab.assistant import MapJob
 from diagrams.lab.folder import joint_digest, limits_of, throw_digests
 from diagrams.lab.state import Draft, Proposal, Trace, trace_of
 from glider.errors import InputError
+from glider.report.wording import counted
 
 NICENESS = 10
 """Of the process: what flies, and the page, go first."""
@@ -34,7 +35,7 @@ class Job:
     def words(self) -> str:
         """What is done."""
         what = "looking for the next throw" if self.proposes else "tracing"
-        return f"{what} ({len(self.flights)} throws)"
+        return f"{what} ({counted(self.flights, 'throw')})"
 
     def run(self) -> Trace | Proposal:
         """Does it; what the input does not permit is in the answer."""

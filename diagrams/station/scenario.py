@@ -152,7 +152,7 @@ class Simulation:
     late: float = 0.01  #: Share that comes after the next one.
     clock_offset: float = 1000.0  #: Of the cameras' clock [s].
     clock_drift: float = 50e-6  #: Of the cameras' clock [s/s].
-    servo_latency: float = 0.004  #: From a command on the bus to the servo [s].
+    servo_latency: float = 0.004  #: From a command sent until the servo moves [s].
     faults: list[Fault] = dataclasses.field(default_factory=list)
 
     def __post_init__(self):

@@ -13,7 +13,6 @@ import math
 import os
 import sys
 import time
-from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -131,6 +130,8 @@ class SimulatedGlider:
         varies = truth.is_time_varying
         expect(not varies, "the simulated glider", settings.truth, "one without time")
         self._truth: GliderModel = truth
+        stages = {effect.kind.stage for effect in truth.effects}
+        self._is_ideal = "actuator" not in stages  # The servo is where it is asked.
         self._settings = settings
         self._problem: PerchingProblem = scenario.load_problem()
         self._rng = np.random.default_rng(settings.seed)
@@ -139,7 +140,7 @@ class SimulatedGlider:
         servo = scenario.servo
         limits, hold = truth.parameters.servo, scenario.command_step
         self._wire = Wire(limits, servo.neutral, servo.timeout, hold)
-        self._coming: deque[tuple[float, ...]] = deque()
+        self._coming: list[tuple[float, ...]] = []  # Commands, by when they act [s].
         self._bus, self._time, self._frame = bus, start, 0
         self._start = start
         self._ready = math.nan  # Since when the station is.
@@ -168,7 +169,9 @@ class SimulatedGlider:
         self, stamp: float, values: Sequence[float], names: Sequence[str]
     ) -> None:
         if len(values) == len(COMMAND_FIELDS):
-            self._coming.append((math.nan, values[0], *values[2:]))
+            # By its own clock, which is ours: a busy computer would deliver it late.
+            acts = stamp + self._settings.servo_latency
+            heapq.heappush(self._coming, (acts, values[0], *values[2:]))
 
     def _on_operator(
         self, stamp: float, values: Sequence[float], names: Sequence[str]
@@ -187,10 +190,6 @@ class SimulatedGlider:
 
     def advance(self, now: float) -> float:
         """Moves everything on to a time; returns when the next frame comes [s]."""
-        acts = now + self._settings.servo_latency
-        self._coming = deque(
-            (acts if math.isnan(c[0]) else c[0], *c[1:]) for c in self._coming
-        )
         while (due := self._start + self._frame / self._cameras.rate) <= now:
             self._move(due)
             self._cameras.expose(due, due - self.released, self._show())
@@ -201,7 +200,7 @@ class SimulatedGlider:
     def _move(self, until: float) -> None:
         """Moves the glider on to a time [s], through the commands that come."""
         while self._coming and self._coming[0][0] <= until:
-            when, sender, rate, angle = self._coming.popleft()
+            when, sender, rate, angle = heapq.heappop(self._coming)
             self._move_held(max(when, self._time))
             self._wire.obey(sender, rate, when, angle)
         self._move_held(until)
@@ -214,6 +213,8 @@ class SimulatedGlider:
         if until <= self.released:
             self._state[ELEVATOR] = angle
         elif until < self._landed:
+            if self._is_ideal:  # The model alone would slow down before a stop.
+                self._state[ELEVATOR] = before
             self._advance_flight(span, (angle - before) / max(span, 1e-9))
         if until > self._landed + REST:
             self._place()
@@ -270,7 +271,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     glider = SimulatedGlider(scenario, bus, time.monotonic())
     hasten()
     while os.getppid() == parent:
-        bus.rest_until(glider.advance(time.monotonic()))
+        now = time.monotonic()
+        bus.handle()  # Of what was sent until now all comes before it moves on.
+        bus.rest_until(glider.advance(now))
 
 
 if __name__ == "__main__":

@@ -173,9 +173,10 @@ def _records(path: Path) -> Iterator[object]:
 def flight_of(path: Path) -> Flight | None:
     """The free flight of a throw, by the cameras' clock; None if it is too short.
 
-    The command of a row is the one that acts on the servo then. The flight ends where
-    it was stopped: what is commanded then no row shows, as poses are missing. A pose
-    without its elevator is no row, if the elevator is measured.
+    The command of a row is the one that acts on the servo then, with the time at which
+    it began to: a late one does when it does. The flight ends where it was stopped:
+    what is commanded then no row shows, as poses are missing. A pose without its
+    elevator is no row, if the elevator is measured.
 
     Raises:
         InputError: the record is damaged.
@@ -212,14 +213,26 @@ def _flight_of(
     acts = np.array([command["acts"] for command in topics["/command"]])
     rates = np.array([0.0, *(command["rate"] for command in topics["/command"])])
     known = [command["angle"] for command in topics["/command"]]
+    # Where a command was late, the servo stood at a stop, or went to neutral.
+    rates[1:-1] = np.diff(known) / np.maximum(np.diff(acts), 1e-9)
     angles = np.array([*known[:1], *known])  # Before the first the elevator rests.
-    latest = np.searchsorted(acts, table[:, 1], side="right")
-    since = table[:, 1] - np.append(table[0, 1], acts)[latest]
-    commanded = angles[latest] + rates[latest] * since
+    when = table[:, 1]
+    latest = np.searchsorted(acts, when, side="right")
+    begins, command = np.append(when[0], acts)[latest], rates[latest]
+    commanded = angles[latest] + command * (when - begins)
+    # Between two rows more than one command may have begun: their mean is held.
+    hides = np.flatnonzero(np.diff(latest) > 1)
+    is_old = hides[np.diff(latest, prepend=-1)[hides] == 0]
+    start = angles[latest]
+    begins[is_old], start[is_old] = when[is_old], commanded[is_old]
+    turned, span = start[hides + 1] - start[hides], begins[hides + 1] - begins[hides]
+    command[hides] = turned / span
+    time = table[:, 0] - table[0, 0]
     return Flight(
         name=path.with_suffix(".csv").name.replace("throw", "flight"),
-        time=table[:, 0] - table[0, 0],
+        time=time,
         pose=table[:, 2:5].copy(),
         elevator=table[:, 5].copy() if measured else commanded,
-        command=rates[latest],
+        command=command,
+        command_time=np.maximum.accumulate(np.minimum(time - when + begins, time)),
     )

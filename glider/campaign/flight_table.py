@@ -121,7 +121,7 @@ def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
     """Adds the flights of tables to a campaign; finds its pose rate if not given."""
     for table in tables[1:]:
         unshared = tables[0].columns.keys() ^ table.columns.keys()
-        for name in sorted(unshared - {logs.PITCH_RATE}):
+        for name in sorted(unshared - {*logs.OPTIONAL}):
             has, lacks = tables[0].path.name, table.path
             if name in table.columns:
                 has, lacks = table.path.name, tables[0].path
@@ -157,8 +157,7 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
     spatial = all(name in table.columns for name in logs.ATTITUDE_COLUMNS)
     if spatial:
         wanted += logs.ATTITUDE_COLUMNS
-    if logs.PITCH_RATE in table.columns:
-        wanted += (logs.PITCH_RATE,)
+    wanted += tuple(name for name in logs.OPTIONAL if name in table.columns)
     columns = {name: table.numbers(name) for name in wanted}
     time = columns["time"]
     late = np.diff(time, prepend=-math.inf) <= 0
@@ -169,6 +168,11 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
             f"{table.path}: too short, {len(time)} rows over {span:.3g} s of 'time'; "
             f"expected at least {_MIN_ROWS} rows and {_MIN_SPAN} s."
         )
+    if logs.COMMAND_TIME in columns:
+        since = columns[logs.COMMAND_TIME]
+        bad = (since > time) | (np.diff(since, prepend=-math.inf) < 0.0)
+        expected = "expected a time that is not after the row's, nor before the last."
+        table.refuse(bad, logs.COMMAND_TIME, expected)
     _check_units(table, columns, campaign)
     pitch = np.unwrap(columns["pitch"])
     attitude = None
@@ -183,6 +187,7 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
         command=columns.get("elevator_rate_command"),
         attitude=attitude,
         pitch_rate=columns.get(logs.PITCH_RATE),
+        command_time=columns.get(logs.COMMAND_TIME),
     )
 
 

@@ -20,7 +20,9 @@ from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
 ATTITUDE_COLUMNS: tuple[str, ...] = ("y", "roll", "yaw")
-PITCH_RATE = "pitch_rate"
+PITCH_RATE, COMMAND_TIME = "pitch_rate", "command_time"
+OPTIONAL: tuple[str, ...] = (PITCH_RATE, COMMAND_TIME)
+"""Columns that each flight may have or not."""
 _NOT_IN_NAMES = frozenset("<>&\"'`")
 MAX_ANGLE = 2 * math.pi  # Largest angle in a log [rad]; more are degrees.
 
@@ -36,6 +38,7 @@ class Flight:
     command: np.ndarray | None  #: (n,) elevator_rate_command, held [rad/s].
     attitude: np.ndarray | None = None  #: (n, 3) y [m], roll, yaw [rad] if logged.
     pitch_rate: np.ndarray | None = None  #: (n,) of a gyro [rad/s], NaN where none.
+    command_time: np.ndarray | None = None  #: (n,) when it began [s].
 
     def __post_init__(self):
         """Raises InputError for a name that a page or a terminal could interpret."""

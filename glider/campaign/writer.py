@@ -13,6 +13,8 @@ from glider.errors import InputError
 from glider.files import schema
 from glider.files.writing import replace_files
 
+_TIMES = {"time", logs.COMMAND_TIME}
+
 
 def save_campaign(
     path: Path | str, campaign: Campaign, more: Mapping[str, str] | None = None
@@ -49,12 +51,15 @@ def save_campaign(
 
 
 def flight_csv(flight: Flight) -> bytes:
-    """CSV of a flight in nine digits (time: 15); angles of a tumble wrapped into ±π."""
+    """CSV of a flight in nine digits, times in 15; angles of a tumble are in ±π."""
     x, z, pitch = flight.pose.T
     names, columns = logs.POSE_COLUMNS, [flight.time, x, z, _wrap(pitch)]
     if flight.elevator is not None and flight.command is not None:
         names += logs.SERVO_COLUMNS
         columns += [flight.elevator, flight.command]
+        if flight.command_time is not None:
+            names += (logs.COMMAND_TIME,)
+            columns.append(flight.command_time)
     if flight.attitude is not None:
         y, roll, yaw = flight.attitude.T
         names += logs.ATTITUDE_COLUMNS
@@ -66,7 +71,7 @@ def flight_csv(flight: Flight) -> bytes:
     np.savetxt(
         buffer,
         np.column_stack(columns),
-        fmt=["%.15g"] + ["%.9g"] * (len(names) - 1),
+        fmt=["%.15g" if name in _TIMES else "%.9g" for name in names],
         delimiter=",",
         header=",".join(names),
         comments="",

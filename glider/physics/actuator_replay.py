@@ -67,7 +67,10 @@ def elevator_path(
 
 
 def command_steps(
-    time: np.ndarray, command: np.ndarray, command_rate: float | None
+    time: np.ndarray,
+    command: np.ndarray,
+    command_rate: float | None,
+    since: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns when the commands of a log switched, and to what.
 
@@ -79,6 +82,7 @@ def command_steps(
     between the ticks too. Where the clock's rate is unknown, it is the integer in Hz
     that fits best, within 2 Hz of the rate of changes, some of which do not show; it is
     infinite where the commands switched at the rows, made of the angles there.
+    `since` (n,) is when the command of each row was given, if the log has it [s].
     Returns switch times (k,) [s], the first at the log's start, and commands [rad/s].
     """
     rows = np.flatnonzero(np.diff(command)) + 1
@@ -86,6 +90,8 @@ def command_steps(
     if command_rate == np.inf:
         return time[np.concatenate([[0], rows])], commands
     after, before = time[rows], time[rows - 1]
+    if since is not None:
+        return np.append(time[:1], np.clip(since[rows], before, after)), commands
     switches = 0.5 * (before + after)
     rates = [] if command_rate is None or not len(rows) else [command_rate]
     if command_rate is None and len(rows) > 10:

@@ -1,6 +1,6 @@
 """Time from a pose received to the command sent, in flight, with two processes.
 
-    python tests/benchmarks/bench_latency.py --minutes 10
+    python -m tests.benchmarks.bench_latency --minutes 10
 
 Time of flight is counted, not that between throws. The time that a finished command
 waits for its turn of the commands' clock is not part of it; with --each-pose there is
@@ -9,7 +9,6 @@ no clock, and a command follows each pose. Required: TVLQR 1 ms (median) and 3 m
 """
 
 import argparse
-import dataclasses
 import tempfile
 from pathlib import Path
 
@@ -21,27 +20,49 @@ from diagrams.station.realtime import run_station, simulated_glider
 from diagrams.station.scenario import CONTROLLERS, Scenario, Simulation
 from diagrams.station.session import Session
 from diagrams.station.station import Station
+from diagrams.station.throw import Throw
 from glider.physics.model import GliderModel
+from tests.benchmarks.tables import line_of
+
+COLUMNS = (
+    *("controller", "commands", "median", "99.9 %", "largest"),
+    *("deadlines missed", "throws stopped", "perched"),
+)
 
 
-def measure(scenario: Scenario, minutes: float, folder: Path) -> str:
-    """Flies for so long; returns a line of results."""
+def measure(controller: str, minutes: float, *, each_pose: bool = False) -> list[str]:
+    """Flies for so long; returns a row of results."""
+    with tempfile.TemporaryDirectory() as name:
+        model = Path(name, "nominal.yaml")
+        GliderModel().save(model)
+        scenario = Scenario(
+            controller=controller,  # type: ignore[arg-type]
+            simulation=Simulation(truth=str(model)),
+            bus=free_address(),
+            command_rate=None if each_pose else Scenario().command_rate,
+        )
+        throws = _fly(scenario, minutes, Path(name, controller))
+    found = np.concatenate([throw.latencies for throw in throws])
+    median, most = 1e3 * np.percentile(found, [50.0, 99.9])
+    late = sum(throw.late for throw in throws)
+    return [
+        f"`{controller}`",
+        str(len(found)),
+        *(f"{ms:.2f} ms" for ms in (median, most, 1e3 * np.max(found))),
+        f"{100.0 * late / len(found):.3f} %",
+        str(sum(bool(throw.reason) for throw in throws)),
+        f"{sum(throw.perched for throw in throws)} of {len(throws)}",
+    ]
+
+
+def _fly(scenario: Scenario, minutes: float, folder: Path) -> list[Throw]:
     guidance = make_guidance(scenario)
     session = Session(folder, scenario, guidance)
     station = Station(scenario, guidance, Bus(scenario.address), session, show=str)
     throws = round(60.0 * minutes / guidance.plan.duration)
     with simulated_glider(scenario) as is_alive:
         run_station(station, throws, is_alive)
-    found = np.concatenate([throw.latencies for throw in station.throws])
-    median, most = 1e3 * np.percentile(found, [50.0, 99.9])
-    late = sum(throw.late for throw in station.throws)
-    stopped = [throw.reason for throw in station.throws if throw.reason]
-    perched = sum(throw.perched for throw in station.throws)
-    return (
-        f"{scenario.controller:6s} {throws:5d} {len(found):8d} {median:8.2f} "
-        f"{most:8.2f} {1e3 * np.max(found):8.2f} {100.0 * late / len(found):8.3f} "
-        f"{len(stopped):8d} {perched:8d}  {'; '.join(sorted(set(stopped)))}"
-    )
+    return station.throws
 
 
 def main() -> None:
@@ -51,23 +72,10 @@ def main() -> None:
     parser.add_argument("--each-pose", action="store_true", help="no commands' clock")
     parser.add_argument("--controller", choices=CONTROLLERS, help="(default: all)")
     args = parser.parse_args()
-    print(
-        "       throws commands  median   99.9 %     most  late [%]  stopped  perched"
-    )
-    with tempfile.TemporaryDirectory() as name:
-        GliderModel().save(Path(name, "nominal.yaml"))
-        simulation = Simulation(truth=str(Path(name, "nominal.yaml")))
-        for controller in [args.controller] if args.controller else CONTROLLERS:
-            scenario = dataclasses.replace(
-                Scenario(),
-                controller=controller,
-                simulation=simulation,
-                bus=free_address(),
-            )
-            if args.each_pose:
-                scenario = dataclasses.replace(scenario, command_rate=None)
-            folder = Path(name, controller)
-            print(measure(scenario, args.minutes, folder), flush=True)
+    print(line_of(list(COLUMNS)))
+    for controller in [args.controller] if args.controller else CONTROLLERS:
+        row = measure(controller, args.minutes, each_pose=args.each_pose)
+        print(line_of(row), flush=True)
 
 
 if __name__ == "__main__":

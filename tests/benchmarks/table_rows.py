@@ -9,6 +9,7 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
+from tests.benchmarks import bench_latency
 from tests.benchmarks.tables import Table
 from tests.helpers.known_truth import TRUTHS, limit_of
 
@@ -63,7 +64,19 @@ _PERCHES = (
     "floor_vent",
 )
 
+
+def latency_row(controller: str) -> list[str]:
+    """Latency of the station over ten minutes of flights."""
+    return bench_latency.measure(controller, 10.0)
+
+
 TABLES = {
+    "latency": Table(
+        columns=bench_latency.COLUMNS,
+        rows=("tvlqr", "mpc"),
+        measure=latency_row,
+        inputs=("problems/perching.yaml",),
+    ),
     "samples": Table(
         columns=("campaign", "verdict", "nominal", "corrected", "limit", "effects"),
         rows=sample_names(),

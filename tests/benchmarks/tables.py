@@ -1,6 +1,6 @@
 """Measures tables of the README and of the docs, and writes them into the pages.
 
-    python -m tests.benchmarks.tables [NAME ...]     # make tables: all; half an hour
+    python -m tests.benchmarks.tables [NAME ...]     # make tables: all; over an hour
 
 A table stands in each page between the lines `<!-- table NAME -->` and `<!-- end -->`.
 What was measured is recorded in docs/tables/NAME.json with its version and inputs;

@@ -497,6 +497,21 @@ def test_split_is_a_partition_of_whole_flights(count, fraction, seed):
         assert all(a is b for a, b in zip(part, same, strict=True))
 
 
+def test_when_a_command_began_is_read_where_it_is_logged(folder):
+    plain = make_flight("flight_001.csv")
+    began = np.floor(50 * plain.time + 0.3) / 50 - 0.006
+    timed = dataclasses.replace(plain, command_time=began)
+    save_flight(folder / plain.name, timed)  # The others may lack it.
+    flights = load_campaign(folder).flights
+    np.testing.assert_allclose(flights[1].command_time, began, rtol=1e-14)
+    assert flights[0].command_time is None
+    for wrong in (began + 0.03, began[::-1]):
+        save_flight(folder / plain.name, dataclasses.replace(plain, command_time=wrong))
+        message = refusal(folder)
+        assert "flight_001.csv: column 'command_time', row" in message
+        assert "not after the row's, nor before the last" in message
+
+
 def test_split_depends_on_the_seed():
     campaign = make_campaign([make_flight(f"flight_{i:03d}.csv") for i in range(20)])
     splits = {

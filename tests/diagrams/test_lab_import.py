@@ -80,6 +80,9 @@ def test_dropped_takes_become_throws_by_a_map_that_is_corrected(client, session)
         assert str(session.watched.path) not in session.state.draft.refusal
         refused = client.post("/map/save", content=text)
         assert refused.status_code == 400 and not session.watched.has_takes
+    client.post("/map/propose")
+    step(session)
+    assert session.state.draft == draft
     client.post("/map/check", content=good)
     step(session)
     assert not session.state.draft.is_proposed
@@ -112,6 +115,7 @@ def test_more_takes_make_another_proposal_unless_a_person_has_corrected_it(sessi
     assert job_after("b.csv", proposed).text == ""
     corrected = dataclasses.replace(proposed, is_proposed=False)
     assert job_after("c.csv", corrected).text == proposed.text
+    assert next_map_job(session.watched, corrected, "").text == ""
 
 
 @pytest.mark.parametrize(

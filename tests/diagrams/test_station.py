@@ -6,7 +6,9 @@ import gc
 import numpy as np
 import pytest
 
+from diagrams.station.autopilot import Autopilot
 from diagrams.station.scenario import (
+    Limits,
     Scenario,
     Sensors,
     Servo,
@@ -17,9 +19,11 @@ from diagrams.station.session import Session
 from diagrams.station.throw_log import read_throw
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.travel import calc_travel
+from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.files import schema
+from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.physics.model import GliderModel
 from tests.helpers.lockstep import Lockstep
 
@@ -88,6 +92,35 @@ def test_the_log_is_a_campaign_with_the_commands_that_the_servo_got(tmp_path, no
         turned = np.cumsum(flight.command[:-1] * np.diff(flight.time))
         rest = flight.elevator[1:] - turned
         assert np.std(rest) < 0.03, np.std(rest)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.25])
+def test_commands_that_are_late_are_logged_when_they_acted(
+    tmp_path, nominal, monkeypatch, lost
+):
+    """Also those of which lost frames show nothing."""
+    rng, command = np.random.default_rng(0), Autopilot.command
+
+    def late(self, time):
+        lab.now += rng.uniform(0.0, 0.009)
+        return command(self, time)
+
+    simulation = Simulation(truth=nominal, **{**PERFECT, "lost": lost})
+    parts = {"limits": Limits(stale=0.1)}
+    lab = Lockstep(tmp_path / "s", simulation, **parts)
+    monkeypatch.setattr(Autopilot, "command", late)
+    lab.fly(3)
+    monkeypatch.undo()
+    campaign, errors = load_campaign(tmp_path / "s"), []
+    for flight in campaign.flights:
+        tape = flight.time, flight.command, campaign.switch_rate
+        with_times = command_steps(*tape, flight.command_time)
+        for steps in (with_times, command_steps(*tape)):
+            path = elevator_path(*steps, flight.time, limits=campaign.elevator_limits)
+            errors.append(np.std(flight.elevator - path))
+    own, rows = np.array(errors[::2]), np.array(errors[1::2])
+    noise = MotionCapture().elevator
+    assert np.all(own < 1.2 * noise) and np.mean(rows) > 1.3 * noise, (own, rows)
 
 
 def test_a_slow_servo_under_feedback_is_no_wrong_clock(tmp_path):

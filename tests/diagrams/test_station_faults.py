@@ -123,17 +123,25 @@ def test_what_the_station_lives_with(make_lab, faults):
 
 def test_a_fifth_of_the_frames_lost(make_lab):
     lab = make_lab(lost=0.2, duplicated=0.0, late=0.0)
-    perched = 0
-    for _ in range(6):
+    came, stopped = [], 0
+    lab.bus.listen(POSE, lambda stamp, values, names: came.append(stamp))
+    for _ in range(12):
         [throw] = lab.fly()
-        perched += throw.perched
-        assert throw.perched or "no usable pose for 4" in throw.reason, lab.lines
-        record = sorted(lab.folder.glob("throw_*.mcap"))[-1]
-        _, topics = read_throw(record)
-        stamps = [p["stamp"] for p in topics["/pose"] if p["free"]]
-        # Every frame that came is there: gaps of some periods, none of them long.
-        assert np.max(np.diff(sorted(stamps))) < 0.1
-    assert perched >= 4, lab.lines
+        _, topics = read_throw(sorted(lab.folder.glob("throw_*.mcap"))[-1])
+        stamps = [pose["stamp"] for pose in topics["/pose"]]
+        inside = [s for s in came if min(stamps) <= s <= max(stamps)]
+        assert sorted(stamps) == sorted(inside), "every frame that came"
+        if throw.reason:
+            stopped += 1
+            assert "no usable pose for 4" in throw.reason, lab.lines
+            [event] = [e for e in topics["/event"] if e["state"] == "stopped"]
+            assert event["reason"] == throw.reason
+            neutral = min(c["sent"] for c in topics["/command"] if "asked" not in c)
+            used = [p["time"] for p in topics["/pose"] if p["free"] and not p["fault"]]
+            assert neutral - max(used) <= SAFE
+        else:
+            assert throw.perched, lab.lines
+    assert 0 < stopped <= 4, "some throws lose four frames in a row, most do not"
 
 
 def test_the_glider_vanishes_and_comes_back(make_lab):

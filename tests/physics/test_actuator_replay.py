@@ -144,6 +144,16 @@ def test_without_a_clock_a_command_begins_half_a_row_before_it_shows():
     np.testing.assert_array_equal(commands, [1.0, 2.0, 3.0])
 
 
+def test_a_log_with_the_commands_own_times_needs_no_clock():
+    time, since = np.array([0.0, 0.1, 0.2, 0.3]), np.array([-1.0, -1.0, 0.17, 0.21])
+    column = np.array([1.0, 1.0, 2.0, 3.0])
+    switches, _ = command_steps(time, column, 10.0, since)
+    np.testing.assert_allclose(switches, [0.0, 0.17, 0.21])
+    # One that began before the row that does not show it yet did not.
+    switches, _ = command_steps(time, column, 10.0, np.array([0.0, 0.0, 0.05, 0.21]))
+    np.testing.assert_allclose(switches, [0.0, 0.1, 0.21])
+
+
 def test_a_command_that_never_changes_is_one_step():
     switches, commands = command_steps(np.arange(5.0), np.full(5, 2.0), 50.0)
     np.testing.assert_array_equal(switches, [0.0])

@@ -5,6 +5,7 @@ const byId = (id) => document.getElementById(id);
 const isNumber = (value) => typeof value === "number";
 const millimetres = (value) => (isNumber(value) ? `${(1e3 * value).toFixed(1)} mm` : "");
 const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const counted = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 const stem = (name) => name.replace(/\.csv$/, "");
 
 /** An element with a text, attributes and children; nothing is ever read as HTML. */
@@ -49,8 +50,8 @@ async function showThrow(row) {
   byId("throw").dataset.key = key;
   picked = row;
   byId("throw").hidden = false;
-  byId("throw-title").textContent = `Throw ${stem(row.name)}, measured and predicted`;
   const errors = Object.entries(row.errors).map(([model, rms]) => `${model} model ${millimetres(rms)}`);
+  byId("throw-title").textContent = `Throw ${stem(row.name)}, measured${errors.length ? " and predicted" : ""}`;
   const fitted = row.is_fitted && isNumber(row.errors.corrected) ? " (fitted to this throw too)" : "";
   byId("throw-words").textContent = [
     capital([endOf(row), row.fault].filter(Boolean).join("; ")),
@@ -282,8 +283,9 @@ function answerDrop(...refusals) {
 function showImport(view) {
   const { draft } = view.state, offer = view.import, { takes } = offer;
   byId("import").hidden = !(offer.is_open || offer.has_takes);
-  byId("takes").textContent = takes.length ? `${takes.length} takes: ${takes.join(", ")}` : "";
-  byId("draft").hidden = !draft;
+  byId("takes").textContent = takes.length ? `${counted(takes.length, "take")}: ${takes.join(", ")}` : "";
+  const isOld = draft?.is_proposed && String(draft.takes) !== String(takes);  // Another comes.
+  byId("draft").hidden = !draft || isOld;
   if (!draft || lastDraft === JSON.stringify(draft)) return;
   lastDraft = JSON.stringify(draft);
   byId("draft").open = offer.is_open || Boolean(draft.refusal);
@@ -291,7 +293,7 @@ function showImport(view) {
   byId("map").value = draft.text;
   showChoices(choices);
   byId("draft-words").textContent = draft.refusal ? "The takes cannot be read like this:"
-    : `${draft.flights} flights, as the map reads them. Do the arrows point where the nose did, and are the throws as they were? Correct what is not, then save.`;
+    : `${counted(draft.flights, "flight")}, as the map reads them. Do the arrows point where the nose did, and are the throws as they were? Correct what is not, then save.`;
   const notes = [draft.refusal, ...draft.warnings].filter(Boolean);
   byId("draft-notes").replaceChildren(...notes.map((text) => make("p", text, { class: draft.refusal ? "warning" : "remark" })));
   byId("save").disabled = Boolean(draft.refusal);
@@ -313,7 +315,15 @@ async function upload(files) {
 byId("files").addEventListener("change", (event) => upload([...event.target.files]));
 byId("map").addEventListener("input", edited);
 byId("check").addEventListener("click", check);
-byId("save").addEventListener("click", async () => answerDrop(await post("map/save", byId("map").value)));
+byId("propose").addEventListener("click", async () => {
+  lastDraft = "";  // Also where the proposal is the one that is known.
+  answerDrop(await post("map/propose"));
+});
+byId("save").addEventListener("click", async () => {
+  const refusal = await post("map/save", byId("map").value);
+  answerDrop(refusal);
+  byId("draft").open = Boolean(refusal);
+});
 for (const kind of ["dragover", "dragleave", "drop"]) {
   byId("drop").addEventListener(kind, (event) => {
     event.preventDefault();

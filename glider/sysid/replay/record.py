@@ -43,7 +43,9 @@ def measure_noise(
         seen = ~mask.elevator
         if np.count_nonzero(seen) >= FEWEST_ROWS:
             assert flight.command is not None and flight.elevator is not None
-            tape = command_steps(flight.time, flight.command, campaign.switch_rate)
+            tape = command_steps(
+                flight.time, flight.command, campaign.switch_rate, flight.command_time
+            )
             error = flight.elevator - elevator_path(*tape, flight.time)
             times.append(flight.time[seen])
             errors.append(error[seen, None])
@@ -92,6 +94,10 @@ class Record:
         ends |= dict.fromkeys(("pitch", "bank", "side_wind"), min(count - 1, last))
         cut = {name: getattr(self, name)[:end] for name, end in ends.items()}
         return dataclasses.replace(self, **cut)
+
+    def begun_at(self, angle: float) -> "Record":
+        """Returns the flight with an elevator that stood at an angle first [rad]."""
+        return dataclasses.replace(self, rest=angle)
 
 
 def prepare(
@@ -178,7 +184,10 @@ def _tape(
     # What was commanded before a gap that hides commands does not count.
     piece = pieces_with_commands(flight.time)
     rows = np.flatnonzero(piece == piece[np.argmax(mask.usable)])
-    tape = command_steps(clock[rows], flight.command[rows], switch_rate)
+    since = flight.command_time
+    if since is not None:
+        since = (since - flight.time + clock)[rows]
+    tape = command_steps(clock[rows], flight.command[rows], switch_rate, since)
     for first in rows[~mask.elevator[rows]][:1]:  # Its noise is what x[3] is for.
         [travel] = elevator_path(*tape, clock[[first]])
         return *tape, float(flight.elevator[first] - travel)
