@@ -263,7 +263,8 @@ def fit_scales(
     logs, damping = np.clip(scales.logs, low, high), 0.0
     value, slopes = _score(flights, logs)
     few, is_far = typical_flights(flights), True
-    for _ in range(iterations if np.isfinite(value) else 0):  # Else it diverges.
+    begins = bool(flights) and np.isfinite(value)  # Else there is none, or it diverges.
+    for _ in range(iterations if begins else 0):
         if is_far:
             information = _information(few, logs, index)
             information *= len(flights) / len(few)
