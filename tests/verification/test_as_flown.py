@@ -122,7 +122,7 @@ def hook():
 
 
 def test_what_the_review_saw_is_seen_and_a_predictor_makes_up_for_it(hook):
-    """Holds of 20 ms and a delay of 10 or 20 ms: a third and most of them leave."""
+    """Holds of 20 ms and a delay of 10 or 20 ms: a quarter and most of them leave."""
     genes = genes_of(count=100)
     genes[:, 9] = np.random.default_rng(0).uniform(size=100)
     share = {
@@ -134,7 +134,7 @@ def test_what_the_review_saw_is_seen_and_a_predictor_makes_up_for_it(hook):
         for predicts in (False, True)
     }
     assert 0.2 < share[0.01, False] < 0.5
-    assert share[0.02, False] > 0.75
+    assert share[0.02, False] > 0.6
     assert share[0.01, True] == 0.0
     assert share[0.02, True] < 0.02
 
