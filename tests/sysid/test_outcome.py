@@ -11,7 +11,13 @@ from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, absorbed, names_of_lift, slight, standing_alone
-from glider.sysid.outcome import curves_of, effects_of, model_of, spreads_of
+from glider.sysid.outcome import (
+    curves_of,
+    effects_of,
+    model_of,
+    numbers_of_lift,
+    spreads_of,
+)
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
@@ -241,6 +247,15 @@ def test_a_normal_force_where_the_plate_has_none_is_camber(force, names, beside)
 
     assert names_of_lift(task, model, known(0.002)) == names
     assert names_of_lift(task, model, known(0.1)) == {"attached_lift"}
+    at_zero = np.interp([-0.02, 0.0, 0.02], alpha, alone)
+    expected = {
+        "attached_lift": ("slope", (at_zero[2] - at_zero[0]) / 0.04, 0.3),
+        "camber": ("zero_lift_angle", -0.5 * at_zero[1], 0.005),
+    }
+    for family, (name, value, error) in expected.items():
+        found = numbers_of_lift(own, known(0.01), family)[name]
+        assert found.value == pytest.approx(value, abs=error)
+        assert found.std == 0.01
 
 
 def test_what_stands_for_errors_of_free_functions_is_slight():

@@ -141,7 +141,7 @@ def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypa
     model = model_of(task, found, Signs(), campaign)
     model.save(tmp_path / "model.yaml")
     again = GliderModel.load(tmp_path / "model.yaml")
-    assert again.field is not None and "pitchdot" in again.field.variables
+    assert again.field is not None and "reduced_rate" in again.field.variables
     flown = CampaignPlan(flights=1).simulate(again, np.random.default_rng(0))
     plate = CampaignPlan(flights=1).simulate(GliderModel(), np.random.default_rng(0))
     pitch, other = (c.flights[0].pose[:, 2] for c in (flown, plate))
