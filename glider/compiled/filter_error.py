@@ -255,13 +255,15 @@ def move_back(n, m, step, rates, moves, later, summed, earlier):
             if part != 0.0:
                 for j in range(m):
                     summed[r, j] += part * later[i, j]
-    for j in range(m):
-        for i in range(n):
+    for i in range(n):
+        for j in range(m):
             earlier[i, j] = summed[i, j]
-        for p in range(PROCESSES):
-            keep = np.exp(-rates[p] * step)
+    for p in range(PROCESSES):
+        keep = np.exp(-rates[p] * step)
+        for j in range(m):
             earlier[n + p, j] = keep * later[n + p, j] + summed[n + p, j]
             earlier[n + 4 + p, j] = later[n + 4 + p, j]
+    for j in range(m):
         for p in range(2):
             earlier[n + 4 + p, j] += summed[n + p, j]
         earlier[n + 6, j] += summed[n + 4, j]
@@ -325,14 +327,12 @@ def score_flight(by_sensor, by_start, by_power, by_time, *flight):
     times, by_x, by_air, by_trim = flight[0], flight[1], flight[2], flight[3]
     pose_by_x, seen, rates, powers = flight[5], flight[7], flight[11], flight[12]
     innovations, variances, gains, airs = flight[13], flight[14], flight[15], flight[16]
+    filter_flight(*flight)
     n = by_x.shape[1]
-    if n == MOTION:
-        filter_columns(MOTION, 1, *flight)
-    else:
-        filter_columns(n, 1, *flight)
     total = n + OWN_STATES
     size = total + 1  # The last column is λ.
     moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, size)), np.empty(total)
+    gusts = np.empty((n + 5, 2))
     now, later, half = np.zeros((total, size)), np.empty((total, size)), np.empty(total)
     by_sensor[:] = 0.0
     by_power[:] = 0.0
@@ -342,6 +342,7 @@ def score_flight(by_sensor, by_start, by_power, by_time, *flight):
             step = times[k + 1] - times[k]
             set_moves(n, k, step, by_x, by_air, by_trim, moves)
             later[:] = now
+            sum_up(n, 2, airs[k].T, gusts)
             for p in range(PROCESSES):
                 keep = np.exp(-rates[p] * step)
                 own = 0.5 * (later[n + p, n + p] - later[n + p, total] ** 2)
@@ -350,13 +351,8 @@ def score_flight(by_sensor, by_start, by_power, by_time, *flight):
                     mean = 0.0  # Of the adjoint and the gust's filtered covariances.
                     for i in range(n):
                         moved = 0.0
-                        for j in range(n):
-                            moved += moves[i, j] * airs[k, p, j]
-                        for j in range(4):
-                            moved += moves[i, n + j] * airs[k, p, n + j]
-                        for j in range(2):
-                            moved += moves[i, n + j] * airs[k, p, n + 4 + j]
-                        moved += moves[i, n + 4] * airs[k, p, n + 6]
+                        for r in range(n + 5):
+                            moved += moves[i, r] * gusts[r, p]
                         side = later[n + p, i]
                         side -= later[n + p, total] * later[i, total]
                         mean += side * moved

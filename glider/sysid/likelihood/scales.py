@@ -33,7 +33,6 @@ _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
 _LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
-_FAR = 0.1  # Step of one beyond which the information on it is another.
 _LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
 
 Flight = TypeVar("Flight")
@@ -262,19 +261,19 @@ def fit_scales(
     low, high = FLOOR.logs, CEILING.logs
     logs, damping = np.clip(scales.logs, low, high), 0.0
     value, slopes = _score(flights, logs)
-    few, is_far = typical_flights(flights), True
+    few = typical_flights(flights)
     begins = bool(flights) and np.isfinite(value)  # Else there is none, or it diverges.
     for _ in range(iterations if begins else 0):
-        if is_far:
-            information = _information(few, logs, index)
-            information *= len(flights) / len(few)
-            information += np.diag(_PRECISION[index] + _LEAST_FISHER)
         gradient = slopes[index]
         has_room = np.where(gradient > 0.0, (logs > low)[index], (logs < high)[index])
-        if not has_room.any() or not np.all(np.isfinite(information)):
+        if not has_room.any():
             break
         own, gradient = index[has_room], gradient[has_room]
-        fisher, gained = information[has_room][:, has_room], 0.0
+        fisher = _information(few, logs, own) * (len(flights) / len(few))
+        if not np.all(np.isfinite(fisher)):
+            break
+        fisher += np.diag(_PRECISION[own] + _LEAST_FISHER)
+        gained = 0.0
         while damping <= _MOST_DAMPING:
             step, moved = solve_scaled(fisher, gradient, damping + 1e-6), logs.copy()
             moved[own] -= np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
@@ -284,8 +283,7 @@ def fit_scales(
                 break
             lower, there = _score(flights, moved)
             if lower < value:
-                gained, is_far = value - lower, bool(np.any(np.abs(step) > _FAR))
-                slopes, logs, value = there, moved, lower
+                gained, slopes, logs, value = value - lower, there, moved, lower
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
             damping = max(10.0 * damping, 0.1)
