@@ -133,7 +133,7 @@ def rollout_models(
     if varies:
         theta = theta_of(last)
         flights = [linearize(r, theta, last.residual_field) for r in records]
-        fitted, cost = fit_scales(flights, scales)
+        fitted, cost, _ = fit_scales(flights, scales)
         scales = fitted if np.isfinite(cost) else scales  # A model may diverge.
     has_trims = not make_vehicle(campaign).trim_is_known
     return {

@@ -42,13 +42,13 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """
     flights = error_flights(task, model)
     # Those of the model may be priors, as in the search along the attitude.
-    fitted, base = scales.fit_scales(flights, model.scales)
+    fitted, base, _ = scales.fit_scales(flights, model.scales)
     values = scales.flight_values(flights, fitted)
     names, found = [record.name for record in task.records], {}
     for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
         least = dataclasses.replace(fitted, **{scale: getattr(scales.FLOOR, scale)})
         others = [name for name in scales.NAMES if name != scale]
-        lost = scales.fit_scales(flights, least, others)[1] - base
+        lost = scales.fit_scales(flights, least, others).cost - base
         std = getattr(fitted, scale)
         size = LEAST_SPREAD * task.layout.scale[task.layout.index[kind, coefficient]]
         if lost > EVIDENCE_THRESHOLD and size < min(std, getattr(model.scales, scale)):

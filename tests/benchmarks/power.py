@@ -173,7 +173,7 @@ class _Strengths:
         self.flights = flights
         self.gram = np.sum(grams_of(flights, scales), axis=0)[:-1, :-1]
         own = [f.error_only() for f in flights]
-        self.scales, self.least = fit_scales(own, scales, iterations=_ITERATIONS)
+        self.scales, self.least, _ = fit_scales(own, scales, iterations=_ITERATIONS)
 
     def size(self, step: np.ndarray, sigmas: float, std: float) -> float:
         """Returns the size of a step that loses ½ sigmas², the scales refitted.
@@ -200,7 +200,7 @@ class _Strengths:
         lost = -self.least
         for sign in (-1.0, 1.0):
             moved = [f.combined(sign * step) for f in self.flights]
-            lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS)[1]
+            lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS).cost
         return max(lost / (0.5 * step @ self.gram @ step), _LEAST_SHARE)
 
 

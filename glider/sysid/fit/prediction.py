@@ -62,7 +62,7 @@ class RolloutModel:
             flights.append(linearize(record.first(rows), self.theta, self.field))
         costs = negative_log_likelihood([f.error_only() for f in flights], scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
-        scales, _ = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20)
+        scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
         return dataclasses.replace(self, scales=scales)
 
 

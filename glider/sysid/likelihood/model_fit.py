@@ -27,6 +27,7 @@ from glider.sysid.likelihood.linear_flight import (
 from glider.sysid.likelihood.scales import (
     NAMES,
     Scales,
+    excludes,
     fit_scales,
     lifted,
     negative_log_likelihood,
@@ -234,7 +235,7 @@ def fit_model(
     the cost is more than `most` after a few iterations.
     """
     best, step, tries, flights = None, None, 0, list[LinearFlight]()
-    current = model
+    current, curvature = model, None
     for iteration in range(iterations + 1):
         flights.clear()  # Before there are others.
         flights = linear_flights(task, current)
@@ -243,11 +244,19 @@ def fit_model(
         if not iteration and len(free_scales) == len(NAMES):
             scales = lifted(scales)
         if free_scales:
-            scales, value = fit_scales(
-                now, scales, free_scales, iterations=2 if iteration else 6
+            scales, value, curvature = fit_scales(
+                now,
+                scales,
+                free_scales,
+                iterations=2 if iteration else 6,
+                curvature=curvature,
             )
         else:
             value = float(negative_log_likelihood(now, scales).sum())
+        if any(excludes(scales, own) for own in current.about.values()):
+            current = dataclasses.replace(current, scales=scales)
+            current = in_surroundings(task, current, now)
+            continue
         prior = prior_of(task, current, start=model.theta)
         value += 0.5 * float(prior.precision @ prior.mean**2)
         value = value if np.isfinite(value) else np.inf
@@ -275,7 +284,7 @@ def fit_model(
         if not tries:
             moved_flights = [f.combined(step) for f in flights]
             current = in_surroundings(task, current, moved_flights)
-    assert best is not None
+    best = best or current
     if not with_strength:
         return best
     return fit_strength(task, best, flights if current is best else None)

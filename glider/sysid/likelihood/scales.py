@@ -31,6 +31,7 @@ from glider.sysid.replay.record import Noise
 _AT_FLOOR = 2.0  # Over the least scale, which a fit only comes near.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
+_FAR = 3.0  # Standard deviations beyond which no constant or gust of a flight is found.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
 _LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
 _LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
@@ -69,6 +70,11 @@ class Scales:
     def is_still(self) -> bool:
         """Whether the air is."""
         return self.air < _AT_FLOOR * FLOOR.air
+
+    @property
+    def of_flights(self) -> np.ndarray:
+        """Of flights' constants: wind in x and z, trim and pitch zero."""
+        return np.array([self.wind, self.wind, self.trim, self.pitch_zero])
 
     @property
     def sensors(self) -> tuple[float, float, float, float, float]:
@@ -198,6 +204,16 @@ def smooth(flight: LinearFlight, scales: Scales) -> Smoothed:
     return Smoothed(start * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
 
 
+def excludes(scales: Scales, about: Surroundings) -> bool:
+    """Whether scales exclude what a flight is linear about, however it was found.
+
+    The flight's likelihood is wrong then: it is linear in what is far away.
+    """
+    most = 2.0 * _FAR  # Scales may halve before others are found.
+    is_far = np.abs(about.constants) > most * scales.of_flights
+    return bool(is_far.any()) or bool(np.abs(about.gusts).max() > most * scales.air)
+
+
 PER_FLIGHT = (
     *(("wind", "x"), ("wind", "z")),
     *(("elevator_trim", "angle"), ("pitch_offset", "angle")),
@@ -215,12 +231,12 @@ def surroundings_of(
     flights: Sequence[LinearFlight], scales: Scales
 ) -> dict[str, Surroundings]:
     """Returns each flight's constants and gusts, given all its rows, by its name."""
-    largest = 3.0 * np.array([scales.wind, scales.wind, scales.trim, scales.pitch_zero])
+    largest = _FAR * scales.of_flights
 
     def one(flight: LinearFlight) -> Surroundings:
         start, gusts = smooth(flight, scales)
         own = np.clip(start[-len(largest) :], -largest, largest)
-        return Surroundings(own, gusts)
+        return Surroundings(own, np.clip(gusts, -_FAR * scales.air, _FAR * scales.air))
 
     found = in_parallel(one, flights)
     return {f.record.name: own for f, own in zip(flights, found, strict=True)}
@@ -238,22 +254,28 @@ def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
     return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
 
 
+class FittedScales(NamedTuple):
+    """Scales of the greatest likelihood."""
+
+    scales: Scales
+    cost: float  #: Negative log-likelihood there [nats].
+    #: Second derivatives by the logarithms of all scales, for another fit.
+    curvature: np.ndarray | None
+
+
 def fit_scales(
     flights: Sequence[LinearFlight],
     scales: Scales,
     free: Sequence[str] = NAMES,
     iterations: int = 8,
     tolerance: float = 0.05,
-) -> tuple[Scales, float]:
+    curvature: np.ndarray | None = None,
+) -> FittedScales:
     """Maximises the likelihood of the scales by Fisher scoring, damped.
 
-    The slopes are exact; the information is that of a few flights, which suffices.
-
     Those in `free` are fitted to flights with one column, their error, until less than
-    `tolerance` would be gained [nats].
-
-    Returns:
-        the scales and the negative log-likelihood there [nats].
+    `tolerance` would be gained [nats]. The slopes are exact; the information is that of
+    a few flights, at scales nearby, which suffices.
     """
     has_gyro = any(flight.record.seen.shape[1] > 4 for flight in flights)
     shown = [name for name in free if has_gyro or name != "rate"]
@@ -261,7 +283,6 @@ def fit_scales(
     low, high = FLOOR.logs, CEILING.logs
     logs, damping = np.clip(scales.logs, low, high), 0.0
     value, slopes = _score(flights, logs)
-    few = typical_flights(flights)
     begins = bool(flights) and np.isfinite(value)  # Else there is none, or it diverges.
     for _ in range(iterations if begins else 0):
         gradient = slopes[index]
@@ -269,7 +290,9 @@ def fit_scales(
         if not has_room.any():
             break
         own, gradient = index[has_room], gradient[has_room]
-        fisher = _information(few, logs, own) * (len(flights) / len(few))
+        if curvature is None:
+            curvature = _information(flights, logs, index)
+        fisher = curvature[np.ix_(own, own)]
         if not np.all(np.isfinite(fisher)):
             break
         fisher += np.diag(_PRECISION[own] + _LEAST_FISHER)
@@ -283,13 +306,17 @@ def fit_scales(
                 break
             lower, there = _score(flights, moved)
             if lower < value:
+                step = moved - logs
+                change = there - slopes - _PRECISION * step
+                is_far = np.abs(step).max() >= _LARGEST_STEP
+                curvature = None if is_far else _updated(curvature, step, change)
                 gained, slopes, logs, value = value - lower, there, moved, lower
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
             damping = max(10.0 * damping, 0.1)
         if gained < tolerance:
             break
-    return Scales.from_logs(logs), value
+    return FittedScales(Scales.from_logs(logs), value, curvature)
 
 
 def _score(
@@ -337,9 +364,10 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
 def _information(
     flights: Sequence[LinearFlight], logs: np.ndarray, index: np.ndarray
 ) -> np.ndarray:
-    """Returns Fisher's information of flights on logarithms of some scales."""
+    """Returns the information of flights on logarithms of some scales, of a few."""
     steps = _STEP_OF_LOG * np.eye(len(logs))[index]
     moved, scales = [Scales.from_logs(logs + s) for s in steps], Scales.from_logs(logs)
+    few = typical_flights(flights)
 
     def one(flight: LinearFlight) -> np.ndarray:
         base = whiten(flight, scales)
@@ -352,4 +380,20 @@ def _information(
             mean = by_w + half * w
             return mean @ mean.T + 2.0 * half @ half.T
 
-    return np.sum(in_parallel(one, flights), axis=0)
+    matrix = np.zeros((len(logs), len(logs)))
+    total = np.sum(in_parallel(one, few), axis=0)
+    matrix[np.ix_(index, index)] = total * (len(flights) / len(few))
+    return matrix
+
+
+def _updated(matrix: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Returns second derivatives that explain the change of a gradient (BFGS)."""
+    expected = matrix @ step
+    along, before = float(step @ change), float(step @ expected)
+    if not (along > 1e-9 and before > 1e-9):
+        return matrix
+    return (
+        matrix
+        - np.outer(expected, expected) / before
+        + np.outer(change, change) / along
+    )

@@ -171,7 +171,7 @@ def refit_forces(task: Task, model: FitResult) -> FitResult:
     """Returns a model fitted to the forces, and the errors that it leaves there."""
     model = fit_model(task, model, free_scales=())
     flights = error_flights(task, model)
-    scales, _ = fit_scales(flights, model.scales, free=("air", "air_time"))
+    scales = fit_scales(flights, model.scales, free=("air", "air_time")).scales
     return dataclasses.replace(model, scales=scales)
 
 

@@ -10,13 +10,18 @@ from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import FittedBlock
+from glider.sysid.likelihood.linear_flight import Surroundings
 from glider.sysid.likelihood.model_fit import (
     error_flights,
     fit_model,
     fit_strength,
     in_surroundings,
 )
-from glider.sysid.likelihood.scales import negative_log_likelihood
+from glider.sysid.likelihood.scales import (
+    excludes,
+    negative_log_likelihood,
+    surroundings_of,
+)
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.record import Record
 from tests.helpers.lifelike import turbulence_campaign
@@ -272,6 +277,29 @@ def test_fits_from_different_starts_end_at_the_same_cost(rough):
     far = dataclasses.replace(start, theta=theta)
     costs = [fit_model(task, own).cost for own in (start, far)]
     assert costs[0] == pytest.approx(costs[1], abs=1.0)
+
+
+def test_a_fit_leaves_surroundings_that_its_scales_exclude(windy, monkeypatch):
+    """Those of a model without a wind: what is best there is wrong, and looked best."""
+    task, model = fit_kinds(windy, "wind", "position_scale", "elevator_trim")
+    there = Surroundings(np.array([-0.32, -0.15, 0.02, 0.02]))
+    assert excludes(model.scales, there)
+    assert not any(excludes(model.scales, own) for own in model.about.values())
+    start = dataclasses.replace(model, about=dict.fromkeys(model.about, there))
+    with monkeypatch.context() as patch:
+        patch.setattr(model_fit, "excludes", lambda scales, about: False)
+        patch.setattr(model_fit, "in_surroundings", lambda task, model, flights: model)
+        wrong = fit_model(task, start)
+    assert wrong.cost > model.cost + 50.0
+    assert fit_model(task, wrong).cost == pytest.approx(model.cost, abs=0.5)
+
+
+def test_flights_are_linear_about_gusts_that_scales_allow(rough):
+    task, _, model = rough
+    calm = dataclasses.replace(model.scales, air=0.01)
+    found = surroundings_of(error_flights(task, model), calm)
+    gusts = np.concatenate([own.gusts for own in found.values()])
+    assert np.abs(gusts).max() == pytest.approx(0.03)
 
 
 def test_the_volume_of_the_prior_that_effects_do_not_fill_counts_against_them():
