@@ -17,6 +17,7 @@ from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.search.support import SearchResult
 
 LIFT = "lift over alpha"
+PAIR = "alpha and reduced_rate"
 
 
 def absorbed(
@@ -27,9 +28,9 @@ def absorbed(
     First the slight ones, see `slight`. Then formulas with a memory whose times are not
     longer than the least, within two standard errors, beside a formula without one, or
     a free function, that may have their shape. Then, of those that a free function
-    bends, each that explains less than it does, or of another family less than a tenth
-    of it: but for the first of its family, or of all where it is of none, and for those
-    that have a function of their own family.
+    bends, each that explains less than it does, or less than a tenth of it if it is of
+    another family or the first of the function's own: but for the first of all where
+    that is of none, and for those that have a function of their own family.
     """
     model, evidence = traced.model, traced.evidence
     found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
@@ -57,6 +58,8 @@ def absorbed(
         mine = bent.intersection(own.formulas) if own.formulas else bent
         first = max(mine, key=lambda k: evidence[k], default="")
         share = {k: SLACK if k in bent - mine else 1.0 for k in bent - {first}}
+        if own.formulas and first:
+            share[first] = SLACK
         weak = {k for k in share if evidence[k] < share[k] * evidence[block]}
         found |= dict.fromkeys(weak, {*bent, block} - weak)
     return found
@@ -118,16 +121,76 @@ def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[st
     return {kind for kind, own in families.items() if own < least}
 
 
+def names_of(
+    task: Task, model: FitResult, known: Uncertainty, block: str, nearest: str
+) -> set[str]:
+    """Returns the effects that a free function is; `nearest` if its link tells nothing.
+
+    Functions of the angle of attack and the pitch rate are split into their sum at no
+    rate and the rest. Lift by the rate where no flow separates lags behind nothing.
+    """
+    link, _, _ = block.partition(" over ")
+    pair = f"{link} over {PAIR}"
+    if pair not in model.by_name or block not in _over_rate(link):
+        return names_of_lift(task, model, known) if block == LIFT else {nearest}
+    centers = model.by_name[pair].block.centers
+    still, attached = centers * [1.0, 0.0], centers * [0.0, 1.0]
+    static, whole = (along(model, known, link, at)[0] for at in (still, centers))
+    rates, neither = (
+        along(model, known, link, at)[0] for at in (attached, 0.0 * still)
+    )
+    _, values, places = along(model, known, link, centers)
+
+    def shown(rows: np.ndarray) -> np.ndarray:
+        forces = np.abs(rows @ values)
+        return np.where(forces > Z * known.std_along(places, rows), forces, 0.0).max()
+
+    least, names = LEAST_SPREAD * shown(whole), set[str]()
+    if shown(static) > least:
+        of_lift = link == "lift" and names_of_lift(task, model, known)
+        names |= of_lift or {"center_of_pressure"}
+    if shown(whole - static) > least:
+        is_attached = link == "lift" and shown(rates - neither) > least
+        names.add("pitch_rate_lift" if is_attached else nearest)
+    return names or {nearest}
+
+
+def _over_rate(link: str) -> list[str]:
+    """Returns the functions of lift or of the moment over alpha and the rate."""
+    is_split = link in ("lift", "moment")  # Those by alpha alone are another family.
+    return [f"{link} over {v}" for v in ("alpha", "reduced_rate", PAIR) if is_split]
+
+
+def along(
+    model: FitResult, known: Uncertainty, link: str, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Returns free functions of a link over alpha and the reduced rate, and over both.
+
+    Their sum at (n, 2) is rows (n, q) times their coordinates (q,), which come next,
+    with their columns.
+    """
+    rows, values, places = list[np.ndarray](), list[np.ndarray](), list[int]()
+    for name in filter(model.by_name.__contains__, _over_rate(link)):
+        own = model.by_name[name]
+        columns = [("alpha", "reduced_rate").index(v) for v in own.block.variables]
+        rows.append(own.block.functions(at[:, columns]) @ own.block.mix)
+        values.append(own.coordinates)
+        places += known.places[name]
+    return np.hstack(rows), np.concatenate(values), places
+
+
 def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
     """Returns what a normal force over the angle of attack is: lift, camber or both.
 
     Camber is what it is at α = 0. That is by chance within Z standard errors, and
     nothing below a tenth of the largest force; above half of it there is nothing else.
     """
-    own, layout = model.by_name[LIFT], task.layout
-    alpha = np.append(0.0, own.block.centers[:, 0])
-    shown = own.block.functions(alpha[:, None]) @ own.block.mix
-    force, slopes, places = shown @ own.coordinates, [*shown[0]], [*known.places[LIFT]]
+    layout, centers = task.layout, task.blocks[LIFT].centers
+    alpha = np.append(0.0, centers[:, 0])
+    shown, values, places = along(
+        model, known, "lift", np.column_stack([alpha, 0.0 * alpha])
+    )
+    force, slopes = shown @ values, [*shown[0]]
     flow = types.SimpleNamespace(sin_alpha=np.sin(alpha), cos_alpha=np.cos(alpha))
     for kind in set(BLOCKS[LIFT].formulas).intersection(model.kinds):
         slots = [*layout.slots_of(kind)]

@@ -20,7 +20,7 @@ from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.naming import LIFT, absorbed, names_of_lift, standing_alone
+from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
 from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.result import Estimate, FoundEffect, ResidualTable, Spread
 from glider.sysid.search.support import SearchResult
@@ -74,15 +74,19 @@ def effects_of(
     bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
     unnamed = absorbed(task, traced, known)
     bent = bent.union(*unnamed.values())
+    nearest = dict.fromkeys(model.free_kinds, "unexplained") | traced.families
     families = {
-        name: {traced.families.get(name, "unexplained")}
+        name: names_of(task, model, known, name, nearest[name])
         for name in standing_alone(traced.evidence, model.free_kinds, unnamed)
     }
     if LIFT in model.free_kinds and LIFT not in unnamed:
-        names = names_of_lift(task, model, known)
-        others = {*BLOCKS[LIFT].formulas}.intersection(model.kinds) - names
+        families[LIFT] = names_of_lift(task, model, known)
+        others = {*BLOCKS[LIFT].formulas}.intersection(model.kinds) - families[LIFT]
         unnamed |= {kind: {LIFT} for kind in others}
-        families[LIFT] = names - ({*model.kinds} - unnamed.keys())
+    named: set[str] = {*model.kinds} - unnamed.keys() - {*model.free_kinds}
+    for name in sorted(families, key=lambda k: -traced.evidence[k]):
+        families[name] -= named - {"unexplained"}
+        named |= families[name]
     found = [] if signs.are_right else [_sign_entry(signs)]
     for name in model.kinds:
         evidence = float(traced.evidence.get(name, 0.0))

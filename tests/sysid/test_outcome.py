@@ -187,11 +187,14 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     area, pressure = {"elevator_area": 22.0}, "tail's force over elevator"
     assert unnamed({}, area | {stream: 400.0}, (stream,)) == {"elevator_area": {stream}}
     assert unnamed({}, area | {stream: 20.0}, (stream,)) == {}
-    assert unnamed({}, {"downwash": 22.0, stream: 400.0}, (stream,)) == {}
+    assert unnamed({}, {"downwash": 42.0, stream: 400.0}, (stream,)) == {}
+    turned = {"downwash": 22.0, stream: 400.0}  # It is the function's rest.
+    assert unnamed({}, turned, (stream,)) == {"downwash": {stream}}
     assert unnamed({}, area | {pressure: 400.0}, (pressure,)) == {}  # It has no family.
     load, wake = "tail's angle over tail_load", "tail's force over alpha"
     both = {"tail_wake": 46.0, "elevator_blowback": 178.0, load: 219.0, wake: 550.0}
-    assert unnamed({}, both, (load, wake)) == {}  # Each has a function of its family.
+    weak = {"tail_wake": {wake}}  # Each has a function of its family.
+    assert unnamed({}, both, (load, wake)) == weak
     small = {"profile_drag": 2000.0, "camber": 12.0}
     assert unnamed({}, small) == {}
     assert unnamed({}, small | {"drag over V": 50.0}, ("drag over V",)) == {

@@ -121,12 +121,18 @@ def renamed(search: Search, model: FitResult) -> FitResult | None:
 
 
 def families_of(search: Search, model: FitResult) -> dict[str, str]:
-    """Returns the formula that is nearest to each free function that has a family."""
+    """Returns the formula that is nearest to each free function that has a family.
+
+    To first order, in the place of the function and of formulas of its family.
+    """
+    if not model.free_kinds or (near := search.near(model)) is None:
+        return {}
     found = {}
     for block in model.free_kinds:
-        _, options = by_formulas(search, model, block)
-        if options and (new := {k for k, _ in options[0]}.difference(model.kinds)):
-            [found[block]] = new
+        family = {block, *BLOCKS[block].formulas}
+        own = near.score.by_first(k for k in model.kinds if k not in family)
+        if options := near.score.among(family - {block}).larger(own):
+            [*_, (found[block], _)] = max(options, key=near.score)
     return found
 
 
