@@ -15,7 +15,7 @@ from glider.campaign.checks.motion import robust_std
 from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
 from glider.sysid import constants
-from glider.sysid.fit.folds import Gains, HeldOut, ratio_of
+from glider.sysid.fit.folds import WAYS, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
@@ -203,12 +203,13 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
     if held_out is None:
         return _worse(ratio, baseline), False
     gain, over = held_out.gain, held_out.over_nominal
-    doubt = _no_gain(gain, baseline) or _worse(max(ratio, held_out.ratio), baseline)
-    if doubt is None and held_out.is_worse_along:
-        doubt = (
-            "Along the measured pitch the correction makes held-out flights worse than "
-            f"the {baseline} does (t = {held_out.lost_along.t:.1f})."
-        )
+    doubt = _no_gain(gain, baseline) or _worse(ratio, baseline)
+    for way in WAYS:
+        if doubt is None and held_out.is_worse(way):
+            doubt = (
+                f"Flown {way} flights held out in folds are worse by the correction "
+                f"than by the {baseline} (t = {held_out.lost(way).t:.1f})."
+            )
     if doubt is None or over is None:
         return doubt, False
     is_lost = gain.t < -gain.least_t

@@ -7,6 +7,7 @@ import pytest
 
 from glider.campaign.turning import Signs
 from glider.sysid.constants import MOST_LEFT, UNLIKELY, WORSE
+from glider.sysid.fit.folds import WAYS
 from glider.sysid.result import (
     LIBRARY_SHAPE,
     OTHER_SHAPE,
@@ -61,8 +62,7 @@ def verdict(
     terms=(),
     signs=RIGHT,
     t=9.0,
-    ratio=0.1,
-    t_along=-9.0,
+    t_lost=types.MappingProxyType({}),
     split=0.1,
     shape_fits=True,
     unnamed=None,
@@ -96,9 +96,8 @@ def verdict(
     if signs.are_right:
         held_out = types.SimpleNamespace(
             gain=gain_of(t),
-            ratio=ratio,
-            lost_along=gain_of(t_along),
-            is_worse_along=t_along > LEAST_T,
+            lost=lambda way: gain_of(t_lost.get(way, 0.0)),
+            is_worse=lambda way: t_lost.get(way, 0.0) > LEAST_T,
             over_nominal=None if t_over_nominal is None else gain_of(t_over_nominal),
         )
     errors = {
@@ -119,7 +118,7 @@ def test_thrown_gliders_that_leave_much_are_never_without_effect():
 def test_nothing_found_is_no_effect():
     """However the flights came out."""
     assert verdict()[0] == "no_effect"
-    assert verdict(t=-5.0, ratio=2.0)[0] == "no_effect"
+    assert verdict(t=-5.0)[0] == "no_effect"
 
 
 def test_effects_that_hold_are_found():
@@ -164,22 +163,21 @@ def test_a_model_that_diverges_is_no_infinite_number():
     assert "the corrected model diverges" in reason and "inf" not in reason
 
 
-@pytest.mark.parametrize("where", ["ratio", "split"])
-def test_what_makes_unseen_flights_worse_is_not_trusted(where):
-    """In folds or on the flights held out."""
+def test_what_makes_unseen_flights_worse_is_not_trusted():
     worse = WORSE + 0.01
     for worst, expected in ((worse, "not_trusted"), (1.0, "effect_found")):
-        word, reason = verdict(("wind",), **{where: worst})
+        word, reason = verdict(("wind",), split=worst)
         assert word == expected
         words = f"flown freely {worse:.4g} times"
         assert (words in reason) == (word == "not_trusted")
 
 
-def test_what_is_worse_along_the_measured_pitch_beyond_chance_is_not_trusted():
-    word, reason = verdict(("wind",), t_along=LEAST_T + 0.1)
+@pytest.mark.parametrize("way", WAYS)
+def test_what_is_worse_in_folds_beyond_chance_is_not_trusted(way):
+    word, reason = verdict(("wind",), t_lost={way: LEAST_T + 0.1})
     assert word == "not_trusted"
-    assert f"t = {LEAST_T + 0.1:.1f}" in reason
-    assert verdict(("wind",), t_along=LEAST_T - 0.1)[0] == "effect_found"
+    assert way in reason and f"t = {LEAST_T + 0.1:.1f}" in reason
+    assert verdict(("wind",), t_lost={way: LEAST_T - 0.1})[0] == "effect_found"
 
 
 def test_what_leaves_too_much_to_chance_is_not_trusted():
@@ -212,7 +210,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = entry("unexplained"), entry("elevator_trim", evidence=math.nan)
     held_out = types.SimpleNamespace(
-        gain=gain_of(9.0), ratio=0.9, is_worse_along=False, over_nominal=None
+        gain=gain_of(9.0), is_worse=lambda way: False, over_nominal=None
     )
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
     word, _ = judge(traced, held_out, errors, found, left, None)
@@ -221,7 +219,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
 
 def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     """Refitted, the plate has it too: there is nothing to gain over that."""
-    alike = {"t": 0.1, "ratio": 1.01, "split": 1.02, "drawn": 2.0}
+    alike = {"t": 0.1, "split": 1.02, "drawn": 2.0}
     assert verdict(("mass",), **alike)[0] == "not_trusted"
     word, reason = verdict(("mass",), t_over_nominal=9.0, **alike)
     assert word == "effect_found"
@@ -231,7 +229,7 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     assert "over the nominal model" in by_chance[1]
     worse = alike | {"drawn": 1.0}
     assert verdict(("mass",), t_over_nominal=9.0, **worse)[0] == "not_trusted"
-    gains = alike | {"t": LEAST_T + 0.1, "ratio": 0.5, "split": 0.5}
+    gains = alike | {"t": LEAST_T + 0.1, "split": 0.5}
     word, reason = verdict(("center_of_pressure",), t_over_nominal=0.0, **gains)
     assert word == "effect_found"  # It travels: the plate does not.
     assert "refitted" not in reason

@@ -17,6 +17,9 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
 from glider.sysid.search.tracing import search_about, without_late
 
+WAYS = "freely", "along the measured pitch"
+"""How flights are flown again, as `HeldOut.paths` has them."""
+
 _LARGEST_LOG = 9.0  # Of a ratio of errors: a model that diverges is one loss.
 
 
@@ -61,31 +64,19 @@ class HeldOut:
     paths: dict[str, np.ndarray]
     over_nominal: Gains | None = None  #: Over the nominal model, where computed.
 
-    @property
-    def ratio(self) -> float:
-        """Corrected over baseline error of free rollouts.
+    def lost(self, way: str) -> Gains:
+        """Logarithms of corrected over baseline errors, of flights flown in a way.
 
-        Of the RMS over flights that either model flies.
+        A few flights, such as one on which a model diverges, decide nothing.
         """
-        free = np.array(list(self.paths.values()))[:, :, 0]
-        free = free[np.isfinite(free).any(axis=1)]
-        return ratio_of(*np.sqrt(np.mean(free**2, axis=0))) if len(free) else np.inf
-
-    @property
-    def lost_along(self) -> Gains:
-        """Logarithms of corrected over baseline errors along the measured pitch.
-
-        There gusts are most of the errors of both, and a few flights decide nothing.
-        """
-        both = np.array([own[:, 1] for own in self.paths.values()])
+        both = np.array([own[:, WAYS.index(way)] for own in self.paths.values()])
         flown = both[np.isfinite(both).any(axis=1)]
         lost = np.log([ratio_of(*own) + 1e-12 for own in flown])
         return Gains(values=np.clip(lost, -_LARGEST_LOG, _LARGEST_LOG))
 
-    @property
-    def is_worse_along(self) -> bool:
-        """Whether the correction loses along the measured pitch, more than a tie."""
-        lost = self.lost_along
+    def is_worse(self, way: str) -> bool:
+        """Whether the correction loses on flights flown in a way, more than a tie."""
+        lost = self.lost(way)
         return lost.are_significant and float(np.median(lost.values)) > np.log(WORSE)
 
 

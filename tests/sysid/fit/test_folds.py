@@ -8,7 +8,7 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.sysid.constants import FOLDS
 from glider.sysid.fit import folds
-from glider.sysid.fit.folds import Gains, HeldOut, hold_out
+from glider.sysid.fit.folds import WAYS, Gains, HeldOut, hold_out
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.search.tracing import search_about
 from tests.helpers.tasks import begin, fly, task_of
@@ -41,19 +41,20 @@ def test_of_one_flight_nothing_is_known():
     assert robust_t(np.array([30.0])) == 0.0
 
 
-def test_ratios_are_of_root_mean_squares_over_all_flights():
+def test_losses_are_logarithms_of_ratios_of_flights_in_a_way():
     free = np.array([[3.0, 1.0], [4.0, 2.0]])
     along = np.array([[1.0, 2.0], [1.0, 2.0]])
     gain = Gains(values=np.zeros(2))
     paths = np.stack([free, along], axis=2)
     held = HeldOut(folds=(), gain=gain, paths=by_name(paths))
-    assert held.ratio == pytest.approx(np.sqrt(5.0 / 25.0))
-    assert held.lost_along.values == pytest.approx(np.log([2.0, 2.0]))
+    assert held.lost("freely").values == pytest.approx(-np.log([3.0, 2.0]))
+    assert held.lost("along the measured pitch").values == pytest.approx(np.log(2.0))
     # A flight on which both diverge counts for neither; one alone, for that one.
     lost = dataclasses.replace(held, paths=by_name(with_flight(paths, np.nan, np.inf)))
-    assert lost.ratio == held.ratio
+    assert len(lost.lost("freely").values) == 2
     lost = dataclasses.replace(held, paths=by_name(with_flight(paths, 1.0, np.nan)))
-    assert lost.ratio == np.inf
+    assert len(lost.lost("freely").values) == 3
+    assert lost.lost("freely").values.max() > 5.0
 
 
 def by_name(paths):
@@ -98,7 +99,8 @@ def test_a_planted_effect_holds():
     task, held = held_out(fly(drag, flights=7), "profile_drag")
     assert held.gain.t > 5.0 and held.gain.are_significant
     assert np.all(held.gain.values > 0.0)
-    assert held.ratio < 0.3 and max(held.lost_along.values) < 0.0
+    assert max(held.lost("freely").values) < -1.0
+    assert max(held.lost("along the measured pitch").values) < 0.0
     assert len(held.folds) == FOLDS
     names = sorted(name for fold in held.folds for name in fold.held_out)
     assert names == sorted(record.name for record in task.records)
@@ -126,7 +128,8 @@ def test_an_idle_effect_does_not():
     _, held = held_out(fly(flights=10), "profile_drag", "pitch_damping")
     assert not held.gain.are_significant
     assert np.abs(held.gain.values).max() < 20.0
-    assert 0.9 < held.ratio < 1.3 and not held.lost_along.are_significant
+    assert np.median(np.abs(held.lost("freely").values)) < 0.3
+    assert not held.lost("along the measured pitch").are_significant
 
 
 def test_effects_are_searched_again_in_each_fold(monkeypatch):
@@ -165,18 +168,19 @@ def test_flights_apart_are_scored_but_not_fitted():
     assert np.all(np.isfinite(alone.gain.values))
 
 
-def test_a_loss_along_the_pitch_is_more_than_a_tie_and_of_flights_that_fly():
+@pytest.mark.parametrize("way", WAYS)
+def test_a_loss_is_more_than_a_tie_and_of_flights_that_fly(way):
     gain = Gains(values=np.zeros(2))
 
     def held(ratios):
-        along = np.stack([np.ones(len(ratios)), ratios], axis=1)
-        paths = np.stack([np.ones_like(along), along], axis=2)
+        paths = np.ones((len(ratios), 2, 2))
+        paths[:, 1, WAYS.index(way)] = ratios
         return HeldOut(folds=(), gain=gain, paths=by_name(paths))
 
     rng = np.random.default_rng(0)
-    assert held(1.1 + 0.01 * rng.normal(size=12)).is_worse_along
-    assert not held(1.0002 + 1e-5 * rng.normal(size=12)).is_worse_along
-    assert not held(1.1 + 0.5 * rng.normal(size=12)).is_worse_along
-    assert held(np.full(12, np.inf)).is_worse_along
+    assert held(1.1 + 0.01 * rng.normal(size=12)).is_worse(way)
+    assert not held(1.0002 + 1e-5 * rng.normal(size=12)).is_worse(way)
+    assert not held(1.1 + 0.5 * rng.normal(size=12)).is_worse(way)
+    assert held(np.full(12, np.inf)).is_worse(way)
     both = held(np.full(2, 0.9)).paths | {7: np.full((2, 2), np.nan)}
-    assert len(HeldOut(folds=(), gain=gain, paths=both).lost_along.values) == 2
+    assert len(HeldOut(folds=(), gain=gain, paths=both).lost(way).values) == 2
