@@ -36,9 +36,14 @@ tilted axis does."""
 ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", *SENSOR_TERMS}
 """Terms of blocks that vary about their means, which are the library's effects."""
 
-# Gaussians over a variable; over the others there are 8. Of two variables, over each.
+# Gaussians over a variable; over the others there are 8. Of two variables, over each,
+# over the others 3.
 COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}
-PAIR_COUNTS = 16, 3
+PAIR_COUNTS = {"x": 16, "z": 4, "alpha": 16}
+OF_POSITIONS = 2.0, 1e-4
+"""Width in distances of centers, and RMS along flights over its prior's, of what an
+error of a measured position shows: a lens bends smoothly, and cameras resolve a
+hundredth of that. With widths of one and `RESOLVED`, a sixth of a lens was left."""
 WIDEST = {"alpha": 0.08}
 """Width of a Gaussian at most, of two variables twice that: a stall is as sharp, and a
 glider that tumbles may pass through all angles [rad]."""
@@ -89,6 +94,7 @@ _LINKS = {
         _OF_TAIL,
     ),
     "tail's angle": ("tail_angle", "tail_angle", "the tail turns", _OF_TAIL),
+    "measured x": ("sensor", "pose_x", "x is read wrongly", ""),
     "measured z": ("sensor", "pose_z", "z is read wrongly", ""),
     "measured pitch": ("sensor", "pose_pitch", "the pitch is read wrongly", ""),
 }
@@ -130,7 +136,8 @@ _FAMILIES = (
     ("stream at the tail", "alpha reduced_rate", "downwash stalled_downwash"),
     ("tail's angle", "tail_load", "elevator_blowback"),
     ("tail's angle", "elevator", ""),
-    ("measured z", "x", "position_scale frame_tilt marker_offset"),
+    ("measured x", "x z", "position_scale frame_tilt marker_offset"),
+    ("measured z", "x z", "position_scale frame_tilt marker_offset"),
     ("measured pitch", "pitch", "pitch_offset"),
 )
 """Link, variables, and the library's formulas of the family."""
@@ -277,13 +284,16 @@ def make_blocks(flown: np.ndarray) -> dict[str, Block]:
         if np.any(high[columns] - low[columns] < _LEAST_RANGE):
             continue
         is_pair = len(columns) == 2
-        usual = PAIR_COUNTS if is_pair else (COUNTS.get(kind.variables[0], 8),)
+        counts, usual = (PAIR_COUNTS, 3) if is_pair else (COUNTS, 8)
+        of_position = kind.term in ("pose_x", "pose_z")
+        width, resolved = OF_POSITIONS if of_position else (1.0, RESOLVED)
         spaced = []
-        for variable, j, least in zip(kind.variables, columns, usual, strict=True):
+        for variable, j in zip(kind.variables, columns, strict=True):
+            least = counts.get(variable, usual)
             widest = (1 + is_pair) * WIDEST.get(variable, np.inf)
             count = max(least, 1 + math.ceil((high[j] - low[j]) / widest))
             spaced.append(np.linspace(low[j], high[j], count))
-        widths = np.array([own[1] - own[0] for own in spaced])
+        widths = width * np.array([own[1] - own[0] for own in spaced])
         centers = np.stack(np.meshgrid(*spaced, indexing="ij"), axis=-1)
         centers = centers.reshape(-1, len(columns))
         count = len(centers)
@@ -294,7 +304,7 @@ def make_blocks(flown: np.ndarray) -> dict[str, Block]:
         _, spreads, axes = np.linalg.svd(
             shown @ basis / np.sqrt(len(shown)), full_matrices=False
         )
-        basis = basis @ axes[: np.count_nonzero(spreads > RESOLVED)].T
+        basis = basis @ axes[: np.count_nonzero(spreads > resolved)].T
         found[name] = Block(
             name=name,
             terms=(kind.term,),

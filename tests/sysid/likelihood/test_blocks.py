@@ -157,6 +157,33 @@ def test_blocks_are_spread_over_what_was_flown(vent):
     assert own.centers[0, 0] < 5.0 < own.centers[-1, 0]
 
 
+@pytest.mark.parametrize("term", ["x", "z"])
+def test_a_lens_is_an_error_of_measured_positions_within_the_noise(vent, term):
+    """Of radius r about a center 1 m before the perch: -5 mm/m³ r² of each coordinate."""
+    search, plate = vent
+    block = search.task.blocks[f"measured {term} over x and z"]
+    flown = flown_values(search.task.records, plate.theta)[:, block.columns]
+    low, high = np.percentile(flown, [1.0, 99.0], axis=0)
+    flown = flown[np.all((flown > low) & (flown < high), axis=1)]
+    from_center = flown + np.array([1.0, 0.0])
+    error = -5e-3 * np.sum(from_center**2, axis=1) * from_center[:, "xz".index(term)]
+    shown = block.functions(flown) @ block.mix
+    both = np.hstack([shown, np.ones((len(flown), 1))])  # It varies about its mean.
+    left = error - both @ np.linalg.lstsq(both, error, rcond=None)[0]
+    assert np.std(error) > 2e-3 and np.std(left) < 3e-4
+
+
+@pytest.mark.nightly
+def test_a_bent_floor_is_an_error_of_the_measured_height():
+    campaign, _ = draw(302, family="sensor_position", count=1)
+    task, noise = task_of(campaign)
+    found = improved(
+        Search(task, lambda text: None), fit_model(task, begin(task, noise))
+    )
+    assert "measured z over x and z" in found.free_kinds
+    assert found.scales.air < 0.01 and found.scales.moment < 0.1
+
+
 @pytest.mark.parametrize(
     "name", ["drag over alpha", "moment over alpha and reduced_rate"]
 )
