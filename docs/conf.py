@@ -51,6 +51,7 @@ myst_substitutions = {
     "least_support": f"{constants.LEAST_SUPPORT:.0%}",
     "floor_accuracy": f"{100 * constants.FLOOR_ACCURACY:g} %",
     "slight": f"{100 * constants.SLIGHT:.0f} %",
+    "least_part": f"{100 * constants.LEAST_PART:.0f} %",
     "many_flights": f"{constants.MANY_FLIGHTS}",
     "unlikely": f"{100 * constants.UNLIKELY:.2g} %",
     "moment_share": f"{constants.MOMENT_SHARE:g}",

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from glider.sysid.constants import LEAST_SPREAD, SLACK, SLIGHT, Z
+from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, SLACK, SLIGHT, Z
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.task import Task
@@ -127,7 +127,8 @@ def names_of(
     """Returns the effects that a free function is; `nearest` if its link tells nothing.
 
     Functions of the angle of attack and the pitch rate are split into their sum at no
-    rate and the rest. Lift by the rate where no flow separates lags behind nothing.
+    rate and the rest. Either is real where it is a large part of both: three Gaussians
+    over the rate leave a third. Lift by it where no flow separates lags behind nothing.
     """
     link, _, _ = block.partition(" over ")
     pair = f"{link} over {PAIR}"
@@ -145,19 +146,20 @@ def names_of(
         forces = np.abs(rows @ values)
         return np.where(forces > Z * known.std_along(places, rows), forces, 0.0).max()
 
-    least, names = LEAST_SPREAD * shown(whole), set[str]()
+    least, names = LEAST_PART * shown(whole), set[str]()
+    by_rate = shown(whole - static)
     if shown(static) > least:
         of_lift = link == "lift" and names_of_lift(task, model, known)
         names |= of_lift or {"center_of_pressure"}
-    if shown(whole - static) > least:
-        is_attached = link == "lift" and shown(rates - neither) > least
+    if by_rate > least:
+        is_attached = link == "lift" and shown(rates - neither) > LEAST_PART * by_rate
         names.add("pitch_rate_lift" if is_attached else nearest)
     return names or {nearest}
 
 
 def _over_rate(link: str) -> list[str]:
-    """Returns the functions of lift or of the moment over alpha and the rate."""
-    is_split = link in ("lift", "moment")  # Those by alpha alone are another family.
+    """Returns a link's functions over alpha and the rate if these are two families."""
+    is_split = link in ("lift", "moment")
     return [f"{link} over {v}" for v in ("alpha", "reduced_rate", PAIR) if is_split]
 
 

@@ -10,7 +10,14 @@ from glider.campaign.turning import Signs
 from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.naming import LIFT, absorbed, names_of_lift, slight, standing_alone
+from glider.sysid.naming import (
+    LIFT,
+    absorbed,
+    names_of,
+    names_of_lift,
+    slight,
+    standing_alone,
+)
 from glider.sysid.outcome import (
     curves_of,
     effects_of,
@@ -217,6 +224,49 @@ def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
     assert standing_alone(one | {load: 5.0}, (load,), {}) == {load}
     both = one | {wake: 550.0}
     assert standing_alone(both, (load, wake), {}) == {load}  # It has a function.
+
+
+@pytest.mark.parametrize(
+    ("link", "function", "names"),
+    [
+        ("lift", lambda a, q: np.sin(a), {"attached_lift"}),
+        ("lift", lambda a, q: -0.3 * q, {"pitch_rate_lift"}),
+        ("lift", lambda a, q: 0.3 * q * (a > 0.3), {"dynamic_stall"}),
+        (
+            "lift",
+            lambda a, q: np.sin(a) - 0.5 * q,
+            {"attached_lift", "pitch_rate_lift"},
+        ),
+        ("moment", lambda a, q: 0.01 * np.sin(3.0 * a), {"center_of_pressure"}),
+        ("moment", lambda a, q: 0.01 * q * (a < 0.4), {"pitch_damping"}),
+    ],
+    ids=["lift", "by rate", "where flow separates", "both", "moment", "damping"],
+)
+def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
+    link, function, names
+):
+    task, _ = task_of(fly(flights=2, duration=0.6))
+    name = f"{link} over alpha and reduced_rate"
+    block, nearest = task.blocks[name], {"lift": "dynamic_stall"}
+    low, high = block.centers.min(axis=0), block.centers.max(axis=0)
+    at = np.random.default_rng(0).uniform(low, high, size=(2000, 2))
+    shown = block.functions(at) @ block.mix
+    weights = np.linalg.lstsq(shown, function(*at.T), rcond=1e-6)[0]
+    own = FittedBlock(block=block, coordinates=weights, strength=1.0)
+    model = types.SimpleNamespace(
+        kinds=(name,), theta=task.vehicle.theta, by_name={name: own}
+    )
+    known = types.SimpleNamespace(
+        places={name: range(block.count)},
+        std_along=lambda places, rows: np.full(np.shape(rows)[:-1], 1e-4),
+    )
+    found = names_of(task, model, known, name, nearest.get(link, "pitch_damping"))
+    assert found == names
+    unknown = types.SimpleNamespace(
+        places=known.places,
+        std_along=lambda places, rows: np.full(np.shape(rows)[:-1], 10.0),
+    )
+    assert names_of(task, model, unknown, name, "added_mass") == {"added_mass"}
 
 
 @pytest.mark.parametrize(

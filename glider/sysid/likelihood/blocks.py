@@ -36,8 +36,7 @@ tilted axis does."""
 ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", *SENSOR_TERMS}
 """Terms of blocks that vary about their means, which are the library's effects."""
 
-# Gaussians over a variable; over the others there are 8. Of two variables, over each,
-# over the others 3.
+# Gaussians over a variable, and over each of two; over the others there are 8, and 3.
 COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}
 PAIR_COUNTS = {"x": 16, "z": 4, "alpha": 16}
 OF_POSITIONS = 2.0, 1e-4

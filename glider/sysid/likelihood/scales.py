@@ -108,8 +108,7 @@ _PRECISION = np.where(
 def lifted(scales: Scales) -> Scales:
     """Returns scales at least halfway to their usual ones, in logarithms.
 
-    A fit that begins with little noise keeps to the errors of the model before it: one
-    of four effects stayed 60 nats short.
+    A fit that begins with little noise keeps to the errors of the model before it.
     """
     least = np.where(_PRECISION == 0.0, 0.5 * (FLOOR.logs + _USUAL), -np.inf)
     return Scales.from_logs(np.maximum(scales.logs, least))
@@ -294,6 +293,7 @@ def fit_scales(
             curvature = _information(flights, logs, index)
         fisher = curvature[np.ix_(own, own)]
         if not np.all(np.isfinite(fisher)):
+            curvature = None
             break
         fisher += np.diag(_PRECISION[own] + _LEAST_FISHER)
         gained = 0.0

@@ -159,7 +159,7 @@ def test_blocks_are_spread_over_what_was_flown(vent):
 
 @pytest.mark.parametrize("term", ["x", "z"])
 def test_a_lens_is_an_error_of_measured_positions_within_the_noise(vent, term):
-    """Of radius r about a center 1 m before the perch: -5 mm/m³ r² of each coordinate."""
+    """-5 mm/m³ r² of each coordinate, by the radius about a center before the perch."""
     search, plate = vent
     block = search.task.blocks[f"measured {term} over x and z"]
     flown = flown_values(search.task.records, plate.theta)[:, block.columns]
