@@ -76,28 +76,33 @@ _DRAGS = "profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
 _OF_TAIL = "tail_wake elevator_area downwash stalled_downwash elevator_blowback"
 _LINKS = {
-    "air along x": ("air", "wind_x", "the air moves along x", ""),
-    "air along z": ("air", "wind_z", "the air moves along z", ""),
-    "lift": ("wing_force", "c_normal", "the lift changes", _LAGGED),
-    "drag": ("wing_force", "c_drag", "the drag changes", _DRAGS),
-    "axial force": ("wing_force", "c_axial", "the axial force changes", _DRAGS),
-    "push": ("push", "push", "a push along the body axis changes", ""),
-    "moment": ("moment", "c_moment", "the moment changes", ""),
-    "wing's force": ("wing_force", "wing_factor", "the wing's force changes", ""),
+    "air along x": ("air", "wind_x", "air along x that changes", ""),
+    "air along z": ("air", "wind_z", "air along z that changes", ""),
+    "lift": ("wing_force", "c_normal", "a lift that changes", _LAGGED),
+    "drag": ("wing_force", "c_drag", "a drag that changes", _DRAGS),
+    "axial force": ("wing_force", "c_axial", "an axial force that changes", _DRAGS),
+    "push": ("push", "push", "a push along the body axis that changes", ""),
+    "moment": ("moment", "c_moment", "a moment that changes", ""),
+    "wing's force": ("wing_force", "wing_factor", "a wing's force that changes", ""),
     "tail's force": (
-        *("tail_pressure", "elevator_factor", "the tail's force changes"),
+        *("tail_pressure", "elevator_factor", "a tail's force that changes"),
         _OF_TAIL,
     ),
     "stream at the tail": (
-        *("tail_angle", "tail_downwash", "the stream at the tail turns"),
+        *("tail_angle", "tail_downwash", "a stream at the tail that turns"),
         _OF_TAIL,
     ),
-    "tail's angle": ("tail_angle", "tail_angle", "the tail turns", _OF_TAIL),
-    "measured x": ("sensor", "pose_x", "x is read wrongly", ""),
-    "measured z": ("sensor", "pose_z", "z is read wrongly", ""),
-    "measured pitch": ("sensor", "pose_pitch", "the pitch is read wrongly", ""),
+    "tail's angle": ("tail_angle", "tail_angle", "a tail that turns", _OF_TAIL),
+    "measured x": ("sensor", "pose_x", "an error of the measured x that changes", ""),
+    "measured z": ("sensor", "pose_z", "an error of the measured z that changes", ""),
+    "measured pitch": (
+        "sensor",
+        "pose_pitch",
+        "an error of the measured pitch that changes",
+        "",
+    ),
 }
-"""Links of the force chain: their name in reports, term, what happens there, and which
+"""Links of the force chain: their name in reports, term, what acts there, and which
 formulas of other variables a function may bend: lags are soon over, and only the
 deflection distinguishes a change of the tail's angle from one of its force."""
 
@@ -146,12 +151,12 @@ BLOCKS = {
         link=reported,
         term=term,
         variables=tuple(variables.split()),
-        words=f"{happens} with {named}",
+        words=f"{acts} with {named}",
         formulas=tuple(formulas.split()),
         bends=frozenset(f"{formulas} {bent}".split()),
     )
     for link, variables, formulas in _FAMILIES
-    for reported, term, happens, bent in [_LINKS[link]]
+    for reported, term, acts, bent in [_LINKS[link]]
     for named in [" and ".join(variables.split())]
 }
 """Families of effects that are searched without a formula, by name."""
