@@ -130,5 +130,6 @@ TRAVEL_ERROR = 0.1  # Share by which an elevator may turn farther than its log s
 # (m: bench_forms; of right names beside them the least had 0.02).
 SLIGHT = 0.01
 # Share of a function of angle of attack and pitch rate above which its part at no rate,
-# or the rest, is an effect: of one that has no such part 0.37 (m: tests/test_outcome).
+# or the rest, is an effect: of one without such a part at most 0.38, by the widths of
+# its Gaussians (m: the forms of tests/sysid/test_outcome.py).
 LEAST_PART = 0.4

@@ -5,7 +5,7 @@ function for the error of a formula. The model has both; the report names one.
 """
 
 import types
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -131,20 +131,20 @@ def names_of(
     over the rate leave a third. Lift by it where no flow separates lags behind nothing.
     """
     link, _, _ = block.partition(" over ")
-    pair = f"{link} over {PAIR}"
-    if pair not in model.by_name or block not in _over_rate(link):
-        return names_of_lift(task, model, known) if block == LIFT else {nearest}
+    together, pair = over_rate(model, link), f"{link} over {PAIR}"
+    if block not in together or pair not in together:
+        return {nearest}
     centers = model.by_name[pair].block.centers
     still, attached = centers * [1.0, 0.0], centers * [0.0, 1.0]
-    static, whole = (along(model, known, link, at)[0] for at in (still, centers))
-    rates, neither = (
-        along(model, known, link, at)[0] for at in (attached, 0.0 * still)
+    static, whole, rates, neither = (
+        rows_at(model, together, at) for at in (still, centers, attached, 0.0 * centers)
     )
-    _, values, places = along(model, known, link, centers)
+    values, places = coordinates_of(model, known, together)
 
-    def shown(rows: np.ndarray) -> np.ndarray:
+    def shown(rows: np.ndarray) -> float:
         forces = np.abs(rows @ values)
-        return np.where(forces > Z * known.std_along(places, rows), forces, 0.0).max()
+        is_known = forces > Z * known.std_along(places, rows)
+        return float(np.where(is_known, forces, 0.0).max())
 
     least, names = LEAST_PART * shown(whole), set[str]()
     by_rate = shown(whole - static)
@@ -157,28 +157,33 @@ def names_of(
     return names or {nearest}
 
 
-def _over_rate(link: str) -> list[str]:
-    """Returns a link's functions over alpha and the rate if these are two families."""
-    is_split = link in ("lift", "moment")
-    return [f"{link} over {v}" for v in ("alpha", "reduced_rate", PAIR) if is_split]
+def over_rate(model: FitResult, link: str) -> list[str]:
+    """Returns a model's functions over alpha and the rate, if these are two families.
 
-
-def along(
-    model: FitResult, known: Uncertainty, link: str, at: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Returns free functions of a link over alpha and the reduced rate, and over both.
-
-    Their sum at (n, 2) is rows (n, q) times their coordinates (q,), which come next,
-    with their columns.
+    Those of lift and of the moment.
     """
-    rows, values, places = list[np.ndarray](), list[np.ndarray](), list[int]()
-    for name in filter(model.by_name.__contains__, _over_rate(link)):
-        own = model.by_name[name]
-        columns = [("alpha", "reduced_rate").index(v) for v in own.block.variables]
-        rows.append(own.block.functions(at[:, columns]) @ own.block.mix)
-        values.append(own.coordinates)
-        places += known.places[name]
-    return np.hstack(rows), np.concatenate(values), places
+    names = [f"{link} over {v}" for v in ("alpha", "reduced_rate", PAIR)]
+    return [n for n in names if n in model.by_name and link in ("lift", "moment")]
+
+
+def rows_at(model: FitResult, blocks: Sequence[str], at: np.ndarray) -> np.ndarray:
+    """Returns how the sum of such functions depends on their coordinates, (n, q).
+
+    `at` (n, 2) are angles of attack and reduced rates.
+    """
+    rows = []
+    for own in (model.by_name[name].block for name in blocks):
+        columns = [("alpha", "reduced_rate").index(v) for v in own.variables]
+        rows.append(own.functions(at[:, columns]) @ own.mix)
+    return np.hstack(rows)
+
+
+def coordinates_of(
+    model: FitResult, known: Uncertainty, blocks: Sequence[str]
+) -> tuple[np.ndarray, list[int]]:
+    """Returns the coordinates (q,) of some functions, and their columns."""
+    values = [model.by_name[name].coordinates for name in blocks]
+    return np.concatenate(values), [k for n in blocks for k in known.places[n]]
 
 
 def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
@@ -189,9 +194,9 @@ def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
     """
     layout, centers = task.layout, task.blocks[LIFT].centers
     alpha = np.append(0.0, centers[:, 0])
-    shown, values, places = along(
-        model, known, "lift", np.column_stack([alpha, 0.0 * alpha])
-    )
+    blocks = over_rate(model, "lift")
+    shown = rows_at(model, blocks, np.column_stack([alpha, 0.0 * alpha]))
+    values, places = coordinates_of(model, known, blocks)
     force, slopes = shown @ values, [*shown[0]]
     flow = types.SimpleNamespace(sin_alpha=np.sin(alpha), cos_alpha=np.cos(alpha))
     for kind in set(BLOCKS[LIFT].formulas).intersection(model.kinds):

@@ -77,7 +77,7 @@ def effects_of(
     nearest = dict.fromkeys(model.free_kinds, "unexplained") | traced.families
     families = {
         name: names_of(task, model, known, name, nearest[name])
-        for name in standing_alone(traced.evidence, model.free_kinds, unnamed)
+        for name in standing_alone(traced.evidence, model.free_kinds, unnamed) - {LIFT}
     }
     if LIFT in model.free_kinds and LIFT not in unnamed:
         families[LIFT] = names_of_lift(task, model, known)

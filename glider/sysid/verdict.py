@@ -207,8 +207,8 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
     for way in WAYS:
         if doubt is None and held_out.is_worse(way):
             doubt = (
-                f"Flown {way} flights held out in folds are worse by the correction "
-                f"than by the {baseline} (t = {held_out.lost(way).t:.1f})."
+                f"Flights held out in folds, flown {way}, are worse with the "
+                f"correction than with the {baseline} (t = {held_out.lost(way).t:.1f})."
             )
     if doubt is None or over is None:
         return doubt, False

@@ -17,7 +17,7 @@ from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.scales import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import FirstOrder, Search, without
+from glider.sysid.search.fits import Search, without
 from glider.sysid.search.subsets import Members, best_of_sizes, climb
 
 Move = Callable[[Search, FitResult], FitResult | None]
@@ -113,9 +113,14 @@ def renamed(search: Search, model: FitResult) -> FitResult | None:
     Formulas are names where they are worth at least as much as the free function, or
     as they are with what it adds to them.
     """
+    if not model.free_kinds or (near := search.near(model)) is None:
+        return None
+    own = near.score.by_first(model.kinds)
     for block in model.free_kinds:
-        near, options = by_formulas(search, model, block)
-        if near and (found := search.better(model, near, options)):
+        score = near.score.among(set(BLOCKS[block].formulas))
+        rest = tuple(member for member in own if member[0] != block)
+        options = [max(score.larger(s), key=score, default=s) for s in (rest, own)]
+        if found := search.better(model, near, options):
             return found
     return None
 
@@ -134,22 +139,6 @@ def families_of(search: Search, model: FitResult) -> dict[str, str]:
         if options := near.score.among(family - {block}).larger(own):
             [*_, (found[block], _)] = max(options, key=near.score)
     return found
-
-
-def by_formulas(
-    search: Search, model: FitResult, block: str
-) -> tuple[FirstOrder | None, list[Members]]:
-    """Returns sets with formulas of its family in the place of a block, or beside it.
-
-    The best one, to first order.
-    """
-    if (near := search.near(model)) is None:
-        return None, []
-    score = near.score.among(set(BLOCKS[block].formulas))
-    own = near.score.by_first(model.kinds)
-    rest = tuple(member for member in own if member[0] != block)
-    starts = (rest, own)
-    return near, [max(score.larger(s), key=score, default=s) for s in starts]
 
 
 def with_another(search: Search, model: FitResult) -> FitResult | None:
