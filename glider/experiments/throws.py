@@ -220,7 +220,7 @@ def is_safe(
 
     `record` is the throw as the model (theta, field) predicts it.
     """
-    elevator, rate, _ = signals(record, theta)
+    elevator, rate, *_ = signals(record, theta)
     flights = (
         fly_path(record.layout, theta, launch, record.time, elevator, rate, field)
         for launch in launches(throw, limits)

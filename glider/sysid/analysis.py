@@ -28,7 +28,7 @@ from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood import uncertainty
-from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
@@ -65,6 +65,7 @@ class Analysis:
     held_out: tuple[str, ...]  #: Names of those that errors are measured on.
     rng: np.random.Generator  #: Of all that is drawn at random.
     settings: dict[str, Any]  #: Of the run, for the report.
+    earlier: FitResult | None  #: The model of an earlier run, to begin with.
 
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:
@@ -135,7 +136,7 @@ class Analysis:
             outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
             everything, task = self._without(outlying, everything)
         with self.stage("trace"):
-            traced = trace(task, noise, self.rng, self.progress)
+            traced = trace(task, noise, self.rng, self.progress, self.earlier)
             if extreme := find_extreme(everything, traced.model):
                 again = sorted(r.name for r in task.records if r.name in extreme)
                 everything, task = self._without(extreme, everything)
@@ -259,6 +260,7 @@ class Analysis:
             "seconds": self.seconds,
             "version": importlib.metadata.version("drake-glider"),
             "own_effects": self.vehicle.layout.user_kinds,
+            "fitted": traced.model,
             "seed": self.settings["seed"],
             "settings": self.settings,
         }

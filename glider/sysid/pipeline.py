@@ -32,6 +32,7 @@ def close_the_loop(
     seed: int = 0,
     effects: Sequence[str] | None = None,
     own_effects: Sequence[EffectKind] = (),
+    earlier: "Result | None" = None,
     progress: Progress = silent,
 ) -> "Result":
     """Finds what a glider's model lacks, adds it, and measures the improvement.
@@ -44,6 +45,9 @@ def close_the_loop(
         seed: of the split into fitted and held-out flights.
         effects: names of the kinds to try; by default the library and `own_effects`.
         own_effects: kinds that the library lacks, of any stage but the log.
+        earlier: result of fewer flights of the campaign, with the same effects to try,
+            whose model the search begins with. The answer is that of a run without it,
+            sooner where the new flights show the same effects.
         progress: called with a line of text as the work goes on.
 
     Raises:
@@ -74,6 +78,7 @@ def close_the_loop(
             fitted=tuple(flight.name for flight in split[0]),
             held_out=tuple(flight.name for flight in split[1]),
             rng=np.random.default_rng(seed),
+            earlier=earlier.fitted if earlier else None,
             settings={
                 "seed": seed,
                 "held_out": held_out,

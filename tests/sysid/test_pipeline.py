@@ -13,7 +13,9 @@ from glider.sysid.constants import UNLIKELY
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import PERFECT
 from glider.sysid.search.moves import MOVES
+from glider.sysid.search.tracing import EARLIER
 from tests.campaign.checks.breaking import change, scale
+from tests.helpers.answers import assert_same_answer
 from tests.helpers.campaigns import campaign_path, first_flights
 from tests.helpers.tasks import fly
 
@@ -101,6 +103,14 @@ def test_the_model_file_holds_the_effect(few):
     assert effect.kind is KINDS["attached_lift"]
     assert effect.to_dict()["slope"] == few.effects[0].coefficients["slope"].value
     assert few.model.field is None
+
+
+@pytest.mark.slow
+def test_a_run_that_begins_with_fewer_flights_gives_the_same_answer(few):
+    campaign, flights = campaign_path("attached_lift"), first_flights(10)
+    found = close_the_loop(campaign, flights=flights, earlier=few)
+    assert found.effects[0].found_by == EARLIER
+    assert_same_answer(found, close_the_loop(campaign, flights=flights))
 
 
 @pytest.mark.slow

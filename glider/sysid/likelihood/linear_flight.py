@@ -208,7 +208,7 @@ def path_of(
     record: Record, theta: np.ndarray, about: Surroundings
 ) -> tuple[LogPath, np.ndarray]:
     """Returns a flight's path and dynamics under a model, in its surroundings."""
-    elevator, rate, _ = signals(record, theta)
+    elevator, rate, *_ = signals(record, theta)
     flown, shift = trimmed(record, theta, about.constants[2])
     wind = about.wind(record)
     path = log_path(record.time, elevator + shift, rate, wind, record.bank)
@@ -258,6 +258,8 @@ def linearize(
     ends, by_x, by_term, by_plain = slopes_along(
         kinds, path, nodes, dynamics, moved, sizes, field, index, width
     )
+    forgets = ~signals(record, theta).remembers[1:]
+    ends[forgets, OFFSET], by_x[forgets, OFFSET] = 0.0, 0.0
     inputs = np.zeros((len(ends), width, columns))
     by_air = by_term[:, :, :2]
     missed = (ends - nodes[1:])[:, :width]

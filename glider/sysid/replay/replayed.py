@@ -22,6 +22,7 @@ from glider.sysid.replay.record import Record
 from glider.sysid.result import ResidualTable
 
 _EDGE = 3  # Rows at both ends of a flight where an acceleration is not known well.
+_APART = 1e-6  # Between two paths of an elevator, for their slope [rad].
 _REPLAYS = 4096  # Replays of elevators that are kept: eight of each of 500 flights.
 
 
@@ -31,6 +32,8 @@ class Signals(NamedTuple):
     elevator: np.ndarray  #: (n - 1, 3) at start, middle, end of intervals [rad].
     rate: np.ndarray  #: (n - 1,) mean of each interval [rad/s].
     logged: np.ndarray  #: (n,) at the times of the log's rows [rad].
+    #: (n,) whether it depends on where it began, at the nodes: at a stop it forgets.
+    remembers: np.ndarray
 
     @property
     def at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -53,20 +56,25 @@ def _replayed(record: Record, last: bytes) -> Signals:
     n, layout = len(record.time), record.layout
     replay = layout.replay(np.pad(np.frombuffer(last), (layout.num_compiled, 0)))
     if not record.has_servo:
-        return Signals(np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n))
+        return Signals(
+            np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n), np.ones(n, bool)
+        )
     middle = 0.5 * (record.time[1:] + record.time[:-1])
     query = np.concatenate([record.time, middle]) - replay.latency
-    path = replayed_path(
-        replay,
-        record.switch_times,
-        record.commands,
-        np.concatenate([query, record.time]),
-        start=record.rest,
-        limits=record.limits,
-    )
+    query = np.concatenate([query, record.time])
+
+    def path_from(start: float) -> np.ndarray:
+        tape = replay, record.switch_times, record.commands, query
+        return replayed_path(*tape, start=start, limits=record.limits)
+
+    path, remembers = path_from(record.rest), np.ones(n, bool)
+    if record.limits is not None and np.isin(path, record.limits).any():
+        apart = path_from(record.rest + _APART) - path
+        remembers = apart[:n] > 0.5 * _APART
     here, middle, logged = np.split(path, [n, 2 * n - 1])
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
-    return Signals(elevator, np.diff(here) / np.diff(record.time), logged)
+    rate = np.diff(here) / np.diff(record.time)
+    return Signals(elevator, rate, logged, remembers)
 
 
 def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
@@ -103,7 +111,7 @@ def true_nodes(
     """
     if not with_states and record.layout.active_states(theta)[-1] < NUM_STATES:
         return _motion(record, theta, field)
-    elevator, rate, _ = signals(record, theta)
+    elevator, rate, *_ = signals(record, theta)
     along = compiled.log_path(record.time, elevator, rate)
     kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
     nodes = _motion(record, theta, field)
@@ -113,16 +121,19 @@ def true_nodes(
 
 def _motion(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
     """Returns the same, (n, num_states), the effects' states zero."""
-    nodes, seen = _without_sensors(record, theta, field), record.seen[:, 3]
-    if record.has_servo and seen.any():  # Else the offset is unknown.
-        logged = signals(record, theta).logged
-        nodes[:, OFFSET] = np.mean((record.elevator - logged)[seen])
+    nodes = _without_sensors(record, theta, field)
+    if not record.has_servo:
+        return nodes
+    *_, logged, remembers = signals(record, theta)
+    shown = record.seen[:, 3] & remembers
+    if shown.any():  # Else the offset is unknown.
+        nodes[remembers, OFFSET] = np.mean((record.elevator - logged)[shown])
     return nodes
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Returns the effects' states at rest in a flight's first node (num_states,)."""
-    elevator, rate, _ = signals(record, theta)
+    elevator, rate, *_ = signals(record, theta)
     start = first.copy()
     start[OFFSET] += elevator[0, 0]
     return record.layout.steady_states(record.time[0], start, rate[0], theta)

@@ -11,10 +11,14 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.turning import Signs, turn
 from glider.sysid.constants import CLEAR, FEW_FLIGHTS
-from glider.sysid.likelihood.model_fit import error_flights, fit_model, start_of
+from glider.sysid.likelihood.model_fit import (
+    error_flights,
+    fit_model,
+    grams_of,
+    start_of,
+)
 from glider.sysid.likelihood.outliers import COARSE_SCALES
-from glider.sysid.likelihood.scales import negative_log_likelihood
-from glider.sysid.likelihood.task import make_task
+from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle
 
@@ -30,28 +34,31 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round, as no small effect does: the best set of signs must
-    beat the logged one by `CLEAR` in the median flight, with `COMPANIONS` fitted.
+    beat the logged one by `CLEAR` in the median flight, with `COMPANIONS` fitted. None
+    can gain more than half the squares of what the logged one leaves.
     """
     few = flights[:FEW_FLIGHTS]
     kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)
 
     def costs(signs: Signs) -> np.ndarray:
-        """Negative log-likelihoods of the flights under some signs [nats]."""
+        """Half the squares of the flights' errors under some signs, whitened [nats]."""
         turned = tuple(turn(f, signs) for f in few)
         # Its noise depends on the signs.
         noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
         records = prepare(turned, campaign, noise, vehicle.layout, masks)
-        task = make_task(records, vehicle, vehicle.kinds)
+        task = Task(records=records, vehicle=vehicle, kinds=vehicle.kinds, blocks={})
         model = start_of(task, noise)
         model = dataclasses.replace(
             model, kinds=kinds, free=task.free(kinds), scales=COARSE_SCALES
         )
         fitted = fit_model(task, model, iterations=2, free_scales=())
-        return negative_log_likelihood(error_flights(task, fitted), COARSE_SCALES)
+        return 0.5 * grams_of(error_flights(task, fitted), COARSE_SCALES).ravel()
 
+    logged, best, most = costs(Signs()), Signs(), 0.0
+    if np.median(logged) < CLEAR:
+        return best
     angles = 3 if campaign.elevator == "servo" else 1
     names = ("pitch", "elevator", "command")[:angles]
-    logged, best, most = costs(Signs()), Signs(), 0.0
     for option in list(itertools.product((1, -1), repeat=angles))[1:]:
         signs = Signs(**dict(zip(names, option, strict=True)))
         gain = float(np.median(logged - costs(signs)))

@@ -7,7 +7,8 @@ flights do not support is dropped, and the loop goes on without it.
 
 import dataclasses
 import heapq
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from itertools import islice
 
 import numpy as np
 
@@ -32,22 +33,33 @@ from glider.sysid.search.support import (
 # Tried last: scales are seldom wrong, and to first order they imitate many effects.
 LATE = ("position_scale", "elevator_scale")
 
+EARLIER = "earlier flights"
+"""In the place of a move: the effect was there when the search began."""
+
 
 def trace(
-    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
+    task: Task,
+    noise: Noise,
+    rng: np.random.Generator,
+    progress: Progress,
+    earlier: FitResult | None = None,
 ) -> SearchResult:
-    """Finds the effects that the flights show."""
+    """Finds the effects that the flights show.
+
+    If there is a model of an earlier search, and no move betters it, fitted to these
+    flights, that is the answer; else the search begins at the nominal model.
+    """
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
-    start, usual = start_of(task, noise), without_late(task)
-    search = fits.Search(usual, progress)
-    model = improved(search, start)
-    if usual is not task:
-        search.task = only_late(task, model)
-        late = improved(search, model, ("best set",))
-        search.task = task
-        if late is not model:
-            model = improved(search, late)
+    search = fits.Search(task, progress)
+    begun = resumed(task, earlier) if earlier else None
+    models = [*islice(searched(search, search.fit(begun)), 2)] if begun else []
+    if len(models) == 1:
+        search.found_by = dict.fromkeys(models[0].kinds, EARLIER)
+    else:
+        search = fits.Search(task, progress)
+        models = [*searched(search, start_of(task, noise))]
+    model = models[-1]
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
@@ -70,6 +82,49 @@ def trace(
         rivals=rivals_of(search, model, weighed),
         threshold=EvidenceThreshold(effect=fits.penalty_in(task)("", model.kinds)),
     )
+
+
+def resumed(task: Task, earlier: FitResult) -> FitResult | None:
+    """Returns the model of an earlier search of other flights, not fitted yet.
+
+    Free functions begin at zero: their Gaussians are where these flights are. None
+    where the task lacks one of its effects.
+    """
+    if not {*earlier.kinds} <= {*task.kinds, *task.blocks}:
+        return None
+    free, theta = list(task.free(earlier.kinds)), task.vehicle.theta.copy()
+    theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
+    blocks = []
+    for own in earlier.blocks:
+        block = task.blocks[own.block.name]
+        zero = np.zeros(block.count)
+        blocks.append(dataclasses.replace(own, block=block, coordinates=zero))
+    return FitResult(
+        kinds=earlier.kinds,
+        theta=theta,
+        free=tuple(free),
+        blocks=tuple(blocks),
+        scales=earlier.scales,
+    )
+
+
+def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
+    """Yields a model, then each that is better; effects that are tried last come last.
+
+    No move betters the last one.
+    """
+    task, usual = search.task, model
+    search.task = without_late(task, model.kinds)
+    for usual in improvements(search, model):
+        yield usual
+    if search.task is task:
+        return
+    late, search.task = usual, only_late(task, usual)
+    for late in islice(improvements(search, usual, ("best set",)), 1, None):
+        yield late
+    search.task = task
+    if late is not usual:
+        yield from islice(improvements(search, late), 1, None)
 
 
 def rivals_of(
@@ -101,20 +156,26 @@ def rivals_of(
     return tuple(sorted(found.values(), key=lambda pair: pair[1])[:FOLLOWED])
 
 
-def improved(
+def improvements(
     search: fits.Search, model: FitResult, names: Iterable[str] = moves.MOVES
-) -> FitResult:
-    """Returns the model that no move betters, or none of some."""
-    while True:
+) -> Iterator[FitResult]:
+    """Yields a model, then better ones until no move, or none of some, finds one."""
+    better: FitResult | None = model
+    while better:
+        yield better
+        model = better
         for name in names:
             search.progress(name)
             if better := moves.MOVES[name](search, model):
                 new = set(better.kinds).difference(model.kinds)
                 search.found_by.update(dict.fromkeys(new, name))
-                model = better
                 break
-        else:
-            return model
+
+
+def improved(search: fits.Search, model: FitResult) -> FitResult:
+    """Returns the model that no move betters."""
+    *_, best = improvements(search, model)
+    return best
 
 
 def supported(

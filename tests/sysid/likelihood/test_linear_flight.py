@@ -1,9 +1,13 @@
 """A column is what the errors do when its coefficient moves."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from glider.campaign.motion_capture import MotionCapture
+from glider.compiled.replay import roll_out
+from glider.compiled.theta import OFFSET
 from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
 from glider.physics.effects.field import (
     FIELD_TERMS,
@@ -12,8 +16,15 @@ from glider.physics.effects.field import (
     gaussians,
     make_field,
 )
-from glider.sysid.likelihood.linear_flight import linearize, slopes, starts_of
+from glider.sysid.likelihood.linear_flight import (
+    STILL_AIR,
+    linearize,
+    path_of,
+    slopes,
+    starts_of,
+)
 from glider.sysid.likelihood.scales import whiten
+from glider.sysid.replay.replayed import signals, true_nodes
 from tests.helpers.columns import SCALES, column_error, of_launch, whitened
 from tests.helpers.tasks import fly, task_of, with_gyro
 
@@ -139,3 +150,36 @@ def test_an_error_of_many_columns_is_that_of_each(task):
     )
     error = whiten(flight.error_only(), SCALES).innovations
     np.testing.assert_allclose(error, whitened[..., -1:], rtol=1e-9, atol=1e-9)
+
+
+def test_an_elevator_forgets_at_a_stop_where_it_began(task):
+    theta, record, apart = task.vehicle.theta, task.records[0], 1e-4
+    angles, _ = signals(record, theta).at_nodes
+    high = angles.min() + 0.7 * np.ptp(angles)
+    record = dataclasses.replace(record, limits=(-1.0, high))
+    other = record.begun_at(record.rest + apart)
+    remembers = signals(record, theta).remembers
+    assert remembers[0] and not remembers[-1]
+    moved = signals(other, theta).at_nodes[0] - signals(record, theta).at_nodes[0]
+    np.testing.assert_allclose(moved, apart * remembers, atol=1e-9)
+    # A flight's deviation is that of a flight whose elevator began elsewhere.
+    flown = []
+    for own in (record, other):
+        path, dynamics = path_of(own, theta, STILL_AIR)
+        kinds, launch = task.layout.compiled_kinds, record.nodes[0]
+        flown.append(roll_out(kinds, path, launch, dynamics, NO_FIELD))
+    about = dataclasses.replace(record, nodes=flown[0], elevator=0.0 * record.elevator)
+    flight = linearize(about, theta, NO_FIELD)
+    expected = (flown[1] - flown[0])[-1, flight.states]
+    deviation = np.zeros(len(flight.states))
+    deviation[OFFSET] = apart
+    for by_x in flight.by_x:
+        deviation = by_x @ deviation
+    assert deviation[OFFSET] == 0.0 and abs(deviation[2]) > apart
+    np.testing.assert_allclose(deviation, expected, rtol=0.05, atol=0.2 * apart)
+    # Measured before the stop, it is off there alone.
+    tall = dataclasses.replace(record, elevator=record.elevator + apart * remembers)
+    off = true_nodes(tall, theta)[:, OFFSET] - true_nodes(record, theta)[:, OFFSET]
+    np.testing.assert_allclose(off, apart * remembers, atol=1e-12)
+    flight = linearize(tall, theta, NO_FIELD)
+    assert np.abs(flight.inputs[:, OFFSET]).max() < 1e-9
