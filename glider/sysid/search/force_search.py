@@ -46,6 +46,7 @@ _OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces
 # rougher, must not turn the flights' axes or their winds.
 OF_FORCES = ("wind", "trim", "pitch_zero")
 _ROUNDS = 4  # Of sets and strengths of errors that depend on each other.
+_MOST_ENTRIES = 1_000_000  # Of matrices that are solved at once, for the memory.
 _SLACK = 1e-9  # Rounding by which a bound may be passed.
 
 
@@ -66,44 +67,69 @@ class HeldOutEvidence:
         weighted = self._counts[:, None, None] * self._own
         self._sum = weighted.sum(axis=0)
         self._rest = self._sum - weighted
-        self._alone = self._costs([])
+        [self._alone] = self._costs(np.zeros((1, 0), dtype=int))
 
     def log_marginal(self, columns: Sequence[int]) -> float:
         """Gain of columns over none; -inf where they are not physical."""
-        if not columns:
-            return 0.0
-        own, step = list(columns), self.step(columns)
-        lower, upper = self._prior.lower[own], self._prior.upper[own]
-        is_low = step < lower - _SLACK * np.abs(lower)
-        if np.any(is_low | (step > upper + _SLACK * np.abs(upper))):
-            return -np.inf
-        return float(self._counts @ (self._alone - self._costs(own)))
+        return self.extended(columns, [()])[0]
 
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
         """Gain of columns with each of several others over none."""
-        return [self.log_marginal([*columns, *variant]) for variant in more]
+        sets = [[*columns, *variant] for variant in more]
+        gains = np.zeros(len(sets))
+        for size in {len(own) for own in sets} - {0}:
+            at = np.array([i for i, own in enumerate(sets) if len(own) == size])
+            entries = len(self._own) * (len(self._always) + size) ** 2
+            parts = 1 + len(at) * entries // _MOST_ENTRIES
+            for part in np.array_split(at, min(parts, len(at))):
+                gains[part] = self._gains(np.array([sets[i] for i in part]))
+        return gains.tolist()
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the coefficients of columns, counted from zero."""
-        return self._steps(self._sum[None], columns)[0, len(self._always) :]
+        sets = np.array([columns], dtype=int)
+        return self._steps(self._sum[None], sets)[0, 0, len(self._always) :]
 
-    def _steps(self, grams: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-        """Returns the most likely changes of columns after those that act, (n, k)."""
-        index, prior = np.array([*self._always, *columns], dtype=int), self._prior
-        precision = prior.precision[index]
-        system = grams[:, index[:, None], index] + np.diag(precision)
-        side = grams[:, index, -1] + precision * prior.mean[index]
+    def _gains(self, sets: np.ndarray) -> np.ndarray:
+        """Returns the gains of sets of columns (v, k) over none, (v,)."""
+        steps = self._steps(self._sum[None], sets)[:, 0, len(self._always) :]
+        lower, upper = self._prior.lower[sets], self._prior.upper[sets]
+        is_out = steps < lower - _SLACK * np.abs(lower)
+        is_out |= steps > upper + _SLACK * np.abs(upper)
+        gains = (self._alone - self._costs(sets)) @ self._counts
+        return np.where(is_out.any(axis=1), -np.inf, gains)
+
+    def _steps(self, grams: np.ndarray, sets: np.ndarray) -> np.ndarray:
+        """Returns the most likely changes of columns, after those that act, (v, n, m).
+
+        By each of the information (n, M + 1, M + 1).
+        """
+        index, prior = self._with_always(sets), self._prior
+        rows, columns = index[:, None, :, None], index[:, None, None, :]
+        flights = np.arange(len(grams))[:, None]
+        precision = prior.precision[index][:, None]
+        system = grams[flights[..., None], rows, columns]
+        system += precision[..., None] * np.eye(index.shape[1])
+        side = (
+            grams[flights, index[:, None], -1] + precision * prior.mean[index][:, None]
+        )
         return solve_scaled(system, side, 0.0)
 
-    def _costs(self, columns: Sequence[int]) -> np.ndarray:
-        """Returns each flight's cost by what the others say of some columns (n,)."""
-        steps = self._steps(self._rest, columns)
-        weights = np.concatenate([-steps, np.ones((len(steps), 1))], axis=1)
-        index = np.array([*self._always, *columns, -1])
-        own = self._own[:, index[:, None], index]
-        return 0.5 * np.einsum("fi,fij,fj->f", weights, own, weights)
+    def _costs(self, sets: np.ndarray) -> np.ndarray:
+        """Returns flights' costs by what the others say of sets of columns (v, n)."""
+        steps = self._steps(self._rest, sets)
+        weights = np.concatenate([-steps, np.ones((*steps.shape[:2], 1))], axis=2)
+        index = np.pad(self._with_always(sets), ((0, 0), (0, 1)), constant_values=-1)
+        rows, columns = index[:, None, :, None], index[:, None, None, :]
+        own = self._own[np.arange(len(self._own))[:, None, None], rows, columns]
+        return 0.5 * np.sum(weights * (own @ weights[..., None])[..., 0], axis=2)
+
+    def _with_always(self, sets: np.ndarray) -> np.ndarray:
+        """Returns sets with the columns that always act before them."""
+        always = np.array(self._always, dtype=int)
+        return np.hstack([np.tile(always, (len(sets), 1)), sets])
 
 
 def held_out_threshold(task: Task, kind: str) -> float:
@@ -158,13 +184,9 @@ def held_out_scorer(
     candidates: Candidates, grams: np.ndarray, counts: np.ndarray
 ) -> Scorer:
     """Returns the gain of sets on held-out flights that count so often, penalized."""
-    evidence = HeldOutEvidence(candidates, grams, counts)
-    task = candidates.task
-    return Scorer(
-        evidence,
-        candidates.variants,
-        lambda kind, kinds: held_out_threshold(task, kind),
-    )
+    evidence, variants = HeldOutEvidence(candidates, grams, counts), candidates.variants
+    thresholds = {kind: held_out_threshold(candidates.task, kind) for kind in variants}
+    return Scorer(evidence, variants, lambda kind, kinds: thresholds[kind])
 
 
 def refit_forces(task: Task, model: FitResult) -> FitResult:
