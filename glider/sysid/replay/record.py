@@ -11,6 +11,7 @@ from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
+from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.sysid.constants import FEWEST_ROWS
@@ -111,10 +112,12 @@ def prepare(
     masks, stops = masks or {}, None
     if campaign.elevator == "servo":
         stops = find_stops(campaign, masks, noise.elevator)
-    return [
-        _record(f, masks.get(f.name) or no_masks(f), campaign, noise, layout, stops)
-        for f in flights
-    ]
+
+    def one(flight: Flight) -> Record:
+        own = masks.get(flight.name) or no_masks(flight)
+        return _record(flight, own, campaign, noise, layout, stops)
+
+    return in_parallel(one, flights)
 
 
 def _record(
