@@ -33,8 +33,9 @@ SPREADS = {
 force, a fifth of a wing's, a tenth of the weight, of a reading what a wide lens or a
 tilted axis does."""
 
-ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", *SENSOR_TERMS}
-"""Terms of blocks that vary about their means, which are the library's effects."""
+ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
+"""Terms of blocks that vary about their means: effects of the library, and of measured
+positions nothing that a flight shows."""
 
 # Gaussians over a variable, and over each of two; over the others there are 8, and 3.
 COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}

@@ -173,6 +173,18 @@ def test_a_lens_is_an_error_of_measured_positions_within_the_noise(vent, term):
     assert np.std(error) > 2e-3 and np.std(left) < 3e-4
 
 
+def test_an_uneven_pitch_is_an_error_of_the_measured_pitch_alone(vent):
+    """With its mean: needing a `pitch_offset` too, others were found in its place."""
+    search, plate = vent
+    block = search.task.blocks["measured pitch over pitch"]
+    pitch = flown_values(search.task.records, plate.theta)[:, block.columns]
+    error = -0.04 * np.sin(2.0 * pitch[:, 0])
+    shown = block.functions(pitch) @ block.mix
+    left = error - shown @ np.linalg.lstsq(shown, error, rcond=None)[0]
+    assert abs(np.mean(error)) > 5e-3 and np.std(error) > 5e-3
+    assert np.sqrt(np.mean(left**2)) < 1e-3
+
+
 @pytest.mark.nightly
 def test_a_bent_floor_is_an_error_of_the_measured_height():
     campaign, _ = draw(302, family="sensor_position", count=1)
