@@ -105,24 +105,35 @@ class Search:
         return self.penalized_cost(model) < self.penalized_cost(other) - margin
 
     def fit(
-        self, model: FitResult, words: str = "", rival: FitResult | None = None
+        self,
+        model: FitResult,
+        words: str = "",
+        rival: FitResult | None = None,
+        *,
+        again: bool = False,
     ) -> FitResult:
         """Fits a model, and the strengths of its blocks, unless its set is known.
 
-        Not to the end where it is far behind a rival.
+        Not to the end where it is far behind a rival. A known set is fitted again from
+        another start if asked; that fit is kept where it is clearly better.
         """
         key, most = frozenset(model.kinds), np.inf
+        known = self.fitted.get(key)
+        if known is not None and np.isfinite(known.cost) and not again:
+            return known
         if rival is not None:
             most = self.penalized_cost(rival) - self._penalty_of(model) + CLEAR
-        if key not in self.fitted or not np.isfinite(self.fitted[key].cost):
-            what = ", ".join(sorted(model.kinds)) or "the flat plate"
-            self.progress(words or f"fitting {what}")
-            if model.free_kinds:  # Strengths shape the fit.
-                model = fit_model(self.task, model, 2, with_strength=True)
-            if not model.free_kinds or model.cost < most:
-                model = fit_model(self.task, model, with_strength=True, most=most)
-            self.fitted[key] = model
-        return self.fitted[key]
+        what = ", ".join(sorted(model.kinds)) or "the flat plate"
+        self.progress(words or f"fitting {what}")
+        if model.free_kinds:  # Strengths shape the fit.
+            model = fit_model(self.task, model, 2, with_strength=True)
+        if not model.free_kinds or model.cost < most:
+            model = fit_model(self.task, model, with_strength=True, most=most)
+        if known is not None:  # Little less is the same one.
+            least = self.penalized_cost(known) - RIVAL_GAP
+            model = model if self.penalized_cost(model) < least else known
+        self.fitted[key] = model
+        return model
 
     def near(self, model: FitResult) -> FirstOrder | None:
         """Compares sets about a model; None where the model diverges."""

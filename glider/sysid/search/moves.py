@@ -160,11 +160,34 @@ def with_another(search: Search, model: FitResult) -> FitResult | None:
     return search.better(model, near, few)
 
 
+def begun_anew(search: Search, model: FitResult) -> FitResult | None:
+    """The model with the shapes of a formula found anew, from where it does not act.
+
+    A fit keeps near the shapes that its formula began with, and at a bound that it met.
+    """
+    task = search.task
+    for kind in model.kinds:
+        slots = () if kind in BLOCKS else task.layout.slots_of(kind)
+        if not 0 < sum(map(task.is_shape, slots)) < len(slots):
+            continue
+        fewer = search.fit(without(task, model, kind), f"is {kind} needed?")
+        if (near := search.near(fewer)) is None:
+            continue
+        rest = near.score.by_first(fewer.kinds)
+        if options := near.score.among({kind}).larger(rest):
+            anew = near.begin(max(options, key=near.score))
+            other = search.fit(anew, f"{kind} with other shapes?", again=True)
+            if search.penalized_cost(other) < search.penalized_cost(model):
+                return other
+    return None
+
+
 MOVES: dict[str, Move] = {
     "best set": best,
     "mean over flights": with_mean,
     "prune": pruned,
     "formula of a free function": renamed,
     "another effect": with_another,
+    "other shapes": begun_anew,
 }
 """Tried in turn until none finds a model that is worth more."""
