@@ -143,7 +143,7 @@ class Analysis:
                 outlying |= extreme
                 if again:
                     self.progress(f"again without {', '.join(again)}")
-                    traced = trace(task, noise, self.rng, self.progress)
+                    traced = trace(task, noise, self.rng, self.progress, self.earlier)
         return Searched(everything, task, traced, outlying, extreme)
 
     def _without(
@@ -260,7 +260,7 @@ class Analysis:
             "seconds": self.seconds,
             "version": importlib.metadata.version("drake-glider"),
             "own_effects": self.vehicle.layout.user_kinds,
-            "fitted": traced.model,
+            "fit": traced.model,
             "seed": self.settings["seed"],
             "settings": self.settings,
         }

@@ -18,6 +18,7 @@ from glider.sysid.search.support import SearchResult
 
 LIFT = "lift over alpha"
 PAIR = "alpha and reduced_rate"
+RATE_LIFT = "pitch_rate_lift"
 
 
 def absorbed(
@@ -134,12 +135,19 @@ def names_of(
     together, pair = over_rate(model, link), f"{link} over {PAIR}"
     if block not in together or pair not in together:
         return {nearest}
+    values, places = coordinates_of(model, known, together)
+    slots = task.layout.slots_of(RATE_LIFT) if link == "lift" else ()
+    acting = [i for i in slots if i in known.free]  # The formula is of the same force.
+    values, places = np.append(values, model.theta[acting]), [*places]
+    places += map(known.free.index, acting)
+
+    def rows(at: np.ndarray) -> np.ndarray:
+        by_formula = -at[:, 1:].repeat(len(acting), axis=1)
+        return np.hstack([rows_at(model, together, at), by_formula])
+
     centers = model.by_name[pair].block.centers
     still, attached = centers * [1.0, 0.0], centers * [0.0, 1.0]
-    static, whole, rates, neither = (
-        rows_at(model, together, at) for at in (still, centers, attached, 0.0 * centers)
-    )
-    values, places = coordinates_of(model, known, together)
+    static, whole, rates, neither = map(rows, (still, centers, attached, 0.0 * centers))
 
     def shown(rows: np.ndarray) -> float:
         forces = np.abs(rows @ values)
@@ -153,7 +161,7 @@ def names_of(
         names |= of_lift or {"center_of_pressure"}
     if by_rate > least:
         is_attached = link == "lift" and shown(rates - neither) > LEAST_PART * by_rate
-        names.add("pitch_rate_lift" if is_attached else nearest)
+        names.add(RATE_LIFT if is_attached else nearest)
     return names or {nearest}
 
 

@@ -56,7 +56,9 @@ class ReportedEffect:
     #: Flight-to-flight standard deviations of coefficients that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model carries a free function.
-    found_by: str = ""  #: Name of the move of the search that found it last.
+    found_by: str = (
+        ""  #: Name of the move of the search that found it last, if one did.
+    )
     family: str = ""  #: `BlockKind.link` of a free function; empty for a formula.
     indistinguishable_from: tuple[str, ...] = ()  #: Kinds that would do as well.
     depends_on: tuple[str, ...]  #: Variables that it varies with.
@@ -331,7 +333,7 @@ class Result(Report):
     #: The corrected glider and those of sets that are nearly as likely.
     alternatives: tuple[Alternative, ...] = ()
     #: The model as it was fitted: where a run of more flights may begin.
-    fitted: "FitResult | None" = dataclasses.field(default=None, repr=False)
+    fit: "FitResult | None" = dataclasses.field(default=None, repr=False)
 
     @property
     def report(self) -> Report:

@@ -1,6 +1,9 @@
 """Whether two runs gave the same answer."""
 
+import pytest
+
 from glider.sysid.result import Report
+from glider.sysid.search.tracing import LATE
 
 
 def assert_same_answer(found: Report, expected: Report, share: float = 0.1) -> None:
@@ -13,5 +16,9 @@ def assert_same_answer(found: Report, expected: Report, share: float = 0.1) -> N
             have = own.coefficients[name]
             assert abs(have.value - value.value) < share * value.std, f"{name}: {have}"
             assert abs(have.std - value.std) < share * value.std
+    assert found.candidates.keys() == expected.candidates.keys()
+    for kind, evidence in expected.candidates.items():
+        if kind not in LATE:  # Those are compared about what was found.
+            assert found.candidates[kind] == pytest.approx(evidence, rel=0.01, abs=1.0)
     corrected, same = found.errors["corrected"], expected.errors["corrected"]
     assert abs(corrected.position_rms_m / same.position_rms_m - 1.0) < 0.02

@@ -227,23 +227,33 @@ def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
 
 
 @pytest.mark.parametrize(
-    ("link", "function", "names"),
+    ("link", "function", "arm", "names"),
     [
-        ("lift", lambda a, q: np.sin(a), {"attached_lift"}),
-        ("lift", lambda a, q: -0.3 * q, {"pitch_rate_lift"}),
-        ("lift", lambda a, q: 0.3 * q * (a > 0.3), {"dynamic_stall"}),
+        ("lift", lambda a, q: np.sin(a), None, {"attached_lift"}),
+        ("lift", lambda a, q: -0.3 * q, None, {"pitch_rate_lift"}),
+        ("lift", lambda a, q: 0.3 * q * (a > 0.3), None, {"dynamic_stall"}),
+        ("lift", lambda a, q: 0.3 * q * (a > 0.3), 0.3, {"pitch_rate_lift"}),
         (
             "lift",
             lambda a, q: np.sin(a) - 0.5 * q,
+            None,
             {"attached_lift", "pitch_rate_lift"},
         ),
-        ("moment", lambda a, q: 0.01 * np.sin(3.0 * a), {"center_of_pressure"}),
-        ("moment", lambda a, q: 0.01 * q * (a < 0.4), {"pitch_damping"}),
+        ("moment", lambda a, q: 0.01 * np.sin(3.0 * a), None, {"center_of_pressure"}),
+        ("moment", lambda a, q: 0.01 * q * (a < 0.4), None, {"pitch_damping"}),
     ],
-    ids=["lift", "by rate", "where flow separates", "both", "moment", "damping"],
+    ids=[
+        "lift",
+        "by rate",
+        "where flow separates",
+        "not there",
+        "both",
+        "moment",
+        "damping",
+    ],
 )
 def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
-    link, function, names
+    link, function, arm, names
 ):
     task, _ = task_of(fly(flights=2, duration=0.6))
     name = f"{link} over alpha and reduced_rate"
@@ -253,16 +263,18 @@ def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
     shown = block.functions(at) @ block.mix
     weights = np.linalg.lstsq(shown, function(*at.T), rcond=1e-6)[0]
     own = FittedBlock(block=block, coordinates=weights, strength=1.0)
-    model = types.SimpleNamespace(
-        kinds=(name,), theta=task.vehicle.theta, by_name={name: own}
-    )
+    theta, [slot] = task.vehicle.theta.copy(), task.layout.slots_of("pitch_rate_lift")
+    theta[slot] = arm or 0.0
+    model = types.SimpleNamespace(kinds=(name,), theta=theta, by_name={name: own})
     known = types.SimpleNamespace(
-        places={name: range(block.count)},
+        free=[slot] if arm else [],
+        places={name: range(1, 1 + block.count)},
         std_along=lambda places, rows: np.full(np.shape(rows)[:-1], 1e-4),
     )
     found = names_of(task, model, known, name, nearest.get(link, "pitch_damping"))
     assert found == names
     unknown = types.SimpleNamespace(
+        free=known.free,
         places=known.places,
         std_along=lambda places, rows: np.full(np.shape(rows)[:-1], 10.0),
     )

@@ -17,6 +17,7 @@ from glider.sysid.search.tracing import EARLIER
 from tests.campaign.checks.breaking import change, scale
 from tests.helpers.answers import assert_same_answer
 from tests.helpers.campaigns import campaign_path, first_flights
+from tests.helpers.own_kinds import FLAP
 from tests.helpers.tasks import fly
 
 
@@ -110,7 +111,21 @@ def test_a_run_that_begins_with_fewer_flights_gives_the_same_answer(few):
     campaign, flights = campaign_path("attached_lift"), first_flights(10)
     found = close_the_loop(campaign, flights=flights, earlier=few)
     assert found.effects[0].found_by == EARLIER
+    assert found.settings["earlier"] == [*few.flights.fit]
     assert_same_answer(found, close_the_loop(campaign, flights=flights))
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "found"),
+    [
+        ("head_wind", {}, "the earlier result's campaign is .*attached_lift"),
+        ("attached_lift", {"effects": ["wind"]}, "list of effects to try is None"),
+        ("attached_lift", {"own_effects": (FLAP,)}, "list of own effects is "),
+    ],
+)
+def test_an_earlier_result_of_other_input_is_refused(few, name, more, found):
+    with pytest.raises(InputError, match=found):
+        close_the_loop(campaign_path(name), earlier=few, **more)
 
 
 @pytest.mark.slow

@@ -258,11 +258,11 @@ def linearize(
     ends, by_x, by_term, by_plain = slopes_along(
         kinds, path, nodes, dynamics, moved, sizes, field, index, width
     )
-    forgets = ~signals(record, theta).remembers[1:]
-    ends[forgets, OFFSET], by_x[forgets, OFFSET] = 0.0, 0.0
     inputs = np.zeros((len(ends), width, columns))
     by_air = by_term[:, :, :2]
     missed = (ends - nodes[1:])[:, :width]
+    at_stop = ~signals(record, theta).offset_persists[1:]
+    by_x[at_stop, OFFSET], missed[at_stop, OFFSET] = 0.0, 0.0
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
     others = [j for j in moving if j not in plain]

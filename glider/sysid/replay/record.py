@@ -113,9 +113,11 @@ def prepare(
     if campaign.elevator == "servo":
         stops = find_stops(campaign, masks, noise.elevator)
 
+    settings = dataclasses.replace(campaign, flights=())
+
     def one(flight: Flight) -> Record:
         own = masks.get(flight.name) or no_masks(flight)
-        return _record(flight, own, campaign, noise, layout, stops)
+        return _record(flight, own, settings, noise, layout, stops)
 
     return in_parallel(one, flights)
 

@@ -22,7 +22,7 @@ from glider.sysid.replay.record import Record
 from glider.sysid.result import ResidualTable
 
 _EDGE = 3  # Rows at both ends of a flight where an acceleration is not known well.
-_APART = 1e-6  # Between two paths of an elevator, for their slope [rad].
+_PERTURBATION = 1e-6  # Of where an elevator began [rad].
 _REPLAYS = 4096  # Replays of elevators that are kept: eight of each of 500 flights.
 
 
@@ -32,8 +32,8 @@ class Signals(NamedTuple):
     elevator: np.ndarray  #: (n - 1, 3) at start, middle, end of intervals [rad].
     rate: np.ndarray  #: (n - 1,) mean of each interval [rad/s].
     logged: np.ndarray  #: (n,) at the times of the log's rows [rad].
-    #: (n,) whether it depends on where it began, at the nodes: at a stop it forgets.
-    remembers: np.ndarray
+    #: (n,) whether it is off by as much as where it began; it is not after a stop.
+    offset_persists: np.ndarray
 
     @property
     def at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -56,25 +56,26 @@ def _replayed(record: Record, last: bytes) -> Signals:
     n, layout = len(record.time), record.layout
     replay = layout.replay(np.pad(np.frombuffer(last), (layout.num_compiled, 0)))
     if not record.has_servo:
-        return Signals(
-            np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n), np.ones(n, bool)
-        )
+        still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
+        return Signals(*still, np.ones(n, bool))
     middle = 0.5 * (record.time[1:] + record.time[:-1])
     query = np.concatenate([record.time, middle]) - replay.latency
     query = np.concatenate([query, record.time])
+    low, high = (-np.inf, np.inf) if record.limits is None else record.limits
 
     def path_from(start: float) -> np.ndarray:
-        tape = replay, record.switch_times, record.commands, query
-        return replayed_path(*tape, start=start, limits=record.limits)
+        tape, begin = (record.switch_times, record.commands), np.clip(start, low, high)
+        return replayed_path(replay, *tape, query, start=begin, limits=record.limits)
 
-    path, remembers = path_from(record.rest), np.ones(n, bool)
-    if record.limits is not None and np.isin(path, record.limits).any():
-        apart = path_from(record.rest + _APART) - path
-        remembers = apart[:n] > 0.5 * _APART
+    path, persists = path_from(record.rest), np.ones(n, bool)
+    step = np.abs(np.diff(path[:n])).max()  # It may reach a stop between rows.
+    if path.min() < low + step or path.max() > high - step:
+        off = path_from(record.rest + _PERTURBATION) - path
+        persists = np.logical_and.accumulate(off[:n] > 0.5 * _PERTURBATION)
     here, middle, logged = np.split(path, [n, 2 * n - 1])
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     rate = np.diff(here) / np.diff(record.time)
-    return Signals(elevator, rate, logged, remembers)
+    return Signals(elevator, rate, logged, persists)
 
 
 def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
@@ -124,10 +125,10 @@ def _motion(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
     nodes = _without_sensors(record, theta, field)
     if not record.has_servo:
         return nodes
-    *_, logged, remembers = signals(record, theta)
-    shown = record.seen[:, 3] & remembers
+    *_, logged, persists = signals(record, theta)
+    shown = record.seen[:, 3] & persists
     if shown.any():  # Else the offset is unknown.
-        nodes[remembers, OFFSET] = np.mean((record.elevator - logged)[shown])
+        nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
     return nodes
 
 

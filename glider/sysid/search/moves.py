@@ -160,23 +160,25 @@ def with_another(search: Search, model: FitResult) -> FitResult | None:
     return search.better(model, near, few)
 
 
-def begun_anew(search: Search, model: FitResult) -> FitResult | None:
-    """The model with the shapes of a formula found anew, from where it does not act.
+def reshaped(search: Search, model: FitResult) -> FitResult | None:
+    """The model with the shapes of a formula searched again, its effect removed first.
 
     A fit keeps near the shapes that its formula began with, and at a bound that it met.
     """
     task = search.task
     for kind in model.kinds:
-        slots = () if kind in BLOCKS else task.layout.slots_of(kind)
-        if not 0 < sum(map(task.is_shape, slots)) < len(slots):
+        has_shape = any(map(task.is_shape, task.layout.slots_of(kind)))
+        if not has_shape or (kind, frozenset(model.kinds)) in search.reshaped:
             continue
+        search.reshaped.add((kind, frozenset(model.kinds)))
         fewer = search.fit(without(task, model, kind), f"is {kind} needed?")
         if (near := search.near(fewer)) is None:
             continue
         rest = near.score.by_first(fewer.kinds)
         if options := near.score.among({kind}).larger(rest):
-            anew = near.begin(max(options, key=near.score))
-            other = search.fit(anew, f"{kind} with other shapes?", again=True)
+            other = near.begin(max(options, key=near.score))
+            words = f"{kind} with other shapes?"
+            other = search.fit(other, words, rival=model, again=True)
             if search.penalized_cost(other) < search.penalized_cost(model):
                 return other
     return None
@@ -188,6 +190,6 @@ MOVES: dict[str, Move] = {
     "prune": pruned,
     "formula of a free function": renamed,
     "another effect": with_another,
-    "other shapes": begun_anew,
+    "other shapes": reshaped,
 }
 """Tried in turn until none finds a model that is worth more."""

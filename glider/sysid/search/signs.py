@@ -34,8 +34,8 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round, as no small effect does: the best set of signs must
-    beat the logged one by `CLEAR` in the median flight, with `COMPANIONS` fitted. None
-    can gain more than half the squares of what the logged one leaves.
+    beat the logged one by `CLEAR` in the median flight, with `COMPANIONS` fitted. It
+    cannot gain more than ½ Σ e² of the logged one: a small residual ends the search.
     """
     few = flights[:FEW_FLIGHTS]
     kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)

@@ -7,7 +7,7 @@ flights do not support is dropped, and the loop goes on without it.
 
 import dataclasses
 import heapq
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from itertools import islice
 
 import numpy as np
@@ -46,20 +46,17 @@ def trace(
 ) -> SearchResult:
     """Finds the effects that the flights show.
 
-    If there is a model of an earlier search, and no move betters it, fitted to these
-    flights, that is the answer; else the search begins at the nominal model.
+    If there is the model of an earlier search, and no move improves on it when it is
+    fitted to these flights, that is the answer; else the search begins at the nominal
+    model. It is not used where mass or areas are unknown.
     """
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
-    search = fits.Search(task, progress)
-    begun = resumed(task, earlier) if earlier else None
-    models = [*islice(searched(search, search.fit(begun)), 2)] if begun else []
-    if len(models) == 1:
-        search.found_by = dict.fromkeys(models[0].kinds, EARLIER)
-    else:
+    search, start = fits.Search(task, progress), start_of(task, noise)
+    model = stands(search, start, earlier) if earlier else None
+    if model is None:
         search = fits.Search(task, progress)
-        models = [*searched(search, start_of(task, noise))]
-    model = models[-1]
+        *_, model = searched(search, start)
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
@@ -84,14 +81,30 @@ def trace(
     )
 
 
-def resumed(task: Task, earlier: FitResult) -> FitResult | None:
-    """Returns the model of an earlier search of other flights, not fitted yet.
+def stands(
+    search: fits.Search, start: FitResult, earlier: FitResult
+) -> FitResult | None:
+    """Returns an earlier model fitted to other flights, unless a move improves on it.
 
-    Free functions begin at zero: their Gaussians are where these flights are. None
-    where the task lacks one of its effects.
+    Effects are compared about the start first, as in any search.
     """
+    task = search.task
     if not {*earlier.kinds} <= {*task.kinds, *task.blocks}:
         return None
+    search.task = without_late(task)
+    search.near(start)
+    search.task = task
+    model = search.fit(begun_from(task, earlier))
+    search.found_by = dict.fromkeys(model.kinds, EARLIER)
+    found = islice(searched(search, model), 2)
+    return model if len([*found]) == 1 else None
+
+
+def begun_from(task: Task, earlier: FitResult) -> FitResult:
+    """Returns the model of an earlier search of other flights, not fitted yet.
+
+    Free functions begin at zero: their Gaussians are where these flights are.
+    """
     free, theta = list(task.free(earlier.kinds)), task.vehicle.theta.copy()
     theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
     blocks = []
@@ -157,13 +170,13 @@ def rivals_of(
 
 
 def improvements(
-    search: fits.Search, model: FitResult, names: Iterable[str] = moves.MOVES
+    search: fits.Search, model: FitResult, names: Collection[str] = moves.MOVES
 ) -> Iterator[FitResult]:
-    """Yields a model, then better ones until no move, or none of some, finds one."""
+    """Yields a model, then better ones until none of the moves finds one."""
     better: FitResult | None = model
     while better:
         yield better
-        model = better
+        model, better = better, None
         for name in names:
             search.progress(name)
             if better := moves.MOVES[name](search, model):

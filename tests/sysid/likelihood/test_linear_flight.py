@@ -158,10 +158,10 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     high = angles.min() + 0.7 * np.ptp(angles)
     record = dataclasses.replace(record, limits=(-1.0, high))
     other = record.begun_at(record.rest + apart)
-    remembers = signals(record, theta).remembers
-    assert remembers[0] and not remembers[-1]
+    persists = signals(record, theta).offset_persists
+    assert persists[0] and not persists[-1]
     moved = signals(other, theta).at_nodes[0] - signals(record, theta).at_nodes[0]
-    np.testing.assert_allclose(moved, apart * remembers, atol=1e-9)
+    np.testing.assert_allclose(moved, apart * persists, atol=1e-9)
     # A flight's deviation is that of a flight whose elevator began elsewhere.
     flown = []
     for own in (record, other):
@@ -178,8 +178,10 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     assert deviation[OFFSET] == 0.0 and abs(deviation[2]) > apart
     np.testing.assert_allclose(deviation, expected, rtol=0.05, atol=0.2 * apart)
     # Measured before the stop, it is off there alone.
-    tall = dataclasses.replace(record, elevator=record.elevator + apart * remembers)
+    tall = dataclasses.replace(record, elevator=record.elevator + apart * persists)
     off = true_nodes(tall, theta)[:, OFFSET] - true_nodes(record, theta)[:, OFFSET]
-    np.testing.assert_allclose(off, apart * remembers, atol=1e-12)
-    flight = linearize(tall, theta, NO_FIELD)
+    np.testing.assert_allclose(off, apart * persists, atol=1e-12)
+    layout = task.layout
+    servo = slopes(layout, range(layout.num_compiled, len(layout.slots)))
+    flight = linearize(tall, theta, NO_FIELD, servo)
     assert np.abs(flight.inputs[:, OFFSET]).max() < 1e-9

@@ -5,7 +5,7 @@ import dataclasses
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.search.fits import Search
-from glider.sysid.search.moves import MOVES, begun_anew, one_less, pruned, with_another
+from glider.sysid.search.moves import MOVES, reshaped, one_less, pruned, with_another
 from glider.sysid.search.tracing import improved
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import fly, task_of
@@ -69,9 +69,9 @@ def test_a_stall_that_a_fit_did_not_reach_is_found_from_where_there_is_none():
     theta, slots = plate.theta.copy(), search.task.layout.slots_of("attached_lift")
     theta[list(slots)] = 0.2, 0.9, 0.2  # Slope, and a stall that no flight reached.
     trapped = search.fit(plate.with_kinds(search.task, ("attached_lift",), theta))
-    found = begun_anew(search, trapped)
+    found = reshaped(search, trapped)
     assert found is not None and found.kinds == trapped.kinds
     assert search.penalized_cost(found) < search.penalized_cost(trapped) - 50.0
     assert search.fit(trapped) is found  # The better one of the set is kept,
-    assert begun_anew(search, found) is None
+    assert reshaped(search, found) is None
     assert search.fit(trapped, again=True) is found  # whatever is fitted again.

@@ -52,7 +52,7 @@ def test_an_earlier_model_of_what_is_not_tried_is_no_start(windy):
     assert np.array_equal(found.model.theta, full.model.theta)
 
 
-def test_a_free_function_begins_anew_where_the_flights_are():
+def test_a_free_function_begins_again_where_the_flights_are():
     """Its Gaussians are elsewhere in other flights."""
     shear = KINDS["wind_shear"](gradient=0.5)
     earlier = trace_among(shear, 6).model
