@@ -8,7 +8,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
-
-if TYPE_CHECKING:
-    from glider.sysid.likelihood.model_fit import FitResult
 
 #: Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
 #: was found does not hold on held-out flights.
@@ -332,8 +329,8 @@ class Result(Report):
     covariance: Covariance | None = None  #: Of all fitted parameters, if any.
     #: The corrected glider and those of sets that are nearly as likely.
     alternatives: tuple[Alternative, ...] = ()
-    #: The model as it was fitted: where a run of more flights may begin.
-    fit: "FitResult | None" = dataclasses.field(default=None, repr=False)
+    #: The model as it was fitted, a `FitResult`: where another run may begin.
+    fit: Any = dataclasses.field(default=None, repr=False)
 
     @property
     def report(self) -> Report:

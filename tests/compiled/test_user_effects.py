@@ -154,7 +154,7 @@ def test_a_flight_begins_near_rest():
     task, _ = task_of(campaign, LAYOUT)
     record, theta = task.records[0], theta_of(model)
     start = true_nodes(record, theta)[0]
-    elevator, rate, _ = signals(record, theta)
+    elevator, rate, *_ = signals(record, theta)
     launch = start + np.eye(len(start))[3] * elevator[0, 0]
     rest = LAYOUT.steady_states(0.0, launch, rate[0], theta)
     assert np.all(rest != 0.0)
