@@ -83,6 +83,16 @@ def _stalled_downwash(g: Glider, size: float, shapes: Shapes) -> None:
     g.downwash.append(downwash)
 
 
+def _lagged_downwash(g: Glider, size: float, shapes: Shapes) -> None:
+    index, late = len(g.lags), shapes["time_constant"]
+
+    def whole(f: Flow) -> np.ndarray:
+        return np.sin(f.alpha) * np.cos(f.alpha)
+
+    g.lags.append(Lag(rate=lambda f, s: (whole(f) - s) / late, rest=whole))
+    g.downwash.append(lambda f: size * f.speed * f.lags[index])
+
+
 def _attached_lift(g: Glider, size: float, shapes: Shapes) -> None:
     def normal(f: Flow) -> np.ndarray:
         return (
@@ -189,6 +199,7 @@ PLANTED: dict[str, Callable[[Glider, float, Shapes], None]] = {
     "center_of_pressure": _center_of_pressure,
     "downwash": _downwash,
     "stalled_downwash": _stalled_downwash,
+    "lagged_downwash": _lagged_downwash,
     "attached_lift": _attached_lift,
     "camber": _camber,
     "pitch_rate_lift": _pitch_rate_lift,

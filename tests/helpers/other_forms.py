@@ -329,11 +329,11 @@ def _saturating(f, angle, width):
     return f.speed * np.sin(angle * np.tanh(_alpha(f) / width))
 
 
-def _convected_rate(f, lagged, gradient, late):
-    return (f.sin_alpha * f.cos_alpha - lagged) / late
+def _convected_rate(f, lagged, gradient, behind):
+    return (f.sin_alpha * f.cos_alpha - lagged) * f.speed / behind
 
 
-def _convected_rest(f, gradient, late):
+def _convected_rest(f, gradient, behind):
     return f.sin_alpha * f.cos_alpha
 
 
@@ -343,9 +343,9 @@ def _convected_rest(f, gradient, late):
     rate=_convected_rate,
     rest=_convected_rest,
     gradient=(0.3, 0.5),
-    late=(0.04, 0.09),
+    behind=(0.25, 0.6),
 )
-def _convected(f, lagged, gradient, late):
+def _convected(f, lagged, gradient, behind):
     return gradient * f.speed * lagged
 
 

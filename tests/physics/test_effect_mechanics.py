@@ -14,6 +14,7 @@ from glider.physics.effects import (
     ELEVATOR_SCALE,
     GROUND_EFFECT,
     INDUCED_DRAG,
+    LAGGED_DOWNWASH,
     LAGGED_SEPARATION,
     LIBRARY,
     NO_FIELD,
@@ -272,6 +273,22 @@ def test_stalled_downwash_is_downwash_until_it_stalls():
     np.testing.assert_allclose(  # Ten fades beyond, nothing is left of it.
         flown(effect, flying_at(0.9)), nominal_derivatives(flying_at(0.9)), rtol=1e-5
     )
+
+
+def test_lagged_downwash_is_downwash_of_an_angle_that_comes_late():
+    effect = LAGGED_DOWNWASH(gradient=0.5, time_constant=0.08)
+    theta = Theta(PARAMETERS, np.array(effect.values), NO_FIELD)
+    chain, model = compose((LAGGED_DOWNWASH,)), GliderModel(effects=(effect,))
+    for alpha in (-0.6, -0.1, 0.05, 0.3, 0.8):
+        x, product = flying_at(alpha, elevator=0.1), np.sin(alpha) * np.cos(alpha)
+        rest = model.initial_state(x)
+        assert rest[7] == pytest.approx(product)
+        rates = chain.derivatives(0.0, rest, 0.0, 0.0, 0.0, theta)
+        np.testing.assert_allclose(rates[:7], flown(DOWNWASH(gradient=0.5), x))
+        late = np.append(x, 0.5 * product)
+        rates = chain.derivatives(0.0, late, 0.0, 0.0, 0.0, theta)
+        np.testing.assert_allclose(rates[:7], flown(DOWNWASH(gradient=0.25), x))
+        assert rates[7] == pytest.approx(0.5 * product / 0.08)
 
 
 def test_wind_shear_is_the_wind_of_that_height():

@@ -53,6 +53,7 @@ REQUIRED = [
     "ground_effect",
     "downwash",
     "stalled_downwash",
+    "lagged_downwash",
     "tail_wake",
     "elevator_trim",
     "elevator_scale",

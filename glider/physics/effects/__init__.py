@@ -17,6 +17,7 @@ from glider.physics.effects.geometry import (
     ELEVATOR_BLOWBACK,
     ELEVATOR_SCALE,
     ELEVATOR_TRIM,
+    LAGGED_DOWNWASH,
     STALLED_DOWNWASH,
     WIND,
     WIND_SHEAR,

@@ -145,6 +145,11 @@ def stalling(fade: float, *angles: float) -> tuple[Coefficient, ...]:
     )
 
 
+def lag(name: str, *times: float) -> Coefficient:
+    """Returns the time constant of a lag, with times to start at [s]."""
+    return Coefficient(name, "s", 0.08, scale=0.02, lower=0.012, upper=1.0, grid=times)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EffectKind:
     """A physical effect that a flat-plate glider may lack."""

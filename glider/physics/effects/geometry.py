@@ -7,7 +7,13 @@ from glider.physics.aerodynamics import (
     tail_load,
     turned,
 )
-from glider.physics.effects.effect import Coefficient, EffectKind, constant, stalling
+from glider.physics.effects.effect import (
+    Coefficient,
+    EffectKind,
+    constant,
+    lag,
+    stalling,
+)
 from glider.physics.formulas import scalar, sin
 
 
@@ -35,6 +41,21 @@ def _downwash(flow, gradient):
 def _stalled_downwash(flow, gradient, stall_angle, fade):
     alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha)
     return _downwash(flow, gradient) * attached_share(alpha, stall_angle, fade)
+
+
+@scalar
+def _lagged_downwash(flow, lagged, gradient, time_constant):
+    return gradient * flow.speed * lagged
+
+
+@scalar
+def _lagged_downwash_rate(flow, lagged, gradient, time_constant):
+    return (flow.sin_alpha * flow.cos_alpha - lagged) / time_constant
+
+
+@scalar
+def _lagged_downwash_steady(flow, gradient, time_constant):
+    return flow.sin_alpha * flow.cos_alpha
 
 
 @scalar
@@ -188,4 +209,27 @@ STALLED_DOWNWASH = EffectKind(
 
 With attached flow the wing deflects the stream down; once it stalls, the stream reaches
 the tail undeflected (Etkin and Reid, Dynamics of Flight; faded like `attached_lift`).
+"""
+
+LAGGED_DOWNWASH = EffectKind(
+    kind="lagged_downwash",
+    stage="geometry",
+    adds_to=("downwash",),
+    coefficients=(
+        Coefficient("gradient", "-", scale=0.3, lower=-3.0, upper=3.0),
+        lag("time_constant", 0.04, 0.1),
+    ),
+    formula=_lagged_downwash,
+    words="the wing's downwash, which reaches the tail late",
+    depends_on=("alpha", "alphadot", "V"),
+    states=("lagged_downwash",),
+    state_rate=_lagged_downwash_rate,
+    steady_state=_lagged_downwash_steady,
+)
+"""Lagged downwash: gradient · V s for `downwash`, with τ ṡ = sin α cos α - s.
+
+The stream that the wing deflects takes l_t / V to reach the tail: at 7 m/s and 0.3 m
+behind the wing 0.04 s, and longer where the wake rolls up slowly. A first-order lag has
+the delay's effect on slow motions, that of C_m_α̇ (Etkin and Reid, Dynamics of Flight);
+valid where α changes little within τ.
 """

@@ -3,7 +3,13 @@
 import numpy as np
 
 from glider.physics.aerodynamics import angle_of_attack, attached_share, gaussian
-from glider.physics.effects.effect import Coefficient, EffectKind, constant, stalling
+from glider.physics.effects.effect import (
+    Coefficient,
+    EffectKind,
+    constant,
+    lag,
+    stalling,
+)
 from glider.physics.formulas import scalar
 
 _ROUNDING = 1e-8
@@ -84,11 +90,6 @@ def _tail_wake(flow, loss, angle, width):
     return -loss * gaussian(alpha, angle, width)
 
 
-def _lag(name: str, *times: float) -> Coefficient:
-    """Returns a lag, with times to start at [s]."""
-    return Coefficient(name, "s", 0.08, scale=0.02, lower=0.012, upper=1.0, grid=times)
-
-
 ATTACHED_LIFT = EffectKind(
     kind="attached_lift",
     stage="surface",
@@ -149,7 +150,7 @@ DYNAMIC_STALL = EffectKind(
     adds_to=("wing_normal",),
     coefficients=(
         Coefficient("strength", "-", scale=1.0, lower=-5.0, upper=20.0),
-        _lag("time_constant", 0.03, 0.08, 0.2),
+        lag("time_constant", 0.03, 0.08, 0.2),
     ),
     formula=_dynamic_stall,
     words="dynamic stall: lift that lags a changing angle of attack",
@@ -172,7 +173,7 @@ LAGGED_SEPARATION = EffectKind(
     coefficients=(
         Coefficient("slope", "1/rad", scale=2.0, lower=-6.0, upper=12.0),
         *stalling(0.06, 0.28),
-        _lag("relaxation", 0.08),
+        lag("relaxation", 0.08),
         Coefficient("delay", "s", scale=0.01, lower=0.0, upper=0.3, grid=(0.03,)),
     ),
     formula=_lagged_separation,

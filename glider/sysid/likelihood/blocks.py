@@ -75,7 +75,10 @@ class BlockKind:
 
 _DRAGS = "profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
-_OF_TAIL = "tail_wake elevator_area downwash stalled_downwash elevator_blowback"
+_OF_TAIL = (
+    "tail_wake elevator_area downwash stalled_downwash lagged_downwash "
+    "elevator_blowback"
+)
 _LINKS = {
     "air along x": ("air", "wind_x", "air along x that changes", ""),
     "air along z": ("air", "wind_z", "air along z that changes", ""),
@@ -138,7 +141,10 @@ _FAMILIES = (
     ("tail's force", "alpha elevator", "tail_wake"),
     ("tail's force", "elevator", ""),
     ("stream at the tail", "alpha", "downwash stalled_downwash"),
-    ("stream at the tail", "alpha reduced_rate", "downwash stalled_downwash"),
+    (
+        *("stream at the tail", "alpha reduced_rate"),
+        "downwash stalled_downwash lagged_downwash",
+    ),
     ("tail's angle", "tail_load", "elevator_blowback"),
     ("tail's angle", "elevator", ""),
     ("measured x", "x z", "position_scale frame_tilt marker_offset"),

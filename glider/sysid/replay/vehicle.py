@@ -135,7 +135,7 @@ def _hidden(campaign: Campaign, layout: Layout) -> tuple[set[str], list[str]]:
         dropped |= {kind.kind for kind in layout.replayed_kinds}
         dropped |= {"elevator_trim", "elevator_scale", "elevator_blowback"}
         if "elevator_area" in unknown:  # How the flow meets it is one with its size.
-            dropped |= {"downwash", "stalled_downwash", "tail_wake"}
+            dropped |= {"downwash", "stalled_downwash", "lagged_downwash", "tail_wake"}
     elif servo.command == "reconstructed":
         actuators = [e.kind for e in layout.kinds.values() if e.stage == "actuator"]
         dropped |= {*actuators}
