@@ -138,14 +138,18 @@ def test_flights_are_those_of_the_plant():
 
 
 def test_own_states_rest_where_the_plant_has_them_rest():
-    own = KINDS["dynamic_stall"](strength=1.0), KINDS["lagged_separation"](slope=1.0)
+    own = [
+        KINDS["lagged_downwash"](gradient=0.1),
+        KINDS["dynamic_stall"](strength=1.0),
+        KINDS["lagged_separation"](slope=1.0),
+    ]
     plant = GliderPlant(model=GliderModel(effects=(*own, BOOM(), INFLOW(gain=0.1))))
     state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
     theta = LAYOUT.default_theta(plant.model.parameters)
     rest = LAYOUT.steady_states(0.0, state, 0.0, theta)
     np.testing.assert_allclose(rest, plant.model.initial_state(state)[7:])
-    assert rest[3] > 0.1  # It sinks.
-    assert LAYOUT.steady_states(0.0, state, 3.0, theta)[2] == 3.0
+    assert rest[4] > 0.1  # It sinks.
+    assert LAYOUT.steady_states(0.0, state, 3.0, theta)[3] == 3.0
 
 
 def test_a_flight_begins_near_rest():
