@@ -53,7 +53,7 @@ def trace(
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     search, start = fits.Search(task, progress), start_of(task, noise)
-    model = stands(search, start, earlier) if earlier else None
+    model = resumed(search, start, earlier) if earlier else None
     if model is None:
         search = fits.Search(task, progress)
         *_, model = searched(search, start)
@@ -81,7 +81,7 @@ def trace(
     )
 
 
-def stands(
+def resumed(
     search: fits.Search, start: FitResult, earlier: FitResult
 ) -> FitResult | None:
     """Returns an earlier model fitted to other flights, unless a move improves on it.
