@@ -138,7 +138,7 @@ def names_of(
     values, places = coordinates_of(model, known, together)
     slots = task.layout.slots_of(RATE_LIFT) if link == "lift" else ()
     acting = [i for i in slots if i in known.free]  # The formula is of the same force.
-    values, places = np.append(values, model.theta[acting]), [*places]
+    values = np.append(values, model.theta[acting])
     places += map(known.free.index, acting)
 
     def rows(at: np.ndarray) -> np.ndarray:

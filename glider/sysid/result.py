@@ -53,9 +53,7 @@ class ReportedEffect:
     #: Flight-to-flight standard deviations of coefficients that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model carries a free function.
-    found_by: str = (
-        ""  #: Name of the move of the search that found it last, if one did.
-    )
+    found_by: str = ""  #: Name of the move that found it last, or `tracing.EARLIER`.
     family: str = ""  #: `BlockKind.link` of a free function; empty for a formula.
     indistinguishable_from: tuple[str, ...] = ()  #: Kinds that would do as well.
     depends_on: tuple[str, ...]  #: Variables that it varies with.

@@ -75,10 +75,8 @@ class BlockKind:
 
 _DRAGS = "profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
-_OF_TAIL = (
-    "tail_wake elevator_area downwash stalled_downwash lagged_downwash "
-    "elevator_blowback"
-)
+_DOWNWASH = "downwash stalled_downwash"
+_OF_TAIL = f"tail_wake elevator_area {_DOWNWASH} lagged_downwash elevator_blowback"
 _LINKS = {
     "air along x": ("air", "wind_x", "air along x that changes", ""),
     "air along z": ("air", "wind_z", "air along z that changes", ""),
@@ -140,11 +138,8 @@ _FAMILIES = (
     ("tail's force", "alpha", "tail_wake"),
     ("tail's force", "alpha elevator", "tail_wake"),
     ("tail's force", "elevator", ""),
-    ("stream at the tail", "alpha", "downwash stalled_downwash"),
-    (
-        *("stream at the tail", "alpha reduced_rate"),
-        "downwash stalled_downwash lagged_downwash",
-    ),
+    ("stream at the tail", "alpha", _DOWNWASH),
+    ("stream at the tail", "alpha reduced_rate", f"{_DOWNWASH} lagged_downwash"),
     ("tail's angle", "tail_load", "elevator_blowback"),
     ("tail's angle", "elevator", ""),
     ("measured x", "x z", "position_scale frame_tilt marker_offset"),

@@ -112,7 +112,6 @@ def prepare(
     masks, stops = masks or {}, None
     if campaign.elevator == "servo":
         stops = find_stops(campaign, masks, noise.elevator)
-
     settings = dataclasses.replace(campaign, flights=())
 
     def one(flight: Flight) -> Record:

@@ -68,7 +68,8 @@ def _replayed(record: Record, last: bytes) -> Signals:
         return replayed_path(replay, *tape, query, start=begin, limits=record.limits)
 
     path, persists = path_from(record.rest), np.ones(n, bool)
-    step = np.abs(np.diff(path[:n])).max()  # It may reach a stop between rows.
+    # It may reach a stop between rows.
+    step = np.abs(np.diff(path[:n])).max(initial=0.0)
     if path.min() < low + step or path.max() > high - step:
         off = path_from(record.rest + _PERTURBATION) - path
         persists = np.logical_and.accumulate(off[:n] > 0.5 * _PERTURBATION)

@@ -109,12 +109,10 @@ class HeldOutEvidence:
         index, prior = self._with_always(sets), self._prior
         rows, columns = index[:, None, :, None], index[:, None, None, :]
         flights = np.arange(len(grams))[:, None]
-        precision = prior.precision[index][:, None]
+        precision, mean = prior.precision[index][:, None], prior.mean[index][:, None]
         system = grams[flights[..., None], rows, columns]
         system += precision[..., None] * np.eye(index.shape[1])
-        side = (
-            grams[flights, index[:, None], -1] + precision * prior.mean[index][:, None]
-        )
+        side = grams[flights, index[:, None], -1] + precision * mean
         return solve_scaled(system, side, 0.0)
 
     def _costs(self, sets: np.ndarray) -> np.ndarray:

@@ -168,9 +168,10 @@ def reshaped(search: Search, model: FitResult) -> FitResult | None:
     task = search.task
     for kind in model.kinds:
         has_shape = any(map(task.is_shape, task.layout.slots_of(kind)))
-        if not has_shape or (kind, frozenset(model.kinds)) in search.reshaped:
+        tried = kind, frozenset(model.kinds)
+        if not has_shape or tried in search.reshaped:
             continue
-        search.reshaped.add((kind, frozenset(model.kinds)))
+        search.reshaped.add(tried)
         fewer = search.fit(without(task, model, kind), f"is {kind} needed?")
         if (near := search.near(fewer)) is None:
             continue
