@@ -116,7 +116,7 @@ def banked(theta, factor):
 
 
 def set_tangent(now, y, rate, wind_x, wind_z, theta, tangent):
-    """Writes the tangent (v + 1, 16) of theta's field at a state."""
+    """Writes the tangent (v + 1, 18) of theta's field at a state."""
     field = theta.field
     tangent[:] = 0.0
     motion = motion_of(now, y, actuator_terms(rate, y, theta.c))

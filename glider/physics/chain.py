@@ -60,7 +60,7 @@ def sensor_terms(flow, x, c):
 
 def residual_terms(flow, field):
     """The residual field's FIELD_TERMS."""
-    return (0.0,) * 15
+    return (0.0,) * 17
 
 
 def effect_rates(flow, xdd, zdd, x, c):
@@ -207,6 +207,8 @@ def accelerations(flow, terms, x, c):
     _, _, force_x, force_z, moment, _, _ = wrench(flow, terms, x, c)
     change, turn_change, added_mass, added_inertia, coupling = inertia_terms(flow, x, c)
     mass = flow.mass * (1.0 + change)
+    added_mass = added_mass + flow.mass * terms[12]
+    added_inertia = added_inertia + flow.pitch_inertia * terms[13]
     inertia = flow.pitch_inertia * (1.0 + turn_change) + added_inertia
     # Not by the angle of attack, whose sine is a quotient by an airspeed.
     along = flow.air_x * flow.cos_pitch - flow.air_z * flow.sin_pitch
@@ -269,9 +271,9 @@ def measure(x, theta):
     error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c)
     terms = residual_terms(flow, theta.field)
     return (
-        x[0] + error_x + terms[12],
-        x[1] + error_z + terms[13],
-        x[2] + error_pitch + terms[14],
+        x[0] + error_x + terms[14],
+        x[1] + error_z + terms[15],
+        x[2] + error_pitch + terms[16],
     )
 
 

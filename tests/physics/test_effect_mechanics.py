@@ -22,6 +22,7 @@ from glider.physics.effects import (
     STALLED_DOWNWASH,
     WIND_SHEAR,
 )
+from glider.physics.effects.field import FieldData, make_field
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Theta
 from tests.helpers.physics import (
@@ -338,6 +339,30 @@ def test_added_mass_obeys_kirchhoffs_equations(ahead):
         actual = flown(effect, x, 3.0)
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
         assert np.linalg.norm(actual - nominal_derivatives(x, 3.0)) > 0.1
+
+
+def test_a_field_of_added_mass_obeys_them_at_each_angle_of_attack():
+    center, width, weights = 0.3, 0.2, (0.4, 0.25)
+    field = make_field(
+        FieldData(
+            variables=["alpha"],
+            centers=[[center]],
+            widths=[width],
+            weights={"added_mass": [weights[0]], "added_inertia": [weights[1]]},
+        )
+    )
+    theta = Theta(PARAMETERS, np.zeros(0), field)
+    with_field = compose((), has_field=True)
+    for x in random_states(30):
+        velocity = x[4:6]
+        across, along = velocity @ normal_of(x[2]), velocity @ axis_of(x[2])
+        alpha = np.arctan2(-across, along)
+        share = np.exp(-0.5 * ((alpha - center) / width) ** 2)
+        mass = weights[0] * share * PARAMETERS.mass
+        inertia = weights[1] * share * PARAMETERS.pitch_inertia
+        expected = kirchhoff(x, 3.0, PARAMETERS, mass, inertia, 0.0)
+        actual = with_field.derivatives(0.0, x, 3.0, 0.0, 0.0, theta)
+        np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
 
 
 def test_air_ahead_of_the_center_of_mass_has_the_energy_of_its_motion():

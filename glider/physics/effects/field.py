@@ -48,6 +48,10 @@ BODY_TERMS = ("push", "c_axial")
 """Force forward along the body axis over the mass [m/s²]; coefficient of one backward,
 referred to ½ ρ V² S_w [-]."""
 
+INERTIA_TERMS = ("added_mass", "added_inertia")
+"""Mass of the air that moves with the wing along its normal, over the glider's, and its
+pitch inertia, over the glider's [-, -]."""
+
 SENSOR_TERMS = ("pose_x", "pose_z", "pose_pitch")
 """Measured minus true pose [m, m, rad], over _SENSOR_VARIABLES alone."""
 
@@ -55,6 +59,7 @@ _SENSOR_VARIABLES = "x", "z", "pitch"
 
 FIELD_TERMS = (
     *(*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, *WING_TERMS, *BODY_TERMS),
+    *INERTIA_TERMS,
     *SENSOR_TERMS,
 )
 
@@ -76,9 +81,9 @@ class Field(NamedTuple):
     #: (M, v), zero where the function does not depend on the variable; a row of zeros
     #: is a constant.
     inverse_widths: np.ndarray
-    #: (M, 15), in the order of FIELD_TERMS.
+    #: (M, 17), in the order of FIELD_TERMS.
     weights: np.ndarray
-    #: (v + 1, 16), or of length zero, of what is added as linear about a point: its
+    #: (v + 1, 18), or of length zero, of what is added as linear about a point: its
     #: variables in the first column, slopes of the terms along them in the others, and
     #: values there in the last row.
     tangent: np.ndarray = np.zeros((0, 1 + len(FIELD_TERMS)))
@@ -114,6 +119,7 @@ def field_terms(flow, field):
     """Returns the values of FIELD_TERMS in a flow."""
     wind_x = wind_z = lift = drag = moment = tail = 0.0 * flow.speed
     turn = angle = wing = normal = push = axial = 0.0 * flow.speed
+    mass = inertia = 0.0 * flow.speed
     pose_x = pose_z = pose_pitch = 0.0 * flow.speed
     if field.weights.shape[0] > 0:
         variables = field_variables(flow)
@@ -137,9 +143,11 @@ def field_terms(flow, field):
             normal = normal + basis * field.weights[m, 9]
             push = push + basis * field.weights[m, 10]
             axial = axial + basis * field.weights[m, 11]
-            pose_x = pose_x + basis * field.weights[m, 12]
-            pose_z = pose_z + basis * field.weights[m, 13]
-            pose_pitch = pose_pitch + basis * field.weights[m, 14]
+            mass = mass + basis * field.weights[m, 12]
+            inertia = inertia + basis * field.weights[m, 13]
+            pose_x = pose_x + basis * field.weights[m, 14]
+            pose_z = pose_z + basis * field.weights[m, 15]
+            pose_pitch = pose_pitch + basis * field.weights[m, 16]
     if field.tangent.shape[0] > 0:
         variables = field_variables(flow)
         for d in range(field.tangent.shape[0]):
@@ -158,8 +166,10 @@ def field_terms(flow, field):
             normal = normal + apart * slopes[10]
             push = push + apart * slopes[11]
             axial = axial + apart * slopes[12]
+            mass = mass + apart * slopes[13]
+            inertia = inertia + apart * slopes[14]
     wrenches = lift, drag, moment, tail, turn, angle, wing, normal, push, axial
-    return (wind_x, wind_z, *wrenches, pose_x, pose_z, pose_pitch)
+    return (wind_x, wind_z, *wrenches, mass, inertia, pose_x, pose_z, pose_pitch)
 
 
 @dataclasses.dataclass(kw_only=True)

@@ -72,6 +72,8 @@ TERMS = {
     "tail_angle": "angle added to the elevator's [rad]",
     "wing_factor": "force of the wing, relative change",
     "push": "force along the body axis over the mass [m/s²]",
+    "added_mass": "added mass over the mass",
+    "added_inertia": "added inertia over the pitch inertia",
     "c_lift": "lift $C_L$",
     "c_drag": "drag $C_D$",
     "wind_x": "air moving forward [m/s]",

@@ -15,7 +15,12 @@ import numpy as np
 import scipy.linalg
 
 from glider.physics.effects import FIELD_VARIABLES
-from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS, FieldData
+from glider.physics.effects.field import (
+    AIR_TERMS,
+    INERTIA_TERMS,
+    SENSOR_TERMS,
+    FieldData,
+)
 from glider.sysid.constants import RESOLVED
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
@@ -25,7 +30,7 @@ SPREADS = {
     **dict.fromkeys(AIR_TERMS, 0.5),
     **{"c_normal": 0.2, "c_axial": 0.2, "c_drag": 0.2, "c_moment": 0.01},
     **{"elevator_factor": 0.5, "tail_downwash": 0.2, "tail_angle": 0.2},
-    **{"wing_factor": 0.2, "push": 1.0},
+    **{"wing_factor": 0.2, "push": 1.0, **dict.fromkeys(INERTIA_TERMS, 0.1)},
     **dict.fromkeys(SENSOR_TERMS, 0.05),
 }
 """Prior spread of a block's weights at a strength of one [m/s; -, -, -, m; -, rad, rad;
@@ -85,6 +90,8 @@ _LINKS = {
     "axial force": ("wing_force", "c_axial", "an axial force that changes", _DRAGS),
     "push": ("push", "push", "a push along the body axis that changes", ""),
     "moment": ("moment", "c_moment", "a moment that changes", ""),
+    "added mass": ("inertia", "added_mass", "an added mass that changes", ""),
+    "added inertia": ("inertia", "added_inertia", "an added inertia that changes", ""),
     "wing's force": ("wing_force", "wing_factor", "a wing's force that changes", ""),
     "tail's force": (
         *("tail_pressure", "elevator_factor", "a tail's force that changes"),
@@ -132,6 +139,8 @@ _FAMILIES = (
     ("moment", "alpha reduced_rate", "pitch_damping added_mass"),
     ("moment", "elevator", ""),
     ("moment", "elevator_rate", ""),
+    ("added mass", "alpha", "added_mass"),
+    ("added inertia", "alpha", "added_mass inertia"),
     ("wing's force", "V", "airspeed_dependence"),
     ("wing's force", "z", "ground_effect"),
     ("tail's force", "V", ""),

@@ -40,6 +40,15 @@ TOW = FieldData(
 )
 
 
+SHED = FieldData(
+    kind="unexplained",
+    variables=["alpha"],
+    centers=[[0.0]],
+    widths=[0.4],
+    weights={"added_mass": [0.3]},
+)
+
+
 def searched(field, flights=6, seed=0, kinds=None):
     """A search in flights through a field, and the plate fitted to them."""
     rng = np.random.default_rng(seed)
@@ -102,6 +111,22 @@ def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     pushed += thrust / start[index["parameters", "mass"]]
     true = 3.0 * np.exp(-0.5 * (t / 0.06) ** 2)
     assert pushed == pytest.approx(true, abs=0.3)
+
+
+def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha():
+    """Neither drags nor a moment by the pitch rate, which stood in for it."""
+    search, plate = searched(SHED, kinds=("added_mass", "inertia", "induced_drag"))
+    found = improved(search, plate)
+    assert found.free_kinds == ("added mass over alpha",)
+    assert set(found.kinds) <= {"added mass over alpha", "added_mass"}
+    own = found.by_name["added mass over alpha"]
+    alpha = np.linspace(0.1, 1.0, 19)[:, None]
+    carried = own.block.values(own.coordinates, alpha)[:, 0]
+    index, start = search.task.layout.index, search.task.vehicle.theta
+    mass = found.theta[index["added_mass", "mass"]]
+    carried += mass / start[index["parameters", "mass"]]
+    true = 0.3 * np.exp(-0.5 * (alpha[:, 0] / 0.4) ** 2)
+    assert carried == pytest.approx(true, abs=0.05)
 
 
 def test_every_family_is_of_the_library():
