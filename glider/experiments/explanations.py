@@ -12,20 +12,19 @@ from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.candidates import gather, tamed
+from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
+from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.information import (
     Evidence,
     counted_from,
     eliminate,
     solve_scaled,
 )
-from glider.sysid.likelihood.linear_flight import nearest_start, slopes, starts_of
 from glider.sysid.likelihood.model_fit import (
-    FitResult,
     fit_model,
     grams_of,
     linear_flights,
     prior_of,
-    start_of,
 )
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task

@@ -15,7 +15,8 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.sysid.fit.prediction import RolloutModel, predict
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.scales import fit_scales, start_scales, typical_flights
+from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
+from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.replayed import flow_along, signals
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of

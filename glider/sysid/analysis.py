@@ -28,7 +28,8 @@ from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood import uncertainty
-from glider.sysid.likelihood.model_fit import FitResult, fit_model
+from glider.sysid.likelihood.fit_result import FitResult
+from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare

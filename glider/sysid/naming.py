@@ -11,7 +11,7 @@ import numpy as np
 
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, SLACK, SLIGHT, Z
 from glider.sysid.likelihood.blocks import BLOCKS
-from glider.sysid.likelihood.model_fit import FitResult
+from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.search.support import SearchResult
@@ -19,6 +19,8 @@ from glider.sysid.search.support import SearchResult
 LIFT = "lift over alpha"
 PAIR = "alpha and reduced_rate"
 RATE_LIFT = "pitch_rate_lift"
+OVER_RATE = {"lift": RATE_LIFT, "moment": "pitch_damping"}
+"""The formula that is linear in the pitch rate, of each link with such functions."""
 
 
 def absorbed(
@@ -85,14 +87,14 @@ def standing_alone(
 ) -> set[str]:
     """Returns the free functions that only help no formula that is named.
 
-    Neither one that they bend and that has no function of its own family (of another
-    family: if they explain less than a tenth of it), nor one that a formula of their
-    family, unnamed itself, helps.
+    Neither one that they bend (of another family: if they explain less than a tenth of
+    that), nor one that a formula of their family, unnamed itself, helps.
     """
     named = evidence.keys() - unnamed.keys() - {*free_kinds}
     found = set()
-    for block, bends in bends_among(free_kinds).items():
-        helped = {k for k in bends & named if _helps(block, k, evidence)}
+    for block in free_kinds:
+        bends = BLOCKS[block].bends
+        helped = {k for k in bends if _helps(block, k, named, free_kinds, evidence)}
         for kind in BLOCKS[block].formulas:
             helped |= named.intersection(unnamed.get(kind, ()))
         if block not in unnamed and not helped:
@@ -100,11 +102,24 @@ def standing_alone(
     return found
 
 
-def _helps(block: str, kind: str, evidence: Mapping[str, float]) -> bool:
-    """Whether a free function that bends a formula need be no effect of its own."""
+def _helps(
+    block: str,
+    kind: str,
+    named: Collection[str],
+    free_kinds: Collection[str],
+    evidence: Mapping[str, float],
+) -> bool:
+    """Whether a free function that bends a formula need be no effect of its own.
+
+    It is of another family if it has one without the formula, or the formula has
+    functions of its own.
+    """
     family = BLOCKS[block].formulas
-    is_other = bool(family) and kind not in family
-    return not is_other or evidence[block] < SLACK * evidence[kind]
+    beside = [own for own in free_kinds if kind in BLOCKS[own].formulas]
+    if kind in family or not (family or beside):
+        return kind in named
+    whole = evidence.get(kind, 0.0) + sum(evidence[own] for own in beside)
+    return evidence[block] < SLACK * whole
 
 
 def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[str]:
@@ -136,7 +151,7 @@ def names_of(
     if block not in together or pair not in together:
         return {nearest}
     values, places = coordinates_of(model, known, together)
-    slots = task.layout.slots_of(RATE_LIFT) if link == "lift" else ()
+    slots = task.layout.slots_of(OVER_RATE[link])
     acting = [i for i in slots if i in known.free]  # The formula is of the same force.
     values = np.append(values, model.theta[acting])
     places += map(known.free.index, acting)
@@ -154,15 +169,21 @@ def names_of(
         is_known = forces > Z * known.std_along(places, rows)
         return float(np.where(is_known, forces, 0.0).max())
 
+    def certainty(rows: np.ndarray) -> float:
+        return float(np.max(np.abs(rows @ values) / known.std_along(places, rows)))
+
     least, names = LEAST_PART * shown(whole), set[str]()
-    by_rate = shown(whole - static)
-    if shown(static) > least:
+    by_rate, changes = shown(whole - static), whole - static
+    is_static, is_by_rate = shown(static) > least, by_rate > least
+    if not is_static and not is_by_rate:  # Neither is known; one is what was found.
+        is_static = certainty(static) > certainty(changes[np.any(changes, axis=1)])
+    if is_static:
         of_lift = link == "lift" and names_of_lift(task, model, known)
         names |= of_lift or {"center_of_pressure"}
-    if by_rate > least:
+    if is_by_rate or not is_static:
         is_attached = link == "lift" and shown(rates - neither) > LEAST_PART * by_rate
-        names.add(RATE_LIFT if is_attached else nearest)
-    return names or {nearest}
+        names.add(RATE_LIFT if is_attached and by_rate else nearest)
+    return names
 
 
 def over_rate(model: FitResult, link: str) -> list[str]:

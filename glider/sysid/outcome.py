@@ -15,9 +15,12 @@ from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
-from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
-from glider.sysid.likelihood.model_fit import FitResult, error_flights
+from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
+from glider.sysid.likelihood.fit_result import FitResult
+from glider.sysid.likelihood.model_fit import error_flights
+from glider.sysid.likelihood.scale_fit import fit_scales
+from glider.sysid.likelihood.scales import FLOOR, NAMES
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
@@ -42,17 +45,17 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """
     flights = error_flights(task, model)
     # Those of the model may be priors, as in the search along the attitude.
-    fitted, base, _ = scales.fit_scales(flights, model.scales)
-    values = scales.flight_values(flights, fitted)
+    fitted, base, _ = fit_scales(flights, model.scales)
+    values = flight_values(flights, fitted)
     names, found = [record.name for record in task.records], {}
     for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
-        least = dataclasses.replace(fitted, **{scale: getattr(scales.FLOOR, scale)})
-        others = [name for name in scales.NAMES if name != scale]
-        lost = scales.fit_scales(flights, least, others).cost - base
+        least = dataclasses.replace(fitted, **{scale: getattr(FLOOR, scale)})
+        others = [name for name in NAMES if name != scale]
+        lost = fit_scales(flights, least, others).cost - base
         std = getattr(fitted, scale)
         size = LEAST_SPREAD * task.layout.scale[task.layout.index[kind, coefficient]]
         if lost > EVIDENCE_THRESHOLD and size < min(std, getattr(model.scales, scale)):
-            own = values[:, scales.PER_FLIGHT.index((kind, coefficient))].tolist()
+            own = values[:, PER_FLIGHT.index((kind, coefficient))].tolist()
             found[kind] = Spread(
                 std=std,
                 std_error=std / math.sqrt(2.0 * len(own)),

@@ -2,7 +2,7 @@
 
 An oracle knows the candidates: the sizes of the library's effects with their shapes, of
 which one acts or none. With the whitened column x_k of a candidate in one flight (see
-`glider.sysid.likelihood.scales.whiten`), N flights know its size alone to
+`glider.sysid.likelihood.filtering.whiten`), N flights know its size alone to
     σ_k = 1 / √(Σ x_k'x_k),
 and where candidate j acts with a size of d σ_j, the sizes fitted to each candidate
 alone are, over their σ_k,
@@ -26,15 +26,17 @@ import numpy as np
 
 from glider.sysid.constants import RIVAL_GAP
 from glider.sysid.likelihood.candidates import tamed
-from glider.sysid.likelihood.linear_flight import (
+from glider.sysid.likelihood.directions import (
     Direction,
-    LinearFlight,
     nearest_start,
     slopes,
     starts_of,
 )
-from glider.sysid.likelihood.model_fit import FitResult, grams_of, linear_flights
-from glider.sysid.likelihood.scales import Scales, fit_scales, typical_flights
+from glider.sysid.likelihood.fit_result import FitResult
+from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.model_fit import grams_of, linear_flights
+from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 
 FALSE_ALARMS = 0.01

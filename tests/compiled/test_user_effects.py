@@ -16,9 +16,11 @@ from glider.physics.effects import KINDS, Replay
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.fit.prediction import RolloutModel, find_launch
-from glider.sysid.likelihood.linear_flight import linearize, slopes
+from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.filtering import start_variances
+from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
+from glider.sysid.likelihood.scales import Scales, start_scales
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.replayed import signals, true_nodes

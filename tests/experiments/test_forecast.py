@@ -11,8 +11,8 @@ from glider.experiments.forecast import Forecast, added, times
 from glider.experiments.throw_limits import limits_flown
 from glider.experiments.throws import flown_throw, log_of, range_of
 from glider.physics.effects import NO_FIELD
+from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.scales import whiten
 from glider.sysid.replay.record import prepare
 
 

@@ -6,8 +6,10 @@ import numpy as np
 
 from glider.physics.effects import NO_FIELD
 from glider.physics.state import NUM_STATES
-from glider.sysid.likelihood.linear_flight import Direction, LinearFlight, linearize
-from glider.sysid.likelihood.scales import Scales, whiten
+from glider.sysid.likelihood.directions import Direction
+from glider.sysid.likelihood.filtering import whiten
+from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.replay.record import Record
 
 SCALES = Scales(position=4e-4, pitch=2.5e-3, elevator=5e-3)

@@ -3,7 +3,7 @@
 import dataclasses
 
 from glider.physics.effects.effect import Effect
-from glider.sysid.likelihood.model_fit import FitResult
+from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.search.fits import Search
 from tests.helpers.tasks import begin, fly, task_of
 

@@ -12,6 +12,7 @@ from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import (
     LIFT,
+    OVER_RATE,
     absorbed,
     names_of,
     names_of_lift,
@@ -186,8 +187,8 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     assert unnamed(long, beside, (block,)) == {}
     first = {"attached_lift": 30.0, "lagged_separation": 60.0, "lift over alpha": 50.0}
     assert unnamed(short, first, ("lift over alpha",)).keys() == {"lagged_separation"}
-    three = {"added_mass": 90.0, "pitch_rate_lift": 30.0}
-    shaped = {"pitch_rate_lift": {"added_mass", block}}
+    three = {"dynamic_stall": 90.0, "pitch_rate_lift": 30.0}
+    shaped = {"pitch_rate_lift": {"dynamic_stall", block}}
     assert unnamed({}, three | {block: 50.0}, (block,)) == shaped
     assert unnamed({}, three | {block: 20.0}, (block,)) == {}
     stream = "stream at the tail over alpha"  # Its family has no area.
@@ -222,25 +223,35 @@ def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
     one = {"tail_wake": 46.0, load: 4.0}
     assert not standing_alone(one, (load,), {})
     assert standing_alone(one | {load: 5.0}, (load,), {}) == {load}
-    both = one | {wake: 550.0}
-    assert standing_alone(both, (load, wake), {}) == {load}  # It has a function.
+    both = one | {wake: 550.0}  # Which counts as the effect's own evidence.
+    assert not standing_alone(both | {load: 59.0}, (load, wake), {})
+    assert standing_alone(both | {load: 60.0}, (load, wake), {}) == {load}
+    speed = "tail's force over V"  # It has no family.
+    own = {wake: 550.0, speed: 54.0}
+    assert standing_alone(own, (wake, speed), {}) == {wake}
+    assert standing_alone(own | {speed: 56.0}, (wake, speed), {}) == {wake, speed}
 
 
 @pytest.mark.parametrize(
-    ("link", "function", "arm", "names"),
+    ("link", "function", "slope", "names", "likelier"),
     [
-        ("lift", lambda a, q: np.sin(a), None, {"attached_lift"}),
-        ("lift", lambda a, q: -0.3 * q, None, {"pitch_rate_lift"}),
-        ("lift", lambda a, q: 0.3 * q * (a > 0.3), None, {"dynamic_stall"}),
-        ("lift", lambda a, q: 0.3 * q * (a > 0.3), 0.3, {"pitch_rate_lift"}),
+        ("lift", lambda a, q: np.sin(a), 0.0, "attached_lift", ""),
+        ("lift", lambda a, q: -0.3 * q, 0.0, "pitch_rate_lift", "dynamic_stall"),
+        ("lift", lambda a, q: 0.3 * q * (a > 0.3), 0.0, "dynamic_stall", ""),
         (
-            "lift",
-            lambda a, q: np.sin(a) - 0.5 * q,
-            None,
-            {"attached_lift", "pitch_rate_lift"},
+            *("lift", lambda a, q: 0.3 * q * (a > 0.3), 0.3),
+            *("pitch_rate_lift", "dynamic_stall"),
         ),
-        ("moment", lambda a, q: 0.01 * np.sin(3.0 * a), None, {"center_of_pressure"}),
-        ("moment", lambda a, q: 0.01 * q * (a < 0.4), None, {"pitch_damping"}),
+        (
+            *("lift", lambda a, q: np.sin(a) - 0.5 * q, 0.0),
+            *("attached_lift pitch_rate_lift", "attached_lift"),
+        ),
+        ("moment", lambda a, q: 0.01 * np.sin(3.0 * a), 0.0, "center_of_pressure", ""),
+        ("moment", lambda a, q: 0.01 * q * (a < 0.4), 0.0, "pitch_damping", ""),
+        (
+            *("moment", lambda a, q: 0.01 * np.sin(3.0 * a), 0.004),
+            *("center_of_pressure pitch_damping", "center_of_pressure"),
+        ),
     ],
     ids=[
         "lift",
@@ -250,35 +261,36 @@ def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
         "both",
         "moment",
         "damping",
+        "damping's formula",
     ],
 )
 def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
-    link, function, arm, names
+    link, function, slope, names, likelier
 ):
     task, _ = task_of(fly(flights=2, duration=0.6))
     name = f"{link} over alpha and reduced_rate"
-    block, nearest = task.blocks[name], {"lift": "dynamic_stall"}
+    block, formula = task.blocks[name], OVER_RATE[link]
+    nearest = {"lift": "dynamic_stall", "moment": "pitch_damping"}[link]
     low, high = block.centers.min(axis=0), block.centers.max(axis=0)
     at = np.random.default_rng(0).uniform(low, high, size=(2000, 2))
     shown = block.functions(at) @ block.mix
     weights = np.linalg.lstsq(shown, function(*at.T), rcond=1e-6)[0]
     own = FittedBlock(block=block, coordinates=weights, strength=1.0)
-    theta, [slot] = task.vehicle.theta.copy(), task.layout.slots_of("pitch_rate_lift")
-    theta[slot] = arm or 0.0
+    theta, [slot] = task.vehicle.theta.copy(), task.layout.slots_of(formula)
+    theta[slot] = slope
     model = types.SimpleNamespace(kinds=(name,), theta=theta, by_name={name: own})
     known = types.SimpleNamespace(
-        free=[slot] if arm else [],
+        free=[slot] if slope else [],
         places={name: range(1, 1 + block.count)},
         std_along=lambda places, rows: np.full(np.shape(rows)[:-1], 1e-4),
     )
-    found = names_of(task, model, known, name, nearest.get(link, "pitch_damping"))
-    assert found == names
+    assert names_of(task, model, known, name, nearest) == {*names.split()}
     unknown = types.SimpleNamespace(
         free=known.free,
         places=known.places,
         std_along=lambda places, rows: np.full(np.shape(rows)[:-1], 10.0),
     )
-    assert names_of(task, model, unknown, name, "added_mass") == {"added_mass"}
+    assert names_of(task, model, unknown, name, nearest) == {likelier or names}
 
 
 @pytest.mark.parametrize(

@@ -23,13 +23,11 @@ from glider.sysid.fit.prediction import (
     of_launch,
 )
 from glider.sysid.likelihood.blocks import between, values_at_nodes
+from glider.sysid.likelihood.filtering import negative_log_likelihood, start_variances
+from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
-from glider.sysid.likelihood.model_fit import FitResult, error_flights
-from glider.sysid.likelihood.scales import (
-    Scales,
-    negative_log_likelihood,
-    start_variances,
-)
+from glider.sysid.likelihood.model_fit import error_flights
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.result import EquationErrors, Errors

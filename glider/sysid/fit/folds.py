@@ -11,8 +11,10 @@ from glider.sysid.constants import CLIP, FOLDS, GAIN_CHANCE, WORSE
 from glider.sysid.fit.prediction import compare, flown_by, mean_squares
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
+from glider.sysid.likelihood.filtering import negative_log_likelihood
+from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import counted_from
-from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
 from glider.sysid.search.tracing import search_about, without_late
@@ -89,12 +91,12 @@ def ratio_of(before: float, after: float) -> float:
 
 def hold_out(
     task: Task,
-    baseline: model_fit.FitResult,
-    corrected: model_fit.FitResult,
+    baseline: FitResult,
+    corrected: FitResult,
     scales: Scales,
     rng: np.random.Generator,
     apart: Collection[str] = (),
-    nominal: model_fit.FitResult | None = None,
+    nominal: FitResult | None = None,
 ) -> HeldOut:
     """Holds out each flight once, the effects of the corrected model searched again.
 
@@ -133,7 +135,7 @@ def hold_out(
 class _Refits:
     """A model, made again from some flights by one step from the fit to all."""
 
-    def __init__(self, task: Task, model: model_fit.FitResult, is_searched: bool):
+    def __init__(self, task: Task, model: FitResult, is_searched: bool):
         self.task, self.is_searched = task, is_searched
         self.model = model = model_fit.in_surroundings(
             task, model, model_fit.error_flights(task, model)
@@ -157,7 +159,7 @@ class _Refits:
         # The likelihood is a square of changes and what depends on the scales alone.
         self.constant = now - 0.5 * self.grams[:, -1, -1]
 
-    def on(self, counts: np.ndarray) -> tuple[model_fit.FitResult, np.ndarray]:
+    def on(self, counts: np.ndarray) -> tuple[FitResult, np.ndarray]:
         """Returns the model of flights that count so often, and all flights' costs."""
         model, columns = self.model, list(range(len(self.prior.mean)))
         if self.is_searched:
@@ -173,7 +175,7 @@ class _Refits:
             step = self._of_unknown(model, step)
         return model_fit.moved(self.task, model, step), costs
 
-    def _of_unknown(self, model: model_fit.FitResult, step: np.ndarray) -> np.ndarray:
+    def _of_unknown(self, model: FitResult, step: np.ndarray) -> np.ndarray:
         """A step of all candidates along what always acts in a model with a set."""
         slots, always = self.candidates.slots, set(self.candidates.always)
         own = {slot: step[j] for j, slot in enumerate(slots) if j in always}

@@ -17,21 +17,16 @@ from glider.compiled.replay import LogPath, roll_out
 from glider.compiled.theta import OFFSET
 from glider.physics.effects import Field
 from glider.sysid.constants import BEGINNING, FEWEST_ROWS
+from glider.sysid.likelihood.filtering import negative_log_likelihood, smooth
+from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.linear_flight import (
     STILL_AIR,
     Surroundings,
     linearize,
     path_of,
 )
-from glider.sysid.likelihood.model_fit import FitResult, field_of
-from glider.sysid.likelihood.scales import (
-    FLOOR,
-    Scales,
-    fit_scales,
-    negative_log_likelihood,
-    smooth,
-    typical_flights,
-)
+from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
+from glider.sysid.likelihood.scales import FLOOR, Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes

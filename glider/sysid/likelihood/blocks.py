@@ -80,16 +80,17 @@ class BlockKind:
 
 _DRAGS = "profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
+_RATE_FORCES = f"added_mass {_LAGGED}"
 _DOWNWASH = "downwash stalled_downwash"
 _OF_TAIL = f"tail_wake elevator_area {_DOWNWASH} lagged_downwash elevator_blowback"
 _LINKS = {
     "air along x": ("air", "wind_x", "air along x that changes", ""),
     "air along z": ("air", "wind_z", "air along z that changes", ""),
-    "lift": ("wing_force", "c_normal", "a lift that changes", _LAGGED),
+    "lift": ("wing_force", "c_normal", "a lift that changes", _RATE_FORCES),
     "drag": ("wing_force", "c_drag", "a drag that changes", _DRAGS),
     "axial force": ("wing_force", "c_axial", "an axial force that changes", _DRAGS),
     "push": ("push", "push", "a push along the body axis that changes", ""),
-    "moment": ("moment", "c_moment", "a moment that changes", ""),
+    "moment": ("moment", "c_moment", "a moment that changes", "added_mass"),
     "added mass": ("inertia", "added_mass", "an added mass that changes", ""),
     "added inertia": ("inertia", "added_inertia", "an added inertia that changes", ""),
     "wing's force": ("wing_force", "wing_factor", "a wing's force that changes", ""),
@@ -123,8 +124,8 @@ _FAMILIES = (
     ("air along z", "z", ""),
     ("air along z", "t", ""),
     ("lift", "alpha", "attached_lift camber"),
-    ("lift", "reduced_rate", f"pitch_rate_lift added_mass {_LAGGED}"),
-    ("lift", "alpha reduced_rate", f"pitch_rate_lift added_mass {_LAGGED}"),
+    ("lift", "reduced_rate", f"pitch_rate_lift {_LAGGED}"),
+    ("lift", "alpha reduced_rate", f"pitch_rate_lift {_LAGGED}"),
     ("lift", "elevator_rate", ""),
     ("drag", "alpha", _DRAGS),
     ("axial force", "alpha", _DRAGS),
@@ -135,8 +136,8 @@ _FAMILIES = (
     ("push", "t", "thrust"),
     ("moment", "alpha", "center_of_pressure pitch_moment"),
     ("moment", "V", ""),
-    ("moment", "reduced_rate", "pitch_damping added_mass"),
-    ("moment", "alpha reduced_rate", "pitch_damping added_mass"),
+    ("moment", "reduced_rate", "pitch_damping"),
+    ("moment", "alpha reduced_rate", "pitch_damping"),
     ("moment", "elevator", ""),
     ("moment", "elevator_rate", ""),
     ("added mass", "alpha", "added_mass"),

@@ -9,19 +9,13 @@ from glider.compiled.parallel import in_parallel
 from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import Block
+from glider.sysid.likelihood.directions import Direction, slopes, starts_of
+from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
+from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
-from glider.sysid.likelihood.linear_flight import (
-    Direction,
-    LinearFlight,
-    slopes,
-    starts_of,
-)
-from glider.sysid.likelihood.scales import (
-    Scales,
-    fit_scales,
-    negative_log_likelihood,
-    whiten,
-)
+from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.scale_fit import fit_scales
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
@@ -38,7 +32,7 @@ class Candidates:
     """Columns of the flights about a model, and the effects they belong to."""
 
     task: Task  #: Of the flights.
-    model: model_fit.FitResult  #: About which the flights are linear.
+    model: FitResult  #: About which the flights are linear.
     directions: tuple[Direction, ...]  #: Of the columns; those of acting blocks follow.
     variants: dict[str, tuple[Variant, ...]]  #: By kind; one of a kind that acts.
     flights: Sequence[LinearFlight]  #: Linear in the directions and what acts.
@@ -117,9 +111,7 @@ class Candidates:
         )
 
 
-def gather(
-    task: Task, model: model_fit.FitResult, with_blocks: bool = False
-) -> Candidates:
+def gather(task: Task, model: FitResult, with_blocks: bool = False) -> Candidates:
     """Linearizes all flights about a model, in all candidates, blocks if asked.
 
     Blocks that act in the model are candidates too.
@@ -176,7 +168,7 @@ def gather(
 
 
 def gather_in_parts(
-    task: Task, model: model_fit.FitResult, scales: Scales
+    task: Task, model: FitResult, scales: Scales
 ) -> tuple[Candidates, np.ndarray, np.ndarray]:
     """Gathers candidates on many flights, a few of which are in memory at once.
 
@@ -204,7 +196,7 @@ def gather_in_parts(
     return whole, grams, np.concatenate(costs)
 
 
-def _at_bounds(task: Task, model: model_fit.FitResult) -> set[int]:
+def _at_bounds(task: Task, model: FitResult) -> set[int]:
     """Returns the free slots that stay at a bound of theirs.
 
     Beyond it they would fit better, so that no set that moves them is physical: shapes,
@@ -218,7 +210,7 @@ def _at_bounds(task: Task, model: model_fit.FitResult) -> set[int]:
     return set(np.array(slots)[is_at_end & (is_shape | is_none)].tolist())
 
 
-def survey(task: Task, model: model_fit.FitResult) -> dict[str, float]:
+def survey(task: Task, model: FitResult) -> dict[str, float]:
     """Computes the evidence of each block that does not act, on top of a model [nats].
 
     On a few flights; minus infinity where the model diverges.
@@ -258,7 +250,7 @@ def tamed(
     return tame, found
 
 
-def saturated(candidates: Candidates, rounds: int) -> model_fit.FitResult:
+def saturated(candidates: Candidates, rounds: int) -> FitResult:
     """Returns the model with scales and surroundings as if all formulas acted.
 
     They act at once, shrunken: otherwise a missing effect would be taken for noise, or

@@ -20,8 +20,10 @@ from glider.sysid.constants import (
 )
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
+from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
+from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.information import solve
-from glider.sysid.likelihood.scales import PER_FLIGHT, Scales, flight_values
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
 
@@ -42,7 +44,7 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 
 def mean_squares(task: Task, noise: Noise) -> np.ndarray:
     """Returns the mean square of each flight's remaining error (flights,)."""
-    model = model_fit.start_of(task, noise)
+    model = start_of(task, noise)
     candidates, grams, _ = gather_in_parts(task, model, COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
     prior = model_fit.prior_of(task, model, candidates.slots)
@@ -75,7 +77,7 @@ def deviations(values: np.ndarray, least: float) -> np.ndarray:
     return apart / (std * (1.0 + 4.0 / len(values)))
 
 
-def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
+def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
     """Returns flights of extreme wind, trim or pitch offset, and the reasons.
 
     A flight's constants may absorb that it has another unit or glider; the variation

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.likelihood import model_fit
+from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.task import Task
 
@@ -55,7 +56,7 @@ class Uncertainty:
         return np.sqrt(np.maximum(variances, scatter))
 
 
-def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
+def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
     """Returns the errors of a model's parameters."""
     grams = model_fit.grams_of(model_fit.linear_flights(task, model), model.scales)
     mine = {i for kind in model.kinds for i in task.layout.slots_of(kind)}
@@ -75,14 +76,12 @@ class Alternative:
     """A set of effects that may be the right one."""
 
     probability: float  #: Of those that are nearly as likely.
-    model: model_fit.FitResult
+    model: FitResult
     known: Uncertainty  #: Given that the set is right.
 
 
 def alternatives_of(
-    task: Task,
-    model: model_fit.FitResult,
-    rivals: Sequence[tuple[model_fit.FitResult, float]],
+    task: Task, model: FitResult, rivals: Sequence[tuple[FitResult, float]]
 ) -> list[Alternative]:
     """Returns a model and its rivals, by the evidence that these lack [nats]."""
     odds = np.exp([0.0, *(-lack for _, lack in rivals)])

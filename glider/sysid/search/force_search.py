@@ -13,14 +13,11 @@ import numpy as np
 from glider.progress import Progress, Step
 from glider.sysid.constants import ALONG_ATTITUDE, HELD_OUT_THRESHOLD
 from glider.sysid.likelihood.candidates import Candidates, gather
+from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.information import solve_scaled
-from glider.sysid.likelihood.model_fit import (
-    FitResult,
-    error_flights,
-    fit_model,
-    start_of,
-)
-from glider.sysid.likelihood.scales import NAMES, fit_scales, start_scales
+from glider.sysid.likelihood.model_fit import error_flights, fit_model
+from glider.sysid.likelihood.scale_fit import fit_scales
+from glider.sysid.likelihood.scales import NAMES, start_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
 from glider.sysid.result import EvidenceThreshold

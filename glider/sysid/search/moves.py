@@ -12,9 +12,10 @@ import numpy as np
 
 from glider.sysid.constants import CLEAR, FOLLOWED, SLACK, Z
 from glider.sysid.likelihood.blocks import BLOCKS
+from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
+from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import solve_scaled
-from glider.sysid.likelihood.model_fit import FitResult, error_flights
-from glider.sysid.likelihood.scales import PER_FLIGHT, flight_values
+from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.fits import Search, without

@@ -1,5 +1,6 @@
 """Sets of effects by their evidence: a beam with swaps, and hill climbing."""
 
+import heapq
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import Protocol
@@ -129,6 +130,12 @@ class Scorer:
         for pair in combinations(members, 2):
             yield from self.larger(tuple(m for m in members if m not in pair))
 
+    def parted(self, members: Members) -> Iterable[Members]:
+        """Yields sets with one member exchanged for two: the best others, and more."""
+        for rest in self.smaller(members):
+            for other in heapq.nlargest(FOLLOWED, self.larger(rest), key=self):
+                yield from self.larger(other)
+
 
 def _columns_of(members: Members) -> list[int]:
     """Returns the columns of a set."""
@@ -139,16 +146,20 @@ def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
     """Returns the set that no swap betters, and no drop or addition where it may.
 
     Nor one effect in the place of two: a tilted frame is a turned pitch and a thrust.
+    Nor two in the place of one that stood for both.
     """
     while True:
+        is_full = len(members) >= MOST_EFFECTS
         options = [*score.swapped(members)]
         if not same_size:
             options += score.smaller(members)
-        if not same_size and len(members) < MOST_EFFECTS:
+        if not same_size and not is_full:
             options += score.larger(members)
         best = max(options, key=score, default=members)
         if not same_size and not score(best) > score(members) + 1e-6:
             best = max(score.merged(members), key=score, default=members)
+        if not (same_size or score(best) > score(members) + 1e-6 or is_full):
+            best = max(score.parted(members), key=score, default=members)
         if not score(best) > score(members) + 1e-6:
             return members
         members = best

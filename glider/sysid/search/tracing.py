@@ -15,7 +15,7 @@ import numpy as np
 from glider.progress import Progress, Step
 from glider.sysid.constants import FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
-from glider.sysid.likelihood.model_fit import FitResult, start_of
+from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
 from glider.sysid.result import EvidenceThreshold

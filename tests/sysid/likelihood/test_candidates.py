@@ -9,8 +9,8 @@ from glider.physics.effects import KINDS
 from glider.sysid.likelihood import candidates as gathering
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather, gather_in_parts, saturated
+from glider.sysid.likelihood.filtering import negative_log_likelihood
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from tests.helpers.tasks import begin, fly, task_of
 

@@ -8,18 +8,17 @@ import pytest
 
 from glider.compiled.filter_error import no_flight
 from glider.physics.effects import NO_FIELD
-from glider.sysid.likelihood import scales
-from glider.sysid.likelihood.linear_flight import linearize, slopes
-from glider.sysid.likelihood.scales import (
-    MOMENT_TIME,
-    SERVO_TIME,
-    Scales,
+from glider.sysid.likelihood import filtering
+from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.filtering import (
     negative_log_likelihood,
     score,
     smooth,
     start_variances,
     whiten,
 )
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.scales import MOMENT_TIME, SERVO_TIME, Scales
 from tests.helpers.tasks import fly, task_of, with_gyro
 
 ROWS = 14
@@ -207,13 +206,13 @@ def test_changed_coefficients_are_one_column(flight):
 
 
 def test_every_flight_takes_the_filter_that_is_compiled_first(flight, monkeypatch):
-    types, filter_flight = [], scales.filter_flight
+    types, filter_flight = [], filtering.filter_flight
 
     def spy(*arguments):
         types.append(tuple(map(numba.typeof, arguments)))
         filter_flight(*arguments)
 
-    monkeypatch.setattr(scales, "filter_flight", spy)
+    monkeypatch.setattr(filtering, "filter_flight", spy)
     for asked in (flight, flight.error_only()):
         whiten(asked, SCALES)
     assert set(types) == {tuple(map(numba.typeof, no_flight()))}

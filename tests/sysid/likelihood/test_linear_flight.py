@@ -16,14 +16,9 @@ from glider.physics.effects.field import (
     gaussians,
     make_field,
 )
-from glider.sysid.likelihood.linear_flight import (
-    STILL_AIR,
-    linearize,
-    path_of,
-    slopes,
-    starts_of,
-)
-from glider.sysid.likelihood.scales import whiten
+from glider.sysid.likelihood.directions import slopes, starts_of
+from glider.sysid.likelihood.filtering import whiten
+from glider.sysid.likelihood.linear_flight import STILL_AIR, linearize, path_of
 from glider.sysid.replay.replayed import signals, true_nodes
 from tests.helpers.columns import SCALES, column_error, of_launch, whitened
 from tests.helpers.tasks import fly, task_of, with_gyro

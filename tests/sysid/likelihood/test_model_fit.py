@@ -10,17 +10,17 @@ from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import FittedBlock
+from glider.sysid.likelihood.filtering import (
+    excludes,
+    negative_log_likelihood,
+    surroundings_of,
+)
 from glider.sysid.likelihood.linear_flight import Surroundings
 from glider.sysid.likelihood.model_fit import (
     error_flights,
     fit_model,
     fit_strength,
     in_surroundings,
-)
-from glider.sysid.likelihood.scales import (
-    excludes,
-    negative_log_likelihood,
-    surroundings_of,
 )
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.record import Record

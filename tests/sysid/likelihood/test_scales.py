@@ -5,15 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.sysid.likelihood.filtering import negative_log_likelihood
 from glider.sysid.likelihood.model_fit import fit_model, linear_flights
-from glider.sysid.likelihood.scales import (
-    CEILING,
-    FLOOR,
-    NAMES,
-    Scales,
-    fit_scales,
-    negative_log_likelihood,
-)
+from glider.sysid.likelihood.scale_fit import fit_scales
+from glider.sysid.likelihood.scales import CEILING, FLOOR, NAMES, Scales
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
 

@@ -58,12 +58,11 @@ def test_a_climb_swaps_what_another_does_better(decoyed):
 class Told:
     """Evidence of sets of columns from a table."""
 
-    def __init__(self):
-        self.gains = {(): 0.0, (0,): 10.0, (1,): 10.0, (2,): 98.0, (0, 1): 100.0}
-        self.gains[0, 1, 2] = 101.0
+    def __init__(self, gains, usual):
+        self.gains, self.usual = gains, usual
 
     def log_marginal(self, columns):
-        return self.gains.get(tuple(sorted(columns)), 99.0)
+        return self.gains.get(tuple(sorted(columns)), self.usual)
 
     def extended(self, columns, more):
         return [self.log_marginal([*columns, *variant]) for variant in more]
@@ -75,12 +74,25 @@ class Told:
 def test_a_climb_finds_one_in_the_place_of_two():
     """No swap, drop or addition betters the pair."""
     variants = {"turn": [(0,)], "thrust": [(1,)], "tilt": [(2,)]}
-    score = Scorer(Told(), variants, lambda kind, kinds: EVIDENCE_THRESHOLD)
+    gains = {(): 0.0, (0,): 10.0, (1,): 10.0, (2,): 98.0, (0, 1): 100.0}
+    told = Told(gains | {(0, 1, 2): 101.0}, 99.0)
+    score = Scorer(told, variants, lambda kind, kinds: EVIDENCE_THRESHOLD)
     pair = (("turn", (0,)), ("thrust", (1,)))
     steps = [*score.swapped(pair), *score.smaller(pair), *score.larger(pair)]
     assert all(score(other) < score(pair) for other in steps)
     assert kinds_of(climb(score, pair)) == {"tilt"}
     assert climb(score, pair, same_size=True) == pair
+
+
+def test_a_climb_finds_two_in_the_place_of_one():
+    """Neither is worth what the one is, nor adds to it."""
+    variants = {"lift": [(0,)], "moment": [(1,)], "both": [(2,)]}
+    told = Told({(): 0.0, (0,): 10.0, (1,): 5.0, (2,): 50.0, (0, 1): 60.0}, 51.0)
+    score = Scorer(told, variants, lambda kind, kinds: EVIDENCE_THRESHOLD)
+    one = (("both", (2,)),)
+    steps = [*score.swapped(one), *score.smaller(one), *score.larger(one)]
+    assert all(score(other) < score(one) for other in steps)
+    assert kinds_of(climb(score, one)) == {"lift", "moment"}
 
 
 def test_the_best_of_each_size_is_told(decoyed):

@@ -1,0 +1,71 @@
+"""Directions in which a model may be wrong, each a column of a flight's errors."""
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from glider.compiled.theta import Layout
+from glider.physics.effects import EffectKind
+
+SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
+SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
+Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and values.
+
+
+class Direction(NamedTuple):
+    """One coefficient moved, the shapes of its effect set to some start."""
+
+    kind: str  #: Of the effect, or "parameters".
+    slot: int  #: Of the coefficient in theta.
+    size: float  #: By how much.
+    shapes: Shapes = ()  #: Starting ones; empty where the effect acts already.
+
+    def base(self, theta: np.ndarray) -> np.ndarray:
+        """Returns theta with the shapes set."""
+        base = theta.copy()
+        for slot, value in self.shapes:
+            base[slot] = value
+        return base
+
+    def moved(self, theta: np.ndarray) -> np.ndarray:
+        """Returns theta with the shapes set and the coefficient moved."""
+        moved = self.base(theta)
+        moved[self.slot] += self.size
+        return moved
+
+
+def slopes(layout: Layout, free: Iterable[int], shapes: Shapes = ()) -> list[Direction]:
+    """Returns the directions of slots as they are, for a fit."""
+    scale, first = layout.scale.tolist(), layout.num_compiled
+    sizes = {i: scale[i] * (SMALL if i < first else SMALL_SIGNAL) for i in free}
+    return [Direction(layout.slots[i][0], i, s, shapes) for i, s in sizes.items()]
+
+
+def starts_of(
+    layout: Layout, kind: EffectKind, theta: np.ndarray
+) -> list[list[Direction]]:
+    """Returns an absent effect's directions, for each combination of its shapes.
+
+    An effect whose every coefficient is a shape (a lag, a delay) is tried by secants to
+    its starting values, for it is not linear there.
+    """
+    slots = dict(zip(layout.slots_of(kind.kind), kind.coefficients, strict=True))
+    sizes = [i for i, c in slots.items() if not c.is_shape]
+    grids = [[(i, v) for v in c.grid] for i, c in slots.items() if c.is_shape]
+    if not sizes:
+        starts = itertools.chain.from_iterable(grids)
+        return [[Direction(kind.kind, i, v - float(theta[i]))] for i, v in starts]
+    return [slopes(layout, sizes, shapes) for shapes in itertools.product(*grids)]
+
+
+def nearest_start(
+    layout: Layout, starts: Sequence[Sequence[Direction]], theta: np.ndarray
+) -> int:
+    """Index of the start whose shapes are nearest to those of theta."""
+    apart = [
+        sum(abs(v - theta[i]) / layout.scale[i] for i, v in columns[0].shapes)
+        for columns in starts
+    ]
+    return int(np.argmin(apart))

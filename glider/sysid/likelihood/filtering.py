@@ -1,0 +1,176 @@
+"""Flights filtered and smoothed: their likelihood, and what they say of themselves."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from glider.compiled.filter_error import (
+    OWN_STATES,
+    PROCESSES,
+    filter_flight,
+    score_flight,
+    smooth_flight,
+)
+from glider.compiled.parallel import in_parallel
+from glider.compiled.theta import OFFSET
+from glider.physics.state import NUM_STATES
+from glider.sysid.constants import LAUNCH_SPREAD, STATE_SPREAD
+from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings
+from glider.sysid.likelihood.scales import NAMES, Scales
+
+_FAR = 3.0  # Standard deviations beyond which no constant or gust of a flight is found.
+
+
+class WhitenedFlight(NamedTuple):
+    """A flight whitened."""
+
+    innovations: np.ndarray  #: (K + 1, C, m) over their standard deviations.
+    log_variances: np.ndarray  #: (K + 1, C) of them; 0 where nothing was seen.
+
+    @property
+    def cost(self) -> float:
+        """Negative log-likelihood of a single column [nats]."""
+        with np.errstate(over="ignore"):  # A model may diverge.
+            squares = float(np.sum(self.innovations**2))
+        return 0.5 * (squares + float(self.log_variances.sum()))
+
+    @property
+    def gram(self) -> np.ndarray:
+        """Squares of the columns: the flight's information, (m, m)."""
+        flat = self.innovations.reshape(-1, self.innovations.shape[2])
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+            return flat.T @ flat
+
+
+def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
+    """Returns those of the deviations at the first node, in the filter's order."""
+    s, record = scales, flight.record
+    launch, servo = np.array(LAUNCH_SPREAD), s.servo
+    if not record.has_servo:
+        launch[OFFSET], servo = 1e-6, 0.0
+    own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
+    extra = STATE_SPREAD * record.layout.state_scale[flight.states[NUM_STATES:]]
+    return np.square(np.concatenate([launch, extra, own]))
+
+
+def whiten(
+    flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
+) -> WhitenedFlight:
+    """Filters a flight; the start's variances are given where they are others."""
+    if start is None:
+        start = start_variances(flight, scales)
+    arguments = _filter_arguments(flight.whole(), scales, start, 0)
+    filter_flight(*arguments)
+    return WhitenedFlight(arguments[13], np.log(arguments[14]))
+
+
+def _filter_arguments(
+    flight: LinearFlight, scales: Scales, start: np.ndarray, smoothed: int
+) -> tuple[np.ndarray, ...]:
+    """Arguments of `filter_columns`, with so many nodes to be smoothed."""
+    record, n = flight.record, flight.by_x.shape[1]
+    usual, channels = start_variances(flight, scales), record.seen.shape[1]
+    return (
+        *(record.time, flight.by_x, flight.by_air, flight.by_trim, flight.inputs),
+        *(flight.pose_by_x, flight.outputs, record.seen),
+        np.square(scales.sensors[:channels]),
+        start,
+        flight.start.copy(),
+        1.0 / np.array(scales.times),
+        usual[n : n + PROCESSES],
+        *(np.empty(flight.outputs.shape), np.empty(record.seen.shape)),
+        np.empty((smoothed, channels, n + OWN_STATES)),
+        np.empty((smoothed, 2, n + OWN_STATES + 1)),
+    )
+
+
+class Smoothed(NamedTuple):
+    """What all rows of a flight of one column say of it."""
+
+    start: np.ndarray  #: (n + 8,) deviations at the first node, then the constants.
+    gusts: np.ndarray  #: (K, 2) mean velocities of the moving air in intervals [m/s].
+
+
+def smooth(flight: LinearFlight, scales: Scales) -> Smoothed:
+    """Smooths a flight of one column, its error."""
+    start = start_variances(flight, scales)
+    arguments = _filter_arguments(flight, scales, start, len(flight.record.time))
+    adjoint = np.zeros(len(flight.start))
+    smooth_flight(adjoint, *arguments)
+    gusts = arguments[16][:, :, -1]
+    return Smoothed(start * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
+
+
+def excludes(scales: Scales, about: Surroundings) -> bool:
+    """Whether scales exclude what a flight is linear about, however it was found.
+
+    The flight's likelihood is wrong then: it is linear in what is far away.
+    """
+    most = 2.0 * _FAR  # Scales may halve before others are found.
+    is_far = np.abs(about.constants) > most * scales.of_flights
+    return bool(is_far.any()) or bool(np.abs(about.gusts).max() > most * scales.air)
+
+
+PER_FLIGHT = (
+    *(("wind", "x"), ("wind", "z")),
+    *(("elevator_trim", "angle"), ("pitch_offset", "angle")),
+)
+"""Coefficients that may vary from flight to flight, as columns of `flight_values`."""
+
+
+def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
+    """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
+    starts = in_parallel(lambda f: smooth(f, scales).start, flights)
+    return np.array(starts)[:, -len(PER_FLIGHT) :]
+
+
+def surroundings_of(
+    flights: Sequence[LinearFlight], scales: Scales
+) -> dict[str, Surroundings]:
+    """Returns each flight's constants and gusts, given all its rows, by its name."""
+    largest = _FAR * scales.of_flights
+
+    def one(flight: LinearFlight) -> Surroundings:
+        start, gusts = smooth(flight, scales)
+        own = np.clip(start[-len(largest) :], -largest, largest)
+        return Surroundings(own, np.clip(gusts, -_FAR * scales.air, _FAR * scales.air))
+
+    found = in_parallel(one, flights)
+    return {f.record.name: own for f, own in zip(flights, found, strict=True)}
+
+
+def negative_log_likelihood(
+    flights: Sequence[LinearFlight], scales: Scales
+) -> np.ndarray:
+    """Returns each flight's, at its single column (flights,) [nats]."""
+    return np.array(in_parallel(lambda f: whiten(f, scales).cost, flights))
+
+
+def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
+    """Returns the cost of a flight of one column [nats], and its slopes by `logs`."""
+    start, n = start_variances(flight, scales), flight.by_x.shape[1]
+    arguments = _filter_arguments(flight, scales, start, len(flight.record.time))
+    by_sensor, by_start = np.empty_like(arguments[8]), np.empty_like(start)
+    by_power, by_time = np.empty(PROCESSES), np.empty(2)
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        score_flight(by_sensor, by_start, by_power, by_time, *arguments)
+        sensors = np.zeros(5)
+        sensors[: len(by_sensor)] = 2.0 * arguments[8] * by_sensor
+        by_start[n : n + PROCESSES] += by_power
+        air, air_z, moment, servo, *constants = 2.0 * (start * by_start)[n:]
+    by_name = {
+        "position": sensors[0] + sensors[1],
+        "pitch": sensors[2],
+        "elevator": sensors[3],
+        "air": air + air_z,
+        "air_time": by_time.sum(),
+        "moment": moment,
+        "servo": servo,
+        "wind": constants[0] + constants[1],
+        "trim": constants[2],
+        "pitch_zero": constants[3],
+        "rate": sensors[4],
+    }
+    cost = WhitenedFlight(arguments[13], np.log(arguments[14])).cost
+    return cost, np.array([by_name[name] for name in NAMES])

@@ -1,0 +1,149 @@
+"""The fit of the scales of noise to flights: Fisher scoring and BFGS."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from glider.compiled.parallel import in_parallel
+from glider.sysid.constants import FEW_FLIGHTS
+from glider.sysid.likelihood.filtering import score, whiten
+from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.scales import (
+    CEILING,
+    FLOOR,
+    NAMES,
+    PRECISION,
+    USUAL,
+    Scales,
+)
+
+_MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
+_STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
+_LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
+_LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
+
+Flight = TypeVar("Flight")
+
+
+def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
+    """About FEW_FLIGHTS of many, evenly picked."""
+    return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
+
+
+class FittedScales(NamedTuple):
+    """Scales of the greatest likelihood."""
+
+    scales: Scales
+    cost: float  #: Negative log-likelihood there [nats].
+    #: Second derivatives by the logarithms of all scales, for another fit.
+    curvature: np.ndarray | None
+
+
+def fit_scales(
+    flights: Sequence[LinearFlight],
+    scales: Scales,
+    free: Sequence[str] = NAMES,
+    iterations: int = 8,
+    tolerance: float = 0.05,
+    curvature: np.ndarray | None = None,
+) -> FittedScales:
+    """Maximises the likelihood of the scales by Fisher scoring, damped.
+
+    Those in `free` are fitted to flights with one column, their error, until less than
+    `tolerance` would be gained [nats]. The slopes are exact; the information is that of
+    a few flights, at scales nearby, which suffices.
+    """
+    has_gyro = any(flight.record.seen.shape[1] > 4 for flight in flights)
+    shown = [name for name in free if has_gyro or name != "rate"]
+    index = np.array([NAMES.index(name) for name in shown], dtype=int)
+    low, high = FLOOR.logs, CEILING.logs
+    logs, damping = np.clip(scales.logs, low, high), 0.0
+    value, slopes = _score(flights, logs)
+    begins = bool(flights) and np.isfinite(value)  # Else there is none, or it diverges.
+    for _ in range(iterations if begins else 0):
+        gradient = slopes[index]
+        has_room = np.where(gradient > 0.0, (logs > low)[index], (logs < high)[index])
+        if not has_room.any():
+            break
+        own, gradient = index[has_room], gradient[has_room]
+        if curvature is None:
+            curvature = _information(flights, logs, index)
+        fisher = curvature[np.ix_(own, own)]
+        if not np.all(np.isfinite(fisher)):
+            curvature = None
+            break
+        fisher += np.diag(PRECISION[own] + _LEAST_FISHER)
+        gained = 0.0
+        while damping <= _MOST_DAMPING:
+            step, moved = solve_scaled(fisher, gradient, damping + 1e-6), logs.copy()
+            moved[own] -= np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
+            moved = np.clip(moved, low, high)
+            promised = float(gradient @ (logs - moved)[own])
+            if promised < tolerance:
+                break
+            lower, there = _score(flights, moved)
+            if lower < value:
+                step = moved - logs
+                change = there - slopes - PRECISION * step
+                is_far = np.abs(step).max() >= _LARGEST_STEP
+                curvature = None if is_far else _updated(curvature, step, change)
+                gained, slopes, logs, value = value - lower, there, moved, lower
+                damping = 0.1 * damping if damping > 1e-2 else 0.0
+                break
+            damping = max(10.0 * damping, 0.1)
+        if gained < tolerance:
+            break
+    return FittedScales(Scales.from_logs(logs), value, curvature)
+
+
+def _score(
+    flights: Sequence[LinearFlight], logs: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Returns the cost of such scales with their prior [nats], and its slopes."""
+    scales = Scales.from_logs(logs)
+    found = in_parallel(lambda f: score(f, scales), flights)
+    apart = logs - USUAL
+    return (
+        0.5 * float(PRECISION @ apart**2) + sum(cost for cost, _ in found),
+        PRECISION * apart + sum(slopes for _, slopes in found),
+    )
+
+
+def _information(
+    flights: Sequence[LinearFlight], logs: np.ndarray, index: np.ndarray
+) -> np.ndarray:
+    """Returns the information of flights on logarithms of some scales, of a few."""
+    steps = _STEP_OF_LOG * np.eye(len(logs))[index]
+    moved, scales = [Scales.from_logs(logs + s) for s in steps], Scales.from_logs(logs)
+    few = typical_flights(flights)
+
+    def one(flight: LinearFlight) -> np.ndarray:
+        base = whiten(flight, scales)
+        others = [whiten(flight, own) for own in moved]
+        w = base.innovations.ravel()
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+            by_w = np.array([f.innovations.ravel() - w for f in others]) / _STEP_OF_LOG
+            by_v = [(f.log_variances - base.log_variances).ravel() for f in others]
+            half = 0.5 * np.array(by_v) / _STEP_OF_LOG
+            mean = by_w + half * w
+            return mean @ mean.T + 2.0 * half @ half.T
+
+    matrix = np.zeros((len(logs), len(logs)))
+    total = np.sum(in_parallel(one, few), axis=0)
+    matrix[np.ix_(index, index)] = total * (len(flights) / len(few))
+    return matrix
+
+
+def _updated(matrix: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Returns second derivatives that explain the change of a gradient (BFGS)."""
+    expected = matrix @ step
+    along, before = float(step @ change), float(step @ expected)
+    if not (along > 1e-9 and before > 1e-9):
+        return matrix
+    return (
+        matrix
+        - np.outer(expected, expected) / before
+        + np.outer(change, change) / along
+    )
