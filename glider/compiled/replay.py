@@ -13,12 +13,9 @@ from glider.compiled.runge_kutta import DIFFERENCE, put
 from glider.physics.chain import (
     accelerations,
     actuator_terms,
-    air_terms,
     derivatives,
-    flow_of,
     measure,
     meet_air,
-    motion_of,
     theta_of,
 )
 from glider.physics.effects import (
@@ -119,9 +116,8 @@ def set_tangent(now, y, rate, wind_x, wind_z, theta, tangent):
     """Writes the tangent (v + 1, 18) of theta's field at a state."""
     field = theta.field
     tangent[:] = 0.0
-    motion = motion_of(now, y, actuator_terms(rate, y, theta.c))
-    air_x, air_z = air_terms(motion, y, theta.c)
-    flow = flow_of(motion, air_x + wind_x, air_z + wind_z, theta.p)
+    turning = actuator_terms(rate, y, theta.c)
+    flow, _ = meet_air(now, y, turning, wind_x, wind_z, theta)
     variables = field_variables(flow)
     count = len(variables)
     for d in range(count):

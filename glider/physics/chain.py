@@ -58,6 +58,11 @@ def sensor_terms(flow, x, c):
     return 0.0, 0.0, 0.0
 
 
+def residual_air(flow, field):
+    """Velocity of the residual field's air, world (x, z) [m/s]."""
+    return 0.0, 0.0
+
+
 def residual_terms(flow, field):
     """The residual field's FIELD_TERMS."""
     return (0.0,) * 17
@@ -150,12 +155,17 @@ def elevator_force(flow, plate, deflection, downwash, factor):
 
 
 def meet_air(t, x, rate, wind_x, wind_z, theta):
-    """Returns the Flow of a state and the residual field's terms in it."""
+    """Returns the Flow of a state and the residual field's terms in it.
+
+    The field's air is that of the flow without it.
+    """
     motion = motion_of(t, x, rate)
     more_x, more_z = air_terms(motion, x, theta.c)
     air_x, air_z = wind_x + more_x, wind_z + more_z
-    terms = residual_terms(flow_of(motion, air_x, air_z, theta.p), theta.field)
-    return flow_of(motion, air_x + terms[0], air_z + terms[1], theta.p), terms
+    flow = flow_of(motion, air_x, air_z, theta.p)
+    more_x, more_z = residual_air(flow, theta.field)
+    flow = flow_of(motion, air_x + more_x, air_z + more_z, theta.p)
+    return flow, residual_terms(flow, theta.field)
 
 
 def wrench(flow, terms, x, c):

@@ -14,9 +14,15 @@ from collections.abc import Callable
 
 from glider.physics import chain
 from glider.physics.effects.effect import STAGES, EffectKind
-from glider.physics.effects.field import field_terms, field_variables
+from glider.physics.effects.field import (
+    basis_function,
+    field_air,
+    field_terms,
+    field_variables,
+)
 from glider.physics.state import NUM_STATES
 
+_OF_FIELD = basis_function, field_variables, field_air, field_terms
 _CHAIN = inspect.getsource(chain)
 """Read now: the file may be edited while this process runs."""
 
@@ -121,7 +127,7 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
 
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     """Returns the names that the text of `hooks_source` needs."""
-    names: dict[str, Callable] = {f.__name__: f for f in (field_terms, field_variables)}
+    names: dict[str, Callable] = {f.__name__: f for f in _OF_FIELD}
     for i, effect in enumerate(effects):
         names[f"formula_{i}"] = effect.formula
         if effect.state_rate is not None:
@@ -139,7 +145,7 @@ def source(
     """
     parts = [_CHAIN, hooks_source(effects, skip_absent)]
     if has_field:
-        parts.append("residual_terms = field_terms")
+        parts.append("residual_air, residual_terms = field_air, field_terms")
     return "\n\n".join(parts)
 
 

@@ -1,5 +1,7 @@
 """Effects against the same mechanics written down another way."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
@@ -363,6 +365,29 @@ def test_a_field_of_added_mass_obeys_them_at_each_angle_of_attack():
         expected = kirchhoff(x, 3.0, PARAMETERS, mass, inertia, 0.0)
         actual = with_field.derivatives(0.0, x, 3.0, 0.0, 0.0, theta)
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
+
+
+def test_a_field_of_forces_meets_the_air_of_a_field_as_any_other():
+    """What varies with the angle of attack and the airspeed is of the flow in it."""
+    wind = 0.4, -0.9
+    air = {"wind_x": [wind[0]], "wind_z": [wind[1]]}
+    forces = FieldData(
+        variables=["alpha", "V"],
+        centers=[[0.2, 6.0], [0.7, 4.0]],
+        widths=[0.2, 2.0],
+        weights={"c_drag": [0.3, 0.2], "added_mass": [0.2, 0.1]},
+    )
+    both = dataclasses.replace(forces, more=[FieldData(constant=True, weights=air)])
+    chain = compose((), has_field=True)
+    for x in random_states(30):
+        theta, plain = (
+            Theta(PARAMETERS, np.zeros(0), make_field(data)) for data in (both, forces)
+        )
+        np.testing.assert_allclose(
+            chain.derivatives(0.0, x, 3.0, 0.0, 0.0, theta),
+            chain.derivatives(0.0, x, 3.0, *wind, plain),
+            rtol=1e-12,
+        )
 
 
 def test_air_ahead_of_the_center_of_mass_has_the_energy_of_its_motion():

@@ -111,7 +111,7 @@ def test_the_arrays_of_a_field():
         arrays.inverse_widths[1], [1 / 1.5, 0, 2, 0, 0.5, 2.5, *5 * [0]]
     )
     np.testing.assert_array_equal(arrays.inverse_widths[2], 0.0)  # The constant.
-    np.testing.assert_array_equal(arrays.weights[2], [0, 0, 0.1, 0.05, *11 * [0]])
+    np.testing.assert_array_equal(arrays.weights[2], [0, 0, 0.1, 0.05, *13 * [0]])
 
 
 @pytest.mark.parametrize(

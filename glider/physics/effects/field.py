@@ -115,6 +115,39 @@ def field_variables(flow):
 
 
 @scalar
+def basis_function(variables, field, m):
+    """Returns a basis function of a field at its variables."""
+    exponent = 0.0 * variables[0]
+    for d in range(len(variables)):
+        if field.inverse_widths[m, d] != 0.0:
+            scaled = (variables[d] - field.centers[m, d]) * field.inverse_widths[m, d]
+            exponent = exponent - 0.5 * scaled * scaled
+    return np.exp(exponent)
+
+
+@scalar
+def field_air(flow, field):
+    """Returns the velocity of a field's air, world (x, z) [m/s]."""
+    wind_x = wind_z = 0.0 * flow.speed
+    if field.weights.shape[0] > 0:
+        variables = field_variables(flow)
+        for m in range(field.weights.shape[0]):
+            if field.weights[m, 0] != 0.0 or field.weights[m, 1] != 0.0:
+                basis = basis_function(variables, field, m)
+                wind_x = wind_x + basis * field.weights[m, 0]
+                wind_z = wind_z + basis * field.weights[m, 1]
+    if field.tangent.shape[0] > 0:
+        variables = field_variables(flow)
+        for d in range(field.tangent.shape[0]):
+            slopes, apart = field.tangent[d], 1.0
+            if d < len(variables):
+                apart = variables[d] - slopes[0]
+            wind_x = wind_x + apart * slopes[1]
+            wind_z = wind_z + apart * slopes[2]
+    return wind_x, wind_z
+
+
+@scalar
 def field_terms(flow, field):
     """Returns the values of FIELD_TERMS in a flow."""
     wind_x = wind_z = lift = drag = moment = tail = 0.0 * flow.speed
@@ -124,13 +157,7 @@ def field_terms(flow, field):
     if field.weights.shape[0] > 0:
         variables = field_variables(flow)
         for m in range(field.weights.shape[0]):
-            exponent = 0.0 * flow.speed
-            for d in range(len(variables)):
-                if field.inverse_widths[m, d] != 0.0:
-                    scaled = variables[d] - field.centers[m, d]
-                    scaled = scaled * field.inverse_widths[m, d]
-                    exponent = exponent - 0.5 * scaled * scaled
-            basis = np.exp(exponent)
+            basis = basis_function(variables, field, m)
             wind_x = wind_x + basis * field.weights[m, 0]
             wind_z = wind_z + basis * field.weights[m, 1]
             lift = lift + basis * field.weights[m, 2]

@@ -24,7 +24,7 @@ from glider.sysid.fit.prediction import (
 )
 from glider.sysid.likelihood.blocks import between, values_at_nodes
 from glider.sysid.likelihood.filtering import negative_log_likelihood, start_variances
-from glider.sysid.likelihood.fit_result import FitResult
+from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scales import Scales
@@ -210,7 +210,8 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
             costs.append(negative_log_likelihood(moved, scales))
         return (costs[0] - costs[1]) / (2.0 * _STEP)
 
-    values = [between(values_at_nodes(flight, model.theta)) for flight in flights]
+    theta, field = model.theta, field_of(model)
+    values = [between(values_at_nodes(f, theta, field)) for f in flights]
     sizes = np.abs(np.concatenate(values))
     overall, found = slopes(np.ones(len(sizes))), {}
     for variable in STATES:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 
-from glider.physics.effects import FIELD_VARIABLES
+from glider.physics.effects import FIELD_VARIABLES, Field
 from glider.physics.effects.field import (
     AIR_TERMS,
     INERTIA_TERMS,
@@ -284,11 +284,14 @@ def between(values: np.ndarray) -> np.ndarray:
     return 0.5 * (values[1:] + values[:-1])
 
 
-def values_at_nodes(flight: LinearFlight, theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES at the nodes of a flight, (K + 1, v)."""
+def values_at_nodes(
+    flight: LinearFlight, theta: np.ndarray, field: Field
+) -> np.ndarray:
+    """Returns FIELD_VARIABLES at the nodes of a flight of a model, (K + 1, v)."""
     nodes, wind = flight.nodes.copy(), flight.about.wind(flight.record)
     nodes[:, 4:6] -= np.vstack([wind[:1], between(wind), wind[-1:]])
-    return flow_at_nodes(flight.record, theta, nodes)[:, -len(FIELD_VARIABLES) :]
+    flow = flow_at_nodes(flight.record, theta, nodes, field)
+    return flow[:, -len(FIELD_VARIABLES) :]
 
 
 def make_blocks(flown: np.ndarray) -> dict[str, Block]:

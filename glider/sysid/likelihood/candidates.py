@@ -11,7 +11,7 @@ from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
-from glider.sysid.likelihood.fit_result import FitResult
+from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scale_fit import fit_scales
@@ -65,10 +65,11 @@ class Candidates:
     def _grams(
         self, flights: Sequence[LinearFlight], scales: Scales
     ) -> list[np.ndarray]:
-        theta, blocks = self.model.theta, self.blocks
+        theta, field, blocks = self.model.theta, field_of(self.model), self.blocks
 
         def one(flight: LinearFlight) -> np.ndarray:  # It holds one flight's only.
-            return whiten(model_fit.with_blocks(flight, theta, blocks), scales).gram
+            whole = model_fit.with_blocks(flight, theta, field, blocks)
+            return whiten(whole, scales).gram
 
         return in_parallel(one, flights)
 

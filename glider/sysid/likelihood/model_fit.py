@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
+from glider.physics.effects import Field
 from glider.sysid.constants import LARGEST_STRENGTH, RESOLVED
 from glider.sysid.likelihood.blocks import Block, values_at_nodes
 from glider.sysid.likelihood.directions import Direction, slopes
@@ -63,18 +64,18 @@ def linear_flights(
         flight = linearize(record, model.theta, field, directions, own, sorted(terms))
         if model.has_force_errors:
             flight = flight.with_force_errors()
-        return with_blocks(flight, model.theta, blocks)
+        return with_blocks(flight, model.theta, field, blocks)
 
     return in_parallel(one, task.records)
 
 
 def with_blocks(
-    flight: LinearFlight, theta: np.ndarray, blocks: Sequence[Block]
+    flight: LinearFlight, theta: np.ndarray, field: Field, blocks: Sequence[Block]
 ) -> LinearFlight:
-    """Returns a flight with the columns of blocks, before the last."""
+    """Returns a flight of a model with the columns of blocks, before the last."""
     if not blocks:
         return flight
-    values = values_at_nodes(flight, theta)
+    values = values_at_nodes(flight, theta, field)
     for block in blocks:
         flight = block.added_to(flight, values)
     return flight

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glider.sysid.constants import CLEAR, FOLLOWED, SLACK, Z
+from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS, SLACK, Z
 from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.fit_result import FitResult
@@ -35,6 +35,8 @@ def best(search: Search, model: FitResult) -> FitResult | None:
     score, start = near.score, near.score.by_first(model.kinds)
     sizes = best_of_sizes(score)
     members = climb(score, max([climb(score, start), *sizes], key=score))
+    if len(members) < MOST_EFFECTS:  # One may stand for two.
+        members = climb(score, max([members, *score.parted(members)], key=score))
     enough = score(members) - SLACK * (score(members) - score(start))
     outstanding = next((m for m in sizes if score(m) >= enough), members)
     return search.better(model, near, [outstanding, members], first=True)

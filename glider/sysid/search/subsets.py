@@ -146,20 +146,16 @@ def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
     """Returns the set that no swap betters, and no drop or addition where it may.
 
     Nor one effect in the place of two: a tilted frame is a turned pitch and a thrust.
-    Nor two in the place of one that stood for both.
     """
     while True:
-        is_full = len(members) >= MOST_EFFECTS
         options = [*score.swapped(members)]
         if not same_size:
             options += score.smaller(members)
-        if not same_size and not is_full:
+        if not same_size and len(members) < MOST_EFFECTS:
             options += score.larger(members)
         best = max(options, key=score, default=members)
         if not same_size and not score(best) > score(members) + 1e-6:
             best = max(score.merged(members), key=score, default=members)
-        if not (same_size or score(best) > score(members) + 1e-6 or is_full):
-            best = max(score.parted(members), key=score, default=members)
         if not score(best) > score(members) + 1e-6:
             return members
         members = best
