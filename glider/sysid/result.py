@@ -24,8 +24,7 @@ from glider.physics.model import GliderModel
 VERDICTS = "no_effect", "effect_found", "partly_explained", "unexplained", "not_trusted"
 #: Nominal model; flat plate with refitted parameters; model with the effects.
 MODELS = "nominal", "refitted", "corrected"
-#: The refitted baseline without a constant error of the pitch reading, as that is no
-#: physics; what a perfect model would leave on the same flights.
+#: The refitted baseline without a constant pitch error; what a perfect model leaves.
 CALIBRATED, PERFECT = "calibrated", "floor"
 CURVE_TERMS = "c_normal", "c_axial", "c_moment"
 #: Whether an effect's formula has the shape that the flights show.
@@ -224,8 +223,7 @@ class EvidenceThreshold:
     """Evidence below which an effect is not taken [nats]."""
 
     effect: Number  #: Of one coefficient, at least.
-    #: More for each further coefficient, where evidence is not a marginal likelihood.
-    coefficient: Number = 0.0
+    coefficient: Number = 0.0  #: More for each further one, where it is of predictions.
     uncommon: Number = 0.0  #: More for what not every glider of unknown forces has.
 
 

@@ -22,7 +22,7 @@ from glider.sysid.fit.prediction import (
     errors_from,
     of_launch,
 )
-from glider.sysid.likelihood.blocks import between, values_at_nodes
+from glider.sysid.likelihood.blocks import values_at_nodes, variables_between
 from glider.sysid.likelihood.filtering import negative_log_likelihood, start_variances
 from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
@@ -211,7 +211,7 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
         return (costs[0] - costs[1]) / (2.0 * _STEP)
 
     theta, field = model.theta, field_of(model)
-    values = [between(values_at_nodes(f, theta, field)) for f in flights]
+    values = [variables_between(values_at_nodes(f, theta, field)) for f in flights]
     sizes = np.abs(np.concatenate(values))
     overall, found = slopes(np.ones(len(sizes))), {}
     for variable in STATES:

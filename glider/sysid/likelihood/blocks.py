@@ -226,7 +226,7 @@ class Block:
         `values` (K + 1, v) are FIELD_VARIABLES at its nodes.
         """
         if self.terms[0] not in SENSOR_TERMS:
-            values = between(values)
+            values = variables_between(values)
         functions = self.functions(values[:, self.columns])
         return flight.with_forces(functions, self.terms, self.mix)
 
@@ -282,6 +282,14 @@ def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
 def between(values: np.ndarray) -> np.ndarray:
     """Returns values at the midpoint of each interval, (K, v), from those at nodes."""
     return 0.5 * (values[1:] + values[:-1])
+
+
+def variables_between(values: np.ndarray) -> np.ndarray:
+    """Returns FIELD_VARIABLES at the midpoints, (K, v): angles of attack turn by ±π."""
+    middle, alpha = between(values), FIELD_VARIABLES.index("alpha")
+    turned = between(np.unwrap(values[:, alpha]))
+    middle[:, alpha] = np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
+    return middle
 
 
 def values_at_nodes(

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from glider.campaign.turning import Signs
-from glider.physics.effects import KINDS
+from glider.physics.effects import FIELD_VARIABLES, KINDS
 from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.constants import EVIDENCE_THRESHOLD
-from glider.sysid.likelihood.blocks import BLOCKS, flown_values, make_blocks
+from glider.sysid.likelihood.blocks import (
+    BLOCKS,
+    flown_values,
+    make_blocks,
+    variables_between,
+)
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.outcome import model_of
@@ -127,6 +132,18 @@ def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha()
     carried += mass / start[index["parameters", "mass"]]
     true = 0.3 * np.exp(-0.5 * (alpha[:, 0] / 0.4) ** 2)
     assert carried == pytest.approx(true, abs=0.05)
+
+
+def test_a_glider_that_turns_over_is_backward_in_between():
+    """Not halfway between -π and π, where its angle of attack would be zero."""
+    values = np.zeros((4, len(FIELD_VARIABLES)))
+    values[:, 0] = [0.0, 1.0, 2.0, 4.0]
+    values[:, FIELD_VARIABLES.index("alpha")] = [2.9, 3.1, -3.1, 3.0]
+    middle = variables_between(values)
+    np.testing.assert_allclose(middle[:, 0], [0.5, 1.5, 3.0])
+    alpha = middle[:, FIELD_VARIABLES.index("alpha")]
+    np.testing.assert_allclose(np.cos(alpha), np.cos([3.0, np.pi, 3.0916]), atol=1e-4)
+    assert np.all(np.abs(alpha) <= np.pi)
 
 
 def test_every_family_is_of_the_library():
