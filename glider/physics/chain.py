@@ -58,11 +58,6 @@ def sensor_terms(flow, x, c):
     return 0.0, 0.0, 0.0
 
 
-def residual_air(flow, field):
-    """Velocity of the residual field's air, world (x, z) [m/s]."""
-    return 0.0, 0.0
-
-
 def residual_terms(flow, field):
     """The residual field's FIELD_TERMS."""
     return (0.0,) * 17
@@ -121,6 +116,11 @@ def flow_of(motion, wind_x, wind_z, p):
     )
 
 
+def meet_field(motion, wind_x, wind_z, theta):
+    """Returns the Flow in air of that velocity, and the residual field's in it."""
+    return flow_of(motion, wind_x, wind_z, theta.p)
+
+
 def wing_force(flow, plate, incidence, shift, normal, factor):
     """Force of the wing along its normal [N] and its moment about +y [N m].
 
@@ -155,16 +155,10 @@ def elevator_force(flow, plate, deflection, downwash, factor):
 
 
 def meet_air(t, x, rate, wind_x, wind_z, theta):
-    """Returns the Flow of a state and the residual field's terms in it.
-
-    The field's air is that of the flow without it.
-    """
+    """Returns the Flow of a state and the residual field's terms in it."""
     motion = motion_of(t, x, rate)
     more_x, more_z = air_terms(motion, x, theta.c)
-    air_x, air_z = wind_x + more_x, wind_z + more_z
-    flow = flow_of(motion, air_x, air_z, theta.p)
-    more_x, more_z = residual_air(flow, theta.field)
-    flow = flow_of(motion, air_x + more_x, air_z + more_z, theta.p)
+    flow = meet_field(motion, wind_x + more_x, wind_z + more_z, theta)
     return flow, residual_terms(flow, theta.field)
 
 

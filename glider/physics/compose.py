@@ -13,6 +13,7 @@ import types
 from collections.abc import Callable
 
 from glider.physics import chain
+from glider.physics.chain import flow_of
 from glider.physics.effects.effect import STAGES, EffectKind
 from glider.physics.effects.field import (
     basis_function,
@@ -125,6 +126,16 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
     return "\n".join(lines)
 
 
+def meet_field(motion, wind_x, wind_z, theta):
+    """Replaces that of the chain: the field's air is that of the flow without it."""
+    field = theta.field
+    flow = flow_of(motion, wind_x, wind_z, theta.p)
+    if field.weights.shape[0] + field.tangent.shape[0] > 0:
+        more_x, more_z = field_air(flow, field)
+        flow = flow_of(motion, wind_x + more_x, wind_z + more_z, theta.p)
+    return flow
+
+
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     """Returns the names that the text of `hooks_source` needs."""
     names: dict[str, Callable] = {f.__name__: f for f in _OF_FIELD}
@@ -145,7 +156,7 @@ def source(
     """
     parts = [_CHAIN, hooks_source(effects, skip_absent)]
     if has_field:
-        parts.append("residual_air, residual_terms = field_air, field_terms")
+        parts += [inspect.getsource(meet_field), "residual_terms = field_terms"]
     return "\n\n".join(parts)
 
 
