@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from glider.control.predictor import advance, rates_of
+from glider.__main__ import main
+from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
+from glider.paths import models_path
 from glider.verification.dynamics.nominal import hermite_path, make_nominal
 from glider.verification.funnel.clock import (
     command_errors,
@@ -26,6 +28,8 @@ from glider.verification.funnel.servo_limits import steepest_gains
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.purpose import push_faults
 from glider.verification.sos.forms import to_ball
+from glider.verification.trials import as_flown
+from glider.verification.trials.as_flown import FlownLoop, fly_loop
 from tests.verification.points import sphere_points
 
 PERIOD, ERROR, WIND = 0.02, 0.05, 0.02
@@ -131,7 +135,7 @@ def test_held_flights_are_within_the_proven_error(clocked):
             step = (nominal.times[j + 1] - nominal.times[j]) / 8
             for _ in range(8):
                 states = advance(
-                    lambda x, t, u=held: rates_of(nominal.model, x, u, wind),
+                    lambda x, t, u=held, w=wind: rates_of(nominal.model, x, u, w),
                     states,
                     step,
                 )
@@ -237,3 +241,50 @@ def test_a_clock_must_be_the_one_that_is_asked_for(clocked, proven):
     assert push_faults(clocked, (0.0, 0.0), PERIOD) == []
     [fault] = push_faults(proven, (0.0, 0.0), PERIOD)
     assert "held for 0 ms; expected 20 ms" in fault
+
+
+# ----------------------------------------------------------------------------- flights
+
+
+def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
+    genes = np.hstack([sphere_points(40, 7), np.tile([1.0, 0.0, 0.7, 1.0], (40, 1))])
+    found = {}
+    for latency, wind in ((0.0, 0.0), (0.01, 0.0), (0.01, 0.3)):
+        hold = Hold(period=PERIOD, latency=latency, predicts=True)
+        loop = FlownLoop(hold=hold, wind=wind)
+        found[latency, wind] = as_flown._flights(clocked, loop, genes)[2]
+    prompt, late, blown = found.values()
+    assert late == pytest.approx(prompt, rel=2e-3, abs=1e-5)
+    assert np.any(np.abs(blown - prompt) > 0.05 * prompt)
+    # The flown commands are those that the funnel is for: its gains at the samples.
+    starts = np.unique(hold_starts(clocked.nominal.times))
+    inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
+    other = changed(clocked, "gains", inner, 3.0)
+    same = as_flown._flights(other, FlownLoop(hold=Hold(period=PERIOD)), genes)[2]
+    assert same == pytest.approx(prompt, rel=2e-3, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("hold", "words"),
+    [
+        (Hold(period=0.01), "the period of commands is 0.01"),
+        (Hold(period=PERIOD, latency=0.005), "with a predictor"),
+        (Hold(period=PERIOD, latency=0.02, predicts=True), "the latency is 0.02"),
+    ],
+)
+def test_a_funnel_of_held_commands_is_flown_by_its_clock(clocked, hold, words):
+    with pytest.raises(InputError, match=words):
+        fly_loop(clocked, FlownLoop(hold=hold), 4, np.random.default_rng(0))
+
+
+def test_a_feedback_of_held_commands_does_not_act_at_all_times(clocked):
+    with pytest.raises(InputError, match="for commands that are held"):
+        funnel_policy(clocked)
+
+
+def test_the_command_requires_the_clock(capsys):
+    source = str(models_path("funnels", "disturbed_hook.npz"))
+    asked = ["check-funnel", source, "--hook", "--every", "200", "--prove"]
+    assert main([*asked, "--hold", "0.02"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "for commands that are held for 0 ms; expected 20 ms." in said

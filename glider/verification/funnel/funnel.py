@@ -172,9 +172,18 @@ def noted_confidence(model: GliderModel, note: GlidersNote) -> ConfidenceSet:
     return confidence
 
 
-def funnel_policy(funnel: Funnel, first: int = 0) -> TrackingPolicy:
-    """Returns the feedback of a funnel from one of its times on, as a policy."""
+def funnel_policy(funnel: Funnel, first: int = 0, held: bool = False) -> TrackingPolicy:
+    """Returns the feedback of a funnel from one of its times on, as a policy.
+
+    Raises:
+        InputError: it is for held commands, and these are not.
+    """
     nominal = funnel.nominal
+    if funnel.settings.period and not held:
+        raise InputError(
+            "The funnel is for commands that are held; expected one for a feedback "
+            "that acts at all times."
+        )
     if not 0 <= first < len(nominal.times) - 1:
         raise InputError(f"There is no flight from the funnel's time {first} on.")
     # Of a time that stands twice, what holds after it.
@@ -208,7 +217,6 @@ def tube_radii(funnel: Funnel, times: np.ndarray) -> tuple[np.ndarray, np.ndarra
     A radius is how far a state of the funnel may be from the path, across it.
     """
     place = np.linalg.inv(funnel.shape(times))[:, :2, :2]
-    centers = funnel.center(times)
     along = funnel.nominal.path(times, 1)[:, :2]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     normals = np.stack([-along[:, 1], along[:, 0]], axis=1)

@@ -183,7 +183,6 @@ def growth_between(
         every: examine every so many intervals only.
         here: the nominal flight at these points, where it is expanded already.
     """
-
     k = sets.nominal.flows[::every]
 
     def mixed(values):

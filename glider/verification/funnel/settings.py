@@ -56,8 +56,8 @@ class FunnelSettings:
     #: policy's own feedback. 40 is slow enough for commands held for 20 ms.
     elevator_gain: float = 0.0
     command_error: float = 0.0  #: Largest error of the command, at any time [rad/s].
-    #: Time that each command is held [s], from the launch on; 0 for a feedback that acts
-    #: at all times.
+    #: Time that each command is held, from the launch on; 0 for a feedback that acts
+    #: at all times [s].
     period: float = 0.0
     wind: float = 0.0  #: Largest wind beyond the model's own, at any time [m/s].
 

@@ -168,7 +168,8 @@ class _Flight:
         """Launches them."""
         n = funnel.num_states
         self._funnel, self._loop = funnel, loop
-        self._model, self._policy = funnel.nominal.model, funnel_policy(funnel)
+        self._model = funnel.nominal.model
+        self._policy = funnel_policy(funnel, held=True)
         self._wind = loop.wind * genes[:, n : n + 2]
         self._error = loop.command_error * np.sign(genes[:, n])
         self._steady = genes[:, n + 3] > 0.5
