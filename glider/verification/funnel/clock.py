@@ -6,7 +6,7 @@ small, ė = A e + B δu, it is u₀ - K(t) e(t) all the while it is held, with
 from the gains at the sample on: the flight is undone. So held commands are a continuous
 feedback, whose gains jump at each sample, and an error q of its command,
     q̇ = K (P₂ + P₃ + R + G (q, w)),
-which is of second order in e: it starts anew at each sample, from what the command is
+which is of second order in e: it starts again at each sample, from what the command is
 off by there, and has a period to grow.
 """
 
