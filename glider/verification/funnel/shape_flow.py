@@ -174,15 +174,17 @@ class ShapeFlow:
         S = self._cut(S, last)
         shapes = np.zeros((last + 1, n, n))
         shapes[last] = S
-        growth, since = None, 0
+        before: np.ndarray | None = None
+        growth, slope, since = np.zeros((n, n)), np.zeros((n, n)), 0
         for k in range(last, 0, -1):
             self._steer(S, k - 1)
             if times[k] == times[k - 1]:  # A sample: the set must not be larger before.
-                growth, since, S = None, 0, S * (1.0 + SAMPLE_ROOM)
+                before, since, S = None, 0, S * (1.0 + SAMPLE_ROOM)
             else:
                 if since == 0:
-                    before, growth = growth, self._growth(S, k)
+                    growth = self._growth(S, k)
                     slope = 0.0 * growth if before is None else (growth - before) / hold
+                    before = growth
                     change = max(hold * np.linalg.norm(slope), 1e-300)
                     slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
                     if progress:
