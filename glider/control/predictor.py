@@ -105,8 +105,10 @@ def held_command(
     def feedback(x, since):
         return policy_command(policy, times + since, x)
 
-    states = _flown(model, states, 0.5 * hold.period, feedback)
-    return feedback(states, 0.5 * hold.period)
+    # What is made for held commands makes up for the hold itself.
+    ahead = 0.0 if policy.period else 0.5 * hold.period
+    states = _flown(model, states, ahead, feedback)
+    return feedback(states, ahead)
 
 
 def _flown(model, states, duration, command):

@@ -24,10 +24,17 @@ from scipy.linalg import expm
 
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
+from glider.verification.funnel.clock import (
+    command_errors,
+    effect_of_hold,
+    gains_before,
+    hold_starts,
+)
 from glider.verification.funnel.growth import (
     BoundaryForms,
     Bounds,
     push_form,
+    pushes_of,
     remainder_form,
 )
 from glider.verification.funnel.remainder import (
@@ -38,6 +45,7 @@ from glider.verification.funnel.remainder import (
     sample_remainder,
 )
 from glider.verification.funnel.servo_limits import (
+    error_reach,
     goal_about,
     keep_bounds,
     servo_bounds,
@@ -79,10 +87,18 @@ class FunnelTask:
         spread = np.array(errors)
         return spread @ np.swapaxes(spread, 1, 2) + SHARE**2 * steady
 
-    def servo_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the servo's bounds, which leave room for the command's error."""
-        error = self.settings.command_error
-        return servo_bounds(self.nominal, self.center, command_error=error)
+    def errors(
+        self, S: np.ndarray, at: np.ndarray, bounds: Bounds | None = None
+    ) -> np.ndarray:
+        """Returns how far the command may be off at K times, all or one, (K,)."""
+        settings = self.settings
+        if not settings.period:
+            return np.full(len(S), settings.command_error)
+        if bounds is None:  # Of R, which counts for little.
+            beta = np.zeros(S.shape[:2])
+            bounds = Bounds(beta, beta, np.zeros_like(S), beta[:, :2], beta[:, 0])
+        others = settings.command_error, settings.wind
+        return command_errors(self.nominal, S, at, bounds, *others)
 
     def bound(self, S: np.ndarray, at: np.ndarray) -> tuple[Bounds, BoundaryForms]:
         """Returns β, λ and F of K sets, and what the pushes from outside add.
@@ -90,12 +106,13 @@ class FunnelTask:
         β (1 + eᵀ F e) is the inflated remainder, but for rounding. All are zero where
         the funnel is to be of the Taylor polynomial alone.
         """
-        inflation, pushes = self.settings.remainder, self.settings.pushes
+        inflation, errors = self.settings.remainder, self.errors(S, at)
         sizes, slopes = self.sizes[at], self.nominal.push_slopes[at]
+        pushes = pushes_of(errors, self.settings)
         if inflation == 0.0:
             beta, none = np.zeros(S.shape[:2]), np.zeros((len(S), 2))
             push = push_form(S, slopes, pushes, none)
-            return Bounds(beta, beta, np.zeros_like(S), none), push
+            return Bounds(beta, beta, np.zeros_like(S), none, errors), push
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
         focus, floor = np.zeros_like(S), self.settings.floor
@@ -104,10 +121,16 @@ class FunnelTask:
         sampled = sample_remainder(*given, focus, acting)
         beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
         weights = remainder_weights(S, beta, sizes)
+        bounds = Bounds(beta, weights, focus, 0.0 * pushes, errors)
+        errors = self.errors(S, at, bounds)
+        pushes = pushes_of(errors, self.settings)
         of_pushes = push_weights(S, pushes, slopes, sizes)
         push = push_form(S, slopes, pushes, of_pushes)
-        return Bounds(beta, weights, focus, of_pushes), push
+        return bounds._replace(push_weights=of_pushes, errors=errors), push
 
+
+SAMPLE_ROOM = 1e-9
+"""Share by which S is larger before a sample than after it."""
 
 CHANGE_SHARE = 0.3
 """Largest change of N, as a share of it, on its straight line to the next program: the
@@ -132,8 +155,9 @@ class ShapeFlow:
             nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())
             task = dataclasses.replace(task, nominal=nominal)
         self._task, self.nominal, self._sizes = task, nominal, task.sizes
-        self._bounds = task.servo_bounds()
+        self._bounds = servo_bounds(nominal, task.center)
         self._slopes = nominal.push_slopes[:, :, 0, 0] if steer else None
+        self._error = task.settings.command_error
 
     def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
@@ -150,18 +174,23 @@ class ShapeFlow:
         S = self._cut(S, last)
         shapes = np.zeros((last + 1, n, n))
         shapes[last] = S
-        before, growth, slope = None, np.zeros((n, n)), np.zeros((n, n))
+        before: np.ndarray | None = None
+        growth, slope, since = np.zeros((n, n)), np.zeros((n, n)), 0
         for k in range(last, 0, -1):
-            since = (last - k) % hold
-            if since == 0:
-                before, growth = growth if k < last else None, self._growth(S, k)
-                slope = 0.0 * growth if before is None else (growth - before) / hold
-                change = max(hold * np.linalg.norm(slope), 1e-300)
-                slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
-                if progress:
-                    progress((last - k) / last)
             self._steer(S, k - 1)
-            S = self._step(S, k, growth + since * slope, slope)
+            if times[k] == times[k - 1]:  # A sample: the set must not be larger before.
+                before, since, S = None, 0, S * (1.0 + SAMPLE_ROOM)
+            else:
+                if since == 0:
+                    growth = self._growth(S, k)
+                    slope = 0.0 * growth if before is None else (growth - before) / hold
+                    before = growth
+                    change = max(hold * np.linalg.norm(slope), 1e-300)
+                    slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
+                    if progress:
+                        progress((last - k) / last)
+                S = self._step(S, k, growth + since * slope, slope)
+                since = (since + 1) % hold
             S = shapes[k - 1] = self._cut(S, k - 1)
         return shapes
 
@@ -170,9 +199,16 @@ class ShapeFlow:
         if self._slopes is None:
             return
         nominal, (directions, bounds) = self.nominal, self._bounds
-        nominal.gains[k] = steepest_gains(
-            S, self._slopes[k], bounds[k, 0], self._task.settings.elevator_gain
-        )
+        times, period = nominal.times, self._task.settings.period
+        if period and k + 1 < len(times) and times[k + 1] > times[k]:
+            nominal.gains[k] = gains_before(nominal, k, nominal.gains[k + 1])
+        else:
+            toward = self._slopes[k]
+            if period:
+                toward = effect_of_hold(nominal, hold_starts(times)[k], k) / period
+            rate = bounds[k, 0] - self._error
+            largest = self._task.settings.elevator_gain
+            nominal.gains[k] = steepest_gains(S, toward, rate, largest)
         here = nominal.part(slice(k, k + 1))
         nominal.closed_loop[k] = here.closed_loop[0]  # Ours: of a copy.
         directions[k] = servo_bounds(here)[0][0]
@@ -180,7 +216,9 @@ class ShapeFlow:
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""
         directions, bounds = self._bounds
-        return keep_bounds(S, directions[k], bounds[k])
+        error = self._task.errors(S[None], np.array([k]))
+        self._error = error[0]
+        return keep_bounds(S, directions[k], bounds[k] - error_reach(error)[0])
 
     def _growth(self, S, k):
         """Returns N + D at a time."""

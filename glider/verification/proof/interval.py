@@ -92,8 +92,7 @@ def make_interval(piece: Funnel) -> Interval:
 
     command, gains = line(*nominal.inputs), line(*nominal.gains)
     angle, _ = hermite(nominal.states[:, ELEVATOR], nominal.slopes[:, ELEVATOR], step)
-    limits = _limits(nominal, command, gains, angle, piece.settings)
-    pushes = piece.settings.pushes
+    limits = _limits(nominal, command, gains, angle, line(*piece.errors))
     return Interval(
         step=step,
         rows=rows,
@@ -109,7 +108,7 @@ def make_interval(piece: Funnel) -> Interval:
         focus=line(*_seen_focus(piece, which)),
         push_slopes=line(*nominal.push_slopes),
         push_weights=line(*piece.push_weights),
-        push_bearing=InTime(tuple(_bearing(pushes, w) for w in piece.push_weights)),
+        push_bearing=InTime(tuple(map(_bearing, piece.pushes, piece.push_weights))),
         # The centers of a set of gliders may reach some of b.
         limits=tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits),
     )
@@ -166,21 +165,18 @@ def at_time(funnel: Funnel, k: int) -> Interval:
         focus=constant(funnel.focus[k]),
         push_slopes=constant(nominal.push_slopes[k]),
         push_weights=constant(funnel.push_weights[k]),
-        push_bearing=InTime(
-            (_bearing(funnel.settings.pushes, funnel.push_weights[k]),)
-        ),
-        limits=_limits(nominal, command, gains, angle, funnel.settings),
+        push_bearing=InTime((_bearing(funnel.pushes[k], funnel.push_weights[k]),)),
+        limits=_limits(nominal, command, gains, angle, constant(funnel.errors[k])),
     )
 
 
-def _limits(nominal, command, gains, angle, settings):
+def _limits(nominal, command, gains, angle, error):
     """Returns a and b, of either way of the rate limit and of both stops.
 
     The command may be off by its error.
     """
     servo = nominal.model.parameters.servo
     low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
-    error = exact(settings.command_error)
     rate, high, low = rate - error, high - ahead_by * error, low + ahead_by * error
     ahead = angle + ahead_by * command
     travel = exact(np.eye(len(nominal.states[0]))[ELEVATOR]) - ahead_by * gains

@@ -1,0 +1,290 @@
+"""Held commands as a continuous feedback whose gains jump: its error is proven."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from glider.__main__ import main
+from glider.control.predictor import Hold, advance, rates_of
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.verification.dynamics.nominal import hermite_path, make_nominal
+from glider.verification.funnel.clock import (
+    command_errors,
+    effect_of_hold,
+    gains_before,
+    hold_starts,
+)
+from glider.verification.funnel.funnel import (
+    Funnel,
+    funnel_policy,
+    load_funnel,
+    save_funnel,
+)
+from glider.verification.funnel.growth import Bounds
+from glider.verification.funnel.servo_limits import steepest_gains
+from glider.verification.proof.held import held_faults
+from glider.verification.proof.purpose import push_faults
+from glider.verification.sos.forms import to_ball
+from glider.verification.trials import as_flown
+from glider.verification.trials.as_flown import FlownLoop, fly_loop
+from tests.verification.points import sphere_points
+
+PERIOD, ERROR, WIND = 0.02, 0.05, 0.02
+
+
+@pytest.fixture(scope="module")
+def clocked(proven):
+    """A funnel of held commands along a shipped one's flight; not a certificate."""
+    policy = funnel_policy(proven)
+    nominal = make_nominal(proven.nominal.model, policy, 0.0045, PERIOD)
+    times, last = nominal.times, len(nominal.times) - 1
+    S = 2.0 * proven.shape(times)
+    for k in range(last, -1, -1):
+        if k < last and times[k + 1] > times[k]:
+            nominal.gains[k] = gains_before(nominal, k, nominal.gains[k + 1])
+            continue
+        toward = effect_of_hold(nominal, hold_starts(times)[k], k) / PERIOD
+        nominal.gains[k] = steepest_gains(S[k], toward, 5.0, 40.0)
+    S[np.flatnonzero(np.diff(times) == 0.0)] *= 1.0 + 1e-9
+    holds = np.split(np.arange(last + 1), np.flatnonzero(np.diff(times) == 0.0) + 1)
+    slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
+
+    def along(values):
+        curve = CubicSpline(proven.nominal.times, values)
+        return np.maximum(curve(times), 0.0)
+
+    zero = np.zeros((last + 1, 2))
+    bounds = Bounds(
+        along(proven.beta), along(proven.weights), 0.0 * S, zero + 1.0, zero[:, 0]
+    )
+    nominal = dataclasses.replace(nominal)
+    errors = command_errors(nominal, S, np.arange(last + 1), bounds, ERROR, WIND)
+    return Funnel(
+        nominal=nominal,
+        S=S,
+        slopes=np.concatenate(slopes),
+        settings=dataclasses.replace(
+            proven.settings,
+            period=PERIOD,
+            elevator_gain=40.0,
+            command_error=ERROR,
+            wind=WIND,
+        ),
+        grams=np.zeros((last + 1, proven.grams.shape[1])),
+        solver="none",
+        seconds=0.0,
+        **bounds._replace(errors=errors)._asdict(),
+    )
+
+
+def part(clocked, holds):
+    """The first holds of it."""
+    starts = np.unique(hold_starts(clocked.nominal.times))
+    return clocked.between(0, starts[holds] - 1)
+
+
+def changed(funnel, name, where, factor=1.0, more=0.0):
+    """The same with one of its nominal's arrays changed at some times."""
+    values = getattr(funnel.nominal, name).copy()
+    values[where] = factor * values[where] + more
+    nominal = dataclasses.replace(funnel.nominal, **{name: values})
+    return dataclasses.replace(funnel, nominal=nominal)
+
+
+def test_small_deviations_keep_the_held_command(clocked):
+    nominal = clocked.nominal
+    starts, k = hold_starts(nominal.times), 12
+    first, last = starts[k], np.flatnonzero(starts == starts[k])[-1]
+    assert nominal.times[last] - nominal.times[first] == pytest.approx(PERIOD)
+    e = 1e-5 * sphere_points(40, 7)
+    held = -(e @ nominal.gains[first])
+    states = nominal.states[first] + e
+    for j in range(first, last):
+        step = (nominal.times[j + 1] - nominal.times[j]) / 8
+        for _ in range(8):
+            states = advance(
+                lambda x, t: rates_of(nominal.model, x, nominal.inputs[first] + held),
+                states,
+                step,
+            )
+        found = -((states - nominal.states[j + 1]) @ nominal.gains[j + 1])
+        # They differ in second order of e, and by the mean of A and B over a step.
+        assert np.abs(found - held).max() < 2e-3 * np.abs(held).max()
+    assert np.abs(nominal.gains[last] - nominal.gains[first]).max() > 5.0
+
+
+def test_held_flights_are_within_the_proven_error(clocked):
+    """From the boundary, in steady wind, with the largest error of the command."""
+    nominal, count = clocked.nominal, 400
+    starts = hold_starts(nominal.times)
+    ratio = 0.0
+    for first in np.unique(starts)[[1, 8, 20]]:
+        last = np.flatnonzero(starts == first)[-1]
+        z = sphere_points(count, 7)
+        e = z @ to_ball(clocked.S[first])[1].T
+        turn = np.arange(count)
+        held = nominal.inputs[first] - e @ nominal.gains[first]
+        held += ERROR * np.sign(np.sin(turn))
+        wind = WIND * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        states = nominal.states[first] + e
+        inside = np.ones(count, dtype=bool)
+        for j in range(first, last):
+            step = (nominal.times[j + 1] - nominal.times[j]) / 8
+            for _ in range(8):
+                states = advance(
+                    lambda x, t, u=held, w=wind: rates_of(nominal.model, x, u, w),
+                    states,
+                    step,
+                )
+            e = states - nominal.states[j + 1]
+            inside &= np.einsum("bi,ij,bj->b", e, clocked.S[j + 1], e) <= 1.0
+            feedback = nominal.inputs[j + 1] - e @ nominal.gains[j + 1]
+            off = np.abs(held - feedback)[inside]
+            ratio = max(ratio, off.max() / clocked.errors[j + 1])
+            assert np.all(off <= clocked.errors[j + 1])
+        assert inside.sum() > 20
+    assert ratio > 0.2
+
+
+def test_the_error_of_held_commands_is_proven(clocked):
+    assert held_faults(part(clocked, 3)) == []
+
+
+@pytest.mark.parametrize(
+    ("forged", "words"),
+    [
+        (lambda f: changed(f, "gains", 2, 1.1), "may be"),  # Another law between.
+        (lambda f: changed(f, "gains", 6, 1.3), "may be"),  # Another at a sample.
+        (lambda f: changed(f, "gains", slice(None), 1.0, 1.0), "may be"),
+        (lambda f: changed(f, "inputs", 3, 1.0, 0.01), "not held"),
+        (lambda f: changed(f, "times", slice(6, None), 1.0, 1e-3), "apart"),
+        (
+            lambda f: dataclasses.replace(f, errors=0.5 * f.errors),
+            "smaller than the settings",
+        ),
+        (
+            lambda f: dataclasses.replace(
+                f, errors=np.minimum(f.errors, 0.8 * f.errors.max())
+            ),
+            "may be",
+        ),
+        (
+            lambda f: dataclasses.replace(
+                f, settings=dataclasses.replace(f.settings, period=0.01)
+            ),
+            "apart",
+        ),
+        (
+            lambda f: dataclasses.replace(
+                f, S=f.S * np.where(np.arange(len(f.S)) > 5, 1.01, 1.0)[:, None, None]
+            ),
+            "not larger",
+        ),
+    ],
+)
+def test_what_is_not_a_held_command_is_refused(clocked, forged, words):
+    [fault] = held_faults(forged(part(clocked, 2)))
+    assert words in fault
+
+
+def test_a_continuous_feedback_needs_its_own_error_only(proven):
+    assert held_faults(proven) == []
+    settings = dataclasses.replace(proven.settings, command_error=0.1)
+    assert held_faults(dataclasses.replace(proven, settings=settings))
+
+
+def test_paths_have_a_kink_at_a_sample(clocked):
+    nominal, h = clocked.nominal, 1e-9
+    at = nominal.times[np.flatnonzero(np.diff(nominal.times) == 0.0)]
+    assert np.abs(nominal.path(at + h) - nominal.path(at - h)).max() < 1e-6
+    jump = nominal.path(at + h, 1)[:, 3] - nominal.path(at - h, 1)[:, 3]
+    change = nominal.inputs[hold_starts(nominal.times) == np.arange(len(nominal.times))]
+    assert jump == pytest.approx(np.diff(change), abs=1e-6)
+
+
+def test_paths_without_samples_are_hermites(proven):
+    nominal = proven.nominal
+    times = np.linspace(0.0, nominal.times[-1], 77)
+    ours = hermite_path(nominal.times, nominal.states, nominal.slopes)
+    theirs = CubicHermiteSpline(nominal.times, nominal.states, nominal.slopes)
+    assert np.array_equal(ours(times), theirs(times))
+
+
+def test_held_commands_are_kept_in_a_file(clocked, tmp_path):
+    save_funnel(tmp_path / "held.npz", clocked)
+    again = load_funnel(tmp_path / "held.npz")
+    assert again.settings == clocked.settings
+    assert np.array_equal(again.errors, clocked.errors)
+    assert np.array_equal(again.nominal.times, clocked.nominal.times)
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "more", "words"),
+    [
+        ("states", 6, 1e-9, "jump at a sample"),
+        ("times", slice(0, 2), 0.0, "before and after a sample"),
+    ],
+)
+def test_a_file_of_anything_but_held_commands_is_refused(
+    clocked, tmp_path, name, where, more, words
+):
+    factor = 1.0 if name == "states" else 0.0
+    save_funnel(tmp_path / "held.npz", changed(clocked, name, where, factor, more))
+    with pytest.raises(InputError, match=words):
+        load_funnel(tmp_path / "held.npz")
+
+
+def test_a_clock_must_be_the_one_that_is_asked_for(clocked, proven):
+    assert push_faults(clocked, (0.0, 0.0), PERIOD) == []
+    [fault] = push_faults(proven, (0.0, 0.0), PERIOD)
+    assert "held for 0 ms; expected 20 ms" in fault
+
+
+# ----------------------------------------------------------------------------- flights
+
+
+def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
+    genes = np.hstack([sphere_points(40, 7), np.tile([1.0, 0.0, 0.7, 1.0], (40, 1))])
+    found = {}
+    for latency, wind in ((0.0, 0.0), (0.01, 0.0), (0.01, 0.3)):
+        hold = Hold(period=PERIOD, latency=latency, predicts=True)
+        loop = FlownLoop(hold=hold, wind=wind)
+        found[latency, wind] = as_flown._flights(clocked, loop, genes)[2]
+    prompt, late, blown = found.values()
+    assert late == pytest.approx(prompt, rel=2e-3, abs=1e-5)
+    assert np.any(np.abs(blown - prompt) > 0.05 * prompt)
+    # The flown commands are those that the funnel is for: its gains at the samples.
+    starts = np.unique(hold_starts(clocked.nominal.times))
+    inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
+    other = changed(clocked, "gains", inner, 3.0)
+    same = as_flown._flights(other, FlownLoop(hold=Hold(period=PERIOD)), genes)[2]
+    assert same == pytest.approx(prompt, rel=2e-3, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("hold", "words"),
+    [
+        (Hold(period=0.01), "the period of commands is 0.01"),
+        (Hold(period=PERIOD, latency=0.005), "with a predictor"),
+        (Hold(period=PERIOD, latency=0.02, predicts=True), "the latency is 0.02"),
+    ],
+)
+def test_a_funnel_of_held_commands_is_flown_by_its_clock(clocked, hold, words):
+    with pytest.raises(InputError, match=words):
+        fly_loop(clocked, FlownLoop(hold=hold), 4, np.random.default_rng(0))
+
+
+def test_a_feedback_of_held_commands_does_not_act_at_all_times(clocked):
+    with pytest.raises(InputError, match="for commands that are held"):
+        funnel_policy(clocked)
+
+
+def test_the_command_requires_the_clock(capsys):
+    source = str(models_path("funnels", "disturbed_hook.npz"))
+    asked = ["check-funnel", source, "--hook", "--every", "200", "--prove"]
+    assert main([*asked, "--hold", "0.02"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "for commands that are held for 0 ms; expected 20 ms." in said
