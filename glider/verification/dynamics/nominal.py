@@ -188,13 +188,12 @@ def _held_flight(model, policy, step, period):
             times.append(time)
             states.append(state[0])
             inputs.append(command[0])
-    at = np.array(states)
     return Nominal(
         model=model,
         times=np.array(times),
-        states=at,
+        states=np.array(states),
         inputs=np.array(inputs),
-        gains=np.zeros_like(at),
+        gains=policy.sample(np.array(times))[1],
     )
 
 
