@@ -12,10 +12,12 @@ from glider.errors import InputError
 from glider.paths import models_path
 from glider.verification.dynamics.nominal import hermite_path, make_nominal
 from glider.verification.funnel.clock import (
+    BEND_ROOM,
+    bend_sizes,
     command_errors,
     effect_of_hold,
-    gains_before,
     hold_starts,
+    undo_hold,
 )
 from glider.verification.funnel.funnel import (
     Funnel,
@@ -42,12 +44,10 @@ def clocked(proven):
     nominal = make_nominal(proven.nominal.model, policy, 0.0045, PERIOD)
     times, last = nominal.times, len(nominal.times) - 1
     S = 2.0 * proven.shape(times)
-    for k in range(last, -1, -1):
-        if k < last and times[k + 1] > times[k]:
-            nominal.gains[k] = gains_before(nominal, k, nominal.gains[k + 1])
-            continue
-        toward = effect_of_hold(nominal, hold_starts(times)[k], k) / PERIOD
-        nominal.gains[k] = steepest_gains(S[k], toward, 5.0, 40.0)
+    for k in np.append(np.flatnonzero(np.diff(times) == 0.0), last):
+        first = hold_starts(times)[k]
+        toward = effect_of_hold(nominal, first, k) / PERIOD
+        undo_hold(nominal, first, k, steepest_gains(S[k], toward, 5.0, 40.0))
     S[np.flatnonzero(np.diff(times) == 0.0)] *= 1.0 + 1e-9
     holds = np.split(np.arange(last + 1), np.flatnonzero(np.diff(times) == 0.0) + 1)
     slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
@@ -58,10 +58,11 @@ def clocked(proven):
 
     zero = np.zeros((last + 1, 2))
     bounds = Bounds(
-        along(proven.beta), along(proven.weights), 0.0 * S, zero + 1.0, zero[:, 0]
+        along(proven.beta), along(proven.weights), 0.0 * S, zero + 1.0, *zero.T
     )
     nominal = dataclasses.replace(nominal)
-    errors = command_errors(nominal, S, np.arange(last + 1), bounds, ERROR, WIND)
+    rests = command_errors(nominal, S, np.arange(last + 1), bounds, ERROR, WIND)
+    errors = rests + BEND_ROOM * bend_sizes(S, nominal.bends)
     return Funnel(
         nominal=nominal,
         S=S,
@@ -76,7 +77,7 @@ def clocked(proven):
         grams=np.zeros((last + 1, proven.grams.shape[1])),
         solver="none",
         seconds=0.0,
-        **bounds._replace(errors=errors)._asdict(),
+        **bounds._replace(errors=errors, rests=rests)._asdict(),
     )
 
 

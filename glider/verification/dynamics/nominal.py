@@ -62,6 +62,8 @@ class Nominal:
     states: np.ndarray  #: States x₀ (T, n).
     inputs: np.ndarray  #: Elevator rates u₀ (T,) [rad/s].
     gains: np.ndarray  #: Gains K (T, n).
+    #: M (T, n, n) of held commands, u₀ - K e + eᵀ M e (`funnel.clock`); else zero.
+    bends: np.ndarray
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -131,16 +133,15 @@ class Nominal:
     def between(self, share: float) -> "Nominal":
         """Returns the flight at a share of each interval that lasts, 0 to 1."""
         k = self.flows
-        t, u, K = (
-            (1.0 - share) * values[k] + share * values[k + 1]
-            for values in (self.times, self.inputs, self.gains)
-        )
-        return dataclasses.replace(
-            self, times=t, states=self.path(t), inputs=u, gains=K
-        )
+        mixed = {
+            name: (1.0 - share) * values[k] + share * values[k + 1]
+            for name, values in ((name, getattr(self, name)) for name in ARRAYS)
+        }
+        mixed["states"] = self.path(mixed["times"])
+        return dataclasses.replace(self, **mixed)
 
 
-ARRAYS = ("times", "states", "inputs", "gains")
+ARRAYS = ("times", "states", "inputs", "gains", "bends")
 """Names of the arrays of a nominal, one entry a time."""
 
 
@@ -194,6 +195,7 @@ def _held_flight(model, policy, step, period):
         states=np.array(states),
         inputs=np.array(inputs),
         gains=policy.sample(np.array(times))[1],
+        bends=_no_bends(states),
     )
 
 
@@ -216,7 +218,18 @@ def _continuous_flight(model, policy, step):
     times = np.linspace(0.0, plan.duration, count + 1)
     offset, gains = policy.sample(times)
     inputs = offset - np.sum(gains * states, axis=1)
-    return Nominal(model=model, times=times, states=states, inputs=inputs, gains=gains)
+    return Nominal(
+        model=model,
+        times=times,
+        states=states,
+        inputs=inputs,
+        gains=gains,
+        bends=_no_bends(states),
+    )
+
+
+def _no_bends(states):
+    return np.zeros((len(states), *(len(states[0]),) * 2))
 
 
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:

@@ -33,11 +33,7 @@ from glider.verification.funnel.growth import (
     largest_growth,
 )
 from glider.verification.funnel.remainder import SAMPLES
-from glider.verification.funnel.servo_limits import (
-    error_reach,
-    margin_to_limits,
-    servo_bounds,
-)
+from glider.verification.funnel.servo_limits import error_reach, margin_to_limits
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
 from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow
 from glider.verification.sos.programs import (
@@ -195,7 +191,7 @@ class Gauge:
             self._starts = normalized(self._starts[:, :n])
         self._between = {share: self._nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(self._nominal)
-        self._limits = servo_bounds(task.nominal, task.center)
+        self._limits = task.servo_bounds()
 
     def scaled(self, S: np.ndarray) -> tuple[BoundarySets, BoundaryForms]:
         """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary, and V̇/V.
@@ -220,7 +216,8 @@ class Gauge:
         for turn in range(ROUNDS):
             growth = self.growth(S)
             directions, limits = self._limits
-            limits = limits - error_reach(self._task.errors(S, np.arange(len(S))))
+            errors, _ = self._task.errors(S, np.arange(len(S)))
+            limits = limits - error_reach(errors)
             largest = margin_to_limits(S, directions, limits)
             if growth.max() <= -MARGIN_SHARE * margin and largest.min() >= 1.0 - 1e-9:
                 break

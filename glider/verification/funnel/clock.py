@@ -1,29 +1,34 @@
 """Commands from a clock, as a continuous feedback: its gains, and what it leaves out.
 
-A command c = u₀ - K e that acts from a sample on is held. As long as the deviation is
-small, ė = A e + B δu, it is u₀ - K(t) e(t) all the while it is held, with
-    K̇ = -K (A - B K)
-from the gains at the sample on: the flight is undone. So held commands are a continuous
-feedback, whose gains jump at each sample, and an error q of its command,
-    q̇ = K (P₂ + P₃ + R + G (q, w)),
-which is of second order in e: it starts again at each sample, from what the command is
+A command c = u₀ - K e that acts from a sample on is held. The flight since then can be
+undone: with ė = A e + F₂ + F₃ + B δu, the closed loop's and what is beyond it, all the
+while c is held it is
+    u₀ - K(t) e + eᵀ M(t) e + q,  K̇ = -K A,  Ṁ = K F₂ + K B M - M A - Aᵀ M
+from the gains and from M = 0 at the sample on. So held commands are a continuous
+feedback, whose gains jump at each sample, with a part of second order that is known,
+and an error q of its command,
+    q̇ = K F₃ - 2 eᵀ M (F₂ + B eᵀ M e) + ... + (K - 2 eᵀ M)(R + G (q, w)),
+which is of third order in e: it starts again at each sample, from what the command is
 off by there, and has a period to grow.
 """
+
+import itertools
 
 import numpy as np
 from scipy.linalg import expm
 
 from glider.verification.dynamics.nominal import Nominal, table_of
 from glider.verification.funnel.growth import Bounds
-from glider.verification.sos.forms import spread_form, to_ball
+from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
-ROOM = 1.2
-"""Factor on the largest q̇ at a time: for what is between, and norms of it. The proof
-finds 1.0 to 1.16."""
+ROOM = 1.1
+"""Factor on the largest q̇ at a time: for what is between, and norms of it."""
 
 BEND = 0.25
-"""Share of what q grows by in a step that K differs by from a straight line. The proof
-finds 0.2."""
+"""Share of what q grows by in a step that K and M differ by from straight lines."""
+
+BEND_ROOM = 1.05
+"""Factor on the largest eᵀ M e at a time: for what is between."""
 
 
 def hold_starts(times: np.ndarray) -> np.ndarray:
@@ -33,14 +38,14 @@ def hold_starts(times: np.ndarray) -> np.ndarray:
 
 
 def _steps(nominal, first, last):
-    """Yields Φ (n, n) and Γ (n,) of each step: e ← Φ e + Γ δu."""
+    """Returns Φ (n, n) and Γ (n,) of each step: e ← Φ e + Γ δu."""
     n = nominal.states.shape[1]
     slopes = nominal.open_loop[first : last + 1, :, table_of(n + 1).of_degree(1)]
-    for k, step in enumerate(np.diff(nominal.times[first : last + 1])):
-        square = np.zeros((n + 1, n + 1))
-        square[:n] = 0.5 * step * (slopes[k] + slopes[k + 1])
-        both = expm(square)[:n]
-        yield both[:, :n], both[:, n]
+    square = np.zeros((last - first, n + 1, n + 1))
+    step = np.diff(nominal.times[first : last + 1])[:, None, None]
+    square[:, :n] = 0.5 * step * (slopes[:-1] + slopes[1:])
+    both = expm(square)[:, :n]
+    return list(zip(both[..., :n], both[..., n], strict=True))
 
 
 def effect_of_hold(nominal: Nominal, first: int, last: int) -> np.ndarray:
@@ -51,10 +56,73 @@ def effect_of_hold(nominal: Nominal, first: int, last: int) -> np.ndarray:
     return total
 
 
-def gains_before(nominal: Nominal, k: int, gains: np.ndarray) -> np.ndarray:
-    """Returns the gains K (n,) at a time, given those at the next."""
-    [(move, push)] = _steps(nominal, k, k + 1)
-    return gains @ move / (1.0 + gains @ push)
+def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> None:
+    """Writes the feedback of a hold that ends with gains (n,) into a flight."""
+    nominal.gains[last] = gains
+    for k, (move, push) in zip(
+        range(last - 1, first - 1, -1), _steps(nominal, first, last)[::-1], strict=True
+    ):
+        gains = gains @ move / (1.0 + gains @ push)
+        nominal.gains[k] = gains
+    here = slice(first, last + 1)
+    nominal.bends[here] = 0.0
+    nominal.closed_loop[here] = nominal.part(here).closed_loop
+    squares, pulls, A = _bend_rates(nominal, here)
+
+    def rate(M, j, share):
+        """Returns Ṁ some share of a step after time j."""
+        square, pull, linear = (
+            (1.0 - share) * values[j] + share * values[j + 1]
+            for values in (squares, pulls, A)
+        )
+        product = M @ linear
+        return square + pull * M - product - product.T
+
+    for j, step in enumerate(np.diff(nominal.times[here])):
+        M = nominal.bends[first + j]
+        k1 = rate(M, j, 0.0)
+        k2 = rate(M + 0.5 * step * k1, j, 0.5)
+        k3 = rate(M + 0.5 * step * k2, j, 0.5)
+        k4 = rate(M + step * k3, j, 1.0)
+        M = M + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        nominal.bends[first + j + 1] = 0.5 * (M + M.T)
+
+
+def _bend_rates(nominal, here=slice(None)):
+    """Returns K F₂ (K, n, n), K B (K,) and A (K, n, n) at some times."""
+    n, rates = nominal.states.shape[1], nominal.closed_loop[here]
+    own = np.einsum("ti,tim->tm", nominal.gains[here], rates)
+    pulls = np.einsum(
+        "ti,ti->t", nominal.gains[here], nominal.push_slopes[here][:, :, 0, 0]
+    )
+    square = spread_form(own[:, table_of(n).of_degree(2)], n, 2)
+    return square, pulls, linear_part(rates)
+
+
+def hold_slopes(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
+    """Returns K̇ (T, n) and Ṁ (T, n, n) of commands that are held."""
+    squares, pulls, A = _bend_rates(nominal)
+    product = nominal.bends @ A
+    slopes = squares + pulls[:, None, None] * nominal.bends
+    slopes = slopes - product - product.swapaxes(1, 2)
+    return -np.einsum("ti,tij->tj", nominal.gains, A), slopes
+
+
+def form_size(tensors: np.ndarray) -> np.ndarray:
+    """Returns bounds (T,) of forms on the unit ball, given tensors (T, n, ..., n)."""
+    count, n, axes = len(tensors), tensors.shape[-1], tensors.ndim - 1
+    orders = list(itertools.permutations(range(1, axes + 1)))
+    total = sum(tensors.transpose(0, *order) for order in orders) / len(orders)
+    if axes == 1:
+        return np.linalg.norm(total, axis=1)
+    rows = n ** (axes // 2)
+    return np.linalg.norm(total.reshape(count, rows, -1), 2, axis=(1, 2))
+
+
+def bend_sizes(S: np.ndarray, bends: np.ndarray) -> np.ndarray:
+    """Returns the largest |eᵀ M e| of sets, (K,)."""
+    L_inv_T = to_ball(S)[1]
+    return np.linalg.norm(L_inv_T.swapaxes(1, 2) @ bends @ L_inv_T, 2, axis=(1, 2))
 
 
 def command_errors(
@@ -65,33 +133,17 @@ def command_errors(
     start: float,
     wind: float,
 ) -> np.ndarray:
-    """Returns how far held commands may be off u₀ - K e in sets at K times, (K,).
+    """Returns how far held commands may be off u₀ - K e + eᵀ M e at K times, (K,).
 
     At all times, in order; or at one, with the growth there ever since its sample.
 
     Args:
+        S: (K, n, n) of the sets.
         bounds: of R.
         start: error of a command when it is computed [rad/s].
     """
-    n, table = S.shape[-1], table_of(S.shape[-1])
-    L_inv_T = to_ball(S)[1]
-    gains = nominal.gains[at]
-    bend = L_inv_T.swapaxes(1, 2) @ bounds.focus @ L_inv_T
-    off = np.sum(np.abs(gains) * bounds.beta, axis=1)
-    off *= 1.0 + np.linalg.norm(bend, 2, axis=(1, 2))
-    pulls = np.einsum("ti,tik->tk", gains, nominal.push_slopes[at, :, :, 0])
-    blown = wind * np.linalg.norm(pulls[:, 1:], axis=1)
-    rates = np.einsum("ti,tim->tm", gains, nominal.closed_loop[at])
-    square = spread_form(rates[:, table.of_degree(2)], n, 2)
-    square = L_inv_T.swapaxes(1, 2) @ square @ L_inv_T
-    cube = spread_form(rates[:, table.of_degree(3)], n, 3)
-    cube = np.einsum(
-        "tabc,tai,tbj,tck->tijk", cube, *[L_inv_T] * 3, optimize=True
-    ).reshape(len(S), -1)
-    growth = off + blown + np.linalg.norm(square, 2, axis=(1, 2))
-    growth += np.linalg.norm(cube, axis=1)
+    growth, pulls = _error_growth(nominal, S, at, bounds, wind)
     begins, times = hold_starts(nominal.times)[at], nominal.times[at]
-    pulls = np.abs(pulls[:, 0])
     if len(at) == 1:
         since = times - nominal.times[begins]
         return (start + ROOM * since * growth) * np.exp(since * pulls)
@@ -103,3 +155,29 @@ def command_errors(
         grown[i] = q[i] - q[i - 1]
     grown[begins == at] = np.append(grown, 0.0)[1:][begins == at]
     return q + BEND * grown
+
+
+def _error_growth(nominal, S, at, bounds, wind):
+    """Returns a and b (K,) of |q̇| <= a + b |q|, nearly."""
+    n, table = S.shape[-1], table_of(S.shape[-1])
+    turn, gains, M = to_ball(S)[1], nominal.gains[at], nominal.bends[at]
+    rates, G = nominal.closed_loop[at], nominal.push_slopes[at]
+    square = spread_form(rates[..., table.of_degree(2)], n, 2)
+    square = square + np.einsum("ti,tab->tiab", G[:, :, 0, 0], M)
+    cube = spread_form(rates[..., table.of_degree(3)], n, 3)
+    cube = cube + np.einsum("tia,tbc->tiabc", G[:, :, 0, 1:], M)
+    third = np.einsum("ti,tiabc->tabc", gains, cube)
+    third = third - 2.0 * np.einsum("tai,tibc->tabc", M, square)
+    fourth = np.einsum("tai,tibcd->tabcd", M, cube)
+    moves = [turn] * 4
+    third = np.einsum("tabc,tai,tbj,tck->tijk", third, *moves[:3], optimize=True)
+    fourth = np.einsum("tabcd,tai,tbj,tck,tdl->tijkl", fourth, *moves, optimize=True)
+    bend = np.linalg.norm(turn.swapaxes(1, 2) @ bounds.focus @ turn, 2, axis=(1, 2))
+    most = np.abs(gains) + 2.0 * np.linalg.norm(M @ turn, axis=2)
+    growth = form_size(third) + 2.0 * form_size(fourth)
+    growth += np.sum(most * bounds.beta, axis=1) * (1.0 + bend)
+    # (K - 2 eᵀ M)(G₀ + G₁ e) of each push, but for its part of second order.
+    along = np.einsum("ti,tikj->tkj", gains, G)
+    tilt = along[..., 1:] - 2.0 * np.einsum("tai,tik->tka", M, G[..., 0])
+    pulls = np.abs(along[..., 0]) + np.linalg.norm(tilt @ turn, axis=2)
+    return growth + wind * np.linalg.norm(pulls[:, 1:], axis=1), pulls[:, 0]

@@ -19,8 +19,10 @@ A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `
     weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
     push_weights       (T, 2) λ of the bounds `errors` and `wind`, in the notes;
                        not in files of earlier formats, where these are zero
-    errors  (T,)       largest error of the command, straight lines between the times
-                       [rad/s]; not in files of earlier formats
+    errors  (T,)       largest error of the command u₀ - K e, straight lines between
+                       the times [rad/s]; not in files of earlier formats
+    rests   (T,)       the same of u₀ - K e + eᵀ M e
+    bends   (T, n, n)  M of held commands, symmetric, straight lines between the times
     grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, as the check
                        corrects them; lower triangles, column by column, in the
                        basis of `glider.verification.sos.sphere`
@@ -46,12 +48,12 @@ from glider.verification.funnel.settings import FunnelSettings
 FORMAT = "drake-glider funnel 4"
 
 EARLIER = {
-    "drake-glider funnel 1": ("focus", "push_weights", "errors"),
-    "drake-glider funnel 2": ("push_weights", "errors"),
-    "drake-glider funnel 3": ("errors",),
+    "drake-glider funnel 1": ("focus", "push_weights", "errors", "rests", "bends"),
+    "drake-glider funnel 2": ("push_weights", "errors", "rests", "bends"),
+    "drake-glider funnel 3": ("errors", "rests", "bends"),
 }
-"""Formats that are still read, and the arrays that they lack: zeros; `errors` are the
-`command_error` of the notes."""
+"""Formats that are still read, and the arrays that they lack: zeros; `errors` and
+`rests` are the `command_error` of the notes."""
 
 MOST_BYTES = 30_000_000
 """Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
@@ -117,6 +119,8 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
         "weights": (count, n),
         "push_weights": (count, 2),
         "errors": (count,),
+        "rests": (count,),
+        "bends": (count, n, n),
         "grams": (count, size * (size + 1) // 2),
     }
 
@@ -146,8 +150,8 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
                 k: np.zeros(shapes.pop(k)) for k in EARLIER.get(notes.format, ())
             }
             arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes} | lacking
-        if "errors" in lacking:
-            arrays["errors"] += notes.settings.command_error
+        for name in lacking.keys() & {"errors", "rests"}:
+            arrays[name] += notes.settings.command_error
         _check(arrays, notes)
         return notes, arrays, hashlib.sha256(content).hexdigest()
     except InputError:
@@ -227,9 +231,9 @@ def _check(arrays: dict[str, np.ndarray], notes: Notes) -> None:
         raise ValueError("'times' has samples, but there is no 'period'")
     if not np.array_equal(states[samples], states[samples + 1]):
         raise ValueError("'states' jump at a sample")
-    for name in ("S", "slopes", "focus"):
+    for name in ("S", "slopes", "focus", "bends"):
         if not np.array_equal(arrays[name], np.swapaxes(arrays[name], 1, 2)):
             raise ValueError(f"'{name}' is not symmetric")
-    for name in ("beta", "weights", "push_weights", "errors"):
+    for name in ("beta", "weights", "push_weights", "errors", "rests"):
         if np.any(arrays[name] < 0.0):
             raise ValueError(f"'{name}' is negative somewhere")

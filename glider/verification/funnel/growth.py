@@ -51,7 +51,8 @@ class BoundarySets:
     focus: np.ndarray
     #: Weights λ (T, 2) of the command's error and of the wind.
     push_weights: np.ndarray
-    errors: np.ndarray  #: Largest error of the command (T,) [rad/s].
+    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
+    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
     settings: FunnelSettings  #: Settings that it was made with.
 
     @functools.cached_property
@@ -63,6 +64,11 @@ class BoundarySets:
     def pushes(self) -> np.ndarray:
         """Bounds (T, 2) of the command's error [rad/s] and of the wind [m/s]."""
         return pushes_of(self.errors, self.settings)
+
+    @property
+    def unknown_pushes(self) -> np.ndarray:
+        """The same without the command's error that is known, eᵀ M e."""
+        return pushes_of(self.rests, self.settings)
 
 
 def pushes_of(errors: np.ndarray, settings: FunnelSettings) -> np.ndarray:
@@ -89,7 +95,8 @@ class Bounds(NamedTuple):
     weights: np.ndarray  #: λ (K, n).
     focus: np.ndarray  #: F (K, n, n).
     push_weights: np.ndarray  #: λ (K, 2).
-    errors: np.ndarray  #: Largest error of the command (K,) [rad/s].
+    errors: np.ndarray  #: Largest error of the command u₀ - K e (K,) [rad/s].
+    rests: np.ndarray  #: Of it, what is not eᵀ M e (K,) [rad/s].
 
 
 def boundary_forms(
@@ -113,10 +120,15 @@ def boundary_forms(
 
 
 def push_form(
-    S: np.ndarray, slopes: np.ndarray, pushes: np.ndarray, weights: np.ndarray
+    S: np.ndarray,
+    slopes: np.ndarray,
+    pushes: np.ndarray,
+    weights: np.ndarray,
+    bends: np.ndarray,
 ) -> BoundaryForms:
     """Returns what pushes (T, 2) along G add to V̇/V, G (T, n, 3, 1 + n) in (1, e).
 
+    The command is off by eᵀ M e too, M the bends (T, n, n), which has its own sign.
     2 eᵀ S G w <= λ |Gᵀ S e|² + w² / λ of both axes of the wind: half of w² each.
     Gᵀ S e = pᵀ z + zᵀ M z, so that its square is a quartic.
     """
@@ -130,7 +142,12 @@ def push_form(
     cubic, quartic = (
         np.einsum("tk,ktc->tc", weights, product_form(factor, M)) for factor in (p, M)
     )
-    return BoundaryForms(quadratic, 2.0 * cubic, quartic)
+    known = 2.0 * L_inv_T.swapaxes(1, 2) @ bends @ L_inv_T
+    return BoundaryForms(
+        quadratic,
+        2.0 * cubic + product_form(p[0], known),
+        quartic + product_form(M[0], known),
+    )
 
 
 def remainder_form(
@@ -191,9 +208,9 @@ def growth_between(
     here = here or sets.nominal.between(share).part(slice(None, None, every))
     S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
     bounds = Bounds(*(mixed(getattr(sets, name)) for name in Bounds._fields))
-    pushes = pushes_of(bounds.errors, sets.settings)
+    pushes = pushes_of(bounds.rests, sets.settings)
     given = mixed(sets.nominal.push_slopes), pushes, bounds.push_weights
-    push = push_form(S, *given)
+    push = push_form(S, *given, mixed(sets.nominal.bends))
     forms = boundary_forms(S, slopes, here.closed_loop, push, bounds)
     return largest_growth(forms, starts)
 

@@ -25,10 +25,12 @@ from scipy.linalg import expm
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.clock import (
+    BEND_ROOM,
+    bend_sizes,
     command_errors,
     effect_of_hold,
-    gains_before,
     hold_starts,
+    undo_hold,
 )
 from glider.verification.funnel.growth import (
     BoundaryForms,
@@ -90,15 +92,31 @@ class FunnelTask:
     def errors(
         self, S: np.ndarray, at: np.ndarray, bounds: Bounds | None = None
     ) -> np.ndarray:
-        """Returns how far the command may be off at K times, all or one, (K,)."""
+        """Returns how far the command may be off at K times, all or one, (2, K).
+
+        Off u₀ - K e, and off u₀ - K e + eᵀ M e.
+        """
         settings = self.settings
         if not settings.period:
-            return np.full(len(S), settings.command_error)
+            return np.full((2, len(S)), settings.command_error)
         if bounds is None:  # Of R, which counts for little.
             beta = np.zeros(S.shape[:2])
-            bounds = Bounds(beta, beta, np.zeros_like(S), beta[:, :2], beta[:, 0])
+            bounds = Bounds(beta, beta, 0.0 * S, beta[:, :2], *beta.T[:2])
         others = settings.command_error, settings.wind
-        return command_errors(self.nominal, S, at, bounds, *others)
+        rests = command_errors(self.nominal, S, at, bounds, *others)
+        known = BEND_ROOM * bend_sizes(S, self.nominal.bends[at])
+        return np.stack([known + rests, rests])
+
+    def servo_bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns a and b of the servo's limits, without what errors take of them.
+
+        A command that is held keeps the rate's limit if it does when it is computed.
+        """
+        directions, bounds = servo_bounds(self.nominal, self.center)
+        if self.settings.period:
+            starts = hold_starts(self.nominal.times)
+            bounds[starts != np.arange(len(starts)), 0] = np.inf
+        return directions, bounds
 
     def bound(self, S: np.ndarray, at: np.ndarray) -> tuple[Bounds, BoundaryForms]:
         """Returns β, λ and F of K sets, and what the pushes from outside add.
@@ -108,11 +126,11 @@ class FunnelTask:
         """
         inflation, errors = self.settings.remainder, self.errors(S, at)
         sizes, slopes = self.sizes[at], self.nominal.push_slopes[at]
-        pushes = pushes_of(errors, self.settings)
+        pushes, bends = pushes_of(errors[0], self.settings), self.nominal.bends[at]
         if inflation == 0.0:
             beta, none = np.zeros(S.shape[:2]), np.zeros((len(S), 2))
-            push = push_form(S, slopes, pushes, none)
-            return Bounds(beta, beta, np.zeros_like(S), none, errors), push
+            push = push_form(S, slopes, pushes, none, bends)
+            return Bounds(beta, beta, np.zeros_like(S), none, *errors), push
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
         focus, floor = np.zeros_like(S), self.settings.floor
@@ -121,12 +139,13 @@ class FunnelTask:
         sampled = sample_remainder(*given, focus, acting)
         beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
         weights = remainder_weights(S, beta, sizes)
-        bounds = Bounds(beta, weights, focus, 0.0 * pushes, errors)
+        bounds = Bounds(beta, weights, focus, 0.0 * pushes, *errors)
         errors = self.errors(S, at, bounds)
-        pushes = pushes_of(errors, self.settings)
+        pushes = pushes_of(errors[1], self.settings)
         of_pushes = push_weights(S, pushes, slopes, sizes)
-        push = push_form(S, slopes, pushes, of_pushes)
-        return bounds._replace(push_weights=of_pushes, errors=errors), push
+        push = push_form(S, slopes, pushes, of_pushes, bends)
+        bounds = Bounds(beta, weights, focus, of_pushes, *errors)
+        return bounds, push
 
 
 SAMPLE_ROOM = 1e-9
@@ -152,12 +171,12 @@ class ShapeFlow:
         """
         nominal = task.nominal
         if steer:
-            nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())
+            own = {name: getattr(nominal, name).copy() for name in ("gains", "bends")}
+            nominal = dataclasses.replace(nominal, **own)
             task = dataclasses.replace(task, nominal=nominal)
         self._task, self.nominal, self._sizes = task, nominal, task.sizes
-        self._bounds = servo_bounds(nominal, task.center)
+        self._bounds = task.servo_bounds()
         self._slopes = nominal.push_slopes[:, :, 0, 0] if steer else None
-        self._error = task.settings.command_error
 
     def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
@@ -199,25 +218,22 @@ class ShapeFlow:
         if self._slopes is None:
             return
         nominal, (directions, bounds) = self.nominal, self._bounds
-        times, period = nominal.times, self._task.settings.period
-        if period and k + 1 < len(times) and times[k + 1] > times[k]:
-            nominal.gains[k] = gains_before(nominal, k, nominal.gains[k + 1])
-        else:
-            toward = self._slopes[k]
-            if period:
-                toward = effect_of_hold(nominal, hold_starts(times)[k], k) / period
-            rate = bounds[k, 0] - self._error
-            largest = self._task.settings.elevator_gain
-            nominal.gains[k] = steepest_gains(S, toward, rate, largest)
-        here = nominal.part(slice(k, k + 1))
-        nominal.closed_loop[k] = here.closed_loop[0]  # Ours: of a copy.
-        directions[k] = servo_bounds(here)[0][0]
+        times, settings = nominal.times, self._task.settings
+        first, toward = k, self._slopes[k]
+        if settings.period:
+            if k + 1 < len(times) and times[k + 1] > times[k]:
+                return  # It was made from the end of its hold.
+            first = hold_starts(times)[k]
+            toward = effect_of_hold(nominal, first, k) / settings.period
+        rate = bounds[first, 0] - settings.command_error
+        gains = steepest_gains(S, toward, rate, settings.elevator_gain)
+        undo_hold(nominal, first, k, gains)  # Ours: of a copy.
+        directions[first : k + 1] = servo_bounds(nominal.part(slice(first, k + 1)))[0]
 
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""
         directions, bounds = self._bounds
-        error = self._task.errors(S[None], np.array([k]))
-        self._error = error[0]
+        error, _ = self._task.errors(S[None], np.array([k]))
         return keep_bounds(S, directions[k], bounds[k] - error_reach(error)[0])
 
     def _growth(self, S, k):

@@ -1,16 +1,17 @@
 """The proof that held commands are the funnel's feedback, but for its command error.
 
 A command u₀ - K e + d, |d| <= the settings' command error, acts from a sample on and is
-held. As long as it acts it differs from u₀ - K(t) e(t) by a q with
-    q̇ = K̇ e + K (P + R + d + G (q, w)),  P of e,
-and q = d at the sample, if u₀ is constant and K continuous. The gains of the file make
-the linear part of K̇ e + K P vanish (`glider.verification.funnel.clock`) at its times.
-In between they are straight lines; the proof follows the cubic polynomials with those
-slopes instead, and adds what the two differ by. With e = B z, |z| <= 1 on the interval,
-all parts are polynomials in z and time, exactly; norms of their Bernstein coefficients
-bound them; where |q̇| <= a + b |q|, |q| grows to (|q| + a t) exp(b t) at most in a time
-t. So |q| <= κ, the file's `errors`, until a state leaves the funnel, which
-with |q| <= κ none does.
+held. As long as it acts it differs from u₀ - K(t) e(t) + eᵀ M(t) e by a q with
+    q̇ = K̇ e - eᵀ Ṁ e + (K - 2 eᵀ M)(P + R + d + G (eᵀ M e + q, w)),  P of e,
+and q = d at the sample, if u₀ is constant, K and M continuous, and M zero there. The
+gains and M of the file make the linear and the quadratic part vanish
+(`glider.verification.funnel.clock`) at its times. In between they are straight lines;
+the proof follows the cubic polynomials with those slopes instead, and adds what the two
+differ by. With e = B z, |z| <= 1 on the interval, all parts are polynomials in z and
+time, exactly; norms of their Bernstein coefficients bound them; where |q̇| <= a + b |q|,
+|q| grows to (|q| + a t) exp(b t) at most in a time t. So |q| is within the file's
+`rests`, and |eᵀ M e + q| within its `errors`, until a state leaves the funnel, which
+none then does.
 """
 
 import dataclasses
@@ -19,7 +20,7 @@ import numpy as np
 
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.taylor_models import WIDER
-from glider.verification.funnel.clock import hold_starts
+from glider.verification.funnel.clock import form_size, hold_slopes, hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import covers, make_interval, tight_cover
 from glider.verification.proof.interval_growth import pulled_forms
@@ -31,7 +32,7 @@ from glider.verification.sos.exact import (
     line,
     rounded,
 )
-from glider.verification.sos.forms import linear_part, spread_form
+from glider.verification.sos.forms import exact_product, gathered, spread_form
 
 BASIS_BITS = 30
 """Binary places of the basis B. Any are right; few are fast."""
@@ -63,57 +64,104 @@ def held_faults(funnel: Funnel) -> list[str]:
         if not is_positive_definite(exact(funnel.S[k]) - exact(funnel.S[k + 1])):
             return [f"The set after the sample at {times[k]:.4f} s is not larger."]
     error = settings.command_error
+    if nominal.bends[starts].any():
+        return ["A command is not linear when it is computed."]
+    for k in np.unique(starts):
+        if not _keeps_rate(funnel, k):
+            return [f"The servo would meet its limit of rate at {times[k]:.4f} s."]
+    error = settings.command_error
     for k in nominal.flows:
         before = settings.command_error if starts[k] == k else error
-        error, bend = _error_after(funnel.between(k, k + 1), before)
-        allowed = funnel.errors[k : k + 2]
-        if not (before + bend <= allowed[0] and error + bend <= allowed[1]):
-            return [
-                f"The held command may be {error + bend:.3g} rad/s off the feedback at "
-                f"{times[k + 1]:.4f} s; the funnel allows {allowed[1]:.3g} rad/s."
-            ]
+        error, apart, known = _error_after(funnel.between(k, k + 1), before)
+        rests = np.array([before, error]) + apart
+        for allowed, found in (
+            (funnel.rests[k : k + 2], rests),
+            (funnel.errors[k : k + 2], rests + known),
+        ):
+            if not np.all(found <= allowed):
+                return [
+                    f"The held command may be {found[1]:.3g} rad/s off the feedback at "
+                    f"{times[k + 1]:.4f} s; the funnel allows {allowed[1]:.3g} rad/s."
+                ]
     return []
 
 
-@np.errstate(all="ignore")
-def _error_after(piece: Funnel, before: float) -> tuple[float, float]:
-    """Returns bounds of |q| of the cubic gains at the end, and of what they differ.
+def _keeps_rate(funnel, k):
+    """Returns whether commands that are computed at a time keep the rate's limit."""
+    limit = exact(funnel.nominal.model.parameters.servo.rate)
+    gains = exact(funnel.nominal.gains[k])
+    left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
+    form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
+    return bool(left.numbers > 0) and is_positive_definite(form)
 
-    Infinity where nothing is proven.
+
+@np.errstate(all="ignore")
+def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray]:
+    """Returns bounds of |q| at the end, and of what polynomials and lines differ.
+
+    Both are infinite where nothing is proven. The third (2,) is of |eᵀ M e|.
     """
-    nominal, n = piece.nominal, piece.num_states
-    interval, step = make_interval(piece), np.diff(nominal.times)[0]
+    nominal, n, interval = piece.nominal, piece.num_states, make_interval(piece)
     whole = InTime((exact(np.eye(n)),))
     states = dataclasses.replace(interval, outputs=whole, which=list(range(n)))
-    basis = tight_cover(states)[0]
-    B = rounded(basis * (1.0 + 2.0**-20), BASIS_BITS)
+    B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BASIS_BITS)
     if not covers(states, B.to_float()):
-        return np.inf, np.inf
-    slopes = -np.einsum("ti,tij->tj", nominal.gains, linear_part(nominal.closed_loop))
-    gains, rise = hermite(nominal.gains, slopes, interval.step)
-    gains, rise = gains[None], rise[None]
-    linear = rise @ B + interval.step * (
-        gains @ (interval.linear @ interval.outputs @ B)
+        return np.inf, np.inf, np.zeros(2)
+    slopes, step = hold_slopes(nominal), np.diff(nominal.times)[0]
+    K, K_rise = hermite(nominal.gains, slopes[0], interval.step)
+    M, M_rise = hermite(nominal.bends, slopes[1], interval.step)
+    rise, square = K_rise @ B, _form(B.T @ M_rise @ B)
+    M, known = B.T @ M, B.T @ interval.bends @ B
+    parts = _rate_forms(interval, B, K, M, known)
+    total = _size(rise + parts[0] * interval.step, n, 1) / step
+    total += _size(parts[1] * interval.step - square, n, 2) / step
+    total += _size(parts[2], n, 3) + _size(parts[3], n, 4)
+    focus = np.linalg.norm((B.T @ interval.focus @ B).bernstein(), 2, (1, 2)).max()
+    most = np.abs(K.bernstein()).max(axis=0)
+    most += 2.0 * np.linalg.norm(M.bernstein(), axis=1).max(axis=0)
+    off = piece.beta.max(axis=0) * (1.0 + focus) + defect_bounds(nominal)[0]
+    pulls = np.array([_pull(interval.push_slopes[:, k], B, K, M) for k in range(3)])
+    apart = _size((K - line(*nominal.gains)) @ B, n, 1)
+    apart += _size(_form(M @ B - known), n, 2)
+    total += most @ off + pulls[0] * apart
+    total += piece.settings.wind * np.linalg.norm(pulls[1:])
+    after = (before + step * total) * np.exp(step * pulls[0]) * WIDER
+    return after, apart * WIDER, np.linalg.norm(known.bernstein(), 2, (1, 2)) * WIDER
+
+
+def _rate_forms(interval, B, K, M, known):
+    """Returns (K - 2 eᵀ M)(P + G eᵀ M e), its parts of degree 1 to 4 in z, e = B z.
+
+    K is (n,), M is Bᵀ M (n, n), and known is Bᵀ M B of the straight line.
+    """
+    push, field = interval.push_slopes[:, 0], interval.linear @ interval.outputs @ B
+    square, cube = pulled_forms(interval, B, K[:, None], 0)
+    bent_square, bent_cube = pulled_forms(interval, B, M.T, 1)
+    pull, tilt = K @ push[:, 0], K @ push[:, 1:] @ B
+    bent, twist = M @ push[:, 0], M @ push[:, 1:] @ B
+    bent_square = bent_square + bent.product(known, exact_product)
+    return (
+        K @ field,
+        square + _form(known * pull - M @ field * 2),
+        cube + tilt.product(known, exact_product) - bent_square * 2,
+        (bent_cube + twist.product(known, exact_product)) * 2,
     )
-    total = _size(linear[0], n, 1) / step
-    for degree, form in enumerate(pulled_forms(interval, B, gains.T, 0), start=2):
-        total += _size(form, n, degree)
-    wide, K = np.abs(B.to_float()), np.abs(gains.bernstein()).max(axis=0)[0]
-    bend = np.linalg.norm(wide.T @ np.abs(piece.focus).max(axis=0) @ wide)
-    total += K @ (piece.beta.max(axis=0) * (1.0 + bend) + defect_bounds(nominal)[0])
-    pulls = np.zeros(3)  # Of q, and of the wind's parts.
-    for k in range(3):
-        along = (gains @ interval.push_slopes[:, k]).bernstein()[:, 0]
-        bend = np.linalg.norm(along[:, 1:] @ B.to_float(), axis=1)
-        pulls[k] = (np.abs(along[:, 0]) + bend).max()
-    apart = _size(((gains - line(*nominal.gains)[None]) @ B)[0], n, 1)
-    total += pulls @ [apart, piece.settings.wind, piece.settings.wind]
-    return (before + step * total) * np.exp(step * pulls[0]) * WIDER, apart * WIDER
+
+
+def _pull(slopes, B, K, M):
+    """Returns a bound of |(K - 2 eᵀ M) G|, G of slopes (n, 1 + n) in (1, e)."""
+    along = (K @ slopes[:, 0]).bernstein()
+    tilt = (K @ slopes[:, 1:] @ B - M @ slopes[:, 0] * 2).bernstein()
+    twist = (M @ slopes[:, 1:] @ B).bernstein()
+    size = np.abs(along).max() + np.linalg.norm(tilt, axis=1).max()
+    return size + 2.0 * np.linalg.norm(twist, 2, (1, 2)).max()
+
+
+def _form(matrix):
+    """Returns the coefficients of zᵀ A z."""
+    return matrix.map(lambda part: gathered(part, len(part), 2))
 
 
 def _size(form, n, degree):
     """Returns a bound of |form(z)| for |z| <= 1 at all times."""
-    tensors = (spread_form(part, n, degree) for part in form.bernstein())
-    if degree == 2:
-        return max(np.linalg.norm(tensor, 2) for tensor in tensors)
-    return max(np.linalg.norm(tensor.ravel()) for tensor in tensors)
+    return form_size(spread_form(form.bernstein(), n, degree)).max()
