@@ -44,7 +44,8 @@ and climbs to the worst flights and the worst corner of their set. Flights alone
 nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
-time, and --hold is the time that its commands must be held.
+time, and --hold is the time that its commands must be held. A latency is flown, not
+proven: what a predictor misses of it has to be within the command error.
 
 --as-flown flies what the theorem leaves out: commands from a clock at any phase, held,
 computed from a state of some time ago, other command errors and wind; from the inlet's
@@ -232,6 +233,12 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.write_proof and not args.prove:
         words = "--write-proof has no effect without --prove; expected both."
         raise InputError(words)
+    if args.prove and args.latency and not args.as_flown:
+        raise InputError(
+            "--prove knows no --latency: its commands are computed from the state in "
+            "which they begin to act, and what a predictor misses of that is within "
+            "--command-error; expected --latency with --as-flown only."
+        )
     level = _level(args.confidence)
     flown = {"predict": args.predict or None, "latency": args.latency}
     names = ("hold", "command_error", "wind")

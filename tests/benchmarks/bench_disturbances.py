@@ -26,14 +26,25 @@ ROWS: tuple[dict[str, float], ...] = (
     *({"command_error": error} for error in (0.5, 1.0, 2.0)),
     *({"command_error": error, "wind": 0.02} for error in (0.5, 0.7, 1.0)),
     {"command_error": 0.5, "elevator_gain": 20.0},
-    *({"period": period, "wind": 0.02} for period in (0.005, 0.01, 0.02)),
-    {"period": 0.02},
+    *(
+        {"period": period, "wind": wind, "elevator_gain": gain}
+        for period, wind, gain in (
+            *((0.02, wind, 26.0) for wind in (0.0, 0.01, 0.02, 0.03)),
+            *((0.02, 0.02, gain) for gain in (20.0, 32.0, 40.0)),
+            (0.01, 0.02, 30.0),
+            (0.03, 0.02, 20.0),
+        )
+    ),
+    {"period": 0.02, "wind": 0.02, "command_error": 0.1, "elevator_gain": 26.0},
 )
 """Settings of each row; what they lack is that of the shipped funnels."""
 
 
 def shape_of(model, policy, problem, steps, **settings):
-    """Returns height [m] and largest error [rad/s] of a shape; None without one."""
+    """Returns a shape's height [m]; the largest error, and what is unknown of it.
+
+    None without one.
+    """
     base = {"remainder": 1.6, "elevator_gain": 40.0}
     chosen = funnels.FunnelSettings(
         **base | settings,
@@ -55,27 +66,30 @@ def shape_of(model, policy, problem, steps, **settings):
     except (SolverError, np.linalg.LinAlgError):
         return None
     errors = task.errors(S, np.arange(len(S)))
-    return 1.0 / np.sqrt(S[0, 1, 1]), float(errors.max())
+    return 1.0 / np.sqrt(S[0, 1, 1]), *errors.max(axis=1)
 
 
 def main():
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=float, default=2.0, help="times as long")
+    parser.add_argument("--first", type=int, default=0, help="row to begin with")
     args = parser.parse_args()
     model = GliderModel.load(models_path("vehicles", "perching.yaml"))
     problem = PerchingProblem.load("perching_hook")
     policy = tracking_policy(model, plan(model, problem))
-    print("| hold | command error | wind | gain | height | largest error |")
-    print("|---|---|---|---|---|---|", flush=True)
-    for row in ROWS:
+    print("| hold | command error | wind | gain | height | largest error | unknown |")
+    print("|---|---|---|---|---|---|---|", flush=True)
+    for row in ROWS[args.first :]:
         error, wind = row.get("command_error", 0.0), 100.0 * row.get("wind", 0.0)
         held, gain = 1e3 * row.get("period", 0.0), row.get("elevator_gain", 40)
         start = f"| {held:g} ms | {error:g} rad/s | {wind:g} cm/s | {gain:g} |"
         found = shape_of(model, policy, problem, args.steps, **row)
-        words = "none | |"
+        words = "none | | |"
         if found:
-            words = f"{100 * found[0]:.1f} cm | {found[1]:.2f} rad/s |"
+            words = "{:.1f} cm | {:.2f} rad/s | {:.2f} rad/s |".format(
+                100 * found[0], *found[1:]
+            )
         print(f"{start} {words}", flush=True)
 
 

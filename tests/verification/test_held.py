@@ -25,11 +25,14 @@ from glider.verification.funnel.funnel import (
     load_funnel,
     save_funnel,
 )
-from glider.verification.funnel.growth import Bounds
+from glider.verification.funnel.growth import Bounds, push_form
 from glider.verification.funnel.servo_limits import steepest_gains
 from glider.verification.proof.held import held_faults
+from glider.verification.proof.interval import at_time
+from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.proof.purpose import push_faults
-from glider.verification.sos.forms import to_ball
+from glider.verification.sos.exact import exact
+from glider.verification.sos.forms import spread_form, to_ball
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, fly_loop
 from tests.verification.points import sphere_points
@@ -95,6 +98,12 @@ def changed(funnel, name, where, factor=1.0, more=0.0):
     return dataclasses.replace(funnel, nominal=nominal)
 
 
+def lowered(funnel, name):
+    """The same with a bound of the command's error that is too small at its ends."""
+    values = getattr(funnel, name)
+    return dataclasses.replace(funnel, **{name: np.minimum(values, 0.8 * values.max())})
+
+
 def test_small_deviations_keep_the_held_command(clocked):
     nominal = clocked.nominal
     starts, k = hold_starts(nominal.times), 12
@@ -143,9 +152,11 @@ def test_held_flights_are_within_the_proven_error(clocked):
             e = states - nominal.states[j + 1]
             inside &= np.einsum("bi,ij,bj->b", e, clocked.S[j + 1], e) <= 1.0
             feedback = nominal.inputs[j + 1] - e @ nominal.gains[j + 1]
-            off = np.abs(held - feedback)[inside]
-            ratio = max(ratio, off.max() / clocked.errors[j + 1])
-            assert np.all(off <= clocked.errors[j + 1])
+            off = (held - feedback)[inside]
+            rest = off - np.einsum("bi,ij,bj->b", e, nominal.bends[j + 1], e)[inside]
+            ratio = max(ratio, np.abs(rest).max() / clocked.rests[j + 1])
+            assert np.all(np.abs(rest) <= clocked.rests[j + 1])
+            assert np.all(np.abs(off) <= clocked.errors[j + 1])
         assert inside.sum() > 20
     assert ratio > 0.2
 
@@ -162,16 +173,18 @@ def test_the_error_of_held_commands_is_proven(clocked):
         (lambda f: changed(f, "gains", slice(None), 1.0, 1.0), "may be"),
         (lambda f: changed(f, "inputs", 3, 1.0, 0.01), "not held"),
         (lambda f: changed(f, "times", slice(6, None), 1.0, 1e-3), "apart"),
+        (lambda f: changed(f, "bends", 2, 0.8), "may be"),
+        (lambda f: changed(f, "bends", slice(None), -1.0), "may be"),
+        (lambda f: changed(f, "bends", 0, 1.0, 1e-3), "not linear"),
         (
-            lambda f: dataclasses.replace(f, errors=0.5 * f.errors),
+            lambda f: dataclasses.replace(f, rests=0.5 * f.rests),
             "smaller than the settings",
         ),
-        (
-            lambda f: dataclasses.replace(
-                f, errors=np.minimum(f.errors, 0.8 * f.errors.max())
-            ),
-            "may be",
+        *(
+            (lambda f, name=name: lowered(f, name), "may be")
+            for name in ("errors", "rests")
         ),
+        (lambda f: dataclasses.replace(f, S=0.1 * f.S), "would meet its limit of rate"),
         (
             lambda f: dataclasses.replace(
                 f, settings=dataclasses.replace(f.settings, period=0.01)
@@ -191,10 +204,41 @@ def test_what_is_not_a_held_command_is_refused(clocked, forged, words):
     assert words in fault
 
 
+def test_what_is_known_of_the_error_acts_on_v(clocked):
+    """2 eᵀ S G_u eᵀ M e, in the forms and exactly, at the end of a hold."""
+    k = np.flatnonzero(np.diff(clocked.nominal.times) == 0.0)[5]
+    nominal, S = clocked.nominal, clocked.S[[k]]
+    z = sphere_points(200, 7)
+    e = z @ to_ball(S)[1][0].T
+    G = nominal.push_slopes[k, :, 0]
+    pull = np.einsum("bi,ij,bj->b", e, S[0], G[:, 0] + e @ G[:, 1:].T)
+    expected = 2.0 * pull * np.einsum("bi,ij,bj->b", e, nominal.bends[k], e)
+    assert np.abs(expected).max() > 0.05
+
+    def values(cubic, quartic):
+        cube, fourth = spread_form(cubic, 7, 3), spread_form(quartic, 7, 4)
+        found = np.einsum("bi,bj,bk,ijk->b", z, z, z, cube)
+        return found + np.einsum("bi,bj,bk,bl,ijkl->b", z, z, z, z, fourth)
+
+    none = np.zeros((1, 2))
+    forms = push_form(S, nominal.push_slopes[[k]], none, none, nominal.bends[[k]])
+    assert values(forms.cubic[0], forms.quartic[0]) == pytest.approx(expected)
+    basis = exact(to_ball(S)[1][0])
+    without = changed(clocked, "bends", slice(None), 0.0)
+    own, bare = (
+        growth_forms(at_time(f, k), basis, exact(0.0)) for f in (clocked, without)
+    )
+    more = [(b - a).parts[0].to_float() for a, b in zip(own, bare, strict=True)]
+    assert values(*more[1:3]) == pytest.approx(expected)
+    assert not more[0].any()
+
+
 def test_a_continuous_feedback_needs_its_own_error_only(proven):
     assert held_faults(proven) == []
     settings = dataclasses.replace(proven.settings, command_error=0.1)
     assert held_faults(dataclasses.replace(proven, settings=settings))
+    [fault] = held_faults(changed(proven, "bends", 7, 1.0, 1e-9))
+    assert "no command is held" in fault
 
 
 def test_paths_have_a_kink_at_a_sample(clocked):

@@ -50,7 +50,7 @@ def pushed(funnel, error=ERROR, wind=WIND):
     sizes = np.diag(np.square(settings.size_axes(funnel.num_states)))
     slopes = funnel.nominal.push_slopes
     errors = np.full(len(funnel.S), error)
-    made = dataclasses.replace(funnel, settings=settings, errors=errors)
+    made = dataclasses.replace(funnel, settings=settings, errors=errors, rests=errors)
     weights = push_weights(funnel.S, made.pushes, slopes, sizes)
     return dataclasses.replace(made, push_weights=weights)
 
@@ -114,7 +114,7 @@ def test_no_push_makes_v_rise_faster_than_they_say(piece):
     pull = 2.0 * np.sum(towards * q, axis=1)
 
     def given(slopes, pushes, weights=piece.push_weights[:1]):
-        forms = push_form(S, slopes, pushes, weights)
+        forms = push_form(S, slopes, pushes, weights, 0.0 * S)
         third, fourth = (
             spread_form(f, 7, d)[0] for d, f in ((3, forms[1]), (4, forms[2]))
         )
@@ -137,7 +137,8 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
     h = np.diff(piece.nominal.times)[0]
     bare = make_interval(pushed(piece, 0.0, 0.0))
     own, all_forms = (growth_forms(i, basis, exact(0.0)) for i in (bare, whole))
-    given = piece.nominal.push_slopes, piece.pushes, piece.push_weights
+    none = np.zeros_like(piece.S)
+    given = piece.nominal.push_slopes, piece.pushes, piece.push_weights, none
     expected = push_form(piece.S, *given)
     for less, more, form in zip(own[:3], all_forms[:3], expected, strict=True):
         ends = (value.at(Fraction(0)).to_float() for value in (less, more))
@@ -145,9 +146,9 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
         assert found == pytest.approx(form[0], rel=1e-6, abs=1e-6)
         assert np.abs(found).max() > 1e-3
     half = pushed(piece, 0.5 * ERROR, 0.0)
-    given = piece.nominal.push_slopes, half.pushes, half.push_weights
+    given = piece.nominal.push_slopes, half.pushes, half.push_weights, none
     alone = pushed(piece, ERROR, 0.0)
-    twice = piece.nominal.push_slopes, alone.pushes, alone.push_weights
+    twice = piece.nominal.push_slopes, alone.pushes, alone.push_weights, none
     for form, double in zip(
         push_form(piece.S, *given), push_form(piece.S, *twice), strict=True
     ):

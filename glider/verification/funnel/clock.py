@@ -21,11 +21,8 @@ from glider.verification.dynamics.nominal import Nominal, table_of
 from glider.verification.funnel.growth import Bounds
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
-ROOM = 1.1
+ROOM = 1.15
 """Factor on the largest q̇ at a time: for what is between, and norms of it."""
-
-BEND = 0.25
-"""Share of what q grows by in a step that K and M differ by from straight lines."""
 
 BEND_ROOM = 1.05
 """Factor on the largest eᵀ M e at a time: for what is between."""
@@ -143,18 +140,32 @@ def command_errors(
         start: error of a command when it is computed [rad/s].
     """
     growth, pulls = _error_growth(nominal, S, at, bounds, wind)
+    apart = ROOM * _apart(nominal, S, at)
+    growth += 2.0 * pulls * apart  # Once for the slopes of the cubics.
     begins, times = hold_starts(nominal.times)[at], nominal.times[at]
     if len(at) == 1:
         since = times - nominal.times[begins]
-        return (start + ROOM * since * growth) * np.exp(since * pulls)
-    q, grown = np.full((2, len(S)), start)
+        return (start + ROOM * since * growth) * np.exp(since * pulls) + apart
+    q = np.full(len(S), start)
     for i in np.flatnonzero(begins < at):
         last, step = slice(i - 1, i + 1), times[i] - times[i - 1]
         q[i] = q[i - 1] + step * ROOM * growth[last].max()
         q[i] *= np.exp(step * pulls[last].max())
-        grown[i] = q[i] - q[i - 1]
-    grown[begins == at] = np.append(grown, 0.0)[1:][begins == at]
-    return q + BEND * grown
+    return q + apart
+
+
+def _apart(nominal, S, at):
+    """Returns how far K e - eᵀ M e is from straight lines around K times, nearly."""
+    k, turn = nominal.flows, to_ball(S)[1]
+    steps = np.diff(nominal.times)[k]
+    bends = [np.zeros((2, *v.shape)) for v in (nominal.gains, nominal.bends)]
+    for bend, slopes in zip(bends, hold_slopes(nominal), strict=True):
+        change = (slopes[k + 1] - slopes[k]).T * steps / 6.0
+        bend[0, k] = bend[1, k + 1] = change.T
+    of_gains, of_bends = (bend[:, at] for bend in bends)
+    size = np.linalg.norm((of_gains[:, :, None] @ turn)[:, :, 0], axis=2)
+    square = np.linalg.norm(turn.swapaxes(1, 2) @ of_bends @ turn, 2, axis=(2, 3))
+    return (size + square).max(axis=0)
 
 
 def _error_growth(nominal, S, at, bounds, wind):

@@ -187,7 +187,9 @@ class ShapeFlow:
         times = self.nominal.times
         last, n = len(times) - 1, self.nominal.states.shape[1]
         settings = self._task.settings
-        hold = max(1, round(settings.hold / (times[1] - times[0])))
+        # Where commands are held, at least at the end of each and in its middle.
+        hold = min(settings.hold, 0.5 * settings.period or np.inf)
+        hold = max(1, round(hold / (times[1] - times[0])))
         S = goal_about(settings.goal_axes(n), self._task.center)
         self._steer(S, last)
         S = self._cut(S, last)

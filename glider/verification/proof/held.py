@@ -47,10 +47,11 @@ def held_faults(funnel: Funnel) -> list[str]:
     Where the feedback acts at all times there is nothing to prove.
     """
     settings, nominal = funnel.settings, funnel.nominal
-    if np.any(funnel.errors < settings.command_error):
+    if np.any(np.minimum(funnel.errors, funnel.rests) < settings.command_error):
         return ["The command's error is smaller than the settings' somewhere."]
     if not settings.period:
-        return []
+        known = "The command's error has a known part, but no command is held."
+        return [known] if nominal.bends.any() else []
     times, starts = nominal.times, hold_starts(nominal.times)
     clock = settings.period * np.arange(len(np.unique(starts)))
     ends = [*times[np.unique(starts)], times[-1]]
@@ -63,7 +64,6 @@ def held_faults(funnel: Funnel) -> list[str]:
     for k in np.flatnonzero(np.diff(times) == 0.0):
         if not is_positive_definite(exact(funnel.S[k]) - exact(funnel.S[k + 1])):
             return [f"The set after the sample at {times[k]:.4f} s is not larger."]
-    error = settings.command_error
     if nominal.bends[starts].any():
         return ["A command is not linear when it is computed."]
     for k in np.unique(starts):

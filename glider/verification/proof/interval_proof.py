@@ -93,7 +93,7 @@ def _prove(piece, budget):
         return IntervalProof(fault="the certificate accounts for no remainder")
     if np.any((piece.beta > 0.0) & (piece.weights == 0.0)):
         return IntervalProof(fault="a weight of the remainder is zero")
-    if np.any((piece.pushes > 0.0) & (piece.push_weights == 0.0)):
+    if np.any((piece.unknown_pushes > 0.0) & (piece.push_weights == 0.0)):
         return IntervalProof(fault="a weight of a disturbance is zero")
     if unproven_wind(piece):
         return IntervalProof(fault="the wind acts where the remainder leaves it out")
