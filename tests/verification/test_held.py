@@ -30,6 +30,7 @@ from glider.verification.funnel.servo_limits import steepest_gains
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import at_time
 from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.proof.purpose import push_faults
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import spread_form, to_ball
@@ -333,3 +334,38 @@ def test_the_command_requires_the_clock(capsys):
     assert main([*asked, "--hold", "0.02"]) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert "for commands that are held for 0 ms; expected 20 ms." in said
+
+
+def test_prove_knows_no_latency(capsys):
+    source = str(models_path("funnels", "held_hook.npz"))
+    asked = ["check-funnel", source, "--hook", "--prove", "--hold", "0.02"]
+    assert main([*asked, "--latency", "0.01"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "expected --latency with --as-flown only" in said
+
+
+# ----------------------------------------------------------------------------- shipped
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load_funnel(models_path("funnels", "held_hook.npz"))
+
+
+def test_the_shipped_funnel_is_wide_and_of_held_commands(shipped):
+    assert (shipped.settings.period, shipped.half_widths()[1] > 0.14) == (0.02, True)
+    assert held_faults(part(shipped, 2)) == []
+    piece = shipped.between(36, 37)
+    assert shipped.nominal.times[36] > 0.11
+    assert prove_interval(piece).proven
+    claims = dataclasses.replace(piece.settings, wind=0.02)
+    assert not prove_interval(dataclasses.replace(piece, settings=claims)).proven
+
+
+def test_no_flight_leaves_the_shipped_funnel(shipped):
+    """Held for 20 ms, with a latency that is predicted; with other gains some leave."""
+    hold = Hold(period=0.02, latency=0.01, predicts=True)
+    rng = np.random.default_rng(0)
+    assert fly_loop(shipped, FlownLoop(hold=hold), 300, rng).escapes == 0
+    other = changed(shipped, "gains", slice(None), 0.5)
+    assert fly_loop(other, FlownLoop(hold=hold), 300, rng).escapes > 0

@@ -14,13 +14,11 @@ as long as the servo follows its command, which the funnel ensures;
 
 import dataclasses
 import functools
-import itertools
-import math
 
 import numpy as np
 from scipy.interpolate import PPoly
 
-from glider.control.predictor import Hold, advance, held_command, rates_of
+from glider.control.predictor import fly_held
 from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.model import GliderModel
@@ -150,7 +148,7 @@ def make_nominal(
 ) -> Nominal:
     """Flies the feedback from its plan's launch, at times one step [s] apart at most.
 
-    Its commands are held for a period [s] if that is not 0; gains are zero then.
+    Its commands are held for a period [s] if that is not 0.
 
     Raises:
         InputError: the plan is for another glider, the flight needs its servo at a
@@ -161,9 +159,13 @@ def make_nominal(
     if model.is_time_varying:
         raise InputError("A funnel needs a glider whose dynamics do not vary in time.")
     if period > 0.0:
-        nominal = _held_flight(model, policy, step, period)
+        flight = fly_held(model, policy, period, step, FLIGHT_STEP)
+        gains = policy.sample(flight[0])[1]
     else:
-        nominal = _continuous_flight(model, policy, step)
+        *flight, gains = _continuous_flight(model, policy, step)
+    count, n = flight[1].shape
+    arrays = (*flight, gains, np.zeros((count, n, n)))
+    nominal = Nominal(model=model, **dict(zip(ARRAYS, arrays, strict=True)))
     servo = model.parameters.servo
     for u, x in zip(nominal.inputs, nominal.states, strict=True):
         if limited_rate(u, x[ELEVATOR], servo) != u:
@@ -171,36 +173,8 @@ def make_nominal(
     return nominal
 
 
-def _held_flight(model, policy, step, period):
-    """Flies commands that are held: those of the feedback half a period later."""
-    plan, hold = policy.plan, Hold(period=period, predicts=True)
-    begins = period * np.arange(math.ceil(plan.duration / period - 1e-9))
-    state, times, states, inputs = plan.states[:1], [], [], []
-    for begin, end in itertools.pairwise([*begins, plan.duration]):
-        command = held_command(model, policy, np.array([begin]), state, [], hold)
-        here = np.linspace(begin, end, math.ceil((end - begin) / step - 1e-9) + 1)
-        for k, time in enumerate(here):
-            gap = time - here[k - 1] if k else 0.0
-            count = math.ceil(gap / FLIGHT_STEP)
-            for _ in range(count):
-                state = advance(
-                    lambda x, t, u=command: rates_of(model, x, u), state, gap / count
-                )
-            times.append(time)
-            states.append(state[0])
-            inputs.append(command[0])
-    return Nominal(
-        model=model,
-        times=np.array(times),
-        states=np.array(states),
-        inputs=np.array(inputs),
-        gains=policy.sample(np.array(times))[1],
-        bends=_no_bends(states),
-    )
-
-
 def _continuous_flight(model, policy, step):
-    """Flies the feedback as it is."""
+    """Returns times, states, inputs and gains of the feedback as it is."""
     plan = policy.plan
     count = aligned_count(plan, step)
     fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
@@ -218,18 +192,7 @@ def _continuous_flight(model, policy, step):
     times = np.linspace(0.0, plan.duration, count + 1)
     offset, gains = policy.sample(times)
     inputs = offset - np.sum(gains * states, axis=1)
-    return Nominal(
-        model=model,
-        times=times,
-        states=states,
-        inputs=inputs,
-        gains=gains,
-        bends=_no_bends(states),
-    )
-
-
-def _no_bends(states):
-    return np.zeros((len(states), *(len(states[0]),) * 2))
+    return times, states, inputs, gains
 
 
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:

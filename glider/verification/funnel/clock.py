@@ -108,8 +108,8 @@ def hold_slopes(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
 def form_size(tensors: np.ndarray) -> np.ndarray:
     """Returns bounds (T,) of forms on the unit ball, given tensors (T, n, ..., n)."""
     count, n, axes = len(tensors), tensors.shape[-1], tensors.ndim - 1
-    orders = list(itertools.permutations(range(1, axes + 1)))
-    total = sum(tensors.transpose(0, *order) for order in orders) / len(orders)
+    orders = itertools.permutations(range(1, axes + 1))
+    total = np.mean([tensors.transpose(0, *order) for order in orders], axis=0)
     if axes == 1:
         return np.linalg.norm(total, axis=1)
     rows = n ** (axes // 2)

@@ -50,8 +50,8 @@ def held_faults(funnel: Funnel) -> list[str]:
     if np.any(np.minimum(funnel.errors, funnel.rests) < settings.command_error):
         return ["The command's error is smaller than the settings' somewhere."]
     if not settings.period:
-        known = "The command's error has a known part, but no command is held."
-        return [known] if nominal.bends.any() else []
+        fault = "The command's error has a known part, but no command is held."
+        return [fault] if nominal.bends.any() else []
     times, starts = nominal.times, hold_starts(nominal.times)
     clock = settings.period * np.arange(len(np.unique(starts)))
     ends = [*times[np.unique(starts)], times[-1]]
