@@ -1,6 +1,8 @@
 """Held commands as a continuous feedback whose gains jump: its error is proven."""
 
 import dataclasses
+import functools
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -10,12 +12,15 @@ from glider.__main__ import main
 from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.verification.dynamics.nominal import hermite_path, make_nominal
+from glider.physics.model import GliderModel
+from glider.verification.dynamics.nominal import evaluate, hermite_path, make_nominal
+from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
     command_errors,
     effect_of_hold,
+    form_size,
     hold_starts,
     undo_hold,
 )
@@ -27,16 +32,18 @@ from glider.verification.funnel.funnel import (
 )
 from glider.verification.funnel.growth import Bounds, push_form
 from glider.verification.funnel.servo_limits import steepest_gains
+from glider.verification.proof import held
 from glider.verification.proof.held import held_faults
-from glider.verification.proof.interval import at_time
+from glider.verification.proof.interval import at_time, make_interval
 from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.proof.purpose import push_faults
-from glider.verification.sos.exact import exact
+from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, fly_loop
 from tests.verification.points import sphere_points
+from tests.verification.test_gliders import allowed_by, among
 
 PERIOD, ERROR, WIND = 0.02, 0.05, 0.02
 
@@ -103,6 +110,14 @@ def lowered(funnel, name):
     """The same with a bound of the command's error that is too small at its ends."""
     values = getattr(funnel, name)
     return dataclasses.replace(funnel, **{name: np.minimum(values, 0.8 * values.max())})
+
+
+def values_of(tensors, z):
+    """Values (T, B) of forms at points z (B, n), given tensors (T, n, ..., n)."""
+    values = np.repeat(tensors[:, None], len(z), axis=1)
+    for _ in range(tensors.ndim - 1):
+        values = np.einsum("tb...i,bi->tb...", values, z)
+    return values
 
 
 def test_small_deviations_keep_the_held_command(clocked):
@@ -217,9 +232,8 @@ def test_what_is_known_of_the_error_acts_on_v(clocked):
     assert np.abs(expected).max() > 0.05
 
     def values(cubic, quartic):
-        cube, fourth = spread_form(cubic, 7, 3), spread_form(quartic, 7, 4)
-        found = np.einsum("bi,bj,bk,ijk->b", z, z, z, cube)
-        return found + np.einsum("bi,bj,bk,bl,ijkl->b", z, z, z, z, fourth)
+        third, fourth = spread_form(cubic[None], 7, 3), spread_form(quartic[None], 7, 4)
+        return values_of(third, z)[0] + values_of(fourth, z)[0]
 
     none = np.zeros((1, 2))
     forms = push_form(S, nominal.push_slopes[[k]], none, none, nominal.bends[[k]])
@@ -232,6 +246,53 @@ def test_what_is_known_of_the_error_acts_on_v(clocked):
     more = [(b - a).parts[0].to_float() for a, b in zip(own, bare, strict=True)]
     assert values(*more[1:3]) == pytest.approx(expected)
     assert not more[0].any()
+
+
+def test_the_error_grows_as_the_polynomials_say(clocked):
+    """(K - 2 eᵀ M)(P + G eᵀ M e), by its parts, and a bound of (K - 2 eᵀ M) G."""
+    k = np.flatnonzero(np.diff(clocked.nominal.times) == 0.0)[5] - 1
+    piece = clocked.between(k, k + 1)
+    nominal, interval = piece.nominal, make_interval(piece)
+    K, M = nominal.gains[0], nominal.bends[0]
+    turn = to_ball(piece.S)[1][0]
+    z = sphere_points(300, 7)
+    e, B = z @ turn.T, exact(turn)
+    known = B.T @ interval.bends @ B
+    given = B, line(*nominal.gains), B.T @ interval.bends
+    parts = held._rate_forms(interval, *given, known)
+    found = np.zeros(len(z))
+    for degree, (part, sign) in enumerate(zip(parts, (1, 1, 1, -1), strict=True), 1):
+        form = part.at(Fraction(0)).to_float()[None]
+        found += sign * values_of(spread_form(form, 7, degree), z)[0]
+    m, along = np.einsum("bi,ij,bj->b", e, M, e), K - 2.0 * e @ M
+    G = nominal.push_slopes[0]
+    slopes = G[..., 0] + np.einsum("ika,ba->bik", G[..., 1:], e)
+    field = evaluate(nominal.closed_loop[:1], e[None])[0] + m[:, None] * slopes[..., 0]
+    assert found == pytest.approx(np.sum(along * field, axis=1), abs=1e-8)
+    for axis in range(3):
+        most = held._pull(interval.push_slopes[:, axis], *given)
+        pulls = np.abs(np.sum(along * slopes[..., axis], axis=1))
+        assert np.all(pulls <= most) and pulls.max() > 0.5 * most
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_no_form_is_larger_than_its_size(degree):
+    """On the ball, and of a form that has one direction the size is exact."""
+    tensors = np.random.default_rng(0).normal(size=(2, *(4,) * degree))
+    p = np.array([1.0, 2.0, -1.0, 0.5])
+    tensors[1] = functools.reduce(np.multiply.outer, [p] * degree)
+    z = np.concatenate([sphere_points(20_000, 4), p[None] / np.linalg.norm(p)])
+    largest, sizes = np.abs(values_of(tensors, z)).max(axis=1), form_size(tensors)
+    assert np.all(largest <= sizes * (1.0 + 1e-9))
+    assert sizes[1] == pytest.approx(largest[1])
+
+
+def test_held_commands_are_not_for_a_set_of_gliders(clocked):
+    """Which the errors of the commands and the limit of rate leave out."""
+    with pytest.raises(InputError, match="for the funnel of a confidence set"):
+        make_funnel(GliderModel(), None, clocked.settings, confidence=allowed_by())
+    [fault] = held_faults(among(part(clocked, 1), allowed_by()))
+    assert "not proven for a set of gliders" in fault
 
 
 def test_a_continuous_feedback_needs_its_own_error_only(proven):

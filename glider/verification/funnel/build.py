@@ -104,6 +104,9 @@ def make_funnel(
             "A funnel of a confidence set accounts for the differences of its gliders "
             "by a remainder: 'remainder' is 0; expected a positive number."
         )
+    if confidence and settings.period:
+        words = "0, for the funnel of a confidence set"
+        raise InputError(f"field 'period' is {settings.period:g}; expected {words}.")
     nominal = make_nominal(model, policy, settings.step, settings.period)
     if hook_of is not None:
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)

@@ -52,6 +52,8 @@ def held_faults(funnel: Funnel) -> list[str]:
     if not settings.period:
         fault = "The command's error has a known part, but no command is held."
         return [fault] if nominal.bends.any() else []
+    if funnel.gliders:
+        return ["Held commands are not proven for a set of gliders."]
     times, starts = nominal.times, hold_starts(nominal.times)
     clock = settings.period * np.arange(len(np.unique(starts)))
     ends = [*times[np.unique(starts)], times[-1]]
