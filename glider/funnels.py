@@ -35,7 +35,6 @@ from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
 from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
-from glider.verification.proof.held import HeldCommands, command_rates, held_commands
 from glider.verification.sos.programs import SolverError
 from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates

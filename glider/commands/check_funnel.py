@@ -44,8 +44,8 @@ and climbs to the worst flights and the worst corner of their set. Flights alone
 nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
-time; --hold and --latency prove that commands which are held, each computed from the
-state of some time ago, are within its command error, with --command-error more.
+time, and --hold is the time that its commands must be held. A latency is flown, not
+proven: what a predictor misses of it has to be within the command error.
 
 --as-flown flies what the theorem leaves out: commands from a clock at any phase, held,
 computed from a state of some time ago, other command errors and wind; from the inlet's
@@ -97,7 +97,12 @@ def add_arguments(parser: CommandParser) -> None:
     both = "--as-flown or --prove"
     for name, option, default, words in (
         ("--hold", both, HOLD, "time that a command is held [s]"),
-        ("--latency", both, LATENCY, "time from a state to the command of it [s]"),
+        (
+            "--latency",
+            "--as-flown",
+            LATENCY,
+            "time from a state to the command of it [s]",
+        ),
         ("--command-error", both, 0.0, "largest other error of the command [rad/s]"),
         ("--wind", both, 0.0, "largest wind beyond the model's own [m/s]"),
     ):
@@ -124,7 +129,6 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
-    from glider.verification.proof.held import command_rates, held_commands
     from glider.verification.proof.written import expect_writable, write_proof
     from glider.verification.trials.as_flown import fly_loop
     from glider.verification.trials.falsify import falsify_funnel
@@ -138,12 +142,10 @@ def run(args: argparse.Namespace) -> int:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, covariance, level, shape)
     loop = _flown_loop(args) if args.as_flown else None
-    proof = trial = flown = held = None
+    proof = trial = flown = None
     pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
-    delays = args.hold, args.latency
     if args.write_proof:
         expect_writable(funnel)
-    asks_held = args.prove and delays != (None, None) and not args.predict
     with working(is_even=True) as progress:
 
         def follow(what):
@@ -159,15 +161,13 @@ def run(args: argparse.Namespace) -> int:
             hook=args.hook,
             least_inlet=least_inlet,
             least_pushes=pushes,
+            period=args.hold if args.prove else None,
             seed=args.seed,
         )
         if args.prove and verdict.holds:
             proof = prove_flights(
                 funnel, args.every, resume=args.resume, progress=follow("proof")
             )
-        if asks_held and verdict.holds:
-            hold, latency = (delay or 0.0 for delay in delays)
-            held = held_commands(funnel, hold, latency, command_rates(funnel))
         if confidence and verdict.holds:
             rng, say = np.random.default_rng(seed), follow("gliders")
             trial = falsify_funnel(
@@ -176,7 +176,7 @@ def run(args: argparse.Namespace) -> int:
         if loop and verdict.holds:
             rng = np.random.default_rng(seed)
             flown = fly_loop(funnel, loop, flights, rng, follow("flights"))
-    outcomes = verdict, proof, held, trial, flown
+    outcomes = verdict, proof, trial, flown
     _print_outcome(args, funnel, problem, covariance, *outcomes)
     if args.write_proof and proof and proof.is_whole:
         with working(is_even=True) as progress:
@@ -186,28 +186,25 @@ def run(args: argparse.Namespace) -> int:
                 problem,
                 lambda share: progress(Step("writing the proof", share)),
             )
-    return 0 if _is_good(args, pushes[0], *outcomes) else 1
+    return 0 if _is_good(args, *outcomes) else 1
 
 
-def _is_good(args, least_error, verdict, proof, held, trial, flown):
+def _is_good(args, verdict, proof, trial, flown):
     """Whether all that was asked for holds, and with --prove is proven."""
     good = verdict.holds and not any(t.escapes for t in (trial, flown) if t)
     if args.prove:
         good = good and verdict.is_whole and proof is not None and proof.is_whole
-        good = good and (held is None or held.left >= least_error)
     return good
 
 
-def _print_outcome(
-    args, funnel, problem, covariance, verdict, proof, held, trial, flown
-):
+def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flown):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
     from glider.verification import check_report as words
 
     seed, has_covariance = args.seed or 0, covariance is not None
     if args.json:
-        report = words.check_report(funnel, verdict, proof, problem, held)
+        report = words.check_report(funnel, verdict, proof, problem)
         report |= {
             "model_compared": args.model is not None,
             "set_compared": has_covariance and funnel.gliders is not None,
@@ -222,8 +219,6 @@ def _print_outcome(
         funnel, verdict, proof, problem, args.model, has_covariance
     )
     print(said)
-    if held:
-        print(words.describe_held(held, args.command_error or 0.0))
     if trial:
         print(words.describe_trial(funnel, trial, seed))
     if flown:
@@ -238,9 +233,15 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.write_proof and not args.prove:
         words = "--write-proof has no effect without --prove; expected both."
         raise InputError(words)
+    if args.prove and args.latency and not args.as_flown:
+        raise InputError(
+            "--prove knows no --latency: its commands are computed from the state in "
+            "which they begin to act, and what a predictor misses of that is within "
+            "--command-error; expected --latency with --as-flown only."
+        )
     level = _level(args.confidence)
-    flown = {"predict": args.predict or None}
-    names = ("hold", "latency", "command_error", "wind")
+    flown = {"predict": args.predict or None, "latency": args.latency}
+    names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}
     given = [
         ("--confidence", level is not None, {"box": args.box or None}),
@@ -265,13 +266,10 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
 
 
 def _least_pushes(args: argparse.Namespace) -> tuple[float, float]:
-    """Command error and wind that --prove requires; checks --hold and --latency."""
-    for name in ("hold", "latency", "command_error", "wind"):
+    """Command error and wind that --prove requires; checks --hold."""
+    for name in ("hold", "command_error", "wind"):
         option, value = f"--{name.replace('_', '-')}", getattr(args, name) or 0.0
         expect(0.0 <= value < math.inf, option, value, "zero or a positive number")
-    if (args.hold, args.latency) != (None, None):
-        delay = (args.hold or 0.0) + (args.latency or 0.0)
-        expect(delay > 0.0, "--hold + --latency", delay, "a positive time")
     return args.command_error or 0.0, args.wind or 0.0
 
 

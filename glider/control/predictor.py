@@ -8,6 +8,7 @@ continuous feedback but for the second order of the period.
 """
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -105,8 +106,46 @@ def held_command(
     def feedback(x, since):
         return policy_command(policy, times + since, x)
 
-    states = _flown(model, states, 0.5 * hold.period, feedback)
-    return feedback(states, 0.5 * hold.period)
+    # What is made for held commands makes up for the hold itself.
+    ahead = 0.0 if policy.period else 0.5 * hold.period
+    states = _flown(model, states, ahead, feedback)
+    return feedback(states, ahead)
+
+
+def fly_held(
+    model: GliderModel, policy: TrackingPolicy, period: float, step: float, fine: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Flies commands that are held, from a plan's launch on.
+
+    Each is that of the policy half a period later.
+
+    Args:
+        model: the glider that flies.
+        policy: the feedback along the plan.
+        period: time that each command is held [s].
+        step: longest time between those that are returned [s].
+        fine: longest step of the integration [s].
+
+    Returns:
+        times (T,), states (T, n) and commands (T,). The time of a sample stands twice,
+        with the command before it and after it.
+    """
+    plan, hold = policy.plan, Hold(period=period, predicts=True)
+    begins = period * np.arange(math.ceil(plan.duration / period - 1e-9))
+    state, flown = plan.states[:1], []
+    for begin, end in itertools.pairwise([*begins, plan.duration]):
+        command = held_command(model, policy, np.array([begin]), state, [], hold)
+        here = np.linspace(begin, end, math.ceil((end - begin) / step - 1e-9) + 1)
+        for k, time in enumerate(here):
+            gap = time - here[k - 1] if k else 0.0
+            count = math.ceil(gap / fine)
+            for _ in range(count):
+                state = advance(
+                    lambda x, t, u=command: rates_of(model, x, u), state, gap / count
+                )
+            flown.append((time, state[0], command[0]))
+    times, states, commands = map(np.array, zip(*flown, strict=True))
+    return times, states, commands
 
 
 def _flown(model, states, duration, command):

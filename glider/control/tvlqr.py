@@ -68,6 +68,8 @@ class TrackingPolicy:
     #: Whether K and k₀ are straight lines between the times, as a funnel has them; else
     #: they are cubic splines.
     is_linear: bool = False
+    #: Time that its commands are held [s], for which the gains were made; 0 if none.
+    period: float = 0.0
 
     @property
     def state_names(self) -> tuple[str, ...]:

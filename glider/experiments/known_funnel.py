@@ -132,6 +132,8 @@ def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
     expect(not more, what, more, "none, as not every explanation has them")
     begin, needed = nominal.times[0], "0 s, a funnel from the launch"
     expect(begin == 0.0, f"{known.name}: the time that it begins at", begin, needed)
+    period, needed = known.funnel.settings.period, "0 s, as a tape may end at any time"
+    expect(not period, f"{known.name}: the period of its commands", period, needed)
     looks = np.unique(np.linspace(nominal.times[:-1], nominal.times[1:], _LOOKS))
     least = np.linalg.eigvalsh(known.funnel.shape(looks)).min()
     expect(

@@ -18,7 +18,6 @@ from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
 from glider.verification.proof.flight_proof import FlightProof, checker_hash
-from glider.verification.proof.held import HeldCommands
 from glider.verification.proof.purpose import arrival, hook_faults, model_hash
 from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
@@ -32,7 +31,6 @@ def check_report(
     verdict: Verdict,
     proof: FlightProof | None,
     problem: PerchingProblem,
-    held: HeldCommands | None = None,
 ) -> dict[str, Any]:
     """Returns the outcome of `check-funnel` as it is written to JSON."""
     report = dataclasses.asdict(verdict) | {
@@ -47,15 +45,9 @@ def check_report(
         "last_set": set_sizes(funnel, funnel.nominal.times[-1]),
         "command_error_rad_s": funnel.settings.command_error,
         "wind_m_s": funnel.settings.wind,
+        "period_s": funnel.settings.period,
+        "largest_command_error_rad_s": float(funnel.errors.max()),
     }
-    if held:
-        report["held"] = {
-            "hold_s": held.hold,
-            "latency_s": held.latency,
-            "error_rad_s": held.largest,
-            "left_rad_s": held.left,
-            "largest_rate_rad_s2": float(held.rates.max()),
-        }
     if proof:
         report |= {
             "every_flight": proof.is_whole,
@@ -127,11 +119,6 @@ def flown_report(trial: FlownTrial, seed: int) -> dict[str, Any]:
         "largest_end_level": float(trial.ends.max()),
         "seed": seed,
     }
-
-
-def describe_held(held: HeldCommands, needed: float) -> str:
-    """Returns what is proven of held, late commands, with a needed error [rad/s]."""
-    return _text("held", held, needed)
 
 
 def describe_flown(trial: FlownTrial, seed: int) -> str:

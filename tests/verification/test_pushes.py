@@ -15,7 +15,6 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.growth import push_form
 from glider.verification.funnel.remainder import (
     push_weights,
@@ -27,7 +26,6 @@ from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof import interval
 from glider.verification.proof.check import remainder_seen
 from glider.verification.proof.enclosure import make_remainder
-from glider.verification.proof.held import command_rates, held_commands
 from glider.verification.proof.interval import (
     keeps_servo,
     make_interval,
@@ -51,8 +49,10 @@ def pushed(funnel, error=ERROR, wind=WIND):
     )
     sizes = np.diag(np.square(settings.size_axes(funnel.num_states)))
     slopes = funnel.nominal.push_slopes
-    weights = push_weights(funnel.S, settings.pushes, slopes, sizes)
-    return dataclasses.replace(funnel, settings=settings, push_weights=weights)
+    errors = np.full(len(funnel.S), error)
+    made = dataclasses.replace(funnel, settings=settings, errors=errors, rests=errors)
+    weights = push_weights(funnel.S, made.pushes, slopes, sizes)
+    return dataclasses.replace(made, push_weights=weights)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +114,7 @@ def test_no_push_makes_v_rise_faster_than_they_say(piece):
     pull = 2.0 * np.sum(towards * q, axis=1)
 
     def given(slopes, pushes, weights=piece.push_weights[:1]):
-        forms = push_form(S, slopes, pushes, weights)
+        forms = push_form(S, slopes, pushes, weights, 0.0 * S)
         third, fourth = (
             spread_form(f, 7, d)[0] for d, f in ((3, forms[1]), (4, forms[2]))
         )
@@ -124,11 +124,11 @@ def test_no_push_makes_v_rise_faster_than_they_say(piece):
             "bi,bj,bk,bl,ijkl->b", z, z, z, z, fourth, optimize=True
         )
 
-    most = given(G, piece.settings.pushes)
+    most = given(G, piece.pushes[:1])
     assert np.all(pull <= most) and (pull / most).max() > 0.8
-    assert np.any(pull > given(G, piece.settings.pushes * [1.0, 0.5]))
+    assert np.any(pull > given(G, piece.pushes[:1] * [1.0, 0.5]))
     flat = np.concatenate([G[..., :1], 0.0 * G[..., 1:]], axis=-1)
-    assert np.any(pull > given(flat, piece.settings.pushes))
+    assert np.any(pull > given(flat, piece.pushes[:1]))
 
 
 def test_the_proof_bears_what_the_certificate_bears(piece):
@@ -137,7 +137,8 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
     h = np.diff(piece.nominal.times)[0]
     bare = make_interval(pushed(piece, 0.0, 0.0))
     own, all_forms = (growth_forms(i, basis, exact(0.0)) for i in (bare, whole))
-    given = piece.nominal.push_slopes, piece.settings.pushes, piece.push_weights
+    none = np.zeros_like(piece.S)
+    given = piece.nominal.push_slopes, piece.pushes, piece.push_weights, none
     expected = push_form(piece.S, *given)
     for less, more, form in zip(own[:3], all_forms[:3], expected, strict=True):
         ends = (value.at(Fraction(0)).to_float() for value in (less, more))
@@ -145,9 +146,9 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
         assert found == pytest.approx(form[0], rel=1e-6, abs=1e-6)
         assert np.abs(found).max() > 1e-3
     half = pushed(piece, 0.5 * ERROR, 0.0)
-    given = piece.nominal.push_slopes, half.settings.pushes, half.push_weights
+    given = piece.nominal.push_slopes, half.pushes, half.push_weights, none
     alone = pushed(piece, ERROR, 0.0)
-    twice = piece.nominal.push_slopes, alone.settings.pushes, alone.push_weights
+    twice = piece.nominal.push_slopes, alone.pushes, alone.push_weights, none
     for form, double in zip(
         push_form(piece.S, *given), push_form(piece.S, *twice), strict=True
     ):
@@ -163,7 +164,7 @@ def true_ratio(piece, basis, points):
     y = np.zeros((n + 1, len(times)))
     y[which] = basis @ points[:-4]
     u0 = (1.0 - shares) * nominal.inputs[0] + shares * nominal.inputs[1]
-    q = points[-4:-1] * piece.settings.pushes[[0, 1, 1], None]
+    q = points[-4:-1] * piece.pushes[0][[0, 1, 1], None]
     states = nominal.path(times).T + y[:-1]
     rates = open_loop_rates(nominal.model, list(states), u0 + y[-1] + q[0], wind=q[1:])
     P = nominal.open_loop[:, rows]
@@ -206,7 +207,7 @@ def test_no_remainder_with_pushes_is_larger_than_its_bound(piece, size):
 
 
 def test_the_sampled_remainder_is_that_of_pushes_too(piece):
-    S, at, pushes = piece.S[:1], np.array([0]), piece.settings.pushes
+    S, at, pushes = piece.S[:1], np.array([0]), piece.pushes[:1]
     d = sphere_points(500, 10)
     most = sample_remainder(piece.nominal, S, d, at, pushes=pushes)[0]
     alone = sample_remainder(piece.nominal, S, d[:, :7], at)[0]
@@ -257,53 +258,8 @@ def test_wind_acts_only_where_the_remainder_has_it(piece, row, monkeypatch):
 
 
 def test_pushes_need_a_remainder():
-    with pytest.raises(InputError, match="where there is a command_error or wind"):
+    with pytest.raises(InputError, match="where there is a command_error, wind"):
         FunnelSettings(wind=0.02)
-
-
-# --------------------------------------------------------------- held, late commands
-
-
-def test_no_command_changes_faster_than_its_bound(piece):
-    """ċ by difference quotients along ẋ of the full dynamics, with pushes."""
-    nominal, count = piece.nominal, 20_000
-    (bound,) = command_rates(piece)
-    share, step = 0.4, 1e-7
-    time = nominal.times[0] + share * np.diff(nominal.times)[0]
-
-    def command(t, x):
-        along = (t - nominal.times[0]) / np.diff(nominal.times)[0]
-        u, K = (
-            (1.0 - along) * v[0] + along * v[1] for v in (nominal.inputs, nominal.gains)
-        )
-        return u - (x - nominal.path(t)) @ K
-
-    e = sphere_points(count, 7) @ to_ball(piece.shape(time))[1].T
-    q, x = pushes_of(count), nominal.path(time) + e
-    rates = open_loop_rates(
-        nominal.model, list(x.T), command(time, x) + q[:, 0], wind=q[:, 1:].T
-    )
-    ahead = x + step * np.array([np.broadcast_to(rate, count) for rate in rates]).T
-    found = np.abs(command(time + step, ahead) - command(time, x)).max() / step
-    assert 0.3 * bound < found < bound
-
-
-def test_a_late_command_takes_the_largest_rate_since_it_was_computed(piece):
-    times = np.array([0.0, 0.01, 0.02, 0.03])
-    nominal = dataclasses.replace(piece.nominal, times=times)
-    longer = dataclasses.replace(piece, nominal=nominal)
-    rates = np.array([90.0, 10.0, 10.0])
-    found = held_commands(longer, 0.003, 0.001, rates)
-    assert found.largest == pytest.approx(0.004 * 90.0)
-    assert found.left == pytest.approx(ERROR - 0.36)
-    late = held_commands(longer, 0.004, 0.002, rates[::-1])
-    assert late.largest == pytest.approx(0.006 * 90.0)
-    assert late.left < 0.0
-
-
-def test_nothing_is_known_of_held_commands_of_a_set_of_gliders():
-    of_set = load_funnel(models_path("funnels", "head_wind_95.npz"))
-    assert command_rates(of_set.between(0, 1)) == [np.inf]
 
 
 # ------------------------------------------------------------------------------ files
@@ -410,7 +366,7 @@ def test_the_check_says_what_it_accounts_for(source, capsys):
         (["--prove", "--hold", "nan"], "--hold is nan; expected zero or a positive"),
         (["--prove", "--wind", "-1"], "--wind is -1.0; expected zero or a positive"),
         (["--prove", "--command-error", "inf"], "--command-error is inf; expected"),
-        (["--prove", "--hold", "0", "--latency", "0"], "expected a positive time"),
+        (["--prove", "--latency", "0.01"], "--prove knows no --latency"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options, words, source, capsys):

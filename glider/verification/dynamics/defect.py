@@ -29,9 +29,9 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     """
     if not np.all(np.isfinite(nominal.slopes)):
         return np.full_like(nominal.states[1:], np.inf)
-    curve = nominal.path.c  # (4, T - 1, n), powers of t - t_k, highest first.
+    curve = nominal.path.c  # (4, F, n), powers of t - t_k, highest first.
     share = (np.arange(PIECES) + 0.5) / PIECES
-    steps = np.diff(nominal.times)
+    steps = np.diff(nominal.times)[nominal.flows]
     center, half = steps[:, None] * share, steps[:, None] * (0.5 / PIECES)
     half = np.broadcast_to(half, center.shape)
 
@@ -43,14 +43,16 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     for a3, a2, a1, a0 in np.moveaxis(curve, 2, 0):
         states.append(model([a0, a1, a2, a3]))
         slopes.append(model([a1, 2.0 * a2, 3.0 * a3]))
-    u = nominal.inputs
-    rates = open_loop_rates(nominal.model, states, model([u[:-1], np.diff(u) / steps]))
+    u = nominal.inputs[nominal.flows]
+    slope = np.diff(nominal.inputs)[nominal.flows] / steps
+    rates = open_loop_rates(nominal.model, states, model([u, slope]))
     sizes = []
     for rate, slope in zip(rates, slopes, strict=True):
         defect = slope.times(-1.0).plus(rate)
         size = np.abs(defect.coefficients[0]) + defect.spread()
         sizes.append(size.reshape(len(steps), PIECES).max(axis=1) * WIDER)
-    bounds = np.array(sizes).T
+    bounds = np.zeros_like(nominal.states[1:])
+    bounds[nominal.flows] = np.array(sizes).T
     return np.where(np.isfinite(bounds), bounds, np.inf)
 
 

@@ -14,6 +14,7 @@ import dataclasses
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from glider.errors import InputError
 from glider.verification.dynamics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.nominal import Nominal, closed_loop_rates
 
@@ -51,7 +52,13 @@ class MovingCenter:
 
 
 def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCenter:
-    """Integrates X along a nominal flight."""
+    """Integrates X along a nominal flight.
+
+    Raises:
+        InputError: its commands are held.
+    """
+    if len(nominal.flows) < len(nominal.times) - 1:
+        raise InputError("A funnel of a set of gliders cannot have held commands.")
     times, names = nominal.times, confidence.names
     starts = _linear(nominal, names)
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)

@@ -16,8 +16,9 @@ import dataclasses
 import functools
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import PPoly
 
+from glider.control.predictor import fly_held
 from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.model import GliderModel
@@ -50,7 +51,8 @@ def table_of(num_variables: int) -> Monomials:
 class Nominal:
     """A flight of a glider under u = u₀ - K (x - x₀), at some times.
 
-    The names of the arrays are keys in a funnel's file.
+    Where commands are held, a time stands twice where a new one begins to act: before
+    it and after. The names of the arrays are keys in a funnel's file.
     """
 
     model: GliderModel  #: Glider that flies.
@@ -58,6 +60,8 @@ class Nominal:
     states: np.ndarray  #: States x₀ (T, n).
     inputs: np.ndarray  #: Elevator rates u₀ (T,) [rad/s].
     gains: np.ndarray  #: Gains K (T, n).
+    #: M (T, n, n) of held commands, u₀ - K e + eᵀ M e (`funnel.clock`); else zero.
+    bends: np.ndarray
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -72,9 +76,14 @@ class Nominal:
         return np.array([np.broadcast_to(rate, len(self.times)) for rate in rates]).T
 
     @functools.cached_property
-    def path(self) -> CubicHermiteSpline:
+    def flows(self) -> np.ndarray:
+        """Indices k of the intervals, from time k to k + 1, that last; (F,)."""
+        return np.flatnonzero(np.diff(self.times) > 0.0)
+
+    @functools.cached_property
+    def path(self) -> PPoly:
         """x₀ as a function of time."""
-        return CubicHermiteSpline(self.times, self.states, self.slopes)
+        return hermite_path(self.times, self.states, self.slopes)
 
     @functools.cached_property
     def closed_loop(self) -> np.ndarray:
@@ -120,24 +129,26 @@ class Nominal:
         return dataclasses.replace(self, **arrays)
 
     def between(self, share: float) -> "Nominal":
-        """Returns the flight at a share of each interval, 0 to 1: T - 1 times."""
-        times = self.times[:-1] + share * np.diff(self.times)
-        u, K = self.inputs, self.gains
-        return dataclasses.replace(
-            self,
-            times=times,
-            states=self.path(times),
-            inputs=(1.0 - share) * u[:-1] + share * u[1:],
-            gains=(1.0 - share) * K[:-1] + share * K[1:],
-        )
+        """Returns the flight at a share of each interval that lasts, 0 to 1."""
+        k = self.flows
+        mixed = {
+            name: (1.0 - share) * values[k] + share * values[k + 1]
+            for name, values in ((name, getattr(self, name)) for name in ARRAYS)
+        }
+        mixed["states"] = self.path(mixed["times"])
+        return dataclasses.replace(self, **mixed)
 
 
-ARRAYS = ("times", "states", "inputs", "gains")
+ARRAYS = ("times", "states", "inputs", "gains", "bends")
 """Names of the arrays of a nominal, one entry a time."""
 
 
-def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nominal:
+def make_nominal(
+    model: GliderModel, policy: TrackingPolicy, step: float, period: float = 0.0
+) -> Nominal:
     """Flies the feedback from its plan's launch, at times one step [s] apart at most.
+
+    Its commands are held for a period [s] if that is not 0.
 
     Raises:
         InputError: the plan is for another glider, the flight needs its servo at a
@@ -147,6 +158,24 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
     check_plan(model, plan)
     if model.is_time_varying:
         raise InputError("A funnel needs a glider whose dynamics do not vary in time.")
+    if period > 0.0:
+        flight = fly_held(model, policy, period, step, FLIGHT_STEP)
+        gains = policy.sample(flight[0])[1]
+    else:
+        *flight, gains = _continuous_flight(model, policy, step)
+    count, n = flight[1].shape
+    arrays = (*flight, gains, np.zeros((count, n, n)))
+    nominal = Nominal(model=model, **dict(zip(ARRAYS, arrays, strict=True)))
+    servo = model.parameters.servo
+    for u, x in zip(nominal.inputs, nominal.states, strict=True):
+        if limited_rate(u, x[ELEVATOR], servo) != u:
+            raise InputError("The plan needs its servo at a limit: no funnel about it.")
+    return nominal
+
+
+def _continuous_flight(model, policy, step):
+    """Returns times, states, inputs and gains of the feedback as it is."""
+    plan = policy.plan
     count = aligned_count(plan, step)
     fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
     fine = count * -(-fine // count)
@@ -163,11 +192,18 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
     times = np.linspace(0.0, plan.duration, count + 1)
     offset, gains = policy.sample(times)
     inputs = offset - np.sum(gains * states, axis=1)
-    servo = model.parameters.servo
-    for u, x in zip(inputs, states, strict=True):
-        if limited_rate(u, x[ELEVATOR], servo) != u:
-            raise InputError("The plan needs its servo at a limit: no funnel about it.")
-    return Nominal(model=model, times=times, states=states, inputs=inputs, gains=gains)
+    return times, states, inputs, gains
+
+
+def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:
+    """Returns cubic Hermite polynomials, with a kink where a time stands twice."""
+    k = np.flatnonzero(np.diff(times) > 0.0)
+    step = np.diff(times)[k].reshape(-1, *(1,) * (values.ndim - 1))
+    first, last = slopes[k], slopes[k + 1]
+    mean = (values[k + 1] - values[k]) / step
+    bend = (first + last - 2.0 * mean) / step
+    powers = [bend / step, (mean - first) / step - bend, first, values[k]]
+    return PPoly(np.array(powers), np.append(times[k], times[-1]))
 
 
 def nonlinear_parts(

@@ -33,7 +33,7 @@ from glider.verification.funnel.growth import (
     largest_growth,
 )
 from glider.verification.funnel.remainder import SAMPLES
-from glider.verification.funnel.servo_limits import margin_to_limits
+from glider.verification.funnel.servo_limits import error_reach, margin_to_limits
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
 from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow
 from glider.verification.sos.programs import (
@@ -104,13 +104,17 @@ def make_funnel(
             "A funnel of a confidence set accounts for the differences of its gliders "
             "by a remainder: 'remainder' is 0; expected a positive number."
         )
-    nominal = make_nominal(model, policy, settings.step)
+    if confidence and settings.period:
+        words = "0, for the funnel of a confidence set"
+        raise InputError(f"field 'period' is {settings.period:g}; expected {words}.")
+    nominal = make_nominal(model, policy, settings.step, settings.period)
     if hook_of is not None:
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
         settings = dataclasses.replace(settings, goal=goal)
     n = nominal.states.shape[1]
     of_set = confidence.dimension if confidence else 0
-    total = n + of_set + (3 if settings.pushes.any() else 0)
+    is_pushed = bool(settings.pushes.any() or settings.period)
+    total = n + of_set + (3 if is_pushed else 0)
     directions = normalized(rng.normal(size=(SAMPLES, total)))
     if settings.elevator_gain > 0.0:
         own = normalized(np.delete(directions, np.s_[n : n + of_set], axis=1))
@@ -214,7 +218,10 @@ class Gauge:
         times, margin = self._nominal.times, self._task.settings.margin
         for turn in range(ROUNDS):
             growth = self.growth(S)
-            largest = margin_to_limits(S, *self._limits)
+            directions, limits = self._limits
+            errors, _ = self._task.errors(S, np.arange(len(S)))
+            limits = limits - error_reach(errors)
+            largest = margin_to_limits(S, directions, limits)
             if growth.max() <= -MARGIN_SHARE * margin and largest.min() >= 1.0 - 1e-9:
                 break
             excess = growth + margin
@@ -227,7 +234,10 @@ class Gauge:
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
         times = self._nominal.times
         bounds, push = self._task.bound(S, np.arange(len(S)))
-        slopes = CubicSpline(times, S)(times, 1)
+        holds = np.split(np.arange(len(S)), np.flatnonzero(np.diff(times) == 0.0) + 1)
+        slopes = np.concatenate(
+            [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
+        )
         coefficients, drift = self._nominal.closed_loop, self._drift(S)[:, None, None]
         forms = boundary_forms(S, slopes, coefficients, push, bounds)
         quadratic = forms.quadratic + drift * np.eye(S.shape[1])
@@ -248,9 +258,10 @@ class Gauge:
         drift = np.maximum(drift[:-1], drift[1:])
         # Between the times it is looked for only where it is good at them.
         for share, here in self._between.items() if growth.max() < 0.0 else ():
-            found = growth_between(sets, share, starts, here=here) + drift
-            growth[1:] = np.maximum(growth[1:], found)
-            growth[:-1] = np.maximum(growth[:-1], found)
+            k = self._nominal.flows
+            found = growth_between(sets, share, starts, here=here) + drift[k]
+            growth[k + 1] = np.maximum(growth[k + 1], found)
+            growth[k] = np.maximum(growth[k], found)
         return growth
 
     def _drift(self, S):

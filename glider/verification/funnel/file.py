@@ -3,7 +3,8 @@
 A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `grams`
 (float32 is accepted too, no other type),
 
-    times   (T,)       times, increasing from 0 [s]
+    times   (T,)       times, increasing from 0 [s]; where commands are held, a time of
+                       a sample stands twice, with what holds before it and after it
     states  (T, n)     x₀ of the nominal flight, in the order of `state_names`
     inputs  (T,)       u₀, the elevator's rate [rad/s]
     gains   (T, n)     K of the feedback u = u₀ - K (x - x₀); u₀ and K are straight
@@ -16,8 +17,12 @@ A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `
     focus   (T, n, n)  F, symmetric, straight lines between the times; not in files of
                        an earlier format, where it is zero
     weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
-    push_weights       (T, 2) λ of the bounds `command_error` and `wind` in the notes;
+    push_weights       (T, 2) λ of the bounds `errors` and `wind`, in the notes;
                        not in files of earlier formats, where these are zero
+    errors  (T,)       largest error of the command u₀ - K e, straight lines between
+                       the times [rad/s]; not in files of earlier formats
+    rests   (T,)       the same of u₀ - K e + eᵀ M e
+    bends   (T, n, n)  M of held commands, symmetric, straight lines between the times
     grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, as the check
                        corrects them; lower triangles, column by column, in the
                        basis of `glider.verification.sos.sphere`
@@ -40,13 +45,15 @@ from glider.errors import InputError, show
 from glider.files import schema
 from glider.verification.funnel.settings import FunnelSettings
 
-FORMAT = "drake-glider funnel 3"
+FORMAT = "drake-glider funnel 4"
 
 EARLIER = {
-    "drake-glider funnel 1": ("focus", "push_weights"),
-    "drake-glider funnel 2": ("push_weights",),
+    "drake-glider funnel 1": ("focus", "push_weights", "errors", "rests", "bends"),
+    "drake-glider funnel 2": ("push_weights", "errors", "rests", "bends"),
+    "drake-glider funnel 3": ("errors", "rests", "bends"),
 }
-"""Formats that are still read, and the arrays that they lack: zeros."""
+"""Formats that are still read, and the arrays that they lack: zeros; `errors` and
+`rests` are the `command_error` of the notes."""
 
 MOST_BYTES = 30_000_000
 """Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
@@ -111,6 +118,9 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
         "focus": (count, n, n),
         "weights": (count, n),
         "push_weights": (count, 2),
+        "errors": (count,),
+        "rests": (count,),
+        "bends": (count, n, n),
         "grams": (count, size * (size + 1) // 2),
     }
 
@@ -140,7 +150,9 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
                 k: np.zeros(shapes.pop(k)) for k in EARLIER.get(notes.format, ())
             }
             arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes} | lacking
-        _check(arrays)
+        for name in lacking.keys() & {"errors", "rests"}:
+            arrays[name] += notes.settings.command_error
+        _check(arrays, notes)
         return notes, arrays, hashlib.sha256(content).hexdigest()
     except InputError:
         raise
@@ -205,14 +217,23 @@ def _read_array(archive, name, shape):
     return array
 
 
-def _check(arrays: dict[str, np.ndarray]) -> None:
+def _check(arrays: dict[str, np.ndarray], notes: Notes) -> None:
     """Raises ValueError unless times increase, S is symmetric and bounds are >= 0."""
-    times = arrays["times"]
-    if len(times) < 2 or times[0] != 0.0 or not np.all(np.diff(times) > 0.0):
+    times, states = arrays["times"], arrays["states"]
+    if len(times) < 2 or times[0] != 0.0 or not np.all(np.diff(times) >= 0.0):
         raise ValueError("'times' must increase from 0")
-    for name in ("S", "slopes", "focus"):
+    samples = np.flatnonzero(np.diff(times) == 0.0)
+    ends = [0, *samples, len(times) - 2]
+    good = np.all(np.diff(times)[ends[:: len(ends) - 1]] > 0.0)
+    if not (good and np.all(np.diff(samples) > 1)):
+        raise ValueError("'times' must increase before and after a sample")
+    if len(samples) and not notes.settings.period:
+        raise ValueError("'times' has samples, but there is no 'period'")
+    if not np.array_equal(states[samples], states[samples + 1]):
+        raise ValueError("'states' jump at a sample")
+    for name in ("S", "slopes", "focus", "bends"):
         if not np.array_equal(arrays[name], np.swapaxes(arrays[name], 1, 2)):
             raise ValueError(f"'{name}' is not symmetric")
-    for name in ("beta", "weights", "push_weights"):
+    for name in ("beta", "weights", "push_weights", "errors", "rests"):
         if np.any(arrays[name] < 0.0):
             raise ValueError(f"'{name}' is negative somewhere")

@@ -17,7 +17,7 @@ from glider.verification.dynamics.confidence import ConfidenceSet, make_confiden
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.funnel.file import GlidersNote, Notes, read_file
-from glider.verification.funnel.growth import BoundarySets
+from glider.verification.funnel.growth import BoundarySets, Bounds
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ class Funnel(BoundarySets):
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
 
 
-_OWN_ARRAYS = ("S", "slopes", "beta", "weights", "focus", "push_weights", "grams")
+_OWN_ARRAYS = ("S", "slopes", *Bounds._fields, "grams")
 
 
 def save_funnel(path: Path | str, funnel: Funnel) -> None:
@@ -143,9 +143,9 @@ def funnel_of(
     if notes.confidence is not None:
         try:
             confidence = noted_confidence(model, notes.confidence)
+            gliders = make_moving_center(nominal, confidence)
         except InputError as error:
             raise InputError(f"{path}: not a funnel: its gliders: {error}") from None
-        gliders = make_moving_center(nominal, confidence)
     return Funnel(
         nominal=nominal,
         settings=notes.settings,
@@ -172,17 +172,28 @@ def noted_confidence(model: GliderModel, note: GlidersNote) -> ConfidenceSet:
     return confidence
 
 
-def funnel_policy(funnel: Funnel, first: int = 0) -> TrackingPolicy:
-    """Returns the feedback of a funnel from one of its times on, as a policy."""
+def funnel_policy(funnel: Funnel, first: int = 0, held: bool = False) -> TrackingPolicy:
+    """Returns the feedback of a funnel from one of its times on, as a policy.
+
+    Raises:
+        InputError: it is for held commands, and these are not.
+    """
     nominal = funnel.nominal
+    if funnel.settings.period and not held:
+        raise InputError(
+            "The funnel is for commands that are held; expected one for a feedback "
+            "that acts at all times."
+        )
     if not 0 <= first < len(nominal.times) - 1:
         raise InputError(f"There is no flight from the funnel's time {first} on.")
-    times = nominal.times[first:] - nominal.times[first]
+    # Of a time that stands twice, what holds after it.
+    kept = first + np.flatnonzero(np.append(np.diff(nominal.times[first:]) > 0.0, True))
+    times = nominal.times[kept] - nominal.times[first]
     plan = Plan(
         times=times,
-        states=nominal.states[first:],
-        slopes=nominal.slopes[first:],
-        inputs=nominal.inputs[first:],
+        states=nominal.states[kept],
+        slopes=nominal.slopes[kept],
+        inputs=nominal.inputs[kept],
         state_names=nominal.state_names,
         cost=0.0,
         max_defect=0.0,
@@ -191,11 +202,12 @@ def funnel_policy(funnel: Funnel, first: int = 0) -> TrackingPolicy:
     return TrackingPolicy(
         plan=plan,
         times=times,
-        gains=nominal.gains[first:],
+        gains=nominal.gains[kept],
         corrections=np.zeros(len(times)),
-        cost=funnel.S[first:],
+        cost=funnel.S[kept],
         cost_slope=np.zeros((len(times), funnel.num_states)),
         is_linear=True,
+        period=funnel.settings.period,
     )
 
 
@@ -205,8 +217,7 @@ def tube_radii(funnel: Funnel, times: np.ndarray) -> tuple[np.ndarray, np.ndarra
     A radius is how far a state of the funnel may be from the path, across it.
     """
     place = np.linalg.inv(funnel.shape(times))[:, :2, :2]
-    centers = funnel.center(times)
-    along = np.gradient(centers[:, :2], times, axis=0)
+    along = funnel.nominal.path(times, 1)[:, :2]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
     radii = np.sqrt(np.einsum("ki,kij,kj->k", normals, place, normals))

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import PPoly
 
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import Nominal, hermite_path
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import (
     higher_forms,
@@ -51,12 +51,29 @@ class BoundarySets:
     focus: np.ndarray
     #: Weights λ (T, 2) of the command's error and of the wind.
     push_weights: np.ndarray
+    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
+    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
     settings: FunnelSettings  #: Settings that it was made with.
 
     @functools.cached_property
-    def curve(self) -> CubicHermiteSpline:
+    def curve(self) -> PPoly:
         """S as a function of time."""
-        return CubicHermiteSpline(self.nominal.times, self.S, self.slopes)
+        return hermite_path(self.nominal.times, self.S, self.slopes)
+
+    @property
+    def pushes(self) -> np.ndarray:
+        """Bounds (T, 2) of the command's error [rad/s] and of the wind [m/s]."""
+        return pushes_of(self.errors, self.settings)
+
+    @property
+    def unknown_pushes(self) -> np.ndarray:
+        """The same without the command's error that is known, eᵀ M e."""
+        return pushes_of(self.rests, self.settings)
+
+
+def pushes_of(errors: np.ndarray, settings: FunnelSettings) -> np.ndarray:
+    """Returns bounds (K, 2) of the command's error, (K,), and of the wind."""
+    return np.stack([errors, settings.wind + 0.0 * errors], axis=1)
 
 
 class BoundaryForms(NamedTuple):
@@ -78,6 +95,8 @@ class Bounds(NamedTuple):
     weights: np.ndarray  #: λ (K, n).
     focus: np.ndarray  #: F (K, n, n).
     push_weights: np.ndarray  #: λ (K, 2).
+    errors: np.ndarray  #: Largest error of the command u₀ - K e (K,) [rad/s].
+    rests: np.ndarray  #: Of it, what is not eᵀ M e (K,) [rad/s].
 
 
 def boundary_forms(
@@ -101,24 +120,34 @@ def boundary_forms(
 
 
 def push_form(
-    S: np.ndarray, slopes: np.ndarray, pushes: np.ndarray, weights: np.ndarray
+    S: np.ndarray,
+    slopes: np.ndarray,
+    pushes: np.ndarray,
+    weights: np.ndarray,
+    bends: np.ndarray,
 ) -> BoundaryForms:
-    """Returns what pushes along G add to V̇/V, G (T, n, 3, 1 + n) in (1, e).
+    """Returns what pushes (T, 2) along G add to V̇/V, G (T, n, 3, 1 + n) in (1, e).
 
+    The command is off by eᵀ M e too, M the bends (T, n, n), which has its own sign.
     2 eᵀ S G w <= λ |Gᵀ S e|² + w² / λ of both axes of the wind: half of w² each.
     Gᵀ S e = pᵀ z + zᵀ M z, so that its square is a quartic.
     """
     L_T, L_inv_T = to_ball(S)
-    sizes = pushes[PUSHES] * [1.0, np.sqrt(0.5), np.sqrt(0.5)]
+    sizes = pushes[:, PUSHES] * [1.0, np.sqrt(0.5), np.sqrt(0.5)]
     weights = weights[:, PUSHES]
-    quadratic = remainder_form(S, sizes + 0.0 * weights, weights, slopes[..., 0])
+    quadratic = remainder_form(S, sizes, weights, slopes[..., 0])
     p = np.moveaxis(L_T @ slopes[..., 0], 2, 0)
     M = L_inv_T.swapaxes(1, 2) @ np.moveaxis(slopes[..., 1:], 2, 0).swapaxes(2, 3)
     M = M @ L_T.swapaxes(1, 2)
     cubic, quartic = (
         np.einsum("tk,ktc->tc", weights, product_form(factor, M)) for factor in (p, M)
     )
-    return BoundaryForms(quadratic, 2.0 * cubic, quartic)
+    known = 2.0 * L_inv_T.swapaxes(1, 2) @ bends @ L_inv_T
+    return BoundaryForms(
+        quadratic,
+        2.0 * cubic + product_form(p[0], known),
+        quartic + product_form(M[0], known),
+    )
 
 
 def remainder_form(
@@ -164,22 +193,24 @@ def growth_between(
     every: int = 1,
     here: Nominal | None = None,
 ) -> np.ndarray:
-    """Returns the largest V̇/V found by ascent at one point of each interval [1/s].
+    """Returns the largest V̇/V found by ascent at one point of each flow [1/s].
 
     Args:
         share: of an interval, where the point is; from 0 to 1.
         every: examine every so many intervals only.
         here: the nominal flight at these points, where it is expanded already.
     """
+    k = sets.nominal.flows[::every]
 
     def mixed(values):
-        return ((1.0 - share) * values[:-1] + share * values[1:])[::every]
+        return (1.0 - share) * values[k] + share * values[k + 1]
 
     here = here or sets.nominal.between(share).part(slice(None, None, every))
     S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
     bounds = Bounds(*(mixed(getattr(sets, name)) for name in Bounds._fields))
-    given = mixed(sets.nominal.push_slopes), sets.settings.pushes
-    push = push_form(S, *given, bounds.push_weights)
+    pushes = pushes_of(bounds.rests, sets.settings)
+    given = mixed(sets.nominal.push_slopes), pushes, bounds.push_weights
+    push = push_form(S, *given, mixed(sets.nominal.bends))
     forms = boundary_forms(S, slopes, here.closed_loop, push, bounds)
     return largest_growth(forms, starts)
 

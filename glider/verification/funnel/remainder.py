@@ -64,7 +64,7 @@ def sample_remainder(
             negatives too. The first n are of the deviation e, the others of δ; the
             last 3 are of pushes, where there are any.
         focus: (K, n, n) F; zero if None.
-        pushes: (2,) bounds of the command's error and the wind; none if None.
+        pushes: (K, 2) bounds of the command's error and the wind; none if None.
     """
     remainders = _Remainders(nominal, S, at, center, focus, pushes)
     highest, _ = remainders.climb(directions)
@@ -72,9 +72,9 @@ def sample_remainder(
 
 
 def towards(pushes: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Returns the largest pushes (..., 3), of bounds (2,), towards directions."""
+    """Returns the largest pushes (K, B, 3), of bounds (K, 2), towards directions."""
     error, wind = np.sign(directions[..., :1]), normalized(directions[..., 1:])
-    return np.concatenate([error, wind], axis=-1) * pushes[PUSHES]
+    return np.concatenate([error, wind], axis=-1) * pushes[:, None, PUSHES]
 
 
 class _Remainders:
@@ -98,7 +98,7 @@ class _Remainders:
         errors, deviations = self.errors(y, here)
         push = None
         if self._pushes is not None:
-            push = towards(self._pushes, y[..., -3:])
+            push = towards(self._pushes[here], y[..., -3:])
         found = remainder_of(
             self._nominal, self._at[here], errors, self._center, deviations, push
         )
@@ -289,7 +289,7 @@ def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.
 def push_weights(
     S: np.ndarray, pushes: np.ndarray, slopes: np.ndarray, sizes: np.ndarray
 ) -> np.ndarray:
-    """Returns the same λ (T, 2) of pushes (2,) along G (T, n, 3, 1 + n)."""
+    """Returns the same λ (T, 2) of pushes (T, 2) along G (T, n, 3, 1 + n)."""
     weight, pulls = _pulls(S, slopes[..., 0], sizes)
     pulls = np.stack([pulls[:, 0], pulls[:, 1] + pulls[:, 2]], axis=1)
     return pushes * np.sqrt(weight[:, None] / pulls)

@@ -29,11 +29,11 @@ def servo_bounds(
     nominal: Nominal,
     center: MovingCenter | None = None,
     shrink: float = SHRINK,
-    command_error: float = 0.0,
+    errors: np.ndarray | float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
 
-    A center that moves by X δ leaves b - max aᵀ X δ, and an error of the command
+    A center that moves by X δ leaves b - max aᵀ X δ, and errors (T,) of the command
     [rad/s] that much less of the rate.
     """
     low, high, rate = nominal.model.parameters.servo
@@ -43,10 +43,15 @@ def servo_bounds(
     directions = np.stack([nominal.gains, travel], axis=1)
     rate_left = rate - np.abs(nominal.inputs)
     bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
-    bounds = shrink * bounds - command_error * np.array([1.0, STOPPING_TIME])
+    bounds = shrink * bounds - error_reach(errors + 0.0 * nominal.inputs)
     if center is not None:
         bounds -= center.reach(directions)
     return directions, bounds
+
+
+def error_reach(errors: np.ndarray) -> np.ndarray:
+    """Returns what errors (K,) of the command take of both bounds, (K, 2)."""
+    return np.multiply.outer(errors, [1.0, STOPPING_TIME])
 
 
 def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:

@@ -56,6 +56,9 @@ class FunnelSettings:
     #: policy's own feedback. 40 is slow enough for commands held for 20 ms.
     elevator_gain: float = 0.0
     command_error: float = 0.0  #: Largest error of the command, at any time [rad/s].
+    #: Time that each command is held, from the launch on; 0 for a feedback that acts
+    #: at all times [s].
+    period: float = 0.0
     wind: float = 0.0  #: Largest wind beyond the model's own, at any time [m/s].
 
     def __post_init__(self):
@@ -69,13 +72,16 @@ class FunnelSettings:
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin", "floor"):
             value = getattr(self, name)
             expect(_is_positive(value), f"field '{name}'", value, "a positive number")
-        for name in ("remainder", "elevator_gain", "command_error", "wind"):
+        for name in _NOT_NEGATIVE:
             value = getattr(self, name)
             good = _is_positive(value) or value == 0.0
             expect(good, f"field '{name}'", value, "a number that is zero or positive")
-        words = "a positive number where there is a command_error or wind"
-        good = self.remainder > 0.0 or not self.pushes.any()
+        words = "a positive number where there is a command_error, wind or period"
+        good = self.remainder > 0.0 or not (self.pushes.any() or self.period)
         expect(good, "field 'remainder'", self.remainder, words)
+        words = "a positive number where there is a period"
+        good = self.elevator_gain > 0.0 or not self.period
+        expect(good, "field 'elevator_gain'", self.elevator_gain, words)
 
     @property
     def pushes(self) -> np.ndarray:
@@ -94,6 +100,9 @@ class FunnelSettings:
     def size_axes(self, num_states: int) -> np.ndarray:
         """Returns the sizes (n,), the effects' own states included."""
         return np.append(self.sizes, [self.sizes_extra] * (num_states - NUM_STATES))
+
+
+_NOT_NEGATIVE = ("remainder", "elevator_gain", "command_error", "wind", "period")
 
 
 def _is_positive(value: float) -> bool:

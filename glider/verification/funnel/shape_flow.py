@@ -24,10 +24,19 @@ from scipy.linalg import expm
 
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
+from glider.verification.funnel.clock import (
+    BEND_ROOM,
+    bend_sizes,
+    command_errors,
+    effect_of_hold,
+    hold_starts,
+    undo_hold,
+)
 from glider.verification.funnel.growth import (
     BoundaryForms,
     Bounds,
     push_form,
+    pushes_of,
     remainder_form,
 )
 from glider.verification.funnel.remainder import (
@@ -38,6 +47,7 @@ from glider.verification.funnel.remainder import (
     sample_remainder,
 )
 from glider.verification.funnel.servo_limits import (
+    error_reach,
     goal_about,
     keep_bounds,
     servo_bounds,
@@ -79,10 +89,34 @@ class FunnelTask:
         spread = np.array(errors)
         return spread @ np.swapaxes(spread, 1, 2) + SHARE**2 * steady
 
+    def errors(
+        self, S: np.ndarray, at: np.ndarray, bounds: Bounds | None = None
+    ) -> np.ndarray:
+        """Returns how far the command may be off at K times, all or one, (2, K).
+
+        Off u₀ - K e, and off u₀ - K e + eᵀ M e.
+        """
+        settings = self.settings
+        if not settings.period:
+            return np.full((2, len(S)), settings.command_error)
+        if bounds is None:  # Of R, which counts for little.
+            beta = np.zeros(S.shape[:2])
+            bounds = Bounds(beta, beta, 0.0 * S, beta[:, :2], *beta.T[:2])
+        others = settings.command_error, settings.wind
+        rests = command_errors(self.nominal, S, at, bounds, *others)
+        known = BEND_ROOM * bend_sizes(S, self.nominal.bends[at])
+        return np.stack([known + rests, rests])
+
     def servo_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the servo's bounds, which leave room for the command's error."""
-        error = self.settings.command_error
-        return servo_bounds(self.nominal, self.center, command_error=error)
+        """Returns a and b of the servo's limits, without what errors take of them.
+
+        A command that is held keeps the rate's limit if it does when it is computed.
+        """
+        directions, bounds = servo_bounds(self.nominal, self.center)
+        if self.settings.period:
+            starts = hold_starts(self.nominal.times)
+            bounds[starts != np.arange(len(starts)), 0] = np.inf
+        return directions, bounds
 
     def bound(self, S: np.ndarray, at: np.ndarray) -> tuple[Bounds, BoundaryForms]:
         """Returns β, λ and F of K sets, and what the pushes from outside add.
@@ -90,12 +124,13 @@ class FunnelTask:
         β (1 + eᵀ F e) is the inflated remainder, but for rounding. All are zero where
         the funnel is to be of the Taylor polynomial alone.
         """
-        inflation, pushes = self.settings.remainder, self.settings.pushes
+        inflation, errors = self.settings.remainder, self.errors(S, at)
         sizes, slopes = self.sizes[at], self.nominal.push_slopes[at]
+        pushes, bends = pushes_of(errors[0], self.settings), self.nominal.bends[at]
         if inflation == 0.0:
             beta, none = np.zeros(S.shape[:2]), np.zeros((len(S), 2))
-            push = push_form(S, slopes, pushes, none)
-            return Bounds(beta, beta, np.zeros_like(S), none), push
+            push = push_form(S, slopes, pushes, none, bends)
+            return Bounds(beta, beta, np.zeros_like(S), none, *errors), push
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
         focus, floor = np.zeros_like(S), self.settings.floor
@@ -104,10 +139,17 @@ class FunnelTask:
         sampled = sample_remainder(*given, focus, acting)
         beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
         weights = remainder_weights(S, beta, sizes)
+        bounds = Bounds(beta, weights, focus, 0.0 * pushes, *errors)
+        errors = self.errors(S, at, bounds)
+        pushes = pushes_of(errors[1], self.settings)
         of_pushes = push_weights(S, pushes, slopes, sizes)
-        push = push_form(S, slopes, pushes, of_pushes)
-        return Bounds(beta, weights, focus, of_pushes), push
+        push = push_form(S, slopes, pushes, of_pushes, bends)
+        bounds = Bounds(beta, weights, focus, of_pushes, *errors)
+        return bounds, push
 
+
+SAMPLE_ROOM = 1e-9
+"""Share by which S is larger before a sample than after it."""
 
 CHANGE_SHARE = 0.3
 """Largest change of N, as a share of it, on its straight line to the next program: the
@@ -129,7 +171,8 @@ class ShapeFlow:
         """
         nominal = task.nominal
         if steer:
-            nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())
+            own = {name: getattr(nominal, name).copy() for name in ("gains", "bends")}
+            nominal = dataclasses.replace(nominal, **own)
             task = dataclasses.replace(task, nominal=nominal)
         self._task, self.nominal, self._sizes = task, nominal, task.sizes
         self._bounds = task.servo_bounds()
@@ -144,24 +187,31 @@ class ShapeFlow:
         times = self.nominal.times
         last, n = len(times) - 1, self.nominal.states.shape[1]
         settings = self._task.settings
-        hold = max(1, round(settings.hold / (times[1] - times[0])))
+        # Where commands are held, at least at the end of each and in its middle.
+        hold = min(settings.hold, 0.5 * settings.period or np.inf)
+        hold = max(1, round(hold / (times[1] - times[0])))
         S = goal_about(settings.goal_axes(n), self._task.center)
         self._steer(S, last)
         S = self._cut(S, last)
         shapes = np.zeros((last + 1, n, n))
         shapes[last] = S
-        before, growth, slope = None, np.zeros((n, n)), np.zeros((n, n))
+        before: np.ndarray | None = None
+        growth, slope, since = np.zeros((n, n)), np.zeros((n, n)), 0
         for k in range(last, 0, -1):
-            since = (last - k) % hold
-            if since == 0:
-                before, growth = growth if k < last else None, self._growth(S, k)
-                slope = 0.0 * growth if before is None else (growth - before) / hold
-                change = max(hold * np.linalg.norm(slope), 1e-300)
-                slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
-                if progress:
-                    progress((last - k) / last)
             self._steer(S, k - 1)
-            S = self._step(S, k, growth + since * slope, slope)
+            if times[k] == times[k - 1]:  # A sample: the set must not be larger before.
+                before, since, S = None, 0, S * (1.0 + SAMPLE_ROOM)
+            else:
+                if since == 0:
+                    growth = self._growth(S, k)
+                    slope = 0.0 * growth if before is None else (growth - before) / hold
+                    before = growth
+                    change = max(hold * np.linalg.norm(slope), 1e-300)
+                    slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
+                    if progress:
+                        progress((last - k) / last)
+                S = self._step(S, k, growth + since * slope, slope)
+                since = (since + 1) % hold
             S = shapes[k - 1] = self._cut(S, k - 1)
         return shapes
 
@@ -170,17 +220,23 @@ class ShapeFlow:
         if self._slopes is None:
             return
         nominal, (directions, bounds) = self.nominal, self._bounds
-        nominal.gains[k] = steepest_gains(
-            S, self._slopes[k], bounds[k, 0], self._task.settings.elevator_gain
-        )
-        here = nominal.part(slice(k, k + 1))
-        nominal.closed_loop[k] = here.closed_loop[0]  # Ours: of a copy.
-        directions[k] = servo_bounds(here)[0][0]
+        times, settings = nominal.times, self._task.settings
+        first, toward = k, self._slopes[k]
+        if settings.period:
+            if k + 1 < len(times) and times[k + 1] > times[k]:
+                return  # It was made from the end of its hold.
+            first = hold_starts(times)[k]
+            toward = effect_of_hold(nominal, first, k) / settings.period
+        rate = bounds[first, 0] - settings.command_error
+        gains = steepest_gains(S, toward, rate, settings.elevator_gain)
+        undo_hold(nominal, first, k, gains)  # Ours: of a copy.
+        directions[first : k + 1] = servo_bounds(nominal.part(slice(first, k + 1)))[0]
 
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""
         directions, bounds = self._bounds
-        return keep_bounds(S, directions[k], bounds[k])
+        error, _ = self._task.errors(S[None], np.array([k]))
+        return keep_bounds(S, directions[k], bounds[k] - error_reach(error)[0])
 
     def _growth(self, S, k):
         """Returns N + D at a time."""

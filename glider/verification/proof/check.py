@@ -40,6 +40,7 @@ from glider.verification.proof.exact_check import (
     exact_faults,
     proven_slack,
 )
+from glider.verification.proof.held import held_faults
 from glider.verification.proof.purpose import (
     hook_faults,
     inlet_faults,
@@ -101,6 +102,7 @@ def check_funnel(
     hook: bool = False,
     least_inlet: Mapping[str, float] | None = None,
     least_pushes: tuple[float, float] = (0.0, 0.0),
+    period: float | None = None,
     seed: int | None = None,
 ) -> Verdict:
     """Checks a funnel.
@@ -115,6 +117,7 @@ def check_funnel(
         hook: whether the problem's hook must accept every state of the last set.
         least_inlet: least half-widths of the inlet, of states that deviate alone.
         least_pushes: command error [rad/s] and wind [m/s] that it must account for.
+        period: time that its commands must be held [s]; any if None.
         seed: of the points where ascents start; one that no file can know if None.
     """
     last = len(funnel.nominal.times) - 1
@@ -125,13 +128,14 @@ def check_funnel(
     faults = model_faults(funnel, model) if model else []
     faults += set_faults(funnel, covariance) if covariance and not faults else []
     faults += inlet_faults(funnel, least_inlet or {})
-    faults += push_faults(funnel, least_pushes)
+    faults += push_faults(funnel, least_pushes, period)
     faults += problem_faults(funnel, problem) if problem else []
     faults += hook_faults(funnel, problem) if hook and problem else []
     faults += _defect_faults(funnel, growth)
     faults += gliders_faults(funnel)
     rounding = seen = 0.0
     between = np.inf
+    faults += held_faults(funnel) if not faults else []
     if not faults:
         faults, rounding = exact_faults(funnel, at, growth, progress)
     if not faults and funnel.beta.any():
@@ -177,7 +181,7 @@ def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> f
     worst = 0.0
     for center in dict.fromkeys((None, funnel.gliders)):
         total = n + (center.confidence.dimension if center else 0)
-        pushes = funnel.settings.pushes if funnel.settings.pushes.any() else None
+        pushes = funnel.pushes[at] if funnel.pushes.any() else None
         total += 0 if pushes is None else 3
         directions = normalized(rng.normal(size=(SAMPLES, total)))
         given = directions, np.array(at), center, focus, pushes
@@ -198,7 +202,7 @@ def largest_between(
     between them is no ellipsoid.
     """
     starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
-    around = np.maximum(defect[:-1], defect[1:])[::every]
+    around = np.maximum(defect[:-1], defect[1:])[funnel.nominal.flows[::every]]
     try:
         found = [growth_between(funnel, share, starts, every) for share in SHARES]
     except np.linalg.LinAlgError:
@@ -215,8 +219,8 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     if not funnel.gliders:
         return []
     faults = []
-    error = funnel.settings.command_error
-    directions, bounds = servo_bounds(funnel.nominal, funnel.gliders, 1.0, error)
+    given = funnel.nominal, funnel.gliders, 1.0, funnel.errors
+    directions, bounds = servo_bounds(*given)
     try:
         reach = margin_to_limits(funnel.S, directions, bounds)
         met = ~((reach >= 1.0) & np.all(bounds > 0.0, axis=1))

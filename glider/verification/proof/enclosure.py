@@ -186,7 +186,7 @@ def make_remainder(
     which, rows = nonlinear_parts(nominal.model)
     m = len(which)
     moved, drift = gliders_path(piece)
-    pushes = piece.settings.pushes
+    pushes = piece.pushes.max(axis=0)
     acting, first = _acting(pushes), m + moved.shape[1]  # Of q the first coordinate.
     last = first + len(acting)  # The coordinate s.
     table, open_loop = monomials(last + 1, ORDER), table_of(n + 1)

@@ -77,7 +77,7 @@ class FlightProof:
     @property
     def of_intervals(self) -> int:
         """Number of intervals that the funnel has."""
-        return len(self.times) - 1
+        return int(np.count_nonzero(np.diff(self.times)))
 
     @property
     def failed(self) -> int | None:
@@ -137,8 +137,8 @@ def prove_flights(
     Raises:
         InputError: the file is not a record of this funnel's proof.
     """
-    count = len(funnel.nominal.times) - 1
-    wanted = sorted({*range(0, count, every), count - 1})
+    flows = funnel.nominal.flows.tolist()
+    wanted = sorted({*flows[::every], flows[-1]})
     header = _Header(
         format=_FORMAT, funnel=funnel.sha256, checker=checker_hash(), budget=budget
     )

@@ -1,107 +1,169 @@
-"""Held and late commands, as an error of the continuous feedback's.
+"""The proof that held commands are the funnel's feedback, but for its command error.
 
-The feedback's command is c(t, x) = u₀ - K (x - x₀). Along a flight in the funnel
-    ċ = u̇₀ - K̇ e - K (P + R + d + G q),  P of e,
-d the nominal's defect and q the pushes. If |ċ| <= ρ on the sets of each interval, a
-command that was computed at a time s differs at t from the feedback's by at most
-|t - s| max ρ. One that is computed from the state a latency L
-before it acts, and is held for h, is then off by (h + L) max ρ at most, whatever the
-phase of its clock. Until the first that a sample gave acts, that of the launch does.
-
-With e = B z, |z| <= 1 on the interval, the parts of K P are polynomials in z and time,
-exactly; norms of their Bernstein coefficients bound them.
+A command u₀ - K e + d, |d| <= the settings' command error, acts from a sample on and is
+held. As long as it acts it differs from u₀ - K(t) e(t) + eᵀ M(t) e by a q with
+    q̇ = K̇ e - eᵀ Ṁ e + (K - 2 eᵀ M)(P + R + d + G (eᵀ M e + q, w)),  P of e,
+and q = d at the sample, if u₀ is constant, K and M continuous, and M zero there. The
+gains and M of the file make the linear and the quadratic part vanish
+(`glider.verification.funnel.clock`) at its times. In between they are straight lines;
+the proof follows the cubic polynomials with those slopes instead, and adds what the two
+differ by. With e = B z, |z| <= 1 on the interval, all parts are polynomials in z and
+time, exactly; norms of their Bernstein coefficients bound them; where |q̇| <= a + b |q|,
+|q| grows to (|q| + a t) exp(b t) at most in a time t. So |q| is within the file's
+`rests`, and |eᵀ M e + q| within its `errors`, until a state leaves the funnel, which
+none then does.
 """
 
 import dataclasses
 
 import numpy as np
 
-from glider.errors import expect
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.taylor_models import WIDER
+from glider.verification.funnel.clock import form_size, hold_slopes, hold_starts
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import covers, make_interval, tight_cover
 from glider.verification.proof.interval_growth import pulled_forms
-from glider.verification.sos.exact import InTime, exact, line, rounded
-from glider.verification.sos.forms import spread_form
+from glider.verification.sos.exact import (
+    InTime,
+    exact,
+    hermite,
+    is_positive_definite,
+    line,
+    rounded,
+)
+from glider.verification.sos.forms import exact_product, gathered, spread_form
 
 BASIS_BITS = 30
 """Binary places of the basis B. Any are right; few are fast."""
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class HeldCommands:
-    """What of a funnel's command error held and late commands take."""
-
-    hold: float  #: h [s].
-    latency: float  #: L [s].
-    rates: np.ndarray  #: Bounds ρ (T - 1,) of the command's rate [rad/s²].
-    largest: float  #: (h + L) max ρ [rad/s].
-    left: float  #: What is left of the command error that is tolerated [rad/s].
+PERIOD_ROUNDING = 1e-9
+"""Time by which the samples in a file may be off the clock's [s]."""
 
 
-def command_rates(funnel: Funnel) -> np.ndarray:
-    """Returns ρ (T - 1,) of all intervals [rad/s²]; infinite where none is proven."""
-    count = len(funnel.nominal.times) - 1
-    return np.array([_rate(funnel.between(k, k + 1)) for k in range(count)])
+def held_faults(funnel: Funnel) -> list[str]:
+    """Returns why held commands are not proven to be the feedback, a sentence each.
 
-
-def held_commands(
-    funnel: Funnel, hold: float, latency: float, rates: np.ndarray
-) -> HeldCommands:
-    """Returns what is left of a funnel's command error besides held, late commands.
-
-    Args:
-        hold: time that a command is held [s].
-        latency: time from a state to the command that acts on it [s].
-        rates: of `command_rates`.
+    Where the feedback acts at all times there is nothing to prove.
     """
-    delay = hold + latency
-    expect(0.0 < delay < np.inf, "hold and latency", delay, "a positive time in all")
-    largest = float(delay * rates.max() * WIDER)
-    return HeldCommands(
-        hold=hold,
-        latency=latency,
-        rates=rates,
-        largest=largest,
-        left=funnel.settings.command_error - largest,
-    )
+    settings, nominal = funnel.settings, funnel.nominal
+    if np.any(np.minimum(funnel.errors, funnel.rests) < settings.command_error):
+        return ["The command's error is smaller than the settings' somewhere."]
+    if not settings.period:
+        fault = "The command's error has a known part, but no command is held."
+        return [fault] if nominal.bends.any() else []
+    if funnel.gliders:
+        return ["Held commands are not proven for a set of gliders."]
+    times, starts = nominal.times, hold_starts(nominal.times)
+    clock = settings.period * np.arange(len(np.unique(starts)))
+    ends = [*times[np.unique(starts)], times[-1]]
+    if np.any(np.abs(ends[:-1] - clock) > PERIOD_ROUNDING) or (
+        ends[-1] - clock[-1] > settings.period + PERIOD_ROUNDING
+    ):
+        return [f"The samples are not {settings.period:g} s apart."]
+    if np.any(nominal.inputs != nominal.inputs[starts]):
+        return ["The nominal's commands are not held."]
+    for k in np.flatnonzero(np.diff(times) == 0.0):
+        if not is_positive_definite(exact(funnel.S[k]) - exact(funnel.S[k + 1])):
+            return [f"The set after the sample at {times[k]:.4f} s is not larger."]
+    if nominal.bends[starts].any():
+        return ["A command is not linear when it is computed."]
+    for k in np.unique(starts):
+        if not _keeps_rate(funnel, k):
+            return [f"The servo would meet its limit of rate at {times[k]:.4f} s."]
+    error = settings.command_error
+    for k in nominal.flows:
+        before = settings.command_error if starts[k] == k else error
+        error, apart, known = _error_after(funnel.between(k, k + 1), before)
+        rests = np.array([before, error]) + apart
+        for allowed, found in (
+            (funnel.rests[k : k + 2], rests),
+            (funnel.errors[k : k + 2], rests + known),
+        ):
+            if not np.all(found <= allowed):
+                return [
+                    f"The held command may be {found[1]:.3g} rad/s off the feedback at "
+                    f"{times[k + 1]:.4f} s; the funnel allows {allowed[1]:.3g} rad/s."
+                ]
+    return []
+
+
+def _keeps_rate(funnel, k):
+    """Returns whether commands that are computed at a time keep the rate's limit."""
+    limit = exact(funnel.nominal.model.parameters.servo.rate)
+    gains = exact(funnel.nominal.gains[k])
+    left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
+    form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
+    return bool(left.numbers > 0) and is_positive_definite(form)
 
 
 @np.errstate(all="ignore")
-def _rate(piece):
-    """Returns ρ of a funnel of two times; for a set of gliders none is known."""
-    nominal, n = piece.nominal, piece.num_states
-    if piece.gliders is not None:
-        return np.inf
-    interval, ends = make_interval(piece), nominal.gains
+def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray]:
+    """Returns bounds of |q| at the end, and of what polynomials and lines differ.
+
+    Both are infinite where nothing is proven. The third (2,) is of |eᵀ M e|.
+    """
+    nominal, n, interval = piece.nominal, piece.num_states, make_interval(piece)
     whole = InTime((exact(np.eye(n)),))
     states = dataclasses.replace(interval, outputs=whole, which=list(range(n)))
-    basis = tight_cover(states)[0]
-    B = rounded(basis * (1.0 + 2.0**-20), BASIS_BITS)
+    B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BASIS_BITS)
     if not covers(states, B.to_float()):
-        return np.inf
-    gains, step = line(*ends)[None], interval.step
-    turn = exact(ends[1]) - exact(ends[0])
-    linear = turn[None] @ B + step * (gains @ (interval.linear @ interval.outputs @ B))
-    total = np.abs(np.diff(nominal.inputs))[0] + _size(linear[0], n, 1)
-    total /= float(step.to_float())
-    for degree, form in enumerate(pulled_forms(interval, B, gains.T, 0), start=2):
-        total += _size(form, n, degree)
-    wide, K = np.abs(B.to_float()), np.abs(ends).max(axis=0)
-    bend = np.linalg.norm(wide.T @ np.abs(piece.focus).max(axis=0) @ wide)
-    total += K @ (piece.beta.max(axis=0) * (1.0 + bend) + defect_bounds(nominal)[0])
-    for k, size in enumerate(piece.settings.pushes[PUSHES]):
-        along = (gains @ interval.push_slopes[:, k]).bernstein()[:, 0]
-        bend = np.linalg.norm(along[:, 1:] @ B.to_float(), axis=1)
-        total += size * (np.abs(along[:, 0]) + bend).max()
-    return float(total * WIDER) if np.isfinite(total) else np.inf
+        return np.inf, np.inf, np.zeros(2)
+    slopes, step = hold_slopes(nominal), np.diff(nominal.times)[0]
+    K, K_rise = hermite(nominal.gains, slopes[0], interval.step)
+    M, M_rise = hermite(nominal.bends, slopes[1], interval.step)
+    rise, square = K_rise @ B, _form(B.T @ M_rise @ B)
+    M, known = B.T @ M, B.T @ interval.bends @ B
+    parts = _rate_forms(interval, B, K, M, known)
+    total = _size(rise + parts[0] * interval.step, n, 1) / step
+    total += _size(parts[1] * interval.step - square, n, 2) / step
+    total += _size(parts[2], n, 3) + _size(parts[3], n, 4)
+    focus = np.linalg.norm((B.T @ interval.focus @ B).bernstein(), 2, (1, 2)).max()
+    most = np.abs(K.bernstein()).max(axis=0)
+    most += 2.0 * np.linalg.norm(M.bernstein(), axis=1).max(axis=0)
+    off = piece.beta.max(axis=0) * (1.0 + focus) + defect_bounds(nominal)[0]
+    pulls = np.array([_pull(interval.push_slopes[:, k], B, K, M) for k in range(3)])
+    apart = _size((K - line(*nominal.gains)) @ B, n, 1)
+    apart += _size(_form(M @ B - known), n, 2)
+    total += most @ off + pulls[0] * apart
+    total += piece.settings.wind * np.linalg.norm(pulls[1:])
+    after = (before + step * total) * np.exp(step * pulls[0]) * WIDER
+    return after, apart * WIDER, np.linalg.norm(known.bernstein(), 2, (1, 2)) * WIDER
+
+
+def _rate_forms(interval, B, K, M, known):
+    """Returns (K - 2 eᵀ M)(P + G eᵀ M e), its parts of degree 1 to 4 in z, e = B z.
+
+    K is (n,), M is Bᵀ M (n, n), and known is Bᵀ M B of the straight line.
+    """
+    push, field = interval.push_slopes[:, 0], interval.linear @ interval.outputs @ B
+    square, cube = pulled_forms(interval, B, K[:, None], 0)
+    bent_square, bent_cube = pulled_forms(interval, B, M.T, 1)
+    pull, tilt = K @ push[:, 0], K @ push[:, 1:] @ B
+    bent, twist = M @ push[:, 0], M @ push[:, 1:] @ B
+    bent_square = bent_square + bent.product(known, exact_product)
+    return (
+        K @ field,
+        square + _form(known * pull - M @ field * 2),
+        cube + tilt.product(known, exact_product) - bent_square * 2,
+        (bent_cube + twist.product(known, exact_product)) * 2,
+    )
+
+
+def _pull(slopes, B, K, M):
+    """Returns a bound of |(K - 2 eᵀ M) G|, G of slopes (n, 1 + n) in (1, e)."""
+    along = (K @ slopes[:, 0]).bernstein()
+    tilt = (K @ slopes[:, 1:] @ B - M @ slopes[:, 0] * 2).bernstein()
+    twist = (M @ slopes[:, 1:] @ B).bernstein()
+    size = np.abs(along).max() + np.linalg.norm(tilt, axis=1).max()
+    return size + 2.0 * np.linalg.norm(twist, 2, (1, 2)).max()
+
+
+def _form(matrix):
+    """Returns the coefficients of zᵀ A z."""
+    return matrix.map(lambda part: gathered(part, len(part), 2))
 
 
 def _size(form, n, degree):
     """Returns a bound of |form(z)| for |z| <= 1 at all times."""
-    tensors = (spread_form(part, n, degree) for part in form.bernstein())
-    if degree == 2:
-        return max(np.linalg.norm(tensor, 2) for tensor in tensors)
-    return max(np.linalg.norm(tensor.ravel()) for tensor in tensors)
+    return form_size(spread_form(form.bernstein(), n, degree)).max()

@@ -57,6 +57,7 @@ class Interval:
     bearing: InTime  #: β² / λ (n,), rounded up.
     focus: InTime  #: F (n, n).
     push_slopes: InTime  #: G (n, 3, 1 + n) of pushes, in (1, e).
+    bends: InTime  #: M (n, n) of the command's known error eᵀ M e.
     push_weights: InTime  #: λ (2,) of these.
     push_bearing: InTime  #: κ² / λ and w² / λ (2,), rounded up.
     #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.
@@ -92,8 +93,7 @@ def make_interval(piece: Funnel) -> Interval:
 
     command, gains = line(*nominal.inputs), line(*nominal.gains)
     angle, _ = hermite(nominal.states[:, ELEVATOR], nominal.slopes[:, ELEVATOR], step)
-    limits = _limits(nominal, command, gains, angle, piece.settings)
-    pushes = piece.settings.pushes
+    limits = _limits(piece, command, gains, angle, line(*piece.errors))
     return Interval(
         step=step,
         rows=rows,
@@ -108,8 +108,11 @@ def make_interval(piece: Funnel) -> Interval:
         bearing=InTime(tuple(map(_bearing, piece.beta, piece.weights))),
         focus=line(*_seen_focus(piece, which)),
         push_slopes=line(*nominal.push_slopes),
+        bends=line(*nominal.bends),
         push_weights=line(*piece.push_weights),
-        push_bearing=InTime(tuple(_bearing(pushes, w) for w in piece.push_weights)),
+        push_bearing=InTime(
+            tuple(map(_bearing, piece.unknown_pushes, piece.push_weights))
+        ),
         # The centers of a set of gliders may reach some of b.
         limits=tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits),
     )
@@ -166,30 +169,28 @@ def at_time(funnel: Funnel, k: int) -> Interval:
         focus=constant(funnel.focus[k]),
         push_slopes=constant(nominal.push_slopes[k]),
         push_weights=constant(funnel.push_weights[k]),
+        bends=constant(nominal.bends[k]),
         push_bearing=InTime(
-            (_bearing(funnel.settings.pushes, funnel.push_weights[k]),)
+            (_bearing(funnel.unknown_pushes[k], funnel.push_weights[k]),)
         ),
-        limits=_limits(nominal, command, gains, angle, funnel.settings),
+        limits=_limits(funnel, command, gains, angle, constant(funnel.errors[k])),
     )
 
 
-def _limits(nominal, command, gains, angle, settings):
+def _limits(funnel, command, gains, angle, error):
     """Returns a and b, of either way of the rate limit and of both stops.
 
-    The command may be off by its error.
+    The command may be off by its error. The rate of one that is held is that of its
+    sample (`glider.verification.proof.held`).
     """
-    servo = nominal.model.parameters.servo
+    servo, n = funnel.nominal.model.parameters.servo, funnel.num_states
     low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
-    error = exact(settings.command_error)
     rate, high, low = rate - error, high - ahead_by * error, low + ahead_by * error
     ahead = angle + ahead_by * command
-    travel = exact(np.eye(len(nominal.states[0]))[ELEVATOR]) - ahead_by * gains
-    return (
-        (-gains, rate - command),
-        (gains, rate + command),
-        (travel, high - ahead),
-        (-travel, ahead - low),
-    )
+    travel = exact(np.eye(n)[ELEVATOR]) - ahead_by * gains
+    rates = (-gains, rate - command), (gains, rate + command)
+    stops = (travel, high - ahead), (-travel, ahead - low)
+    return stops if funnel.settings.period else rates + stops
 
 
 HALVINGS = 3

@@ -120,15 +120,23 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     A = basis.T @ interval.rise @ basis + h * growth
     cubic, quartic = (f * -2 for f in pulled_forms(interval, basis, h * H.T, 1))
     focus = basis.T @ interval.focus @ basis
-    if any(part.numbers.any() for part in focus.parts):
+    if _acts(focus):
         quartic = quartic - h * disturbance.product(focus, exact_product)
     for k, of in enumerate(PUSHES):
         M = basis.T @ pushes[:, k, 1:].T @ H.T
-        if any(part.numbers.any() for part in interval.push_bearing[of].parts):
+        if _acts(interval.push_bearing[of]):
             weight = h * interval.push_weights[of]
             cubic = cubic - weight * pushed[:, k].product(M, exact_product) * 2
             quartic = quartic - weight * M.product(M, exact_product)
+        if k == 0 and _acts(interval.bends):
+            known = basis.T @ interval.bends @ basis * 2
+            cubic = cubic - h * pushed[:, k].product(known, exact_product)
+            quartic = quartic - h * M.product(known, exact_product)
     return GrowthForms(-A, cubic, quartic, G)
+
+
+def _acts(value):
+    return any(part.numbers.any() for part in value.parts)
 
 
 def _prove_whole(interval, slack, grams):

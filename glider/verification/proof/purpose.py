@@ -120,10 +120,22 @@ def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
     ]
 
 
-def push_faults(funnel: Funnel, least: tuple[float, float]) -> list[str]:
-    """Returns what of a command error [rad/s] and a wind [m/s] a funnel leaves out."""
+def push_faults(
+    funnel: Funnel, least: tuple[float, float], period: float | None = None
+) -> list[str]:
+    """Returns what of a command error [rad/s] and a wind [m/s] a funnel leaves out.
+
+    It is to be for commands that are held for a period [s]; any if None.
+    """
     words = ("a command error of {:g} rad/s", "wind of {:g} m/s")
-    return [
+    held = 1e3 * funnel.settings.period
+    faults = []
+    if period is not None and held != 1e3 * period:
+        faults = [
+            f"The funnel is for commands that are held for {held:g} ms; expected "
+            f"{1e3 * period:g} ms."
+        ]
+    return faults + [
         f"The funnel accounts for {word.format(own)}; expected at least {bound:g}."
         for word, own, bound in zip(words, funnel.settings.pushes, least, strict=True)
         if not own >= bound

@@ -76,7 +76,7 @@ def expect_writable(funnel: Funnel) -> None:
         )
     if funnel.gliders:
         raise InputError("--write-proof is for one glider; this funnel is of a set.")
-    if funnel.settings.command_error or funnel.settings.wind:
+    if funnel.pushes.any() or funnel.settings.period:
         raise InputError("--write-proof is for a loop without disturbances.")
 
 

@@ -7,6 +7,9 @@ an error of the command are at most so large. Flights start on the boundary of t
 inlet; from the worst of them, their start, phase and wind climb. Half of them meet a
 steady wind and error, and half what at each moment makes V rise fastest. Nothing here
 is proven; flights show what the loop does not tolerate.
+
+A funnel that was made for held commands has its own clock: its first command acts from
+the launch on, and their error stays while they are held.
 """
 
 import dataclasses
@@ -97,6 +100,7 @@ def fly_loop(
         progress: called with the share that is done.
     """
     n = funnel.num_states
+    _check_clock(funnel.settings.period, loop.hold)
     # Directions of start (n) and wind (2), the phase, whether the wind is steady.
     genes = np.hstack(
         [
@@ -134,6 +138,16 @@ def fly_loop(
     )
 
 
+def _check_clock(period, hold):
+    """Raises InputError where a funnel's clock is not that of the commands."""
+    if period:
+        words = "the funnel's"
+        expect(hold.period == period, "the period of commands", hold.period, words)
+        good = hold.latency < period and (hold.predicts or hold.latency == 0.0)
+        words = "less than the period, with a predictor"
+        expect(good, "the latency", hold.latency, words)
+
+
 BATCH = 4000
 """Flights at once: more do not fit the cache."""
 
@@ -154,11 +168,15 @@ class _Flight:
         """Launches them."""
         n = funnel.num_states
         self._funnel, self._loop = funnel, loop
-        self._model, self._policy = funnel.nominal.model, funnel_policy(funnel)
+        self._model = funnel.nominal.model
+        self._policy = funnel_policy(funnel, held=True)
         self._wind = loop.wind * genes[:, n : n + 2]
         self._error = loop.command_error * np.sign(genes[:, n])
         self._steady = genes[:, n + 3] > 0.5
         self._first = genes[:, n + 2] * loop.hold.period
+        self._clock = funnel.settings.period
+        if self._clock:  # Its second command acts a period after the launch.
+            self._first = np.full(len(genes), self._clock - loop.hold.latency)
         self._states = boundary_states(funnel, 0, genes[:, :n])
         self._times = np.zeros(len(genes))
         self._largest, self._later = np.zeros((2, len(genes)))
@@ -220,6 +238,7 @@ class _Flight:
         worst = self._loop.wind * toward / size
         wind = np.where(self._steady[:, None], self._wind, worst)
         highest = self._loop.command_error * np.sign(slopes[0])
+        highest = self._error if self._clock else highest
         return np.where(self._steady, self._error, highest), wind
 
     def _rates(self, command, push):

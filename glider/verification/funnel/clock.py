@@ -1,0 +1,194 @@
+"""Commands from a clock, as a continuous feedback: its gains, and what it leaves out.
+
+A command c = u₀ - K e that acts from a sample on is held. The flight since then can be
+undone: with ė = A e + F₂ + F₃ + B δu, the closed loop's and what is beyond it, all the
+while c is held it is
+    u₀ - K(t) e + eᵀ M(t) e + q,  K̇ = -K A,  Ṁ = K F₂ + K B M - M A - Aᵀ M
+from the gains and from M = 0 at the sample on. So held commands are a continuous
+feedback, whose gains jump at each sample, with a part of second order that is known,
+and an error q of its command,
+    q̇ = K F₃ - 2 eᵀ M (F₂ + B eᵀ M e) + ... + (K - 2 eᵀ M)(R + G (q, w)),
+which is of third order in e: it starts again at each sample, from what the command is
+off by there, and has a period to grow.
+"""
+
+import itertools
+
+import numpy as np
+from scipy.linalg import expm
+
+from glider.verification.dynamics.nominal import Nominal, table_of
+from glider.verification.funnel.growth import Bounds
+from glider.verification.sos.forms import linear_part, spread_form, to_ball
+
+ROOM = 1.15
+"""Factor on the largest q̇ at a time: for what is between, and norms of it."""
+
+BEND_ROOM = 1.05
+"""Factor on the largest eᵀ M e at a time: for what is between."""
+
+
+def hold_starts(times: np.ndarray) -> np.ndarray:
+    """Returns the index (T,) of the sample whose command acts at each time."""
+    begins = np.append(True, np.diff(times) == 0.0)
+    return np.maximum.accumulate(np.where(begins, np.arange(len(times)), 0))
+
+
+def _steps(nominal, first, last):
+    """Returns Φ (n, n) and Γ (n,) of each step: e ← Φ e + Γ δu."""
+    n = nominal.states.shape[1]
+    slopes = nominal.open_loop[first : last + 1, :, table_of(n + 1).of_degree(1)]
+    square = np.zeros((last - first, n + 1, n + 1))
+    step = np.diff(nominal.times[first : last + 1])[:, None, None]
+    square[:, :n] = 0.5 * step * (slopes[:-1] + slopes[1:])
+    both = expm(square)[:, :n]
+    return list(zip(both[..., :n], both[..., n], strict=True))
+
+
+def effect_of_hold(nominal: Nominal, first: int, last: int) -> np.ndarray:
+    """Returns what a command that is held does to the state, (n,) [s]."""
+    total = np.zeros(nominal.states.shape[1])
+    for move, push in _steps(nominal, first, last):
+        total = move @ total + push
+    return total
+
+
+def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> None:
+    """Writes the feedback of a hold that ends with gains (n,) into a flight."""
+    nominal.gains[last] = gains
+    for k, (move, push) in zip(
+        range(last - 1, first - 1, -1), _steps(nominal, first, last)[::-1], strict=True
+    ):
+        gains = gains @ move / (1.0 + gains @ push)
+        nominal.gains[k] = gains
+    here = slice(first, last + 1)
+    nominal.bends[here] = 0.0
+    nominal.closed_loop[here] = nominal.part(here).closed_loop
+    squares, pulls, A = _bend_rates(nominal, here)
+
+    def rate(M, j, share):
+        """Returns Ṁ some share of a step after time j."""
+        square, pull, linear = (
+            (1.0 - share) * values[j] + share * values[j + 1]
+            for values in (squares, pulls, A)
+        )
+        product = M @ linear
+        return square + pull * M - product - product.T
+
+    for j, step in enumerate(np.diff(nominal.times[here])):
+        M = nominal.bends[first + j]
+        k1 = rate(M, j, 0.0)
+        k2 = rate(M + 0.5 * step * k1, j, 0.5)
+        k3 = rate(M + 0.5 * step * k2, j, 0.5)
+        k4 = rate(M + step * k3, j, 1.0)
+        M = M + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        nominal.bends[first + j + 1] = 0.5 * (M + M.T)
+
+
+def _bend_rates(nominal, here=slice(None)):
+    """Returns K F₂ (K, n, n), K B (K,) and A (K, n, n) at some times."""
+    n, rates = nominal.states.shape[1], nominal.closed_loop[here]
+    own = np.einsum("ti,tim->tm", nominal.gains[here], rates)
+    pulls = np.einsum(
+        "ti,ti->t", nominal.gains[here], nominal.push_slopes[here][:, :, 0, 0]
+    )
+    square = spread_form(own[:, table_of(n).of_degree(2)], n, 2)
+    return square, pulls, linear_part(rates)
+
+
+def hold_slopes(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
+    """Returns K̇ (T, n) and Ṁ (T, n, n) of commands that are held."""
+    squares, pulls, A = _bend_rates(nominal)
+    product = nominal.bends @ A
+    slopes = squares + pulls[:, None, None] * nominal.bends
+    slopes = slopes - product - product.swapaxes(1, 2)
+    return -np.einsum("ti,tij->tj", nominal.gains, A), slopes
+
+
+def form_size(tensors: np.ndarray) -> np.ndarray:
+    """Returns bounds (T,) of forms on the unit ball, given tensors (T, n, ..., n)."""
+    count, n, axes = len(tensors), tensors.shape[-1], tensors.ndim - 1
+    orders = itertools.permutations(range(1, axes + 1))
+    total = np.mean([tensors.transpose(0, *order) for order in orders], axis=0)
+    if axes == 1:
+        return np.linalg.norm(total, axis=1)
+    rows = n ** (axes // 2)
+    return np.linalg.norm(total.reshape(count, rows, -1), 2, axis=(1, 2))
+
+
+def bend_sizes(S: np.ndarray, bends: np.ndarray) -> np.ndarray:
+    """Returns the largest |eᵀ M e| of sets, (K,)."""
+    L_inv_T = to_ball(S)[1]
+    return np.linalg.norm(L_inv_T.swapaxes(1, 2) @ bends @ L_inv_T, 2, axis=(1, 2))
+
+
+def command_errors(
+    nominal: Nominal,
+    S: np.ndarray,
+    at: np.ndarray,
+    bounds: Bounds,
+    start: float,
+    wind: float,
+) -> np.ndarray:
+    """Returns how far held commands may be off u₀ - K e + eᵀ M e at K times, (K,).
+
+    At all times, in order; or at one, with the growth there ever since its sample.
+
+    Args:
+        S: (K, n, n) of the sets.
+        bounds: of R.
+        start: error of a command when it is computed [rad/s].
+    """
+    growth, pulls = _error_growth(nominal, S, at, bounds, wind)
+    apart = ROOM * _apart(nominal, S, at)
+    growth += 2.0 * pulls * apart  # Once for the slopes of the cubics.
+    begins, times = hold_starts(nominal.times)[at], nominal.times[at]
+    if len(at) == 1:
+        since = times - nominal.times[begins]
+        return (start + ROOM * since * growth) * np.exp(since * pulls) + apart
+    q = np.full(len(S), start)
+    for i in np.flatnonzero(begins < at):
+        last, step = slice(i - 1, i + 1), times[i] - times[i - 1]
+        q[i] = q[i - 1] + step * ROOM * growth[last].max()
+        q[i] *= np.exp(step * pulls[last].max())
+    return q + apart
+
+
+def _apart(nominal, S, at):
+    """Returns how far K e - eᵀ M e is from straight lines around K times, nearly."""
+    k, turn = nominal.flows, to_ball(S)[1]
+    steps = np.diff(nominal.times)[k]
+    bends = [np.zeros((2, *v.shape)) for v in (nominal.gains, nominal.bends)]
+    for bend, slopes in zip(bends, hold_slopes(nominal), strict=True):
+        change = (slopes[k + 1] - slopes[k]).T * steps / 6.0
+        bend[0, k] = bend[1, k + 1] = change.T
+    of_gains, of_bends = (bend[:, at] for bend in bends)
+    size = np.linalg.norm((of_gains[:, :, None] @ turn)[:, :, 0], axis=2)
+    square = np.linalg.norm(turn.swapaxes(1, 2) @ of_bends @ turn, 2, axis=(2, 3))
+    return (size + square).max(axis=0)
+
+
+def _error_growth(nominal, S, at, bounds, wind):
+    """Returns a and b (K,) of |q̇| <= a + b |q|, nearly."""
+    n, table = S.shape[-1], table_of(S.shape[-1])
+    turn, gains, M = to_ball(S)[1], nominal.gains[at], nominal.bends[at]
+    rates, G = nominal.closed_loop[at], nominal.push_slopes[at]
+    square = spread_form(rates[..., table.of_degree(2)], n, 2)
+    square = square + np.einsum("ti,tab->tiab", G[:, :, 0, 0], M)
+    cube = spread_form(rates[..., table.of_degree(3)], n, 3)
+    cube = cube + np.einsum("tia,tbc->tiabc", G[:, :, 0, 1:], M)
+    third = np.einsum("ti,tiabc->tabc", gains, cube)
+    third = third - 2.0 * np.einsum("tai,tibc->tabc", M, square)
+    fourth = np.einsum("tai,tibcd->tabcd", M, cube)
+    moves = [turn] * 4
+    third = np.einsum("tabc,tai,tbj,tck->tijk", third, *moves[:3], optimize=True)
+    fourth = np.einsum("tabcd,tai,tbj,tck,tdl->tijkl", fourth, *moves, optimize=True)
+    bend = np.linalg.norm(turn.swapaxes(1, 2) @ bounds.focus @ turn, 2, axis=(1, 2))
+    most = np.abs(gains) + 2.0 * np.linalg.norm(M @ turn, axis=2)
+    growth = form_size(third) + 2.0 * form_size(fourth)
+    growth += np.sum(most * bounds.beta, axis=1) * (1.0 + bend)
+    # (K - 2 eᵀ M)(G₀ + G₁ e) of each push, but for its part of second order.
+    along = np.einsum("ti,tikj->tkj", gains, G)
+    tilt = along[..., 1:] - 2.0 * np.einsum("tai,tik->tka", M, G[..., 0])
+    pulls = np.abs(along[..., 0]) + np.linalg.norm(tilt @ turn, axis=2)
+    return growth + wind * np.linalg.norm(pulls[:, 1:], axis=1), pulls[:, 0]

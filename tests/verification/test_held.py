@@ -1,0 +1,432 @@
+"""Held commands as a continuous feedback whose gains jump: its error is proven."""
+
+import dataclasses
+import functools
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from glider.__main__ import main
+from glider.control.predictor import Hold, advance, rates_of
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.physics.model import GliderModel
+from glider.verification.dynamics.nominal import evaluate, hermite_path, make_nominal
+from glider.verification.funnel.build import make_funnel
+from glider.verification.funnel.clock import (
+    BEND_ROOM,
+    bend_sizes,
+    command_errors,
+    effect_of_hold,
+    form_size,
+    hold_starts,
+    undo_hold,
+)
+from glider.verification.funnel.funnel import (
+    Funnel,
+    funnel_policy,
+    load_funnel,
+    save_funnel,
+)
+from glider.verification.funnel.growth import Bounds, push_form
+from glider.verification.funnel.servo_limits import steepest_gains
+from glider.verification.proof import held
+from glider.verification.proof.held import held_faults
+from glider.verification.proof.interval import at_time, make_interval
+from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_proof import prove_interval
+from glider.verification.proof.purpose import push_faults
+from glider.verification.sos.exact import exact, line
+from glider.verification.sos.forms import spread_form, to_ball
+from glider.verification.trials import as_flown
+from glider.verification.trials.as_flown import FlownLoop, fly_loop
+from tests.verification.points import sphere_points
+from tests.verification.test_gliders import allowed_by, among
+
+PERIOD, ERROR, WIND = 0.02, 0.05, 0.02
+
+
+@pytest.fixture(scope="module")
+def clocked(proven):
+    """A funnel of held commands along a shipped one's flight; not a certificate."""
+    policy = funnel_policy(proven)
+    nominal = make_nominal(proven.nominal.model, policy, 0.0045, PERIOD)
+    times, last = nominal.times, len(nominal.times) - 1
+    S = 2.0 * proven.shape(times)
+    for k in np.append(np.flatnonzero(np.diff(times) == 0.0), last):
+        first = hold_starts(times)[k]
+        toward = effect_of_hold(nominal, first, k) / PERIOD
+        undo_hold(nominal, first, k, steepest_gains(S[k], toward, 5.0, 40.0))
+    S[np.flatnonzero(np.diff(times) == 0.0)] *= 1.0 + 1e-9
+    holds = np.split(np.arange(last + 1), np.flatnonzero(np.diff(times) == 0.0) + 1)
+    slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
+
+    def along(values):
+        curve = CubicSpline(proven.nominal.times, values)
+        return np.maximum(curve(times), 0.0)
+
+    zero = np.zeros((last + 1, 2))
+    bounds = Bounds(
+        along(proven.beta), along(proven.weights), 0.0 * S, zero + 1.0, *zero.T
+    )
+    nominal = dataclasses.replace(nominal)
+    rests = command_errors(nominal, S, np.arange(last + 1), bounds, ERROR, WIND)
+    errors = rests + BEND_ROOM * bend_sizes(S, nominal.bends)
+    return Funnel(
+        nominal=nominal,
+        S=S,
+        slopes=np.concatenate(slopes),
+        settings=dataclasses.replace(
+            proven.settings,
+            period=PERIOD,
+            elevator_gain=40.0,
+            command_error=ERROR,
+            wind=WIND,
+        ),
+        grams=np.zeros((last + 1, proven.grams.shape[1])),
+        solver="none",
+        seconds=0.0,
+        **bounds._replace(errors=errors, rests=rests)._asdict(),
+    )
+
+
+def part(clocked, holds):
+    """The first holds of it."""
+    starts = np.unique(hold_starts(clocked.nominal.times))
+    return clocked.between(0, starts[holds] - 1)
+
+
+def changed(funnel, name, where, factor=1.0, more=0.0):
+    """The same with one of its nominal's arrays changed at some times."""
+    values = getattr(funnel.nominal, name).copy()
+    values[where] = factor * values[where] + more
+    nominal = dataclasses.replace(funnel.nominal, **{name: values})
+    return dataclasses.replace(funnel, nominal=nominal)
+
+
+def lowered(funnel, name):
+    """The same with a bound of the command's error that is too small at its ends."""
+    values = getattr(funnel, name)
+    return dataclasses.replace(funnel, **{name: np.minimum(values, 0.8 * values.max())})
+
+
+def values_of(tensors, z):
+    """Values (T, B) of forms at points z (B, n), given tensors (T, n, ..., n)."""
+    values = np.repeat(tensors[:, None], len(z), axis=1)
+    for _ in range(tensors.ndim - 1):
+        values = np.einsum("tb...i,bi->tb...", values, z)
+    return values
+
+
+def test_small_deviations_keep_the_held_command(clocked):
+    nominal = clocked.nominal
+    starts, k = hold_starts(nominal.times), 12
+    first, last = starts[k], np.flatnonzero(starts == starts[k])[-1]
+    assert nominal.times[last] - nominal.times[first] == pytest.approx(PERIOD)
+    e = 1e-5 * sphere_points(40, 7)
+    held = -(e @ nominal.gains[first])
+    states = nominal.states[first] + e
+    for j in range(first, last):
+        step = (nominal.times[j + 1] - nominal.times[j]) / 8
+        for _ in range(8):
+            states = advance(
+                lambda x, t: rates_of(nominal.model, x, nominal.inputs[first] + held),
+                states,
+                step,
+            )
+        found = -((states - nominal.states[j + 1]) @ nominal.gains[j + 1])
+        # They differ in second order of e, and by the mean of A and B over a step.
+        assert np.abs(found - held).max() < 2e-3 * np.abs(held).max()
+    assert np.abs(nominal.gains[last] - nominal.gains[first]).max() > 5.0
+
+
+def test_held_flights_are_within_the_proven_error(clocked):
+    """From the boundary, in steady wind, with the largest error of the command."""
+    nominal, count = clocked.nominal, 400
+    starts = hold_starts(nominal.times)
+    ratio = 0.0
+    for first in np.unique(starts)[[1, 8, 20]]:
+        last = np.flatnonzero(starts == first)[-1]
+        z = sphere_points(count, 7)
+        e = z @ to_ball(clocked.S[first])[1].T
+        turn = np.arange(count)
+        held = nominal.inputs[first] - e @ nominal.gains[first]
+        held += ERROR * np.sign(np.sin(turn))
+        wind = WIND * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        states = nominal.states[first] + e
+        inside = np.ones(count, dtype=bool)
+        for j in range(first, last):
+            step = (nominal.times[j + 1] - nominal.times[j]) / 8
+            for _ in range(8):
+                states = advance(
+                    lambda x, t, u=held, w=wind: rates_of(nominal.model, x, u, w),
+                    states,
+                    step,
+                )
+            e = states - nominal.states[j + 1]
+            inside &= np.einsum("bi,ij,bj->b", e, clocked.S[j + 1], e) <= 1.0
+            feedback = nominal.inputs[j + 1] - e @ nominal.gains[j + 1]
+            off = (held - feedback)[inside]
+            rest = off - np.einsum("bi,ij,bj->b", e, nominal.bends[j + 1], e)[inside]
+            ratio = max(ratio, np.abs(rest).max() / clocked.rests[j + 1])
+            assert np.all(np.abs(rest) <= clocked.rests[j + 1])
+            assert np.all(np.abs(off) <= clocked.errors[j + 1])
+        assert inside.sum() > 20
+    assert ratio > 0.2
+
+
+def test_the_error_of_held_commands_is_proven(clocked):
+    assert held_faults(part(clocked, 3)) == []
+
+
+@pytest.mark.parametrize(
+    ("forged", "words"),
+    [
+        (lambda f: changed(f, "gains", 2, 1.1), "may be"),  # Another law between.
+        (lambda f: changed(f, "gains", 6, 1.3), "may be"),  # Another at a sample.
+        (lambda f: changed(f, "gains", slice(None), 1.0, 1.0), "may be"),
+        (lambda f: changed(f, "inputs", 3, 1.0, 0.01), "not held"),
+        (lambda f: changed(f, "times", slice(6, None), 1.0, 1e-3), "apart"),
+        (lambda f: changed(f, "bends", 2, 0.8), "may be"),
+        (lambda f: changed(f, "bends", slice(None), -1.0), "may be"),
+        (lambda f: changed(f, "bends", 0, 1.0, 1e-3), "not linear"),
+        (
+            lambda f: dataclasses.replace(f, rests=0.5 * f.rests),
+            "smaller than the settings",
+        ),
+        *(
+            (lambda f, name=name: lowered(f, name), "may be")
+            for name in ("errors", "rests")
+        ),
+        (lambda f: dataclasses.replace(f, S=0.1 * f.S), "would meet its limit of rate"),
+        (
+            lambda f: dataclasses.replace(
+                f, settings=dataclasses.replace(f.settings, period=0.01)
+            ),
+            "apart",
+        ),
+        (
+            lambda f: dataclasses.replace(
+                f, S=f.S * np.where(np.arange(len(f.S)) > 5, 1.01, 1.0)[:, None, None]
+            ),
+            "not larger",
+        ),
+    ],
+)
+def test_what_is_not_a_held_command_is_refused(clocked, forged, words):
+    [fault] = held_faults(forged(part(clocked, 2)))
+    assert words in fault
+
+
+def test_what_is_known_of_the_error_acts_on_v(clocked):
+    """2 eᵀ S G_u eᵀ M e, in the forms and exactly, at the end of a hold."""
+    k = np.flatnonzero(np.diff(clocked.nominal.times) == 0.0)[5]
+    nominal, S = clocked.nominal, clocked.S[[k]]
+    z = sphere_points(200, 7)
+    e = z @ to_ball(S)[1][0].T
+    G = nominal.push_slopes[k, :, 0]
+    pull = np.einsum("bi,ij,bj->b", e, S[0], G[:, 0] + e @ G[:, 1:].T)
+    expected = 2.0 * pull * np.einsum("bi,ij,bj->b", e, nominal.bends[k], e)
+    assert np.abs(expected).max() > 0.05
+
+    def values(cubic, quartic):
+        third, fourth = spread_form(cubic[None], 7, 3), spread_form(quartic[None], 7, 4)
+        return values_of(third, z)[0] + values_of(fourth, z)[0]
+
+    none = np.zeros((1, 2))
+    forms = push_form(S, nominal.push_slopes[[k]], none, none, nominal.bends[[k]])
+    assert values(forms.cubic[0], forms.quartic[0]) == pytest.approx(expected)
+    basis = exact(to_ball(S)[1][0])
+    without = changed(clocked, "bends", slice(None), 0.0)
+    own, bare = (
+        growth_forms(at_time(f, k), basis, exact(0.0)) for f in (clocked, without)
+    )
+    more = [(b - a).parts[0].to_float() for a, b in zip(own, bare, strict=True)]
+    assert values(*more[1:3]) == pytest.approx(expected)
+    assert not more[0].any()
+
+
+def test_the_error_grows_as_the_polynomials_say(clocked):
+    """(K - 2 eᵀ M)(P + G eᵀ M e), by its parts, and a bound of (K - 2 eᵀ M) G."""
+    k = np.flatnonzero(np.diff(clocked.nominal.times) == 0.0)[5] - 1
+    piece = clocked.between(k, k + 1)
+    nominal, interval = piece.nominal, make_interval(piece)
+    K, M = nominal.gains[0], nominal.bends[0]
+    turn = to_ball(piece.S)[1][0]
+    z = sphere_points(300, 7)
+    e, B = z @ turn.T, exact(turn)
+    known = B.T @ interval.bends @ B
+    given = B, line(*nominal.gains), B.T @ interval.bends
+    parts = held._rate_forms(interval, *given, known)
+    found = np.zeros(len(z))
+    for degree, (part, sign) in enumerate(zip(parts, (1, 1, 1, -1), strict=True), 1):
+        form = part.at(Fraction(0)).to_float()[None]
+        found += sign * values_of(spread_form(form, 7, degree), z)[0]
+    m, along = np.einsum("bi,ij,bj->b", e, M, e), K - 2.0 * e @ M
+    G = nominal.push_slopes[0]
+    slopes = G[..., 0] + np.einsum("ika,ba->bik", G[..., 1:], e)
+    field = evaluate(nominal.closed_loop[:1], e[None])[0] + m[:, None] * slopes[..., 0]
+    assert found == pytest.approx(np.sum(along * field, axis=1), abs=1e-8)
+    for axis in range(3):
+        most = held._pull(interval.push_slopes[:, axis], *given)
+        pulls = np.abs(np.sum(along * slopes[..., axis], axis=1))
+        assert np.all(pulls <= most) and pulls.max() > 0.5 * most
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_no_form_is_larger_than_its_size(degree):
+    """On the ball, and of a form that has one direction the size is exact."""
+    tensors = np.random.default_rng(0).normal(size=(2, *(4,) * degree))
+    p = np.array([1.0, 2.0, -1.0, 0.5])
+    tensors[1] = functools.reduce(np.multiply.outer, [p] * degree)
+    z = np.concatenate([sphere_points(20_000, 4), p[None] / np.linalg.norm(p)])
+    largest, sizes = np.abs(values_of(tensors, z)).max(axis=1), form_size(tensors)
+    assert np.all(largest <= sizes * (1.0 + 1e-9))
+    assert sizes[1] == pytest.approx(largest[1])
+
+
+def test_held_commands_are_not_for_a_set_of_gliders(clocked):
+    """Which the errors of the commands and the limit of rate leave out."""
+    with pytest.raises(InputError, match="for the funnel of a confidence set"):
+        make_funnel(GliderModel(), None, clocked.settings, confidence=allowed_by())
+    [fault] = held_faults(among(part(clocked, 1), allowed_by()))
+    assert "not proven for a set of gliders" in fault
+
+
+def test_a_continuous_feedback_needs_its_own_error_only(proven):
+    assert held_faults(proven) == []
+    settings = dataclasses.replace(proven.settings, command_error=0.1)
+    assert held_faults(dataclasses.replace(proven, settings=settings))
+    [fault] = held_faults(changed(proven, "bends", 7, 1.0, 1e-9))
+    assert "no command is held" in fault
+
+
+def test_paths_have_a_kink_at_a_sample(clocked):
+    nominal, h = clocked.nominal, 1e-9
+    at = nominal.times[np.flatnonzero(np.diff(nominal.times) == 0.0)]
+    assert np.abs(nominal.path(at + h) - nominal.path(at - h)).max() < 1e-6
+    jump = nominal.path(at + h, 1)[:, 3] - nominal.path(at - h, 1)[:, 3]
+    change = nominal.inputs[hold_starts(nominal.times) == np.arange(len(nominal.times))]
+    assert jump == pytest.approx(np.diff(change), abs=1e-6)
+
+
+def test_paths_without_samples_are_hermites(proven):
+    nominal = proven.nominal
+    times = np.linspace(0.0, nominal.times[-1], 77)
+    ours = hermite_path(nominal.times, nominal.states, nominal.slopes)
+    theirs = CubicHermiteSpline(nominal.times, nominal.states, nominal.slopes)
+    assert np.array_equal(ours(times), theirs(times))
+
+
+def test_held_commands_are_kept_in_a_file(clocked, tmp_path):
+    save_funnel(tmp_path / "held.npz", clocked)
+    again = load_funnel(tmp_path / "held.npz")
+    assert again.settings == clocked.settings
+    assert np.array_equal(again.errors, clocked.errors)
+    assert np.array_equal(again.nominal.times, clocked.nominal.times)
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "more", "words"),
+    [
+        ("states", 6, 1e-9, "jump at a sample"),
+        ("times", slice(0, 2), 0.0, "before and after a sample"),
+    ],
+)
+def test_a_file_of_anything_but_held_commands_is_refused(
+    clocked, tmp_path, name, where, more, words
+):
+    factor = 1.0 if name == "states" else 0.0
+    save_funnel(tmp_path / "held.npz", changed(clocked, name, where, factor, more))
+    with pytest.raises(InputError, match=words):
+        load_funnel(tmp_path / "held.npz")
+
+
+def test_a_clock_must_be_the_one_that_is_asked_for(clocked, proven):
+    assert push_faults(clocked, (0.0, 0.0), PERIOD) == []
+    [fault] = push_faults(proven, (0.0, 0.0), PERIOD)
+    assert "held for 0 ms; expected 20 ms" in fault
+
+
+# ----------------------------------------------------------------------------- flights
+
+
+def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
+    genes = np.hstack([sphere_points(40, 7), np.tile([1.0, 0.0, 0.7, 1.0], (40, 1))])
+    found = {}
+    for latency, wind in ((0.0, 0.0), (0.01, 0.0), (0.01, 0.3)):
+        hold = Hold(period=PERIOD, latency=latency, predicts=True)
+        loop = FlownLoop(hold=hold, wind=wind)
+        found[latency, wind] = as_flown._flights(clocked, loop, genes)[2]
+    prompt, late, blown = found.values()
+    assert late == pytest.approx(prompt, rel=2e-3, abs=1e-5)
+    assert np.any(np.abs(blown - prompt) > 0.05 * prompt)
+    # The flown commands are those that the funnel is for: its gains at the samples.
+    starts = np.unique(hold_starts(clocked.nominal.times))
+    inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
+    other = changed(clocked, "gains", inner, 3.0)
+    same = as_flown._flights(other, FlownLoop(hold=Hold(period=PERIOD)), genes)[2]
+    assert same == pytest.approx(prompt, rel=2e-3, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("hold", "words"),
+    [
+        (Hold(period=0.01), "the period of commands is 0.01"),
+        (Hold(period=PERIOD, latency=0.005), "with a predictor"),
+        (Hold(period=PERIOD, latency=0.02, predicts=True), "the latency is 0.02"),
+    ],
+)
+def test_a_funnel_of_held_commands_is_flown_by_its_clock(clocked, hold, words):
+    with pytest.raises(InputError, match=words):
+        fly_loop(clocked, FlownLoop(hold=hold), 4, np.random.default_rng(0))
+
+
+def test_a_feedback_of_held_commands_does_not_act_at_all_times(clocked):
+    with pytest.raises(InputError, match="for commands that are held"):
+        funnel_policy(clocked)
+
+
+def test_the_command_requires_the_clock(capsys):
+    source = str(models_path("funnels", "disturbed_hook.npz"))
+    asked = ["check-funnel", source, "--hook", "--every", "200", "--prove"]
+    assert main([*asked, "--hold", "0.02"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "for commands that are held for 0 ms; expected 20 ms." in said
+
+
+def test_prove_knows_no_latency(capsys):
+    source = str(models_path("funnels", "held_hook.npz"))
+    asked = ["check-funnel", source, "--hook", "--prove", "--hold", "0.02"]
+    assert main([*asked, "--latency", "0.01"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "expected --latency with --as-flown only" in said
+
+
+# ----------------------------------------------------------------------------- shipped
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load_funnel(models_path("funnels", "held_hook.npz"))
+
+
+def test_the_shipped_funnel_is_wide_and_of_held_commands(shipped):
+    assert (shipped.settings.period, shipped.half_widths()[1] > 0.14) == (0.02, True)
+    assert held_faults(part(shipped, 2)) == []
+    piece = shipped.between(36, 37)
+    assert shipped.nominal.times[36] > 0.11
+    assert prove_interval(piece).proven
+    claims = dataclasses.replace(piece.settings, wind=0.02)
+    assert not prove_interval(dataclasses.replace(piece, settings=claims)).proven
+
+
+def test_no_flight_leaves_the_shipped_funnel(shipped):
+    """Held for 20 ms, with a latency that is predicted; with other gains some leave."""
+    hold = Hold(period=0.02, latency=0.01, predicts=True)
+    rng = np.random.default_rng(0)
+    assert fly_loop(shipped, FlownLoop(hold=hold), 300, rng).escapes == 0
+    other = changed(shipped, "gains", slice(None), 0.5)
+    assert fly_loop(other, FlownLoop(hold=hold), 300, rng).escapes > 0
