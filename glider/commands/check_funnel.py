@@ -130,7 +130,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.written import expect_writable, write_proof
-    from glider.verification.trials.as_flown import fly_loop
+    from glider.verification.trials.as_flown import check_clock, fly_loop
     from glider.verification.trials.falsify import falsify_funnel
 
     funnel, seed = funnel_of(args.funnel, *file), args.seed or 0
@@ -142,6 +142,8 @@ def run(args: argparse.Namespace) -> int:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, covariance, level, shape)
     loop = _flown_loop(args) if args.as_flown else None
+    if loop:
+        check_clock(funnel, loop.hold)
     proof = trial = flown = None
     pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
     if args.write_proof:
@@ -161,7 +163,7 @@ def run(args: argparse.Namespace) -> int:
             hook=args.hook,
             least_inlet=least_inlet,
             least_pushes=pushes,
-            period=args.hold if args.prove else None,
+            period=args.hold if args.prove and not loop else None,
             seed=args.seed,
         )
         if args.prove and verdict.holds:

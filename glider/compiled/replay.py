@@ -13,9 +13,13 @@ from glider.compiled.runge_kutta import DIFFERENCE, put
 from glider.physics.chain import (
     accelerations,
     actuator_terms,
+    air_terms,
     derivatives,
+    flow_of,
     measure,
     meet_air,
+    meet_field,
+    motion_of,
     theta_of,
 )
 from glider.physics.effects import (
@@ -25,7 +29,7 @@ from glider.physics.effects import (
     EffectKind,
     Field,
 )
-from glider.physics.effects.field import field_variables, of_sensors
+from glider.physics.effects.field import basis_function, field_variables, of_sensors
 from glider.physics.parameters import Parameters, Theta
 
 
@@ -112,30 +116,42 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
-def set_tangent(now, y, rate, wind_x, wind_z, theta, tangent):
-    """Writes the tangent (v + 1, 18) of theta's field at a state."""
-    field = theta.field
-    tangent[:] = 0.0
-    turning = actuator_terms(rate, y, theta.c)
-    flow, _ = meet_air(now, y, turning, wind_x, wind_z, theta)
-    variables = field_variables(flow)
-    count = len(variables)
-    for d in range(count):
-        tangent[d, 0] = variables[d]
+def add_linear(field, at, first, end, tangent):
+    """Adds some terms of a field, linear about variables at which they may be others.
+
+    A tangent's first column is the point from which its variables count.
+    """
+    count = len(at)
     for m in range(field.weights.shape[0]):
-        exponent = 0.0
-        for d in range(count):
-            apart = variables[d] - field.centers[m, d]
-            exponent -= 0.5 * (apart * field.inverse_widths[m, d]) ** 2
-        basis = np.exp(exponent)
-        for i in range(field.weights.shape[1]):
+        basis = basis_function(at, field, m)
+        for i in range(first, end):
             tangent[count, 1 + i] += basis * field.weights[m, i]
         for d in range(count):
             per = field.inverse_widths[m, d]
             if per != 0.0:
-                slope = basis * per * per * (field.centers[m, d] - variables[d])
-                for i in range(field.weights.shape[1]):
-                    tangent[d, 1 + i] += slope * field.weights[m, i]
+                slope = basis * per * per * (field.centers[m, d] - at[d])
+                for i in range(first, end):
+                    own = slope * field.weights[m, i]
+                    tangent[d, 1 + i] += own
+                    tangent[count, 1 + i] += own * (tangent[d, 0] - at[d])
+
+
+def set_tangent(now, y, rate, wind_x, wind_z, theta, tangent):
+    """Writes the tangent (v + 1, 18) of theta's field at a state.
+
+    The field's air is linear about the flow without it, all else about the flow in it.
+    """
+    motion = motion_of(now, y, actuator_terms(rate, y, theta.c))
+    air_x, air_z = air_terms(motion, y, theta.c)
+    before = flow_of(motion, air_x + wind_x, air_z + wind_z, theta.p)
+    variables = field_variables(
+        meet_field(motion, air_x + wind_x, air_z + wind_z, theta)
+    )
+    tangent[:] = 0.0
+    for d in range(len(variables)):
+        tangent[d, 0] = variables[d]
+    add_linear(theta.field, field_variables(before), 0, 2, tangent)
+    add_linear(theta.field, variables, 2, theta.field.weights.shape[1], tangent)
 
 
 def log_rollout(path, start, numbers, field, states):
@@ -336,7 +352,7 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
 
 LOOPS = Family(
     (
-        *(banked, set_tangent, carry, log_step),
+        *(banked, add_linear, set_tangent, carry, log_step),
         *(log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
     ),
     (log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),

@@ -136,6 +136,9 @@ def meet_field(motion, wind_x, wind_z, theta):
     return flow
 
 
+_MEET_FIELD = inspect.getsource(meet_field)
+
+
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     """Returns the names that the text of `hooks_source` needs."""
     names: dict[str, Callable] = {f.__name__: f for f in _OF_FIELD}
@@ -156,7 +159,7 @@ def source(
     """
     parts = [_CHAIN, hooks_source(effects, skip_absent)]
     if has_field:
-        parts += [inspect.getsource(meet_field), "residual_terms = field_terms"]
+        parts += [_MEET_FIELD, "residual_terms = field_terms"]
     return "\n\n".join(parts)
 
 

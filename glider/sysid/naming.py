@@ -88,7 +88,8 @@ def standing_alone(
     """Returns the free functions that only help no formula that is named.
 
     Neither one that they bend (of another family: if they explain less than a tenth of
-    that), nor one that a formula of their family, unnamed itself, helps.
+    it and the functions of its family), nor one that a formula of their family, unnamed
+    itself, helps.
     """
     named = evidence.keys() - unnamed.keys() - {*free_kinds}
     found = set()
@@ -118,7 +119,8 @@ def _helps(
     beside = [own for own in free_kinds if kind in BLOCKS[own].formulas]
     if kind in family or not (family or beside):
         return kind in named
-    whole = evidence.get(kind, 0.0) + sum(evidence[own] for own in beside)
+    whole = evidence[kind] if kind in named else 0.0
+    whole += sum(evidence[own] for own in beside)
     return evidence[block] < SLACK * whole
 
 
@@ -144,7 +146,8 @@ def names_of(
 
     Functions of the angle of attack and the pitch rate are split into their sum at no
     rate and the rest. Either is real where it is a large part of both: three Gaussians
-    over the rate leave a third. Lift by it where no flow separates lags behind nothing.
+    over the rate leave a third. If neither is, the more certain one is what was found.
+    Lift by the rate where no flow separates lags behind nothing.
     """
     link, _, _ = block.partition(" over ")
     together, pair = over_rate(model, link), f"{link} over {PAIR}"
@@ -173,16 +176,18 @@ def names_of(
         return float(np.max(np.abs(rows @ values) / known.std_along(places, rows)))
 
     least, names = LEAST_PART * shown(whole), set[str]()
-    by_rate, changes = shown(whole - static), whole - static
+    changes = whole - static
+    by_rate = shown(changes)
     is_static, is_by_rate = shown(static) > least, by_rate > least
-    if not is_static and not is_by_rate:  # Neither is known; one is what was found.
+    if not (is_static or is_by_rate):
         is_static = certainty(static) > certainty(changes[np.any(changes, axis=1)])
+        is_by_rate = not is_static
     if is_static:
         of_lift = link == "lift" and names_of_lift(task, model, known)
         names |= of_lift or {"center_of_pressure"}
-    if is_by_rate or not is_static:
+    if is_by_rate:
         is_attached = link == "lift" and shown(rates - neither) > LEAST_PART * by_rate
-        names.add(RATE_LIFT if is_attached and by_rate else nearest)
+        names.add(RATE_LIFT if is_attached else nearest)
     return names
 
 

@@ -226,6 +226,12 @@ def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
     both = one | {wake: 550.0}  # Which counts as the effect's own evidence.
     assert not standing_alone(both | {load: 59.0}, (load, wake), {})
     assert standing_alone(both | {load: 60.0}, (load, wake), {}) == {load}
+    assert standing_alone({"tail_wake": 300.0, load: 20.0}, (load,), {}) == set()
+    unnamed = {"tail_wake": {"elevator_area"}}
+    assert standing_alone({"tail_wake": 300.0, load: 20.0}, (load,), unnamed) == {load}
+    moment = "moment over V"  # Added mass is no moment by the airspeed.
+    beside = {"added_mass": 20.0, moment: 500.0}
+    assert standing_alone(beside, (moment,), {}) == {moment}
     speed = "tail's force over V"  # It has no family.
     own = {wake: 550.0, speed: 54.0}
     assert standing_alone(own, (wake, speed), {}) == {wake}

@@ -347,7 +347,7 @@ def test_a_file_of_anything_but_held_commands_is_refused(
 def test_a_clock_must_be_the_one_that_is_asked_for(clocked, proven):
     assert push_faults(clocked, (0.0, 0.0), PERIOD) == []
     [fault] = push_faults(proven, (0.0, 0.0), PERIOD)
-    assert "held for 0 ms; expected 20 ms" in fault
+    assert "at all times; expected a hold of 20 ms" in fault
 
 
 # ----------------------------------------------------------------------------- flights
@@ -394,7 +394,7 @@ def test_the_command_requires_the_clock(capsys):
     asked = ["check-funnel", source, "--hook", "--every", "200", "--prove"]
     assert main([*asked, "--hold", "0.02"]) == 1
     said = " ".join(capsys.readouterr().out.split())
-    assert "for commands that are held for 0 ms; expected 20 ms." in said
+    assert "a feedback that acts at all times; expected a hold of 20 ms." in said
 
 
 def test_prove_knows_no_latency(capsys):

@@ -34,9 +34,9 @@ SPREADS = {
     **dict.fromkeys(SENSOR_TERMS, 0.05),
 }
 """Prior spread of a block's weights at a strength of one [m/s; -, -, -, m; -, rad, rad;
--, m/s²; m, m, rad]: a tenth of a flat plate's largest coefficients, half of a tail's
-force, a fifth of a wing's, a tenth of the weight, of a reading what a wide lens or a
-tilted axis does."""
+-, m/s², -, -; m, m, rad]: a tenth of a flat plate's largest coefficients, half of a
+tail's force, a fifth of a wing's, a tenth of the weight, of mass and inertia, of a
+reading what a wide lens or a tilted axis does."""
 
 ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
 """Terms of blocks that vary about their means: effects of the library, and of measured
@@ -80,17 +80,16 @@ class BlockKind:
 
 _DRAGS = "profile_drag axial_drag induced_drag"
 _LAGGED = "dynamic_stall lagged_separation"
-_RATE_FORCES = f"added_mass {_LAGGED}"
 _DOWNWASH = "downwash stalled_downwash"
 _OF_TAIL = f"tail_wake elevator_area {_DOWNWASH} lagged_downwash elevator_blowback"
 _LINKS = {
     "air along x": ("air", "wind_x", "air along x that changes", ""),
     "air along z": ("air", "wind_z", "air along z that changes", ""),
-    "lift": ("wing_force", "c_normal", "a lift that changes", _RATE_FORCES),
+    "lift": ("wing_force", "c_normal", "a lift that changes", _LAGGED),
     "drag": ("wing_force", "c_drag", "a drag that changes", _DRAGS),
     "axial force": ("wing_force", "c_axial", "an axial force that changes", _DRAGS),
     "push": ("push", "push", "a push along the body axis that changes", ""),
-    "moment": ("moment", "c_moment", "a moment that changes", "added_mass"),
+    "moment": ("moment", "c_moment", "a moment that changes", ""),
     "added mass": ("inertia", "added_mass", "an added mass that changes", ""),
     "added inertia": ("inertia", "added_inertia", "an added inertia that changes", ""),
     "wing's force": ("wing_force", "wing_factor", "a wing's force that changes", ""),
@@ -124,8 +123,8 @@ _FAMILIES = (
     ("air along z", "z", ""),
     ("air along z", "t", ""),
     ("lift", "alpha", "attached_lift camber"),
-    ("lift", "reduced_rate", f"pitch_rate_lift {_LAGGED}"),
-    ("lift", "alpha reduced_rate", f"pitch_rate_lift {_LAGGED}"),
+    ("lift", "reduced_rate", f"pitch_rate_lift {_LAGGED}", "added_mass"),
+    ("lift", "alpha reduced_rate", f"pitch_rate_lift {_LAGGED}", "added_mass"),
     ("lift", "elevator_rate", ""),
     ("drag", "alpha", _DRAGS),
     ("axial force", "alpha", _DRAGS),
@@ -136,8 +135,8 @@ _FAMILIES = (
     ("push", "t", "thrust"),
     ("moment", "alpha", "center_of_pressure pitch_moment"),
     ("moment", "V", ""),
-    ("moment", "reduced_rate", "pitch_damping"),
-    ("moment", "alpha reduced_rate", "pitch_damping"),
+    ("moment", "reduced_rate", "pitch_damping", "added_mass"),
+    ("moment", "alpha reduced_rate", "pitch_damping", "added_mass"),
     ("moment", "elevator", ""),
     ("moment", "elevator_rate", ""),
     ("added mass", "alpha", "added_mass"),
@@ -156,7 +155,7 @@ _FAMILIES = (
     ("measured z", "x z", "position_scale frame_tilt marker_offset"),
     ("measured pitch", "pitch", "pitch_offset"),
 )
-"""Link, variables, and the library's formulas of the family."""
+"""Link, variables, the library's formulas of the family, others that it may bend."""
 
 BLOCKS = {
     f"{link} over {named}": BlockKind(
@@ -165,9 +164,9 @@ BLOCKS = {
         variables=tuple(variables.split()),
         words=f"{acts} with {named}",
         formulas=tuple(formulas.split()),
-        bends=frozenset(f"{formulas} {bent}".split()),
+        bends=frozenset(" ".join([formulas, bent, *more]).split()),
     )
-    for link, variables, formulas in _FAMILIES
+    for link, variables, formulas, *more in _FAMILIES
     for reported, term, acts, bent in [_LINKS[link]]
     for named in [" and ".join(variables.split())]
 }

@@ -131,9 +131,11 @@ class Scorer:
             yield from self.larger(tuple(m for m in members if m not in pair))
 
     def parted(self, members: Members) -> Iterable[Members]:
-        """Yields sets with one member exchanged for two: the best others, and more."""
+        """Yields sets with one member exchanged for two: one of the best, and any."""
+        own = frozenset(members)
         for rest in self.smaller(members):
-            for other in heapq.nlargest(FOLLOWED, self.larger(rest), key=self):
+            others = (m for m in self.larger(rest) if frozenset(m) != own)
+            for other in heapq.nlargest(FOLLOWED, others, key=self):
                 yield from self.larger(other)
 
 

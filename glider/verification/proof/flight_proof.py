@@ -30,6 +30,7 @@ from glider.errors import InputError, expect
 from glider.files import schema
 from glider.paths import PACKAGE, cache_folder
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval_proof import (
     BUDGET,
     Candidate,
@@ -135,8 +136,11 @@ def prove_flights(
         progress: called with the share that is done.
 
     Raises:
-        InputError: the file is not a record of this funnel's proof.
+        InputError: the file is not a record of this funnel's proof, or held commands
+            are not what the funnel says that they are.
     """
+    for fault in held_faults(funnel):
+        raise InputError(f"Nothing is proven: {fault}")
     flows = funnel.nominal.flows.tolist()
     wanted = sorted({*flows[::every], flows[-1]})
     header = _Header(

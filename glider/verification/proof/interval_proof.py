@@ -52,10 +52,10 @@ comes near β, a ball that is 2 % wider than the sets may take any number of box
 STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
 fourth power, but halves of an interval, which are tighter, take boxes of their own: of
-39 intervals with held commands a fifth to a quarter of those with 1.05."""
+38 intervals with held commands a fifth to a quarter of those with 1.05."""
 
 HOPELESS = 3.0
-"""Largest |R| / β that was seen, from which no tighter ball is tried: STRETCH⁴."""
+"""Largest |R| / β that was seen, from which no tighter ball is tried; near STRETCH⁴."""
 
 BATCH = 256
 """Boxes that are bounded at once; more do not fit the cache."""

@@ -128,13 +128,11 @@ def push_faults(
     It is to be for commands that are held for a period [s]; any if None.
     """
     words = ("a command error of {:g} rad/s", "wind of {:g} m/s")
-    held = 1e3 * funnel.settings.period
-    faults = []
-    if period is not None and held != 1e3 * period:
-        faults = [
-            f"The funnel is for commands that are held for {held:g} ms; expected "
-            f"{1e3 * period:g} ms."
-        ]
+    own, faults = funnel.settings.period, []
+    if period is not None and own != period:
+        held = f"commands that are held for {1e3 * own:g} ms"
+        held = held if own else "a feedback that acts at all times"
+        faults = [f"The funnel is for {held}; expected a hold of {1e3 * period:g} ms."]
     return faults + [
         f"The funnel accounts for {word.format(own)}; expected at least {bound:g}."
         for word, own, bound in zip(words, funnel.settings.pushes, least, strict=True)

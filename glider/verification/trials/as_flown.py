@@ -100,7 +100,7 @@ def fly_loop(
         progress: called with the share that is done.
     """
     n = funnel.num_states
-    _check_clock(funnel.settings.period, loop.hold)
+    check_clock(funnel, loop.hold)
     # Directions of start (n) and wind (2), the phase, whether the wind is steady.
     genes = np.hstack(
         [
@@ -138,9 +138,9 @@ def fly_loop(
     )
 
 
-def _check_clock(period, hold):
+def check_clock(funnel: Funnel, hold: Hold) -> None:
     """Raises InputError where a funnel's clock is not that of the commands."""
-    if period:
+    if period := funnel.settings.period:
         words = "the funnel's"
         expect(hold.period == period, "the period of commands", hold.period, words)
         good = hold.latency < period and (hold.predicts or hold.latency == 0.0)
