@@ -182,7 +182,7 @@ def _parabola(f, slope, end):
 
 @_form("lift", "wing_normal", slope=(1.5, 3.0), most=(0.15, 0.3))
 def _saturated(f, slope, most):
-    return slope * most * np.arctan(_alpha(f) / most) * f.cos_alpha**2
+    return slope * most * np.arctan(f.sin_alpha / most) * f.cos_alpha**2
 
 
 @_form(

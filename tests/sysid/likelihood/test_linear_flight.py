@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.motion_capture import MotionCapture
-from glider.compiled.replay import roll_out
+from glider.compiled.replay import advance_nodes, roll_out
 from glider.compiled.theta import OFFSET
 from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
 from glider.physics.effects.field import (
@@ -18,7 +18,12 @@ from glider.physics.effects.field import (
 )
 from glider.sysid.likelihood.directions import slopes, starts_of
 from glider.sysid.likelihood.filtering import whiten
-from glider.sysid.likelihood.linear_flight import STILL_AIR, linearize, path_of
+from glider.sysid.likelihood.linear_flight import (
+    STILL_AIR,
+    Surroundings,
+    linearize,
+    path_of,
+)
 from glider.sysid.replay.replayed import signals, true_nodes
 from tests.helpers.columns import SCALES, column_error, of_launch, whitened
 from tests.helpers.tasks import fly, task_of, with_gyro
@@ -123,6 +128,31 @@ def test_columns_of_a_reading_are_derivatives(task, term):
     column, numeric = (v - launch @ (launch.T @ v) for v in (column, numeric))
     assert np.abs(numeric).max() > 1.0
     np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
+
+
+def test_moving_air_acts_on_the_forces_of_a_field(task):
+    """As a steady wind, by central differences."""
+    field = make_field(
+        FieldData(
+            variables=["alpha", "V"],
+            centers=[[0.2, 6.0], [0.6, 5.0]],
+            widths=[0.2, 2.0],
+            weights={"c_drag": [0.3, -0.2], "c_normal": [0.5, 0.4]},
+        )
+    )
+    record, theta = task.records[0], task.vehicle.theta
+    flight = linearize(record, theta, field)
+    kinds = record.layout.compiled_kinds
+
+    def ends(*wind):
+        about = Surroundings(np.array([*wind, 0.0, 0.0]))
+        path, numbers = path_of(record, theta, about)
+        return advance_nodes(kinds, path, flight.nodes, numbers, field)
+
+    for k, wind in enumerate(1e-3 * np.eye(2)):
+        expected = (ends(*wind) - ends(*-wind))[:, flight.states] / 2e-3
+        apart = np.abs(flight.by_air[:, :, k] - expected).max()
+        assert apart < 0.02 * np.abs(expected).max()
 
 
 def test_an_error_of_many_columns_is_that_of_each(task):
