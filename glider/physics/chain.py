@@ -59,8 +59,8 @@ def sensor_terms(flow, x, c):
 
 
 def residual_terms(flow, field):
-    """The residual field's FIELD_TERMS."""
-    return (0.0,) * 17
+    """The residual field's FIELD_TERMS, but for its air's."""
+    return (0.0,) * 15
 
 
 def effect_rates(flow, xdd, zdd, x, c):
@@ -172,25 +172,25 @@ def wrench(flow, terms, x, c):
     """
     incidence, shift, trim, downwash = geometry_terms(flow, x, c)
     normal, wing_factor, elevator_factor = surface_terms(flow, x, c)
-    trim = trim + terms[7]
+    trim = trim + terms[5]
     deflection = flow.elevator + trim
     wing_plate, tail_plate = turned(flow, incidence), turned(flow, deflection)
     wing, wing_moment = wing_force(
-        flow, wing_plate, incidence, shift, normal + terms[9], wing_factor + terms[8]
+        flow, wing_plate, incidence, shift, normal + terms[7], wing_factor + terms[6]
     )
-    downwash = downwash + terms[6] * flow.speed
+    downwash = downwash + terms[4] * flow.speed
     tail, tail_moment = elevator_force(
-        flow, tail_plate, deflection, downwash, elevator_factor + terms[5]
+        flow, tail_plate, deflection, downwash, elevator_factor + terms[3]
     )
     force_x, force_z, moment = wrench_terms(flow, x, c)
 
     # The learned residual: lift turns the velocity up, drag is against it.
     pressure_area = 0.5 * flow.air_density * flow.speed * flow.wing_area
-    lift, drag, turn = terms[2], terms[3], terms[4]
+    lift, drag, turn = terms[0], terms[1], terms[2]
     force_x = force_x - pressure_area * (lift * flow.air_z + drag * flow.air_x)
     force_z = force_z + pressure_area * (lift * flow.air_x - drag * flow.air_z)
     moment = moment + pressure_area * flow.speed * turn
-    forward = flow.mass * terms[10] - pressure_area * flow.speed * terms[11]
+    forward = flow.mass * terms[8] - pressure_area * flow.speed * terms[9]
     force_x = force_x + forward * flow.cos_pitch
     force_z = force_z - forward * flow.sin_pitch
 
@@ -211,8 +211,8 @@ def accelerations(flow, terms, x, c):
     _, _, force_x, force_z, moment, _, _ = wrench(flow, terms, x, c)
     change, turn_change, added_mass, added_inertia, coupling = inertia_terms(flow, x, c)
     mass = flow.mass * (1.0 + change)
-    added_mass = added_mass + flow.mass * terms[12]
-    added_inertia = added_inertia + flow.pitch_inertia * terms[13]
+    added_mass = added_mass + flow.mass * terms[10]
+    added_inertia = added_inertia + flow.pitch_inertia * terms[11]
     inertia = flow.pitch_inertia * (1.0 + turn_change) + added_inertia
     # Not by the angle of attack, whose sine is a quotient by an airspeed.
     along = flow.air_x * flow.cos_pitch - flow.air_z * flow.sin_pitch
@@ -275,9 +275,9 @@ def measure(x, theta):
     error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c)
     terms = residual_terms(flow, theta.field)
     return (
-        x[0] + error_x + terms[14],
-        x[1] + error_z + terms[15],
-        x[2] + error_pitch + terms[16],
+        x[0] + error_x + terms[12],
+        x[1] + error_z + terms[13],
+        x[2] + error_pitch + terms[14],
     )
 
 

@@ -149,8 +149,8 @@ def field_air(flow, field):
 
 @scalar
 def field_terms(flow, field):
-    """Returns the values of FIELD_TERMS in a flow."""
-    wind_x = wind_z = lift = drag = moment = tail = 0.0 * flow.speed
+    """Returns the values of FIELD_TERMS in a flow, but for the air's."""
+    lift = drag = moment = tail = 0.0 * flow.speed
     turn = angle = wing = normal = push = axial = 0.0 * flow.speed
     mass = inertia = 0.0 * flow.speed
     pose_x = pose_z = pose_pitch = 0.0 * flow.speed
@@ -158,8 +158,6 @@ def field_terms(flow, field):
         variables = field_variables(flow)
         for m in range(field.weights.shape[0]):
             basis = basis_function(variables, field, m)
-            wind_x = wind_x + basis * field.weights[m, 0]
-            wind_z = wind_z + basis * field.weights[m, 1]
             lift = lift + basis * field.weights[m, 2]
             drag = drag + basis * field.weights[m, 3]
             moment = moment + basis * field.weights[m, 4]
@@ -181,8 +179,6 @@ def field_terms(flow, field):
             slopes, apart = field.tangent[d], 1.0
             if d < len(variables):
                 apart = variables[d] - slopes[0]
-            wind_x = wind_x + apart * slopes[1]
-            wind_z = wind_z + apart * slopes[2]
             lift = lift + apart * slopes[3]
             drag = drag + apart * slopes[4]
             moment = moment + apart * slopes[5]
@@ -196,7 +192,7 @@ def field_terms(flow, field):
             mass = mass + apart * slopes[13]
             inertia = inertia + apart * slopes[14]
     wrenches = lift, drag, moment, tail, turn, angle, wing, normal, push, axial
-    return (wind_x, wind_z, *wrenches, mass, inertia, pose_x, pose_z, pose_pitch)
+    return (*wrenches, mass, inertia, pose_x, pose_z, pose_pitch)
 
 
 @dataclasses.dataclass(kw_only=True)
