@@ -29,7 +29,12 @@ from glider.physics.effects import (
     EffectKind,
     Field,
 )
-from glider.physics.effects.field import basis_function, field_variables, of_sensors
+from glider.physics.effects.field import (
+    basis_function,
+    field_variables,
+    of_motion,
+    of_sensors,
+)
 from glider.physics.parameters import Parameters, Theta
 
 
@@ -391,7 +396,7 @@ def roll_out(
 ) -> np.ndarray:
     """Returns the states (K + 1, n) of a flight along a log's path from (n,)."""
     states = np.empty((len(path.times), len(start)))
-    LOOPS.over(kinds, True).log_rollout(path, start, numbers, field, states)
+    LOOPS.over(kinds, True).log_rollout(path, start, numbers, of_motion(field), states)
     return states
 
 
@@ -403,7 +408,7 @@ def with_extras(
     They begin as in the first node.
     """
     full = nodes.copy()
-    LOOPS.over(kinds, True).log_extras(path, full, numbers, field)
+    LOOPS.over(kinds, True).log_extras(path, full, numbers, of_motion(field))
     return full
 
 
@@ -440,7 +445,7 @@ def flow_at(
     """
     values = np.empty((len(nodes), 5 + len(FIELD_VARIABLES)))
     loop = LOOPS.over(kinds, True).log_flow
-    loop(times, nodes, elevator, rate, numbers, field, values)
+    loop(times, nodes, elevator, rate, numbers, of_motion(field), values)
     return values
 
 
@@ -449,7 +454,7 @@ def advance_nodes(
 ) -> np.ndarray:
     """Returns the ends (K, n) of intervals, each flown from its node (K + 1, n)."""
     ends = np.empty_like(nodes[1:])
-    LOOPS.over(kinds, True).log_ends(path, nodes, numbers, field, ends)
+    LOOPS.over(kinds, True).log_ends(path, nodes, numbers, of_motion(field), ends)
     return ends
 
 
@@ -481,5 +486,5 @@ def slopes_along(
     shape = 1 + len(FIELD_VARIABLES), 1 + len(FIELD_TERMS)
     linear = NO_FIELD._replace(tangent=np.empty(shape))
     loop = LOOPS.over(kinds, True).log_slopes
-    loop(path, nodes, numbers, moved, sizes, field, linear, index, *found)
+    loop(path, nodes, numbers, moved, sizes, of_motion(field), linear, index, *found)
     return found

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -220,19 +221,22 @@ def carried_figure(result: Result) -> spec.Figure | None:
     field = result.model.field
     parts = [] if field is None else [field, *field.more]
     parts = [p for p in parts if len(p.variables) in (1, 2) and p.centers]
-    panels = [panel for part in parts for panel in _carried_panels(part)]
+    flown = result.residual_after.variables
+    panels = [panel for part in parts for panel in _carried_panels(part, flown)]
     if not panels:
         return None
     keys = {"rest": "unidentified, carried by the model"}
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
-def _carried_panels(part: FieldData) -> list[spec.Panel]:
+def _carried_panels(
+    part: FieldData, flown: Mapping[str, np.ndarray]
+) -> list[spec.Panel]:
     field = make_field(dataclasses.replace(part, more=[]))
     variable, *others = part.variables
     columns = [FIELD_VARIABLES.index(name) for name in part.variables]
-    centers = field.centers[: len(part.centers), columns]
-    low, high = centers.min(axis=0), centers.max(axis=0)
+    values = np.column_stack([flown[name] for name in part.variables])
+    low, high = values.min(axis=0), values.max(axis=0)
     place = np.linspace(low[0], high[0], 121)
     slices = np.linspace(low[1:], high[1:], 3 if others else 1)
     lines: dict[str, list[spec.Line]] = {}

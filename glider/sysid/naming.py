@@ -163,7 +163,7 @@ def names_of(
         by_formula = -at[:, 1:].repeat(len(acting), axis=1)
         return np.hstack([rows_at(model, together, at), by_formula])
 
-    centers = model.by_name[pair].block.centers
+    centers = model.by_name[pair].block.reached
     still, attached = centers * [1.0, 0.0], centers * [0.0, 1.0]
     static, whole, rates, neither = map(rows, (still, centers, attached, 0.0 * centers))
 
@@ -226,7 +226,7 @@ def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
     Camber is what it is at α = 0. That is by chance within Z standard errors, and
     nothing below a tenth of the largest force; above half of it there is nothing else.
     """
-    layout, centers = task.layout, task.blocks[LIFT].centers
+    layout, centers = task.layout, task.blocks[LIFT].reached
     alpha = np.append(0.0, centers[:, 0])
     blocks = over_rate(model, "lift")
     shown = rows_at(model, blocks, np.column_stack([alpha, 0.0 * alpha]))

@@ -194,9 +194,9 @@ def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Esti
     nor has that of a function of two variables.
     """
     block, places = own.block, known.places[own.block.name]
-    low, high = block.centers.min(axis=0), block.centers.max(axis=0)
-    count = 401 if len(low) == 1 else 61
-    axes = [np.linspace(*ends, count) for ends in zip(low, high, strict=True)]
+    count = 401 if len(block.variables) == 1 else 61
+    low, high = block.flown
+    axes = [*np.linspace(low, high, count).T]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     rows = (
         block.functions(points.reshape(-1, len(axes)))

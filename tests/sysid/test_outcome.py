@@ -277,7 +277,7 @@ def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
     name = f"{link} over alpha and reduced_rate"
     block, formula = task.blocks[name], OVER_RATE[link]
     nearest = {"lift": "dynamic_stall", "moment": "pitch_damping"}[link]
-    low, high = block.centers.min(axis=0), block.centers.max(axis=0)
+    low, high = block.flown
     at = np.random.default_rng(0).uniform(low, high, size=(2000, 2))
     shown = block.functions(at) @ block.mix
     weights = np.linalg.lstsq(shown, function(*at.T), rcond=1e-6)[0]

@@ -215,11 +215,21 @@ class FieldData:
 
 def of_sensors(field: Field) -> Field:
     """Returns the part of a field that sensors read."""
-    first = FIELD_TERMS.index(SENSOR_TERMS[0])
-    is_read = np.any(field.weights[:, first:], axis=1)
-    return Field(
-        field.centers[is_read], field.inverse_widths[is_read], field.weights[is_read]
-    )
+    return _part(field, slice(-len(SENSOR_TERMS), None))
+
+
+def of_motion(field: Field) -> Field:
+    """Returns the part of a field that moves the glider."""
+    return _part(field, slice(-len(SENSOR_TERMS)))
+
+
+def _part(field: Field, terms: slice) -> Field:
+    """Returns the basis functions of a field that some terms have."""
+    acts = np.any(field.weights[:, terms], axis=1)
+    if acts.all():
+        return field
+    rows = (array[acts] for array in field[:3])
+    return Field(*rows, field.tangent)
 
 
 def gaussians(
@@ -235,13 +245,21 @@ def gaussians(
 
 
 def joined(parts: Iterable[Field]) -> Field:
-    """Returns the sum of fields."""
+    """Returns the sum of fields, each basis function of theirs once."""
     parts = [*parts]
-    return Field(
-        np.vstack([part.centers for part in parts]),
-        np.vstack([part.inverse_widths for part in parts]),
-        np.vstack([part.weights for part in parts]),
+    centers = np.vstack([part.centers for part in parts])
+    inverse_widths = np.vstack([part.inverse_widths for part in parts])
+    _, first, which = np.unique(
+        np.hstack([centers, inverse_widths]),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
     )
+    weights = np.zeros((len(first), len(FIELD_TERMS)))
+    np.add.at(weights, which.ravel(), np.vstack([part.weights for part in parts]))
+    order = np.argsort(first)  # As they were.
+    kept = first[order]
+    return Field(centers[kept], inverse_widths[kept], weights[order])
 
 
 def make_field(data: FieldData) -> Field:
