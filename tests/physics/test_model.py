@@ -8,7 +8,13 @@ import pytest
 from glider.errors import InputError
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS, LIBRARY, NO_FIELD, PROFILE_DRAG, WIND
-from glider.physics.effects.field import FieldData, make_field
+from glider.physics.effects.field import (
+    FIELD_TERMS,
+    FieldData,
+    make_field,
+    of_motion,
+    of_sensors,
+)
 from glider.physics.model import GliderModel, Origin, as_model, load_covariance
 from glider.physics.parameters import GliderParameters
 from tests.helpers.physics import FIELD, at_work
@@ -112,6 +118,24 @@ def test_the_arrays_of_a_field():
     )
     np.testing.assert_array_equal(arrays.inverse_widths[2], 0.0)  # The constant.
     np.testing.assert_array_equal(arrays.weights[2], [0, 0, 0.1, 0.05, *13 * [0]])
+
+
+def test_a_basis_function_of_several_terms_is_evaluated_once_and_where_it_acts():
+    same = {"variables": ["x"], "centers": [[-2.0], [0.0]], "widths": [0.5]}
+    data = FieldData(
+        **same,
+        weights={"wind_z": [1.0, 0.0]},
+        more=[
+            FieldData(**same, weights={"pose_x": [0.1, 0.2]}),
+            FieldData(**same, weights={"wind_z": [2.0, 0.0]}),
+        ],
+    )
+    field = make_field(data)
+    np.testing.assert_array_equal(field.centers[:, 0], [-2.0, 0.0])
+    terms = [FIELD_TERMS.index(name) for name in ("wind_z", "pose_x")]
+    np.testing.assert_allclose(field.weights[:, terms], [[3.0, 0.1], [0.0, 0.2]])
+    assert len(of_motion(field).centers) == 1
+    assert len(of_sensors(field).centers) == 2
 
 
 @pytest.mark.parametrize(

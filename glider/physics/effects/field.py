@@ -228,8 +228,11 @@ def _part(field: Field, terms: slice) -> Field:
     acts = np.any(field.weights[:, terms], axis=1)
     if acts.all():
         return field
-    rows = (array[acts] for array in field[:3])
-    return Field(*rows, field.tangent)
+    return field._replace(
+        centers=field.centers[acts],
+        inverse_widths=field.inverse_widths[acts],
+        weights=field.weights[acts],
+    )
 
 
 def gaussians(

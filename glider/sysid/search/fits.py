@@ -173,11 +173,12 @@ class Search:
         sets: Iterable[Members],
         first: bool = False,
     ) -> FitResult | None:
-        """Returns the best of some sets, or the first, that is worth more; or None."""
+        """Returns the best, or the first, of some sets that are worth more; or None."""
         found = model
         for members in sets:
             other = self.fit(near.begin(members), rival=found)
-            found = other if self.prefers(other, found) else found
+            is_best = self.penalized_cost(other) < self.penalized_cost(found)
+            found = other if is_best and self.prefers(other, model) else found
             if first and found is not model:
                 break
         return None if found is model else found

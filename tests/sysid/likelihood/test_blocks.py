@@ -10,7 +10,7 @@ from glider.physics.effects import FIELD_VARIABLES, KINDS
 from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.constants import EVIDENCE_THRESHOLD
+from glider.sysid.constants import EVIDENCE_THRESHOLD, LARGEST_STRENGTH
 from glider.sysid.likelihood.blocks import (
     BLOCKS,
     flown_values,
@@ -205,14 +205,21 @@ def test_a_lens_is_an_error_of_measured_positions_within_the_noise(vent, term):
     search, plate = vent
     block = search.task.blocks[f"measured {term} over x and z"]
     flown = flown_values(search.task.records, plate.theta)[:, block.columns]
-    low, high = np.percentile(flown, [1.0, 99.0], axis=0)
-    flown = flown[np.all((flown > low) & (flown < high), axis=1)]
     from_center = flown + np.array([1.0, 0.0])
     error = -5e-3 * np.sum(from_center**2, axis=1) * from_center[:, "xz".index(term)]
     shown = block.functions(flown) @ block.mix
     both = np.hstack([shown, np.ones((len(flown), 1))])  # It varies about its mean.
-    left = error - both @ np.linalg.lstsq(both, error, rcond=None)[0]
-    assert np.std(error) > 2e-3 and np.std(left) < 3e-4
+    weights = np.linalg.lstsq(both, error, rcond=1e-5)[0]
+    assert np.std(error) > 2e-3 and np.std(error - both @ weights) < 1e-4
+    assert np.std(weights[:-1]) < LARGEST_STRENGTH
+
+
+def test_what_a_function_says_of_the_flown_range_excludes_its_margin(vent):
+    block = vent[0].task.blocks["measured x over x and z"]
+    assert np.all(block.centers.min(axis=0) < block.flown[0] - 0.9 * block.widths)
+    assert np.all(block.centers.max(axis=0) > block.flown[1] + 0.9 * block.widths)
+    np.testing.assert_allclose(block.reached.min(axis=0), block.flown[0])
+    np.testing.assert_allclose(block.reached.max(axis=0), block.flown[1])
 
 
 def test_an_uneven_pitch_is_an_error_of_the_measured_pitch_alone(vent):
