@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from itertools import chain
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from glider.compiled.evidence import extended
 
@@ -34,34 +33,26 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
     return np.linalg.inv(scaled) * scale[:, None] * scale
 
 
-def solve(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
-    """Returns the minimiser δθ of [δθ; -1]' R [δθ; -1] + Σ ridge δθ²."""
-    m = information.shape[0] - 1
-    hessian = information[:m, :m] + np.diag(np.broadcast_to(ridge, m))
-    return solve_scaled(hessian, information[:m, m])
+def solve(information: np.ndarray) -> np.ndarray:
+    """Returns the minimiser δθ of [δθ; -1]' R [δθ; -1]."""
+    return solve_scaled(information[:-1, :-1], information[:-1, -1])
 
 
 def bounded_step(
     information: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     """Returns the minimiser of `solve`; coefficients that leave bounds stay on them."""
-    m = len(lower)
-    fixed = np.zeros(m, dtype=bool)
-    step = np.zeros(m)
-    for _ in range(m + 1):
-        loose = np.flatnonzero(~fixed)
-        keep = np.append(loose, m)
-        reduced = information[np.ix_(keep, keep)].copy()
-        reduced[:-1, -1] -= (
-            information[np.ix_(loose, np.flatnonzero(fixed))] @ step[fixed]
-        )
-        step[loose] = solve(reduced)
+    hessian, right = information[:-1, :-1], information[:-1, -1]
+    step, fixed = np.zeros(len(lower)), np.zeros(len(lower), dtype=bool)
+    while True:
+        loose, others = np.flatnonzero(~fixed), np.flatnonzero(fixed)
+        rest = right[loose] - hessian[np.ix_(loose, others)] @ step[others]
+        step[loose] = solve_scaled(hessian[np.ix_(loose, loose)], rest)
         outside = ~fixed & ((step < lower) | (step > upper))
         if not outside.any():
-            break
+            return step
         step[outside] = np.clip(step, lower, upper)[outside]
         fixed |= outside
-    return step
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -127,13 +118,8 @@ def eliminate(
     Their changes have a prior of such precisions and means (len(always),).
     """
     always = list(always)
-    keep = [j for j in range(len(gram)) if j not in set(always)]
-    if not always:
-        return gram
+    keep = [j for j in range(len(gram)) if j not in always]
     corner = gram[np.ix_(always, always)] + np.diag(precision)
-    side = gram[np.ix_(always, keep)].copy()
-    side[:, -1] += precision * mean
-    scale = 1.0 / np.sqrt(np.diag(corner))
-    corner = corner * scale[:, None] * scale + 1e-11 * np.eye(len(always))
-    side = side * scale[:, None]
-    return gram[np.ix_(keep, keep)] - side.T @ cho_solve(cho_factor(corner), side)
+    side = gram[np.ix_(keep, always)]
+    side[-1] += precision * mean
+    return gram[np.ix_(keep, keep)] - side @ solve_scaled(corner, side, 1e-11).T

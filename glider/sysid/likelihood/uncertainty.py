@@ -8,7 +8,7 @@ import numpy as np
 
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.fit_result import FitResult
-from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.information import inverse, solve_scaled
 from glider.sysid.likelihood.task import Task
 
 _LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
@@ -119,11 +119,10 @@ def jackknife(
     flights, m = len(grams), grams.shape[1] - 1
     hessians = grams[:, :m, :m]
     total = hessians.sum(axis=0) + np.diag(precision)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
-    square = scale[:, None] * scale
-    inverse = np.linalg.inv(total * square + 1e-12 * np.eye(m)) * square
+    covariance = inverse(total)
     changes = solve_scaled(total - hessians, grams[:, :m, m], 1e-12)
-    return 0.5 * (inverse + inverse.T), changes * np.sqrt((flights - 1.0) / flights)
+    symmetric = 0.5 * (covariance + covariance.T)
+    return symmetric, changes * np.sqrt((flights - 1.0) / flights)
 
 
 def larger_of(likelihood: np.ndarray, changes: np.ndarray) -> tuple[np.ndarray, float]:
