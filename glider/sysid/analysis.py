@@ -253,10 +253,7 @@ class Analysis:
             "noise": result.MeasurementNoise(noise.position, noise.pitch),
             "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             "candidates": traced.alone,
-            "combinations": tuple(
-                result.Combination(kinds, gain)
-                for kinds, gain in traced.combinations[:MOST_COMBINATIONS]
-            ),
+            "combinations": traced.combinations[:MOST_COMBINATIONS],
             "evidence_threshold": traced.threshold,
             "seconds": self.seconds,
             "version": importlib.metadata.version("drake-glider"),
