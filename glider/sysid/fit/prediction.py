@@ -102,15 +102,13 @@ def of_launch(record: Record, rows: int) -> np.ndarray:
     return seen
 
 
-def find_launch(
-    model: RolloutModel, record: Record, rows: int | None = None
-) -> tuple[np.ndarray, Surroundings]:
+def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surroundings]:
     """Returns the likeliest state (n,) and constants, by a flight's first rows.
 
     An elevator that began elsewhere than its first row shows is moved there before its
     path is replayed: at a stop it forgets where it began.
     """
-    rows = rows or beginning_rows(record.time, model.per_flight_trims)
+    rows = beginning_rows(record.time, model.per_flight_trims)
     beginning = dataclasses.replace(record, seen=of_launch(record, rows))
     about = STILL_AIR
     for _ in range(2):
@@ -120,8 +118,9 @@ def find_launch(
         if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
             return launch, about
         launch[flight.states] += own[:n]
-        beginning = beginning.begun_at(beginning.rest + launch[OFFSET])
-        launch[OFFSET] = beginning.rest - record.rest
+        rest = beginning.rest + launch[OFFSET]
+        beginning = dataclasses.replace(beginning, rest=rest)
+        launch[OFFSET] = rest - record.rest
         about = Surroundings(own[n + PROCESSES :])
     return launch, about
 
@@ -130,7 +129,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     """Predicts one flight from its beginning."""
     rows = beginning_rows(record.time, model.per_flight_trims)
     launch, about = find_launch(model, record)
-    record = record.begun_at(record.rest + launch[OFFSET])
+    record = dataclasses.replace(record, rest=record.rest + launch[OFFSET])
     launch[OFFSET] = 0.0
     layout, (*_, trim, pitch_zero) = record.layout, about.constants
     path, dynamics = path_of(record, model.theta, about)

@@ -88,17 +88,12 @@ class Record:
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
-        last = len(self.time) - 1
         of_nodes = "time pose elevator pitch_rate seen nodes"
         of_nodes += " acceleration acceleration_std"
         ends = dict.fromkeys(of_nodes.split(), count)
-        ends |= dict.fromkeys(("pitch", "bank", "side_wind"), min(count - 1, last))
+        ends |= dict.fromkeys(("pitch", "bank", "side_wind"), count - 1)
         cut = {name: getattr(self, name)[:end] for name, end in ends.items()}
         return dataclasses.replace(self, **cut)
-
-    def begun_at(self, angle: float) -> "Record":
-        """Returns the flight with an elevator that stood at an angle first [rad]."""
-        return dataclasses.replace(self, rest=angle)
 
 
 def prepare(
