@@ -127,7 +127,7 @@ def effects_of(
                 **of_search,
             )
         )
-    if found and task.vehicle.trim_is_known:
+    if found and not task.vehicle.per_flight_trims:
         own = {k: s for k, s in spreads.items() if k not in model.kinds}
         found += [_spread_entry(task, kind, spread) for kind, spread in own.items()]
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))

@@ -81,7 +81,7 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
         theta=model.theta,
         field=field_of(model),
         scales=scales,
-        per_flight_trims=task.per_flight_trims,
+        per_flight_trims=task.vehicle.per_flight_trims,
     ).on(task.records)
 
 

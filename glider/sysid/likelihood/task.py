@@ -27,11 +27,6 @@ class Task:
         """Layout of theta."""
         return self.vehicle.layout
 
-    @property
-    def per_flight_trims(self) -> bool:
-        """Whether the elevator stands at another unknown angle in each flight."""
-        return not self.vehicle.trim_is_known
-
     def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
         """Returns the indices into theta to fit for a set of kinds, sorted."""
         slots = {i for kind in kinds for i in self.layout.slots_of(kind)}

@@ -71,42 +71,24 @@ def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Alternative:
-    """A set of effects that may be the right one."""
-
-    probability: float  #: Of those that are nearly as likely.
-    model: FitResult
-    known: Uncertainty  #: Given that the set is right.
-
-
-def alternatives_of(
-    task: Task, model: FitResult, rivals: Sequence[tuple[FitResult, float]]
-) -> list[Alternative]:
-    """Returns a model and its rivals, by the evidence that these lack [nats]."""
-    odds = np.exp([0.0, *(-lack for _, lack in rivals)])
-    models = [model, *(rival for rival, _ in rivals)]
-    return [
-        Alternative(probability=float(p), model=own, known=uncertainty_of(task, own))
-        for own, p in zip(models, odds / odds.sum(), strict=True)
-    ]
-
-
-def averaged(alternatives: Sequence[Alternative]) -> Uncertainty:
-    """Returns the errors of the first of sets, averaged over all.
+def averaged(
+    probabilities: Sequence[float],
+    models: Sequence[FitResult],
+    known: Sequence[Uncertainty],
+) -> Uncertainty:
+    """Returns the errors of the first of models that may be right, averaged over all.
 
     The mean of their covariances and of the squares of what they differ by: where an
-    effect is absent, by all of its size.
+    effect is absent, by all of its size. Errors of each hold if it is right.
     """
-    first = alternatives[0]
-    total = np.zeros(2 * first.model.theta.shape)
-    for own in alternatives:
-        change = own.model.theta - first.model.theta
-        named, spread = list(own.known.named), np.outer(change, change)
-        spread[np.ix_(named, named)] += own.known.covariance[0]
-        total += own.probability * spread
-    slots = list(first.known.named)
-    return dataclasses.replace(first.known, average=total[np.ix_(slots, slots)])
+    first, total = models[0].theta, np.zeros(2 * models[0].theta.shape)
+    for probability, model, own in zip(probabilities, models, known, strict=True):
+        change = model.theta - first
+        named, spread = list(own.named), np.outer(change, change)
+        spread[np.ix_(named, named)] += own.covariance[0]
+        total += probability * spread
+    slots = list(known[0].named)
+    return dataclasses.replace(known[0], average=total[np.ix_(slots, slots)])
 
 
 def jackknife(
