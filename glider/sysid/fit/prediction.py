@@ -26,7 +26,7 @@ from glider.sysid.likelihood.linear_flight import (
     path_of,
 )
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
-from glider.sysid.likelihood.scales import FLOOR, Scales
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
@@ -50,8 +50,7 @@ class RolloutModel:
         A rollout has no gusts: a launch must fit all rows of the beginning, not only
         the first. Flights on which the model diverges do not count.
         """
-        still = {name: getattr(FLOOR, name) for name in ("air", "moment", "servo")}
-        scales, flights = dataclasses.replace(self.scales, **still), []
+        scales, flights = self.scales.without("air", "moment", "servo"), []
         for record in typical_flights(records):
             rows = beginning_rows(record.time, self.per_flight_trims)
             flights.append(linearize(record.first(rows), self.theta, self.field))

@@ -52,6 +52,11 @@ class Scales:
         """Correlation times of the processes [s], in the filter's order."""
         return self.air_time, self.air_time, MOMENT_TIME, SERVO_TIME
 
+    def without(self, *names: str) -> "Scales":
+        """Returns the scales with some of them at their floors."""
+        least = {name: getattr(FLOOR, name) for name in names}
+        return dataclasses.replace(self, **least)
+
     @classmethod
     def from_logs(cls, logs: np.ndarray) -> "Scales":
         """Returns the scales of such logarithms."""

@@ -197,16 +197,15 @@ def _pitch_rates(
     flight: Flight, good: np.ndarray, time: np.ndarray, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pitch rates of a gyro (n,) [rad/s]; which count, (n, 1), without one (n, 0)."""
-    rates, has_gyro = np.zeros(len(time)), flight.pitch_rate is not None
-    seen = np.zeros((len(time), int(has_gyro)), dtype=bool)
-    if flight.pitch_rate is not None:
-        own = flight.pitch_rate[good]
-        shown = np.isfinite(own)
-        shown[[0, -1]] = False  # With late poses, other times are compared.
-        seen[at[shown]] = True
-        if shown.any():
-            rates = np.interp(time, time[at[shown]], own[shown])
-    return rates, seen
+    if flight.pitch_rate is None:
+        return np.zeros(len(time)), np.zeros((len(time), 0), dtype=bool)
+    own, seen = flight.pitch_rate[good], np.zeros((len(time), 1), dtype=bool)
+    shown = np.isfinite(own)
+    shown[[0, -1]] = False  # With late poses, other times are compared.
+    seen[at[shown]] = True
+    if not shown.any():
+        return np.zeros(len(time)), seen
+    return np.interp(time, time[at[shown]], own[shown]), seen
 
 
 def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -84,7 +84,7 @@ def resumed(
     Effects are compared about the start first, as in any search.
     """
     task = search.task
-    if not {*earlier.kinds} <= {*task.kinds, *task.blocks}:
+    if not task.offered.issuperset(earlier.kinds):
         return None
     search.task = without_late(task)
     search.near(start)
@@ -126,7 +126,8 @@ def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
         yield usual
     if search.task is task:
         return
-    late, search.task = usual, only_late(task, usual)
+    search.task = task.offering({*LATE, *usual.kinds})
+    late = usual
     for late in improvements(search, usual, ("best set",)):
         yield late
     search.task = task
@@ -152,7 +153,7 @@ def rivals_of(
         others = near.score.among(support.rivals).larger(tuple(rest))
         for members in heapq.nlargest(FOLLOWED, others, key=near.score):
             search.fit(near.begin(members))
-    found, allowed = [], {*search.task.kinds, *search.task.blocks}
+    found, allowed = [], search.task.offered
     for kinds, other in search.fitted.items():
         lack = search.penalized_cost(other) - best
         if kinds in swapped or (kinds <= allowed and lack > -RIVAL_GAP):
@@ -201,11 +202,7 @@ def supported(
         if weak is None:
             return model, evidence, weighed
         task = search.task
-        search.task = dataclasses.replace(
-            task,
-            kinds=tuple(kind for kind in task.kinds if kind != weak),
-            blocks={k: own for k, own in task.blocks.items() if k != weak},
-        )
+        search.task = task.offering(task.offered - {weak})
         model = improved(search, search.fit(fits.without(task, model, weak)))
 
 
@@ -231,15 +228,7 @@ def without_late(task: Task, kept: Collection[str] = ()) -> Task:
     """
     if len(task.kinds) < len(task.vehicle.kinds):
         return task
-    kinds = tuple(kind for kind in task.kinds if kind not in LATE or kind in kept)
-    return dataclasses.replace(task, kinds=kinds)
-
-
-def only_late(task: Task, model: FitResult) -> Task:
-    """Returns the task with a model's effects and those that are tried last."""
-    kinds = tuple(kind for kind in task.kinds if kind in LATE or kind in model.kinds)
-    blocks = {k: own for k, own in task.blocks.items() if k in model.kinds}
-    return dataclasses.replace(task, kinds=kinds, blocks=blocks)
+    return task.offering(task.offered.difference(LATE).union(kept))
 
 
 def search_about(
