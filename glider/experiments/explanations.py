@@ -329,10 +329,8 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
         lower=np.tile(layout.lower[sizes] - mean[:count], variants),
         upper=np.tile(layout.upper[sizes] - mean[:count], variants),
     )
-    fitted, *others = (
-        evidence.log_marginal(range(k * count, (k + 1) * count))
-        for k in range(variants)
-    )
+    sets = np.arange(variants * count).reshape(variants, count).tolist()
+    fitted, *others = evidence.extended((), sets)
     if not np.isfinite(fitted):
         return 0.0
     nearest = nearest_start(layout, starts, model.theta)

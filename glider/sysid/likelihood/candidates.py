@@ -223,10 +223,9 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
         return dict.fromkeys(names, -np.inf)
     evidence, variants = candidates.evidence(gram), candidates.variants
     own = [column for kind in model.kinds for column in variants[kind][0]]
-    before = evidence.log_marginal(own)
+    [before] = evidence.extended(own, [()])
     return {
-        name: max(evidence.log_marginal([*own, *v]) for v in variants[name]) - before
-        for name in names
+        name: max(evidence.extended(own, variants[name])) - before for name in names
     }
 
 

@@ -64,20 +64,13 @@ class Evidence:
     lower: np.ndarray  #: (m,) least changes that are physical.
     upper: np.ndarray  #: (m,) largest.
 
-    def log_marginal(self, columns: Sequence[int]) -> float:
-        """Returns the log marginal likelihood that columns gain over none [nats].
-
-        ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ; minus infinity where a
-        coefficient would not be physical.
-        """
-        return self.extended(columns, [()])[0]
-
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
-        """Returns `log_marginal` of columns with each of several others [nats].
+        """Returns what columns with each of several others gain over none [nats].
 
-        A coefficient is physical within two standard errors of its bounds.
+        In log marginal likelihood: ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ; minus
+        infinity where a coefficient is not physical, to two standard errors.
         """
         slack = 1e-9 + 2.0 / np.sqrt(self.gram.diagonal()[:-1] + self.precision)
         gains = np.empty(len(more))

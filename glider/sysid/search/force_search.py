@@ -66,14 +66,10 @@ class HeldOutEvidence:
         self._rest = self._sum - weighted
         self._alone = self._costs(np.zeros((1, 0), dtype=int))
 
-    def log_marginal(self, columns: Sequence[int]) -> float:
-        """Gain of columns over none; -inf where they are not physical."""
-        return self.extended(columns, [()])[0]
-
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
-        """Gain of columns with each of several others over none."""
+        """Gain of columns with each of several others over none; -inf: not physical."""
         sets = [[*columns, *variant] for variant in more]
         gains = np.zeros(len(sets))
         for size in {*map(len, sets)} - {0}:

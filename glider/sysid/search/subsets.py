@@ -19,13 +19,13 @@ Penalty = Callable[[str, Collection[str]], float]
 class SetEvidence(Protocol):
     """How much better a set of columns explains the flights than none."""
 
-    def log_marginal(self, columns: Sequence[int]) -> float:
-        """Returns the gain [nats]; minus infinity where it is not physical."""
-
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
-        """Returns the gain of columns with each of several others [nats]."""
+        """Returns the gain of columns with each of several others [nats].
+
+        It is minus infinity where coefficients are not physical.
+        """
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the columns' coefficients, counted from zero."""
@@ -58,15 +58,13 @@ class Scorer:
         """Returns the evidence of a set without its penalty [nats]."""
         key = frozenset(members)
         if key not in self._kept:
-            self._kept[key] = self.evidence.log_marginal(_columns_of(members))
+            [self._kept[key]] = self.evidence.extended(_columns_of(members), [()])
         return self._kept[key]
 
     def alone(self) -> dict[str, float]:
         """Returns the gain of each kind alone, without its penalty [nats]."""
-        return {
-            kind: max(self.evidence.log_marginal(v) for v in own)
-            for kind, own in self.variants.items()
-        }
+        variants = self.variants.items()
+        return {kind: max(self.evidence.extended((), own)) for kind, own in variants}
 
     def lost(self, members: Members) -> dict[str, float]:
         """Returns the loss without each member, without its penalty [nats]."""
