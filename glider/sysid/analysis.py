@@ -87,7 +87,7 @@ class Analysis:
             baseline, fitted = found.traced.bare, [r.name for r in found.task.records]
             if found.traced.forces is None:  # To the log as it is, signs and all.
                 free = self.vehicle.baseline_slots
-                baseline = dataclasses.replace(baseline, blocks=(), free=free)
+                baseline = dataclasses.replace(baseline, free=free)
                 logged = found.task.on(flights.of("refitted", fitted))
                 baseline = fit_model(logged, baseline)
         with self.stage("predict", "predicting held-out flights"):
