@@ -54,7 +54,7 @@ class RolloutModel:
         for record in typical_flights(records):
             rows = beginning_rows(record.time, self.per_flight_trims)
             flights.append(linearize(record.first(rows), self.theta, self.field))
-        costs = negative_log_likelihood([f.error_only() for f in flights], scales)
+        costs = negative_log_likelihood(flights, scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
         scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
         return dataclasses.replace(self, scales=scales)
