@@ -62,7 +62,7 @@ def allows(low, high, columns, steps):
 
 
 @machine_code
-def extended(gram, precision, low, high, own, more, ends, gains):
+def extended(gram, at, precision, low, high, own, more, ends, gains):
     """Writes the log marginal likelihood that columns gain, with others, over none.
 
     ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ [nats]; minus infinity where a
@@ -70,11 +70,12 @@ def extended(gram, precision, low, high, own, more, ends, gains):
     eliminated once for all.
 
     Args:
-        gram: (m + 1, m + 1) of all columns and, last, the error.
+        gram: (M + 1, M + 1) of all columns and, last, the error.
+        at: (m,) the candidates' columns of them; several may share one.
         precision: (m,) of the prior, Λ.
         low: (m,) least coefficients that are physical.
         high: (m,) largest.
-        own: (n,) columns that are in all sets.
+        own: (n,) candidates that are in all sets.
         more: (q,) columns of the sets' others, one set behind the other.
         ends: (s,) where each set ends in `more`.
         gains: (s,), written.
@@ -84,13 +85,13 @@ def extended(gram, precision, low, high, own, more, ends, gains):
     factor = np.empty((n, n))
     for i in range(n):
         for j in range(i + 1):
-            factor[i, j] = gram[own[i], own[j]]
+            factor[i, j] = gram[at[own[i]], at[own[j]]]
         factor[i, i] += precision[own[i]]
     if not factorize(factor):
         return
     error = np.empty(n)  # L⁻¹ b, of the columns that are in all sets.
     for i in range(n):
-        error[i] = gram[own[i], last]
+        error[i] = gram[at[own[i]], last]
     solve_lower(factor, error)
     alone = error.copy()  # Their coefficients without any other.
     solve_upper(factor, alone)
@@ -102,12 +103,12 @@ def extended(gram, precision, low, high, own, more, ends, gains):
         side, a, step = np.empty((count, n)), np.empty((count, count)), np.empty(count)
         for p in range(count):
             for i in range(n):
-                side[p, i] = gram[index[p], own[i]]
+                side[p, i] = gram[at[index[p]], at[own[i]]]
             solve_lower(factor, side[p])
             for r in range(p + 1):
-                a[p, r] = gram[index[p], index[r]] - side[p] @ side[r]
+                a[p, r] = gram[at[index[p]], at[index[r]]] - side[p] @ side[r]
             a[p, p] += precision[index[p]]
-            step[p] = gram[index[p], last] - side[p] @ error
+            step[p] = gram[at[index[p]], last] - side[p] @ error
         if not factorize(a):
             continue
         solve_lower(a, step)

@@ -37,7 +37,7 @@ class Candidates:
     variants: dict[str, tuple[Variant, ...]]  #: By kind; one of a kind that acts.
     flights: Sequence[LinearFlight]  #: Linear in the directions and what acts.
     blocks: tuple[Block, ...] = ()  #: That do not act yet; their columns come last.
-    #: Column and strength of each column of a variant.
+    #: Column of each of a variant, and the prior spread of its coordinate.
     columns: tuple[tuple[int, float], ...]
 
     @property
@@ -101,14 +101,14 @@ class Candidates:
         reduced[np.ix_(keep, keep)] = eliminate(
             whole, always, prior.precision[always], prior.mean[always]
         )
-        index = np.array([j for j, _ in self.columns], dtype=int)
+        at = np.array([j for j, _ in self.columns], dtype=int)
         strengths = np.array([strength for _, strength in self.columns])
-        scale, keep = np.append(strengths, 1.0), np.append(index, len(whole) - 1)
         return Evidence(
-            gram=reduced[np.ix_(keep, keep)] * scale[:, None] * scale,
-            precision=prior.precision[index],
-            lower=prior.lower[index] / strengths,
-            upper=prior.upper[index] / strengths,
+            gram=reduced,
+            at=at,
+            precision=prior.precision[at] / strengths**2,
+            lower=prior.lower[at],
+            upper=prior.upper[at],
         )
 
 

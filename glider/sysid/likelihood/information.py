@@ -59,7 +59,8 @@ def bounded_step(
 class Evidence:
     """Squares of columns summed over flights, those that always act eliminated."""
 
-    gram: np.ndarray  #: (m + 1, m + 1) of the candidates' columns and, last, the error.
+    gram: np.ndarray  #: (M + 1, M + 1) of columns and, last, the error.
+    at: np.ndarray  #: (m,) columns of the candidates, which may share one.
     precision: np.ndarray  #: (m,) of the prior of the candidates' coefficients.
     lower: np.ndarray  #: (m,) least changes that are physical.
     upper: np.ndarray  #: (m,) largest.
@@ -72,10 +73,11 @@ class Evidence:
         In log marginal likelihood: ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ; minus
         infinity where a coefficient is not physical, to two standard errors.
         """
-        slack = 1e-9 + 2.0 / np.sqrt(self.gram.diagonal()[:-1] + self.precision)
+        slack = 1e-9 + 2.0 / np.sqrt(self.gram.diagonal()[self.at] + self.precision)
         gains = np.empty(len(more))
         extended(
             np.ascontiguousarray(self.gram),
+            self.at,
             self.precision,
             self.lower - slack,
             self.upper + slack,
@@ -88,9 +90,9 @@ class Evidence:
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the coefficients of columns, counted from zero."""
-        index = list(columns)
-        a = self.gram[np.ix_(index, index)] + np.diag(self.precision[index])
-        return solve_scaled(a, self.gram[index, -1], 0.0)
+        at = self.at[list(columns)]
+        a = self.gram[np.ix_(at, at)] + np.diag(self.precision[list(columns)])
+        return solve_scaled(a, self.gram[at, -1], 0.0)
 
 
 def counted_from(gram: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -87,6 +87,7 @@ class LinearFlight:
     start: np.ndarray
     forces: tuple[AddedColumns, ...] = ()  #: They come before the last column.
 
+    @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
         count = self.inputs.shape[2] - 1
@@ -168,6 +169,7 @@ def path_of(
     return path, record.layout.dynamics(flown)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
 def linearize(
     record: Record,
     theta: np.ndarray,

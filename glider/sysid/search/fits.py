@@ -70,7 +70,7 @@ class FirstOrder:
             return dataclasses.replace(acting, coordinates=step)
         block = self.candidates.task.blocks[kind]
         strength = self.candidates.columns[variant[0]][1]
-        return FittedBlock(block=block, coordinates=strength * step, strength=strength)
+        return FittedBlock(block=block, coordinates=step, strength=strength)
 
 
 @dataclasses.dataclass

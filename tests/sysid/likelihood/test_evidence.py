@@ -1,5 +1,7 @@
 """Marginal likelihoods in closed form are those of Gaussians, written out."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -23,7 +25,13 @@ PRECISION = np.array([0.5, 2.0, 0.1, 1.0, 4.0])
 
 
 def evidence_of(table, lower=-WIDE, upper=WIDE):
-    return Evidence(gram=table.T @ table, precision=PRECISION, lower=lower, upper=upper)
+    return Evidence(
+        gram=table.T @ table,
+        at=np.arange(table.shape[1] - 1),
+        precision=PRECISION,
+        lower=lower,
+        upper=upper,
+    )
 
 
 @pytest.mark.parametrize("columns", [[0], [3], [0, 1], [4, 2, 0], [0, 1, 2, 3, 4]])
@@ -35,6 +43,27 @@ def test_the_gain_is_that_of_the_marginal_gaussian(table, columns):
     found = evidence_of(table)
     assert gain_of(found, columns) == pytest.approx(expected, rel=1e-9)
     assert gain_of(found, columns[::-1]) == pytest.approx(expected, rel=1e-9)
+
+
+def test_candidates_may_share_columns_with_priors_of_their_own(table):
+    """A column and a tenth of it, each expected within one, are two candidates."""
+    usual, both = evidence_of(table), np.append(PRECISION, 100.0 * PRECISION)
+    shared = dataclasses.replace(
+        usual,
+        at=np.tile(usual.at, 2),
+        precision=both,
+        lower=np.tile(usual.lower, 2),
+        upper=np.tile(usual.upper, 2),
+    )
+    smaller = table * np.array([*5 * [0.1], 1.0])
+    for columns in ([0], [3, 1]):
+        moved = [5 + column for column in columns]
+        assert shared.log_marginal(columns) == usual.log_marginal(columns)
+        tenth = evidence_of(smaller)
+        expected = tenth.log_marginal(columns)
+        assert shared.log_marginal(moved) == pytest.approx(expected, rel=1e-12)
+        step = 0.1 * tenth.step(columns)
+        np.testing.assert_allclose(shared.step(moved), step, rtol=1e-12)
 
 
 def test_nothing_gains_nothing(table):

@@ -1,6 +1,7 @@
 """A column is what the errors do when its coefficient moves."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -210,3 +211,17 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     servo = slopes(layout, range(layout.num_compiled, len(layout.slots)))
     flight = linearize(tall, theta, NO_FIELD, servo)
     assert np.abs(flight.inputs[:, OFFSET]).max() < 1e-9
+
+
+def test_a_model_that_diverges_is_linearized_without_a_warning(task):
+    layout, theta = task.layout, task.vehicle.theta.copy()
+    theta[layout.index["profile_drag", "cd0"]] = -1e20
+    directions = slopes(layout, layout.slots_of("servo_lag"))
+    with warnings.catch_warnings(action="error"):
+        flight = linearize(task.records[0], theta, NO_FIELD, directions)
+        endless = dataclasses.replace(
+            flight, inputs=np.full_like(flight.inputs, np.inf)
+        )
+        error = endless.combined(np.ones(len(directions)))
+    assert not np.isfinite(flight.inputs).all()
+    assert np.isnan(error.inputs).all()

@@ -1,6 +1,7 @@
 """Moves from a set of effects to a better one."""
 
 import dataclasses
+import types
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.fit_result import start_of
@@ -75,3 +76,24 @@ def test_a_stall_that_a_fit_did_not_reach_is_found_from_where_there_is_none():
     assert search.fit(trapped) is found  # The better one of the set is kept,
     assert reshaped(search, found) is None
     assert search.fit(trapped, again=True) is found  # whatever is fitted again.
+
+
+def test_of_sets_worth_more_than_the_model_the_best_is_taken(monkeypatch):
+    """A little better than the first suffices: both are better than the model."""
+    search, plate = search_among(KINDS["frame_tilt"](angle=0.02), "frame_tilt")
+
+    def worth(*kinds, gain=0.0):
+        return dataclasses.replace(plate, kinds=kinds, cost=-gain, freedom=0.0)
+
+    monkeypatch.setattr(Search, "fit", lambda self, model, rival: model)
+    monkeypatch.setattr(Search, "_penalty_of", lambda self, model: 0.0)
+    model = worth("frame_tilt")
+    first, best = (
+        worth("frame_tilt", kind, gain=gain)
+        for kind, gain in (("camber", 2.0), ("thrust", 4.0))
+    )
+    near = types.SimpleNamespace(begin=lambda members: members)
+    assert search.better(model, near, [first, best]) is best
+    assert search.better(model, near, [best, first]) is best
+    assert search.better(model, near, [first, best], first=True) is first
+    assert search.better(best, near, [model, first]) is None

@@ -20,6 +20,7 @@ def scorer(table, variants, price=EVIDENCE_THRESHOLD):
     count = table.shape[1] - 1
     evidence = Evidence(
         gram=table.T @ table,
+        at=np.arange(count),
         precision=np.full(count, 0.01),
         lower=np.full(count, -np.inf),
         upper=np.full(count, np.inf),
