@@ -325,7 +325,7 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
     variants = 1 + len(starts)
     evidence = Evidence(
         gram=eliminate(gram, range(count, end), precision[count:], change),
-        at=np.arange(variants * count),
+        at=np.delete(np.arange(len(directions)), np.arange(count, end)),
         precision=np.tile(precision[:count], variants),
         lower=np.tile(layout.lower[sizes] - mean[:count], variants),
         upper=np.tile(layout.upper[sizes] - mean[:count], variants),

@@ -96,15 +96,10 @@ class Candidates:
     def evidence(self, gram: np.ndarray) -> Evidence:
         """Returns the evidence of sets of columns beside those that always act."""
         (whole, prior), always = self.from_nothing(gram), self.always
-        keep = np.delete(np.arange(len(whole)), always)
-        reduced = np.zeros_like(whole)
-        reduced[np.ix_(keep, keep)] = eliminate(
-            whole, always, prior.precision[always], prior.mean[always]
-        )
         at = np.array([j for j, _ in self.columns], dtype=int)
         strengths = np.array([strength for _, strength in self.columns])
         return Evidence(
-            gram=reduced,
+            gram=eliminate(whole, always, prior.precision[always], prior.mean[always]),
             at=at,
             precision=prior.precision[at] / strengths**2,
             lower=prior.lower[at],

@@ -110,11 +110,9 @@ def eliminate(
 ) -> np.ndarray:
     """Returns a Gram matrix (M + 1, M + 1) with columns solved for and eliminated.
 
-    Their changes have a prior of such precisions and means (len(always),).
+    Their changes have a prior of such precisions and means (len(always),); their own
+    rows mean nothing afterwards.
     """
-    always = list(always)
-    keep = [j for j in range(len(gram)) if j not in always]
-    corner = gram[np.ix_(always, always)] + np.diag(precision)
-    side = gram[np.ix_(keep, always)]
+    side, corner = gram[:, list(always)], gram[np.ix_(always, always)]
     side[-1] += precision * mean
-    return gram[np.ix_(keep, keep)] - side @ solve_scaled(corner, side, 1e-11).T
+    return gram - side @ solve_scaled(corner + np.diag(precision), side, 1e-11).T
