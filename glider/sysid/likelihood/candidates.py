@@ -131,7 +131,7 @@ def gather(task: Task, model: FitResult, with_blocks: bool = False) -> Candidate
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
     offered = task.blocks.values() if with_blocks else ()
-    new = tuple(block for block in offered if block.name not in model.kinds)
+    new = tuple(b for b in offered if b.count and b.name not in model.kinds)
     linear = model_fit.linear_flights(task, model, directions, new)
     flights, wild = tamed(task, directions, linear)
     for kind in set(variants) - set(model.kinds):
@@ -152,11 +152,7 @@ def gather(task: Task, model: FitResult, with_blocks: bool = False) -> Candidate
         task=task,
         model=model,
         directions=tuple(directions),
-        variants={
-            kind: tuple(own)
-            for kind, own in variants.items()
-            if own and (own[0] or kind in model.kinds)
-        },
+        variants={kind: tuple(own) for kind, own in variants.items() if own},
         flights=flights,
         blocks=new,
         columns=tuple(scaled),
