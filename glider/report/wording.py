@@ -212,7 +212,8 @@ TEMPLATES.globals |= {
     "vehicle_rows": vehicle_rows,
     "length": lambda r, value: unit_beside_floor(r, value).text(value),
     "may_be_chance": lambda r: (
-        r.left.ratio_to_floor > 1.0 and not (r.left.chance < UNLIKELY)
+        1.0 < r.left.ratio_to_floor <= r.left.most_by_chance
+        and not r.left.chance < UNLIKELY
     ),
     "metres": numbers.format_length,
     "model_of": _model_of,

@@ -116,6 +116,7 @@ def evaluate(
         "left": result.Residual(
             position_m=left,
             ratio_to_floor=left / perfect.position_rms_m,
+            most_by_chance=floor.most_by_chance(len(kept)),
             chance=np.nan if paths is None else floor.chance(paths),
             depends_on=_variables_of(task, traced.judged),
             air_depends_on=gusts,

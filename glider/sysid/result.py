@@ -107,6 +107,7 @@ class Residual:
 
     position_m: Number  #: RMS of the position [m].
     ratio_to_floor: Number  #: That over the RMS which a perfect model would leave.
+    most_by_chance: Number = math.inf  #: The ratio that a perfect model may have.
     chance: Number = math.nan  #: Probability that a perfect model leaves as much.
     depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
     air_depends_on: tuple[str, ...] = ()  #: States that the modelled gusts depend on.

@@ -172,8 +172,8 @@ def _beyond_floor(left: Residual) -> str:
 
     A multiple of it is none: where few flights say so, one of them diverges.
     """
-    is_near = not left.ratio_to_floor > constants.MOST_LEFT
-    if is_near and not left.chance < constants.UNLIKELY:
+    most = min(constants.MOST_LEFT, left.most_by_chance)
+    if not left.ratio_to_floor > most and not left.chance < constants.UNLIKELY:
         return ""
     varies = dict.fromkeys((*left.depends_on, *left.air_depends_on))
     return (

@@ -17,7 +17,7 @@ from glider.report.folder import FIGURES, make_figures, to_html
 from glider.report.model_figures import BAND, carried_figure
 from glider.report.plots.binning import binned_quantiles
 from glider.report.plots.figure import Band, Bars, Ground, Level, Line, Points
-from glider.report.plots.style import INKS
+from glider.report.plots.style import INKS, VARIABLES
 from glider.sysid.likelihood.blocks import BLOCKS
 from tests.report.results import VARIANTS, make_curve, make_flight, make_result
 
@@ -256,8 +256,15 @@ def test_every_free_function_can_be_drawn():
             widths=[0.1] * len(kind.variables),
             weights={kind.term: [0.1, 0.2]},
         )
-        model = types.SimpleNamespace(field=data)
-        figure = carried_figure(types.SimpleNamespace(model=model))
+        result = types.SimpleNamespace(
+            model=types.SimpleNamespace(field=data),
+            residual_after=types.SimpleNamespace(
+                variables=dict.fromkeys(kind.variables, np.array([0.02, 0.0, 0.05]))
+            ),
+        )
+        figure = carried_figure(result)
         assert figure is not None and len(figure.panels) == 1, name
         lines = [m for m in figure.panels[0].marks if isinstance(m, Line)]
         assert len(lines) == (1 if len(kind.variables) == 1 else 3)
+        _, factor, *_ = VARIABLES[kind.variables[0]]  # Drawn where flights were.
+        assert lines[0].x[[0, -1]] == pytest.approx([0.0, 0.05 * factor])

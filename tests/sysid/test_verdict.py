@@ -72,6 +72,7 @@ def verdict(
     drawn=1.0,
     chance=0.5,
     times_floor=1.5,
+    most_by_chance=1.8,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
@@ -90,6 +91,7 @@ def verdict(
         position_m=0.05,
         ratio_to_floor=times_floor,
         chance=chance,
+        most_by_chance=most_by_chance,
         depends_on=left_over or (),
     )
     held_out = None
@@ -136,6 +138,11 @@ def test_what_a_perfect_model_would_not_leave_is_not_all_explained():
     assert word == "partly_explained"
     assert "2.02 times as much as a perfect model" in reason
     assert verdict(("wind",), times_floor=math.nan)[0] == "effect_found"
+    assert verdict(("wind",), times_floor=1.79)[0] == "effect_found"
+    assert verdict(("wind",), times_floor=1.81)[0] == "partly_explained"
+    of_few = {"most_by_chance": 3.0}  # No chance excuses more than twice.
+    assert verdict(("wind",), times_floor=1.9, **of_few)[0] == "effect_found"
+    assert verdict(("wind",), times_floor=2.1, **of_few)[0] == "partly_explained"
     _, reason = verdict(("wind",), chance=0.0, left_over=("alpha", "V"))
     assert reason.endswith("depending on alpha, V.")
     assert verdict(chance=0.0)[0] == "no_effect"

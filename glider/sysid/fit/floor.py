@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtr, stdtr
+from scipy.special import ndtr, ndtri, stdtr
 
 from glider.campaign.smoothing import smoothing_maps
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
@@ -59,6 +59,20 @@ class Floor:
         if not len(known):
             return errors_from(np.full((1, 4, 1), np.nan), np.ones(1), equation)
         return errors_from(self.squares[known], self.rows[known], equation)
+
+    def most_by_chance(self, flights: int) -> float:
+        """Position RMS of the first flights over that of `errors`, at most by chance.
+
+        A perfect model leaves more with the probability UNLIKELY: logarithms of the RMS
+        are normal, as replicas show, and a floor is known to FLOOR_ACCURACY.
+        """
+        known = np.flatnonzero(self._is_known[:flights])
+        if not len(known):
+            return np.inf
+        squares = np.average(self.squares[known, 0], axis=0, weights=self.rows[known])
+        logs = 0.5 * np.log(squares / squares.mean())
+        spread = np.hypot(logs.std(), constants.FLOOR_ACCURACY)
+        return float(np.exp(logs.mean() - ndtri(constants.UNLIKELY) * spread))
 
     def chance(self, paths: np.ndarray) -> float:
         """Probability that a perfect model leaves as much, of paths (F, 2).

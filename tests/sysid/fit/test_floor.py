@@ -108,6 +108,19 @@ def test_errors_of_the_first_flights_count_each_row_once(still):
     assert floor.errors(NO_NOISE, 2).position_rms_m == pytest.approx(rms)
 
 
+def test_what_a_perfect_model_may_leave_is_as_the_replicas_say(still):
+    floor, _ = floor_and_errors(*still)
+    many = np.average(floor.squares[:8, 0], axis=0, weights=floor.rows[:8])
+    ratios = np.sqrt(many / many.mean())
+    most = floor.most_by_chance(8)
+    assert np.mean(ratios > most) <= 0.02 and most < 1.5 * np.quantile(ratios, 0.975)
+    assert floor.most_by_chance(16) < floor.most_by_chance(
+        2
+    )  # Of more, less is chance.
+    floor.squares[:] = np.nan
+    assert floor.most_by_chance(8) == np.inf
+
+
 def test_turbulence_does_not_know_the_state_of_the_glider(turbulent):
     task, noise = task_of(turbulent[0])
     model = fit_model(task, begin(task, noise, ("elevator_trim",)))
