@@ -112,8 +112,8 @@ def compare(
     if not models:
         return Comparison(name=flight.name, motions={MEASURED: _measured(flight)})
     motions = refly(campaign, flight, models, rollouts=rollouts)
-    time, known = motions[MEASURED].time, make_vehicle(campaign).trim_is_known
-    until = float(time[beginning_rows(time, per_flight_trims=not known) - 1])
+    time, trims = motions[MEASURED].time, make_vehicle(campaign).per_flight_trims
+    until = float(time[beginning_rows(time, trims) - 1])
     return Comparison(name=flight.name, motions=motions, fitted_until=until)
 
 

@@ -325,15 +325,13 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
     variants = 1 + len(starts)
     evidence = Evidence(
         gram=eliminate(gram, range(count, end), precision[count:], change),
-        at=np.arange(variants * count),
+        at=np.delete(np.arange(len(directions)), np.arange(count, end)),
         precision=np.tile(precision[:count], variants),
         lower=np.tile(layout.lower[sizes] - mean[:count], variants),
         upper=np.tile(layout.upper[sizes] - mean[:count], variants),
     )
-    fitted, *others = (
-        evidence.log_marginal(range(k * count, (k + 1) * count))
-        for k in range(variants)
-    )
+    sets = np.arange(variants * count).reshape(variants, count).tolist()
+    fitted, *others = evidence.extended((), sets)
     if not np.isfinite(fitted):
         return 0.0
     nearest = nearest_start(layout, starts, model.theta)

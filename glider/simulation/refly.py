@@ -136,7 +136,7 @@ def rollout_models(
         flights = [linearize(r, theta, last.residual_field) for r in records]
         fitted, cost, _ = fit_scales(flights, scales)
         scales = fitted if np.isfinite(cost) else scales  # A model may diverge.
-    has_trims = not make_vehicle(campaign).trim_is_known
+    has_trims = make_vehicle(campaign).per_flight_trims
     return {
         name: RolloutModel(
             theta=theta_of(model),

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from scipy.special import softmax
 
 from glider.campaign.checks.clocks import SCALE, check_limits
 from glider.campaign.checks.inspection import Inspection
@@ -27,11 +28,11 @@ from glider.sysid.constants import MOST_OUTLYING
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.folds import HeldOut
-from glider.sysid.likelihood import uncertainty
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
+from glider.sysid.likelihood.uncertainty import averaged, uncertainty_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.search.signs import find_signs
@@ -86,7 +87,7 @@ class Analysis:
             baseline, fitted = found.traced.bare, [r.name for r in found.task.records]
             if found.traced.forces is None:  # To the log as it is, signs and all.
                 free = self.vehicle.baseline_slots
-                baseline = dataclasses.replace(baseline, blocks=(), free=free)
+                baseline = dataclasses.replace(baseline, free=free)
                 logged = found.task.on(flights.of("refitted", fitted))
                 baseline = fit_model(logged, baseline)
         with self.stage("predict", "predicting held-out flights"):
@@ -169,17 +170,22 @@ class Analysis:
     ) -> dict[str, Any]:
         """Fields of a result about the model, with standard errors."""
         task, traced, signs = found.task, found.traced, flights.signs
-        sets = uncertainty.alternatives_of(task, traced.judged, traced.rivals)
-        known = uncertainty.averaged(sets)
+        rivals = [rival for rival, _ in traced.rivals]
+        probabilities = softmax([0.0, *(-lack for _, lack in traced.rivals)]).tolist()
+        judged = [traced.judged, *rivals]
+        errors = [uncertainty_of(task, model) for model in judged]
+        known = averaged(probabilities, judged, errors)
         covariance, kinds = outcome.covariance_of(task, known), traced.model.kinds
-        fits = [traced.model, *(fit for fit, _ in traced.rivals)]
+        models = [traced.model, *rivals]
         alternatives = [
             result.Alternative(
-                probability=own.probability,
-                model=outcome.model_of(task, fit, signs, flights.campaign),
-                covariance=outcome.covariance_of(task, own.known),
+                probability=probability,
+                model=outcome.model_of(task, model, signs, flights.campaign),
+                covariance=outcome.covariance_of(task, own),
             )
-            for own, fit in zip(sets, fits, strict=True)
+            for probability, model, own in zip(
+                probabilities, models, errors, strict=True
+            )
         ]
         return {
             "effects": outcome.effects_of(task, traced, known, spreads, signs),
@@ -253,10 +259,7 @@ class Analysis:
             "noise": result.MeasurementNoise(noise.position, noise.pitch),
             "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             "candidates": traced.alone,
-            "combinations": tuple(
-                result.Combination(kinds, gain)
-                for kinds, gain in traced.combinations[:MOST_COMBINATIONS]
-            ),
+            "combinations": traced.combinations[:MOST_COMBINATIONS],
             "evidence_threshold": traced.threshold,
             "seconds": self.seconds,
             "version": importlib.metadata.version("drake-glider"),

@@ -21,7 +21,7 @@ from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
-from glider.sysid.likelihood.scales import FLOOR, NAMES, Scales
+from glider.sysid.likelihood.scales import NAMES, Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.outcome import SPREAD_KINDS, curves_of
 from glider.sysid.replay.record import Noise, Record
@@ -148,14 +148,13 @@ def without_model_errors(
     Where a search of forces set the scales, gusts are not distinguished from errors of
     the forces: they count as these.
     """
-    unknown = {"servo", *(scale for scale, _, _ in SPREAD_KINDS.values())}
+    unknown = {"servo", *SPREAD_KINDS.values()}
     if gusts or traced.forces is not None:
         unknown.add("air")
     if traced.forces is not None:
         unknown.update(OF_FORCES)
-    stds = {scale: getattr(FLOOR, scale) for scale in unknown}
-    stds |= {SPREAD_KINDS[kind][0]: spread.std for kind, spread in spreads.items()}
-    return dataclasses.replace(traced.model.scales, **stds)
+    stds = {SPREAD_KINDS[kind]: spread.std for kind, spread in spreads.items()}
+    return dataclasses.replace(traced.model.scales.without(*unknown), **stds)
 
 
 def _fitted_models(

@@ -52,12 +52,13 @@ def absorbed(
                 near |= {block, *(k for k in alone if not kinds[k].states)}
         if times and not far.any() and near & have:
             found[name] = near & have
-    bends = bends_among(model.free_kinds)
+    families = {kind for name in model.free_kinds for kind in BLOCKS[name].formulas}
     for block in model.free_kinds:
         if block in found:
             continue
         own = BLOCKS[block]
-        bent = bends[block].intersection(have) - found.keys()
+        bends = own.bends - families.difference(own.formulas)
+        bent = bends.intersection(have) - found.keys()
         mine = bent.intersection(own.formulas) if own.formulas else bent
         first = max(mine, key=lambda k: evidence[k], default="")
         share = {k: SLACK if k in bent - mine else 1.0 for k in bent - {first}}
@@ -66,18 +67,6 @@ def absorbed(
         weak = {k for k in share if evidence[k] < share[k] * evidence[block]}
         found |= dict.fromkeys(weak, {*bent, block} - weak)
     return found
-
-
-def bends_among(free_kinds: Collection[str]) -> dict[str, set[str]]:
-    """Returns the formulas that each free function bends.
-
-    None of those that have a function of their own family, unless it is that.
-    """
-    families = {kind for block in free_kinds for kind in BLOCKS[block].formulas}
-    return {
-        block: {*BLOCKS[block].bends} - (families - {*BLOCKS[block].formulas})
-        for block in free_kinds
-    }
 
 
 def standing_alone(

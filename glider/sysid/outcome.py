@@ -20,7 +20,7 @@ from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scale_fit import fit_scales
-from glider.sysid.likelihood.scales import FLOOR, NAMES
+from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
@@ -28,12 +28,8 @@ from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.result import Estimate, FoundEffect, ResidualTable, Spread
 from glider.sysid.search.support import SearchResult
 
-SPREAD_KINDS = {
-    "elevator_trim": ("trim", "angle", "rad"),
-    "pitch_offset": ("pitch_zero", "angle", "rad"),
-    "wind": ("wind", "x", "m/s"),
-}
-"""Kinds with flight-to-flight variation: scale, coefficient, unit."""
+SPREAD_KINDS = {"elevator_trim": "trim", "pitch_offset": "pitch_zero", "wind": "wind"}
+"""Kinds with flight-to-flight variation of their first coefficient, and its scale."""
 
 _BINS = 15  # Of the curves over the angle of attack, with equally many rows.
 
@@ -48,18 +44,18 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     fitted, base, _ = fit_scales(flights, model.scales)
     values = flight_values(flights, fitted)
     names, found = [record.name for record in task.records], {}
-    for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
-        least = dataclasses.replace(fitted, **{scale: getattr(FLOOR, scale)})
+    for kind, scale in SPREAD_KINDS.items():
+        coefficient = task.layout.kinds[kind].coefficients[0]
         others = [name for name in NAMES if name != scale]
-        lost = fit_scales(flights, least, others).cost - base
+        lost = fit_scales(flights, fitted.without(scale), others).cost - base
         std = getattr(fitted, scale)
-        size = LEAST_SPREAD * task.layout.scale[task.layout.index[kind, coefficient]]
+        size = LEAST_SPREAD * coefficient.scale
         if lost > EVIDENCE_THRESHOLD and size < min(std, getattr(model.scales, scale)):
-            own = values[:, PER_FLIGHT.index((kind, coefficient))].tolist()
+            own = values[:, PER_FLIGHT.index((kind, coefficient.name))].tolist()
             found[kind] = Spread(
                 std=std,
                 std_error=std / math.sqrt(2.0 * len(own)),
-                unit=unit,
+                unit=coefficient.unit,
                 values=dict(zip(names, own, strict=True)),
             )
     return found
@@ -118,7 +114,7 @@ def effects_of(
                     c.name: Estimate(float(model.theta[i]), known.std(i), c.unit)
                     for i, c in zip(slots, kind.coefficients, strict=True)
                 },
-                spread_over_flights={SPREAD_KINDS[name][1]: spreads[name].std}
+                spread_over_flights={kind.coefficients[0].name: spreads[name].std}
                 if name in spreads
                 else {},
                 shape=result.OTHER_SHAPE if name in bent else result.LIBRARY_SHAPE,
@@ -127,7 +123,7 @@ def effects_of(
                 **of_search,
             )
         )
-    if found and task.vehicle.trim_is_known:
+    if found and not task.vehicle.per_flight_trims:
         own = {k: s for k, s in spreads.items() if k not in model.kinds}
         found += [_spread_entry(task, kind, spread) for kind, spread in own.items()]
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
@@ -220,8 +216,8 @@ def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Esti
 
 def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
     """A flight-to-flight variation as an effect, with the mean over flights."""
-    kind, coefficient = task.layout.kinds[name], SPREAD_KINDS[name][1]
-    values = list(spread.values.values())
+    kind, values = task.layout.kinds[name], list(spread.values.values())
+    coefficient = kind.coefficients[0].name
     std = spread.std / math.sqrt(len(values))
     return FoundEffect(
         kind=name,

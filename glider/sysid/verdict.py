@@ -199,11 +199,11 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
     Also whether it was compared with the nominal model, as the baseline is no worse.
     """
     baseline, nominal = "refitted baseline", "nominal model"
-    ratio = _ratio(errors, "refitted")
+    worse = _worse(errors, "refitted", baseline)
     if held_out is None:
-        return _worse(ratio, baseline), False
+        return worse, False
     gain, over = held_out.gain, held_out.over_nominal
-    doubt = _no_gain(gain, baseline) or _worse(ratio, baseline)
+    doubt = _no_gain(gain, baseline) or worse
     for way in WAYS:
         if doubt is None and held_out.is_worse(way):
             doubt = (
@@ -214,8 +214,8 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
         return doubt, False
     is_lost = gain.t < -gain.least_t
     lost = _no_gain(gain, f"{baseline}: it loses") if is_lost else None
-    worse = _worse(_ratio(errors, "nominal"), nominal)
-    return _no_gain(over, nominal) or lost or worse, True
+    doubt = _no_gain(over, nominal) or lost or _worse(errors, "nominal", nominal)
+    return doubt, True
 
 
 def _no_gain(gain: Gains, over: str) -> str | None:
@@ -228,18 +228,14 @@ def _no_gain(gain: Gains, over: str) -> str | None:
     )
 
 
-def _worse(ratio: float, than: str) -> str | None:
+def _worse(errors: AllErrors, model: str, than: str) -> str | None:
     """Sentence about a correction that makes held-out flights worse, flown freely."""
+    before, after = errors[model], errors["corrected"]
+    assert before is not None and after is not None
+    ratio = ratio_of(before.position_rms_m, after.position_rms_m)
     if ratio <= constants.WORSE:
         return None
     found = f"flown freely {ratio:.4g} times the error of the {than}"
     if not np.isfinite(ratio):
         found = "flown freely the corrected model diverges"
     return f"The correction makes held-out flights worse: {found}."
-
-
-def _ratio(errors: AllErrors, model: str) -> float:
-    """The corrected model's error over another's, flown freely."""
-    before, after = errors[model], errors["corrected"]
-    assert before is not None and after is not None
-    return ratio_of(before.position_rms_m, after.position_rms_m)

@@ -1,10 +1,12 @@
 """Searches for effects in a few simulated flights."""
 
 import dataclasses
+from collections.abc import Sequence
 
 from glider.physics.effects.effect import Effect
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.search.fits import Search
+from glider.sysid.search.subsets import SetEvidence
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -13,6 +15,12 @@ def search_among(effect: Effect, *offered: str) -> tuple[Search, FitResult]:
     task, noise = task_of(fly(effect, flights=8))
     task = dataclasses.replace(task, kinds=offered)
     return Search(task, lambda text: None), begin(task, noise)
+
+
+def gain_of(evidence: SetEvidence, columns: Sequence[int]) -> float:
+    """Returns what a set of columns gains over none [nats]."""
+    [gain] = evidence.extended(columns, [()])
+    return gain
 
 
 def kinds_fitted(search: Search, plate: FitResult, *kinds: str) -> FitResult:

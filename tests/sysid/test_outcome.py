@@ -315,7 +315,7 @@ def test_a_normal_force_where_the_plate_has_none_is_camber(force, names, beside)
     block, theta = task.blocks[LIFT], task.vehicle.theta.copy()
     (slot,) = task.layout.slots_of("camber")
     theta[slot] = beside
-    alpha = np.linspace(*np.percentile(block.centers, [0, 100]), 200)
+    alpha = np.linspace(*block.flown[:, 0], 200)
     alone = force(alpha) - 2.0 * (np.sin(alpha - beside) - np.sin(alpha))
     shown = block.functions(alpha[:, None]) @ block.mix
     weights = np.linalg.lstsq(shown, alone, rcond=1e-6)[0]

@@ -85,8 +85,7 @@ class Floor:
             return np.nan
         drawn = 0.5 * np.log(self.squares[known, :2])
         errors = np.nan_to_num(np.log(np.maximum(paths[known], 1e-9)), nan=np.inf)
-        most = constants.CLIP
-        apart = np.clip(errors - drawn.mean(axis=2), -most, most)
+        apart = np.clip(errors - drawn.mean(axis=2), -constants.CLIP, constants.CLIP)
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
         z = apart.mean(axis=0) / np.hypot(error, constants.FLOOR_ACCURACY)
         return min(1.0, 2.0 * float(ndtr(-z).min()))

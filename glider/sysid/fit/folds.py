@@ -11,7 +11,6 @@ from glider.sysid.constants import CLIP, FOLDS, GAIN_CHANCE, WORSE
 from glider.sysid.fit.prediction import compare, flown_by, mean_squares
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
-from glider.sysid.likelihood.filtering import negative_log_likelihood
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import counted_from
 from glider.sysid.likelihood.scales import Scales
@@ -140,22 +139,15 @@ class _Refits:
         self.model = model = model_fit.in_surroundings(
             task, model, model_fit.error_flights(task, model)
         )
+        offered = without_late(task, model.kinds) if is_searched else task.offering(())
+        found = gather_in_parts(offered, model, model.scales)
+        self.candidates, self.grams, now = found
+        unit = np.eye(self.grams.shape[1])
+        # What of each column acts in the model, and the error.
+        self.given, self.prior = unit[-1], model_fit.prior_of(task, model)
         if is_searched:
-            offered = without_late(task, model.kinds)
-            found = gather_in_parts(offered, model, model.scales)
-            self.candidates, self.grams, now = found
-            unit = np.eye(self.grams.shape[1])
             shifted, self.prior = self.candidates.from_nothing(unit)
-            # What of each column acts in the model, and the error.
             self.given = np.append(shifted[:-1, -1], 1.0)
-        else:
-            flights = model_fit.linear_flights(task, model)
-            self.grams = model_fit.grams_of(flights, model.scales)
-            self.given = np.eye(self.grams.shape[1])[-1]
-            self.prior = model_fit.prior_of(task, model)
-            now = negative_log_likelihood(
-                [f.error_only() for f in flights], model.scales
-            )
         # The likelihood is a square of changes and what depends on the scales alone.
         self.constant = now - 0.5 * self.grams[:, -1, -1]
 
@@ -177,8 +169,7 @@ class _Refits:
 
     def _of_unknown(self, model: FitResult, step: np.ndarray) -> np.ndarray:
         """A step of all candidates along what always acts in a model with a set."""
-        slots, always = self.candidates.slots, set(self.candidates.always)
-        own = {slot: step[j] for j, slot in enumerate(slots) if j in always}
-        found = np.zeros(len(model.free) + len(model.coordinates))
-        found[: len(model.free)] = [own.get(slot, 0.0) for slot in model.free]
-        return found
+        slots = self.candidates.slots
+        own = {slots[j]: step[j] for j in self.candidates.always}
+        unknown = [own.get(slot, 0.0) for slot in model.free]
+        return np.append(unknown, np.zeros(len(model.coordinates)))

@@ -26,7 +26,7 @@ from glider.sysid.likelihood.linear_flight import (
     path_of,
 )
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
-from glider.sysid.likelihood.scales import FLOOR, Scales
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
@@ -50,12 +50,11 @@ class RolloutModel:
         A rollout has no gusts: a launch must fit all rows of the beginning, not only
         the first. Flights on which the model diverges do not count.
         """
-        still = {name: getattr(FLOOR, name) for name in ("air", "moment", "servo")}
-        scales, flights = dataclasses.replace(self.scales, **still), []
+        scales, flights = self.scales.without("air", "moment", "servo"), []
         for record in typical_flights(records):
             rows = beginning_rows(record.time, self.per_flight_trims)
             flights.append(linearize(record.first(rows), self.theta, self.field))
-        costs = negative_log_likelihood([f.error_only() for f in flights], scales)
+        costs = negative_log_likelihood(flights, scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
         scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
         return dataclasses.replace(self, scales=scales)
@@ -81,7 +80,7 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
         theta=model.theta,
         field=field_of(model),
         scales=scales,
-        per_flight_trims=task.per_flight_trims,
+        per_flight_trims=task.vehicle.per_flight_trims,
     ).on(task.records)
 
 
@@ -102,15 +101,13 @@ def of_launch(record: Record, rows: int) -> np.ndarray:
     return seen
 
 
-def find_launch(
-    model: RolloutModel, record: Record, rows: int | None = None
-) -> tuple[np.ndarray, Surroundings]:
+def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surroundings]:
     """Returns the likeliest state (n,) and constants, by a flight's first rows.
 
     An elevator that began elsewhere than its first row shows is moved there before its
     path is replayed: at a stop it forgets where it began.
     """
-    rows = rows or beginning_rows(record.time, model.per_flight_trims)
+    rows = beginning_rows(record.time, model.per_flight_trims)
     beginning = dataclasses.replace(record, seen=of_launch(record, rows))
     about = STILL_AIR
     for _ in range(2):
@@ -120,8 +117,9 @@ def find_launch(
         if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
             return launch, about
         launch[flight.states] += own[:n]
-        beginning = beginning.begun_at(beginning.rest + launch[OFFSET])
-        launch[OFFSET] = beginning.rest - record.rest
+        rest = beginning.rest + launch[OFFSET]
+        beginning = dataclasses.replace(beginning, rest=rest)
+        launch[OFFSET] = rest - record.rest
         about = Surroundings(own[n + PROCESSES :])
     return launch, about
 
@@ -130,7 +128,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     """Predicts one flight from its beginning."""
     rows = beginning_rows(record.time, model.per_flight_trims)
     launch, about = find_launch(model, record)
-    record = record.begun_at(record.rest + launch[OFFSET])
+    record = dataclasses.replace(record, rest=record.rest + launch[OFFSET])
     launch[OFFSET] = 0.0
     layout, (*_, trim, pitch_zero) = record.layout, about.constants
     path, dynamics = path_of(record, model.theta, about)

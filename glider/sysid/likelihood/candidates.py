@@ -96,15 +96,10 @@ class Candidates:
     def evidence(self, gram: np.ndarray) -> Evidence:
         """Returns the evidence of sets of columns beside those that always act."""
         (whole, prior), always = self.from_nothing(gram), self.always
-        keep = np.delete(np.arange(len(whole)), always)
-        reduced = np.zeros_like(whole)
-        reduced[np.ix_(keep, keep)] = eliminate(
-            whole, always, prior.precision[always], prior.mean[always]
-        )
         at = np.array([j for j, _ in self.columns], dtype=int)
         strengths = np.array([strength for _, strength in self.columns])
         return Evidence(
-            gram=reduced,
+            gram=eliminate(whole, always, prior.precision[always], prior.mean[always]),
             at=at,
             precision=prior.precision[at] / strengths**2,
             lower=prior.lower[at],
@@ -136,7 +131,7 @@ def gather(task: Task, model: FitResult, with_blocks: bool = False) -> Candidate
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
     offered = task.blocks.values() if with_blocks else ()
-    new = tuple(block for block in offered if block.name not in model.kinds)
+    new = tuple(b for b in offered if b.count and b.name not in model.kinds)
     linear = model_fit.linear_flights(task, model, directions, new)
     flights, wild = tamed(task, directions, linear)
     for kind in set(variants) - set(model.kinds):
@@ -157,11 +152,7 @@ def gather(task: Task, model: FitResult, with_blocks: bool = False) -> Candidate
         task=task,
         model=model,
         directions=tuple(directions),
-        variants={
-            kind: tuple(own)
-            for kind, own in variants.items()
-            if own and (own[0] or kind in model.kinds)
-        },
+        variants={kind: tuple(own) for kind, own in variants.items() if own},
         flights=flights,
         blocks=new,
         columns=tuple(scaled),
@@ -223,10 +214,9 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
         return dict.fromkeys(names, -np.inf)
     evidence, variants = candidates.evidence(gram), candidates.variants
     own = [column for kind in model.kinds for column in variants[kind][0]]
-    before = evidence.log_marginal(own)
+    [before] = evidence.extended(own, [()])
     return {
-        name: max(evidence.log_marginal([*own, *v]) for v in variants[name]) - before
-        for name in names
+        name: max(evidence.extended(own, variants[name])) - before for name in names
     }
 
 

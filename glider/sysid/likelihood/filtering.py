@@ -58,24 +58,25 @@ def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
 ) -> WhitenedFlight:
     """Filters a flight; the start's variances are given where they are others."""
-    if start is None:
-        start = start_variances(flight, scales)
-    arguments = _filter_arguments(flight.whole(), scales, start, 0)
+    arguments = _filter_arguments(flight.whole(), scales, start)
     filter_flight(*arguments)
     return WhitenedFlight(arguments[13], np.log(arguments[14]))
 
 
 def _filter_arguments(
-    flight: LinearFlight, scales: Scales, start: np.ndarray, smoothed: int
+    flight: LinearFlight,
+    scales: Scales,
+    start: np.ndarray | None = None,
+    smoothed: int = 0,
 ) -> tuple[np.ndarray, ...]:
-    """Arguments of `filter_columns`, with so many nodes to be smoothed."""
+    """Arguments of `filter_flight`, with so many nodes to be smoothed."""
     record, n = flight.record, flight.by_x.shape[1]
     usual, channels = start_variances(flight, scales), record.seen.shape[1]
     return (
         *(record.time, flight.by_x, flight.by_air, flight.by_trim, flight.inputs),
         *(flight.pose_by_x, flight.outputs, record.seen),
         np.square(scales.sensors[:channels]),
-        start,
+        usual if start is None else start,
         flight.start.copy(),
         1.0 / np.array(scales.times),
         usual[n : n + PROCESSES],
@@ -94,12 +95,11 @@ class Smoothed(NamedTuple):
 
 def smooth(flight: LinearFlight, scales: Scales) -> Smoothed:
     """Smooths a flight of one column, its error."""
-    start = start_variances(flight, scales)
-    arguments = _filter_arguments(flight, scales, start, len(flight.record.time))
+    arguments = _filter_arguments(flight, scales, smoothed=len(flight.record.time))
     adjoint = np.zeros(len(flight.start))
     smooth_flight(adjoint, *arguments)
     gusts = arguments[16][:, :, -1]
-    return Smoothed(start * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
+    return Smoothed(arguments[9] * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
 
 
 def excludes(scales: Scales, about: Surroundings) -> bool:
@@ -149,8 +149,8 @@ def negative_log_likelihood(
 
 def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
     """Returns the cost of a flight of one column [nats], and its slopes by `logs`."""
-    start, n = start_variances(flight, scales), flight.by_x.shape[1]
-    arguments = _filter_arguments(flight, scales, start, len(flight.record.time))
+    arguments = _filter_arguments(flight, scales, smoothed=len(flight.record.time))
+    start, n = arguments[9], flight.by_x.shape[1]
     by_sensor, by_start = np.empty_like(arguments[8]), np.empty_like(start)
     by_power, by_time = np.empty(PROCESSES), np.empty(2)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.

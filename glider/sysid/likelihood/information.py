@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from itertools import chain
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from glider.compiled.evidence import extended
 
@@ -34,34 +33,26 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
     return np.linalg.inv(scaled) * scale[:, None] * scale
 
 
-def solve(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
-    """Returns the minimiser δθ of [δθ; -1]' R [δθ; -1] + Σ ridge δθ²."""
-    m = information.shape[0] - 1
-    hessian = information[:m, :m] + np.diag(np.broadcast_to(ridge, m))
-    return solve_scaled(hessian, information[:m, m])
+def solve(information: np.ndarray) -> np.ndarray:
+    """Returns the minimiser δθ of [δθ; -1]' R [δθ; -1]."""
+    return solve_scaled(information[:-1, :-1], information[:-1, -1])
 
 
 def bounded_step(
     information: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     """Returns the minimiser of `solve`; coefficients that leave bounds stay on them."""
-    m = len(lower)
-    fixed = np.zeros(m, dtype=bool)
-    step = np.zeros(m)
-    for _ in range(m + 1):
-        loose = np.flatnonzero(~fixed)
-        keep = np.append(loose, m)
-        reduced = information[np.ix_(keep, keep)].copy()
-        reduced[:-1, -1] -= (
-            information[np.ix_(loose, np.flatnonzero(fixed))] @ step[fixed]
-        )
-        step[loose] = solve(reduced)
+    hessian, right = information[:-1, :-1], information[:-1, -1]
+    step, fixed = np.zeros(len(lower)), np.zeros(len(lower), dtype=bool)
+    while True:
+        loose, others = np.flatnonzero(~fixed), np.flatnonzero(fixed)
+        rest = right[loose] - hessian[np.ix_(loose, others)] @ step[others]
+        step[loose] = solve_scaled(hessian[np.ix_(loose, loose)], rest)
         outside = ~fixed & ((step < lower) | (step > upper))
         if not outside.any():
-            break
+            return step
         step[outside] = np.clip(step, lower, upper)[outside]
         fixed |= outside
-    return step
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -74,20 +65,13 @@ class Evidence:
     lower: np.ndarray  #: (m,) least changes that are physical.
     upper: np.ndarray  #: (m,) largest.
 
-    def log_marginal(self, columns: Sequence[int]) -> float:
-        """Returns the log marginal likelihood that columns gain over none [nats].
-
-        ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ; minus infinity where a
-        coefficient would not be physical.
-        """
-        return self.extended(columns, [()])[0]
-
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
-        """Returns `log_marginal` of columns with each of several others [nats].
+        """Returns what columns with each of several others gain over none [nats].
 
-        A coefficient is physical within two standard errors of its bounds.
+        In log marginal likelihood: ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ; minus
+        infinity where a coefficient is not physical, to two standard errors.
         """
         slack = 1e-9 + 2.0 / np.sqrt(self.gram.diagonal()[self.at] + self.precision)
         gains = np.empty(len(more))
@@ -126,16 +110,9 @@ def eliminate(
 ) -> np.ndarray:
     """Returns a Gram matrix (M + 1, M + 1) with columns solved for and eliminated.
 
-    Their changes have a prior of such precisions and means (len(always),).
+    Their changes have a prior of such precisions and means (len(always),); their own
+    rows mean nothing afterwards.
     """
-    always = list(always)
-    keep = [j for j in range(len(gram)) if j not in set(always)]
-    if not always:
-        return gram
-    corner = gram[np.ix_(always, always)] + np.diag(precision)
-    side = gram[np.ix_(always, keep)].copy()
-    side[:, -1] += precision * mean
-    scale = 1.0 / np.sqrt(np.diag(corner))
-    corner = corner * scale[:, None] * scale + 1e-11 * np.eye(len(always))
-    side = side * scale[:, None]
-    return gram[np.ix_(keep, keep)] - side.T @ cho_solve(cho_factor(corner), side)
+    side, corner = gram[:, list(always)], gram[np.ix_(always, always)]
+    side[-1] += precision * mean
+    return gram - side @ solve_scaled(corner + np.diag(precision), side, 1e-11).T

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -19,7 +19,6 @@ from glider.compiled.theta import OFFSET, SERVO_LOG
 from glider.physics.effects import FIELD_TERMS, Field
 from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
-from glider.sysid.likelihood.added_columns import AddedColumns
 from glider.sysid.likelihood.directions import Direction, Shapes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
@@ -40,6 +39,29 @@ class Surroundings(NamedTuple):
 
 
 STILL_AIR = Surroundings()
+
+
+class AddedColumns(NamedTuple):
+    """Columns of functions times some terms, made only when a flight is whitened."""
+
+    basis: np.ndarray  #: (K, M) functions in intervals; of sensors (K + 1, M) at nodes.
+    terms: list[int]  #: T indices of the flight's terms; of sensors of the pose.
+    mix: np.ndarray  #: (M T, q) mixtures of functions times terms, functions first.
+    are_read: bool  #: Whether sensors read them.
+
+    @property
+    def size(self) -> int:
+        """Number of columns q."""
+        return self.mix.shape[1]
+
+    def along(self, change: np.ndarray) -> np.ndarray:
+        """Returns the terms (K, T) by a change of the columns (q,)."""
+        return self.basis @ (self.mix @ change).reshape(-1, len(self.terms))
+
+    def columns(self, by_term: np.ndarray) -> np.ndarray:
+        """Returns the columns (K, n, q) of what the terms move by (K, n, T) each."""
+        product = self.basis[:, None, :, None] * by_term[:, :, None]
+        return product.reshape(*product.shape[:2], -1) @ self.mix
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -72,12 +94,12 @@ class LinearFlight:
         mix = np.append(-weights[:count], 1.0)
         inputs, outputs = self.inputs @ mix, self.outputs @ mix
         for own in self.forces:
-            added = own.along(weights[count : count + own.mix.shape[1]])
+            added = own.along(weights[count : count + own.size])
             if own.are_read:
                 outputs[:, own.terms] -= added
             else:
                 inputs += np.einsum("kit,kt->ki", self.by_term[:, :, own.terms], added)
-            count += own.mix.shape[1]
+            count += own.size
         return dataclasses.replace(
             self,
             forces=(),
@@ -89,7 +111,7 @@ class LinearFlight:
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        more = sum(own.mix.shape[1] for own in self.forces)
+        more = sum(own.size for own in self.forces)
         return self.combined(np.zeros(self.inputs.shape[2] - 1 + more))
 
     def with_force_errors(self) -> "LinearFlight":
@@ -119,27 +141,21 @@ class LinearFlight:
         """Returns the flight with the columns of its forces among the others."""
         if not self.forces:
             return self
-        moves, shows = [], []
+        first = self.inputs.shape[2] - 1
+        places = [first] * sum(own.size for own in self.forces)
+        arrays = self.inputs, self.outputs, self.start
+        inputs, outputs, start = (np.insert(own, places, 0.0, -1) for own in arrays)
         for own in self.forces:
-            count = own.mix.shape[1]
+            here = slice(first, first + own.size)
             if own.are_read:
-                by_term = np.eye(self.outputs.shape[1])[None, :, own.terms]
-                shows.append(own.columns(by_term))
-                moves.append(np.zeros((*self.inputs.shape[:2], count)))
+                by_term = np.eye(outputs.shape[1])[None, :, own.terms]
+                outputs[..., here] = own.columns(by_term)
             else:
-                moves.append(-own.columns(self.by_term[:, :, own.terms]))
-                shows.append(np.zeros((*self.outputs.shape[:2], count)))
-        inputs = np.concatenate(moves, axis=2)
-        wider: dict[str, Any] = {
-            "inputs": inputs,
-            "outputs": np.concatenate(shows, axis=2),
-            "start": np.zeros((len(self.start), inputs.shape[2])),
-        }
-        for name, more in wider.items():
-            old = getattr(self, name)
-            wider[name] = np.concatenate([old[..., :-1], more, old[..., -1:]], axis=-1)
-        bare = dataclasses.replace(self, forces=())
-        return dataclasses.replace(bare, **wider)
+                inputs[..., here] = -own.columns(self.by_term[:, :, own.terms])
+            first += own.size
+        return dataclasses.replace(
+            self, forces=(), inputs=inputs, outputs=outputs, start=start
+        )
 
 
 def path_of(

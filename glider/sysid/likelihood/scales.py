@@ -1,7 +1,6 @@
 """Standard deviations of sensors, moving air and flight-to-flight variation."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -12,27 +11,21 @@ _AT_FLOOR = 2.0  # Over the least scale, which a fit only comes near.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 
 
-def _scale(name: str) -> Any:
-    """A scale where it starts, and its range."""
-    usual, least, most = NOISE[name]
-    return dataclasses.field(default=usual, metadata={"range": (least, most)})
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scales:
-    """Standard deviations of all noise."""
+    """Standard deviations of all noise, by default where a fit of them starts."""
 
-    position: float = _scale("position")  #: Of measured x and z [m].
-    pitch: float = _scale("pitch")  #: Of measured pitch [rad].
-    elevator: float = _scale("elevator")  #: Of the measured elevator [rad].
-    air: float = _scale("air")  #: Of the moving air, in x and in z [m/s].
-    air_time: float = _scale("air_time")  #: Its correlation time [s].
-    moment: float = _scale("moment")  #: Of unmodelled accelerations [rad/s²].
-    servo: float = _scale("servo")  #: Of the elevator off its path [rad].
-    wind: float = _scale("wind")  #: Of flights' steady winds, x and z [m/s].
-    trim: float = _scale("trim")  #: Of their elevator trims [rad].
-    pitch_zero: float = _scale("pitch_zero")  #: Of their pitch readings [rad].
-    rate: float = _scale("rate")  #: Of the pitch rate of a gyro [rad/s].
+    position: float = NOISE["position"][0]  #: Of measured x and z [m].
+    pitch: float = NOISE["pitch"][0]  #: Of measured pitch [rad].
+    elevator: float = NOISE["elevator"][0]  #: Of the measured elevator [rad].
+    air: float = NOISE["air"][0]  #: Of the moving air, in x and in z [m/s].
+    air_time: float = NOISE["air_time"][0]  #: Its correlation time [s].
+    moment: float = NOISE["moment"][0]  #: Of unmodelled accelerations [rad/s²].
+    servo: float = NOISE["servo"][0]  #: Of the elevator off its path [rad].
+    wind: float = NOISE["wind"][0]  #: Of flights' steady winds, x and z [m/s].
+    trim: float = NOISE["trim"][0]  #: Of their elevator trims [rad].
+    pitch_zero: float = NOISE["pitch_zero"][0]  #: Of their pitch readings [rad].
+    rate: float = NOISE["rate"][0]  #: Of the pitch rate of a gyro [rad/s].
 
     @property
     def logs(self) -> np.ndarray:
@@ -59,6 +52,11 @@ class Scales:
         """Correlation times of the processes [s], in the filter's order."""
         return self.air_time, self.air_time, MOMENT_TIME, SERVO_TIME
 
+    def without(self, *names: str) -> "Scales":
+        """Returns the scales with some of them at their floors."""
+        least = {name: getattr(FLOOR, name) for name in names}
+        return dataclasses.replace(self, **least)
+
     @classmethod
     def from_logs(cls, logs: np.ndarray) -> "Scales":
         """Returns the scales of such logarithms."""
@@ -66,10 +64,7 @@ class Scales:
 
 
 NAMES = tuple(field.name for field in dataclasses.fields(Scales))
-FLOOR, CEILING = (
-    Scales(**{f.name: f.metadata["range"][end] for f in dataclasses.fields(Scales)})
-    for end in (0, 1)
-)
+FLOOR, CEILING = (Scales(**{n: NOISE[n][end] for n in NAMES}) for end in (1, 2))
 # Prior of the logarithms. Flights in nearly still air do not determine the gusts' time:
 # its range is two standard deviations either way. The others have none.
 USUAL = Scales().logs

@@ -1,7 +1,7 @@
 """The task of a fit: flights, known parameters and the effects to try."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -28,9 +28,9 @@ class Task:
         return self.vehicle.layout
 
     @property
-    def per_flight_trims(self) -> bool:
-        """Whether the elevator stands at another unknown angle in each flight."""
-        return not self.vehicle.trim_is_known
+    def offered(self) -> set[str]:
+        """Effects and free functions to try."""
+        return {*self.kinds, *self.blocks}
 
     def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
         """Returns the indices into theta to fit for a set of kinds, sorted."""
@@ -69,6 +69,12 @@ class Task:
     def on(self, records: Sequence[Record]) -> "Task":
         """Returns the same task on other flights."""
         return dataclasses.replace(self, records=records)
+
+    def offering(self, names: Collection[str]) -> "Task":
+        """Returns the task with only these of its effects and free functions."""
+        kinds = tuple(name for name in self.kinds if name in names)
+        blocks = {name: own for name, own in self.blocks.items() if name in names}
+        return dataclasses.replace(self, kinds=kinds, blocks=blocks)
 
     def thinned(self, count: int) -> "Task":
         """Returns the task on at most `count` of its flights, evenly picked."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.fit_result import FitResult
-from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.information import inverse, solve_scaled
 from glider.sysid.likelihood.task import Task
 
 _LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
@@ -71,42 +71,24 @@ def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Alternative:
-    """A set of effects that may be the right one."""
-
-    probability: float  #: Of those that are nearly as likely.
-    model: FitResult
-    known: Uncertainty  #: Given that the set is right.
-
-
-def alternatives_of(
-    task: Task, model: FitResult, rivals: Sequence[tuple[FitResult, float]]
-) -> list[Alternative]:
-    """Returns a model and its rivals, by the evidence that these lack [nats]."""
-    odds = np.exp([0.0, *(-lack for _, lack in rivals)])
-    models = [model, *(rival for rival, _ in rivals)]
-    return [
-        Alternative(probability=float(p), model=own, known=uncertainty_of(task, own))
-        for own, p in zip(models, odds / odds.sum(), strict=True)
-    ]
-
-
-def averaged(alternatives: Sequence[Alternative]) -> Uncertainty:
-    """Returns the errors of the first of sets, averaged over all.
+def averaged(
+    probabilities: Sequence[float],
+    models: Sequence[FitResult],
+    known: Sequence[Uncertainty],
+) -> Uncertainty:
+    """Returns the errors of the first of models that may be right, averaged over all.
 
     The mean of their covariances and of the squares of what they differ by: where an
-    effect is absent, by all of its size.
+    effect is absent, by all of its size. Errors of each hold if it is right.
     """
-    first = alternatives[0]
-    total = np.zeros(2 * first.model.theta.shape)
-    for own in alternatives:
-        change = own.model.theta - first.model.theta
-        named, spread = list(own.known.named), np.outer(change, change)
-        spread[np.ix_(named, named)] += own.known.covariance[0]
-        total += own.probability * spread
-    slots = list(first.known.named)
-    return dataclasses.replace(first.known, average=total[np.ix_(slots, slots)])
+    first, total = models[0].theta, np.zeros(2 * models[0].theta.shape)
+    for probability, model, own in zip(probabilities, models, known, strict=True):
+        change = model.theta - first
+        named, spread = list(own.named), np.outer(change, change)
+        spread[np.ix_(named, named)] += own.covariance[0]
+        total += probability * spread
+    slots = list(known[0].named)
+    return dataclasses.replace(known[0], average=total[np.ix_(slots, slots)])
 
 
 def jackknife(
@@ -119,11 +101,10 @@ def jackknife(
     flights, m = len(grams), grams.shape[1] - 1
     hessians = grams[:, :m, :m]
     total = hessians.sum(axis=0) + np.diag(precision)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
-    square = scale[:, None] * scale
-    inverse = np.linalg.inv(total * square + 1e-12 * np.eye(m)) * square
+    covariance = inverse(total)
     changes = solve_scaled(total - hessians, grams[:, :m, m], 1e-12)
-    return 0.5 * (inverse + inverse.T), changes * np.sqrt((flights - 1.0) / flights)
+    symmetric = 0.5 * (covariance + covariance.T)
+    return symmetric, changes * np.sqrt((flights - 1.0) / flights)
 
 
 def larger_of(likelihood: np.ndarray, changes: np.ndarray) -> tuple[np.ndarray, float]:

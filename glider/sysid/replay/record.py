@@ -88,17 +88,12 @@ class Record:
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
-        last = len(self.time) - 1
         of_nodes = "time pose elevator pitch_rate seen nodes"
         of_nodes += " acceleration acceleration_std"
         ends = dict.fromkeys(of_nodes.split(), count)
-        ends |= dict.fromkeys(("pitch", "bank", "side_wind"), min(count - 1, last))
+        ends |= dict.fromkeys(("pitch", "bank", "side_wind"), count - 1)
         cut = {name: getattr(self, name)[:end] for name, end in ends.items()}
         return dataclasses.replace(self, **cut)
-
-    def begun_at(self, angle: float) -> "Record":
-        """Returns the flight with an elevator that stood at an angle first [rad]."""
-        return dataclasses.replace(self, rest=angle)
 
 
 def prepare(
@@ -202,16 +197,15 @@ def _pitch_rates(
     flight: Flight, good: np.ndarray, time: np.ndarray, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pitch rates of a gyro (n,) [rad/s]; which count, (n, 1), without one (n, 0)."""
-    rates, has_gyro = np.zeros(len(time)), flight.pitch_rate is not None
-    seen = np.zeros((len(time), int(has_gyro)), dtype=bool)
-    if flight.pitch_rate is not None:
-        own = flight.pitch_rate[good]
-        shown = np.isfinite(own)
-        shown[[0, -1]] = False  # With late poses, other times are compared.
-        seen[at[shown]] = True
-        if shown.any():
-            rates = np.interp(time, time[at[shown]], own[shown])
-    return rates, seen
+    if flight.pitch_rate is None:
+        return np.zeros(len(time)), np.zeros((len(time), 0), dtype=bool)
+    own, seen = flight.pitch_rate[good], np.zeros((len(time), 1), dtype=bool)
+    shown = np.isfinite(own)
+    shown[[0, -1]] = False  # With late poses, other times are compared.
+    seen[at[shown]] = True
+    if not shown.any():
+        return np.zeros(len(time)), seen
+    return np.interp(time, time[at[shown]], own[shown]), seen
 
 
 def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

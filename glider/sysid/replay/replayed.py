@@ -111,26 +111,17 @@ def true_nodes(
     equations along the flight, at rest where it begins; those that move nothing are
     zero unless they are asked for.
     """
-    if not with_states and record.layout.active_states(theta)[-1] < NUM_STATES:
-        return _motion(record, theta, field)
-    elevator, rate, *_ = signals(record, theta)
-    along = compiled.log_path(record.time, elevator, rate)
-    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
-    nodes = _motion(record, theta, field)
-    nodes[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
-    return compiled.with_extras(kinds, along, nodes, dynamics, field)
-
-
-def _motion(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
-    """Returns the same, (n, num_states), the effects' states zero."""
     nodes = _without_sensors(record, theta, field)
-    if not record.has_servo:
-        return nodes
-    *_, logged, persists = signals(record, theta)
+    elevator, rate, logged, persists = signals(record, theta)
     shown = record.seen[:, 3] & persists
     if shown.any():  # Else the offset is unknown.
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
-    return nodes
+    if not with_states and record.layout.active_states(theta)[-1] < NUM_STATES:
+        return nodes
+    along = compiled.log_path(record.time, elevator, rate)
+    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
+    nodes[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
+    return compiled.with_extras(kinds, along, nodes, dynamics, field)
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:

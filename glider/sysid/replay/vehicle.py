@@ -56,7 +56,7 @@ class Vehicle:
     nuisance: Mapping[int, float]
     of_log: Mapping[int, float]  #: Those of the log, and their standard errors.
     kinds: tuple[str, ...]  #: Effects that these logs could show.
-    trim_is_known: bool  #: Whether the elevator's angle is the same in each flight.
+    per_flight_trims: bool  #: Whether the elevator stands elsewhere in each flight.
     is_known: bool  #: Whether the nominal model is complete, with the elevator's angle.
     knows_forces: bool  #: Whether mass and areas are known: forces can be compared.
     notes: tuple[str, ...]  #: What was assumed, for the report.
@@ -118,7 +118,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         nuisance=dict(sorted(spreads.items())),
         of_log=of_log,
         kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
-        trim_is_known=elevator != "fixed_per_flight",
+        per_flight_trims=elevator == "fixed_per_flight",
         is_known="mass" in known and not unknown and elevator != "fixed",
         notes=tuple(notes),
         is_per_mass=is_per_mass,

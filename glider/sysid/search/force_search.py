@@ -59,25 +59,21 @@ class HeldOutEvidence:
     def __init__(self, candidates: Candidates, grams: np.ndarray, counts: np.ndarray):
         """Takes the flights' information and how often each counts."""
         drawn = np.flatnonzero(counts)
-        self._counts, self._always = counts[drawn], candidates.always
+        self._counts, self._always = counts[drawn], np.array(candidates.always, int)
         self._own, self._prior = candidates.from_nothing(grams[drawn])
         weighted = self._counts[:, None, None] * self._own
-        self._sum = weighted.sum(axis=0)
+        self._sum = weighted.sum(axis=0, keepdims=True)
         self._rest = self._sum - weighted
-        [self._alone] = self._costs(np.zeros((1, 0), dtype=int))
-
-    def log_marginal(self, columns: Sequence[int]) -> float:
-        """Gain of columns over none; -inf where they are not physical."""
-        return self.extended(columns, [()])[0]
+        self._alone = self._costs(np.zeros((1, 0), dtype=int))
 
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
-        """Gain of columns with each of several others over none."""
+        """Gain of columns with each of several others over none; -inf: not physical."""
         sets = [[*columns, *variant] for variant in more]
         gains = np.zeros(len(sets))
-        for size in {len(own) for own in sets} - {0}:
-            at = np.array([i for i, own in enumerate(sets) if len(own) == size])
+        for size in {*map(len, sets)} - {0}:
+            at = np.flatnonzero([len(own) == size for own in sets])
             entries = len(self._own) * (len(self._always) + size) ** 2
             parts = 1 + len(at) * entries // _MOST_ENTRIES
             for part in np.array_split(at, min(parts, len(at))):
@@ -87,44 +83,38 @@ class HeldOutEvidence:
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the coefficients of columns, counted from zero."""
         sets = np.array([columns], dtype=int)
-        return self._steps(self._sum[None], sets)[0, 0, len(self._always) :]
+        return self._steps(self._sum, sets)[0, 0, len(self._always) :]
 
     def _gains(self, sets: np.ndarray) -> np.ndarray:
         """Returns the gains of sets of columns (v, k) over none, (v,)."""
-        steps = self._steps(self._sum[None], sets)[:, 0, len(self._always) :]
+        steps = self._steps(self._sum, sets)[0, :, len(self._always) :]
         lower, upper = self._prior.lower[sets], self._prior.upper[sets]
         is_out = steps < lower - _SLACK * np.abs(lower)
         is_out |= steps > upper + _SLACK * np.abs(upper)
-        gains = (self._alone - self._costs(sets)) @ self._counts
+        gains = self._counts @ (self._alone - self._costs(sets))
         return np.where(is_out.any(axis=1), -np.inf, gains)
 
     def _steps(self, grams: np.ndarray, sets: np.ndarray) -> np.ndarray:
-        """Returns the most likely changes of columns, after those that act, (v, n, m).
+        """Returns the most likely changes of columns, after those that act, (n, v, m).
 
         By each of the information (n, M + 1, M + 1).
         """
-        index, prior = self._with_always(sets), self._prior
-        rows, columns = index[:, None, :, None], index[:, None, None, :]
-        flights = np.arange(len(grams))[:, None]
-        precision, mean = prior.precision[index][:, None], prior.mean[index][:, None]
-        system = grams[flights[..., None], rows, columns]
-        system += precision[..., None] * np.eye(index.shape[1])
-        side = grams[flights, index[:, None], -1] + precision * mean
-        return solve_scaled(system, side, 0.0)
+        index = self._with_always(sets)
+        precision = self._prior.precision[index][..., None] * np.eye(index.shape[1])
+        systems = grams[:, index[..., None], index[:, None]] + precision
+        return solve_scaled(systems, grams[:, index, -1], 0.0)
 
     def _costs(self, sets: np.ndarray) -> np.ndarray:
-        """Returns flights' costs by what the others say of sets of columns (v, n)."""
+        """Returns flights' costs by what the others say of sets of columns (n, v)."""
         steps = self._steps(self._rest, sets)
         weights = np.concatenate([-steps, np.ones((*steps.shape[:2], 1))], axis=2)
         index = np.pad(self._with_always(sets), ((0, 0), (0, 1)), constant_values=-1)
-        rows, columns = index[:, None, :, None], index[:, None, None, :]
-        own = self._own[np.arange(len(self._own))[:, None, None], rows, columns]
+        own = self._own[:, index[..., None], index[:, None]]
         return 0.5 * np.sum(weights * (own @ weights[..., None])[..., 0], axis=2)
 
     def _with_always(self, sets: np.ndarray) -> np.ndarray:
         """Returns sets with the columns that always act before them."""
-        always = np.array(self._always, dtype=int)
-        return np.hstack([np.tile(always, (len(sets), 1)), sets])
+        return np.hstack([np.tile(self._always, (len(sets), 1)), sets])
 
 
 def held_out_threshold(task: Task, kind: str) -> float:
@@ -169,7 +159,7 @@ def search_forces(
         evidence=score.lost(members),
         weighed=weighed,
         alone=alone,
-        combinations=tuple(score.ranked()),
+        combinations=score.ranked(),
         threshold=HELD_OUT,
         forces=model,
     )

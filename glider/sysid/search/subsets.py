@@ -9,6 +9,7 @@ import numpy as np
 
 from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS
 from glider.sysid.likelihood.candidates import Member, Variant
+from glider.sysid.result import Combination
 
 Members = tuple[Member, ...]
 Penalty = Callable[[str, Collection[str]], float]
@@ -18,13 +19,13 @@ Penalty = Callable[[str, Collection[str]], float]
 class SetEvidence(Protocol):
     """How much better a set of columns explains the flights than none."""
 
-    def log_marginal(self, columns: Sequence[int]) -> float:
-        """Returns the gain [nats]; minus infinity where it is not physical."""
-
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
-        """Returns the gain of columns with each of several others [nats]."""
+        """Returns the gain of columns with each of several others [nats].
+
+        It is minus infinity where coefficients are not physical.
+        """
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the columns' coefficients, counted from zero."""
@@ -57,15 +58,13 @@ class Scorer:
         """Returns the evidence of a set without its penalty [nats]."""
         key = frozenset(members)
         if key not in self._kept:
-            self._kept[key] = self.evidence.log_marginal(_columns_of(members))
+            [self._kept[key]] = self.evidence.extended(_columns_of(members), [()])
         return self._kept[key]
 
     def alone(self) -> dict[str, float]:
         """Returns the gain of each kind alone, without its penalty [nats]."""
-        return {
-            kind: max(self.evidence.log_marginal(v) for v in own)
-            for kind, own in self.variants.items()
-        }
+        variants = self.variants.items()
+        return {kind: max(self.evidence.extended((), own)) for kind, own in variants}
 
     def lost(self, members: Members) -> dict[str, float]:
         """Returns the loss without each member, without its penalty [nats]."""
@@ -74,15 +73,13 @@ class Scorer:
             for (kind, _), fewer in zip(members, self.smaller(members), strict=True)
         }
 
-    def ranked(self) -> list[tuple[tuple[str, ...], float]]:
-        """Returns the kinds of all sets that were scored, best first [nats]."""
+    def ranked(self) -> tuple[Combination, ...]:
+        """Returns the kinds of all sets that were scored, best first."""
         best: dict[tuple[str, ...], float] = {}
         for members in self._kept:
-            value = self(tuple(members))
             kinds = tuple(sorted(kind for kind, _ in members))
-            if kinds and value > best.get(kinds, -np.inf):
-                best[kinds] = value
-        return sorted(best.items(), key=lambda item: -item[1])
+            best[kinds] = max(best.get(kinds, -np.inf), self(tuple(members)))
+        return ranked(best)
 
     def by_first(self, kinds: Iterable[str]) -> Members:
         """Returns the set of some kinds, each by its first variant."""
@@ -144,6 +141,12 @@ def _columns_of(members: Members) -> list[int]:
     return [column for _, variant in members for column in variant]
 
 
+def ranked(gains: Mapping[tuple[str, ...], float]) -> tuple[Combination, ...]:
+    """Returns sets by their gains [nats], best first, but for those that diverge."""
+    found = [Combination(*own) for own in gains.items() if own[0] and own[1] > -np.inf]
+    return tuple(sorted(found, key=lambda own: -own.evidence))
+
+
 def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
     """Returns the set that no swap betters, and no drop or addition where it may.
 
@@ -180,8 +183,6 @@ def best_of_sizes(score: Scorer) -> list[Members]:
     return found
 
 
-def best_set(score: Scorer, start: Members = ()) -> Members:
-    """Returns the best set that a beam, or a climb from a start, finds."""
-    return climb(
-        score, max([(), climb(score, start), *best_of_sizes(score)], key=score)
-    )
+def best_set(score: Scorer) -> Members:
+    """Returns the best set that a beam, or a climb from nothing, finds."""
+    return climb(score, max([climb(score, ()), *best_of_sizes(score)], key=score))

@@ -11,7 +11,7 @@ from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.task import Task
-from glider.sysid.result import EvidenceThreshold
+from glider.sysid.result import Combination, EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer, climb
 
 _LEAST_DRAWS, _MOST_DRAWS = 25, 200  # Sets of flights: the most where in doubt.
@@ -111,8 +111,7 @@ class SearchResult:
     evidence: dict[str, float]  #: Kind to the evidence lost without it [nats].
     weighed: dict[str, EffectSupport]  #: Kind to its support.
     alone: dict[str, float]  #: Evidence as the only effect, to first order [nats].
-    #: Kinds of each set that was fitted, and its penalized gain [nats].
-    combinations: tuple[tuple[tuple[str, ...], float], ...]
+    combinations: tuple[Combination, ...]  #: Sets that were fitted, best first.
     #: Free function to the library's formula of its family that is nearest.
     families: dict[str, str] = dataclasses.field(default_factory=dict)
     found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.

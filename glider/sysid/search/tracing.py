@@ -8,7 +8,6 @@ flights do not support is dropped, and the loop goes on without it.
 import dataclasses
 import heapq
 from collections.abc import Collection, Iterator, Mapping
-from itertools import islice
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from glider.sysid.replay.record import Noise
 from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search import fits, moves
 from glider.sysid.search.force_search import held_out_scorer, search_forces
-from glider.sysid.search.subsets import climb
+from glider.sysid.search.subsets import climb, ranked
 from glider.sysid.search.support import (
     EffectSupport,
     SearchResult,
@@ -56,24 +55,20 @@ def trace(
     model = resumed(search, start, earlier) if earlier else None
     if model is None:
         search = fits.Search(task, progress)
-        *_, model = searched(search, start)
+        *_, model = start, *searched(search, start)
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
     bare = search.fit(fits.bare_of(task, model))
     least = search.penalized_cost(bare)
-    gains: dict[tuple[str, ...], float] = {}
-    for other in search.fitted.values():
-        gain = least - search.penalized_cost(other)
-        if other.kinds and gain > gains.get(other.kinds, -np.inf):
-            gains[other.kinds] = gain
+    costs = {m.kinds: search.penalized_cost(m) for m in search.fitted.values()}
     return SearchResult(
         model=model,
         bare=bare,
         evidence=evidence,
         weighed=weighed,
         alone=search.alone,
-        combinations=tuple(sorted(gains.items(), key=lambda item: -item[1])),
+        combinations=ranked({kinds: least - cost for kinds, cost in costs.items()}),
         families=moves.families_of(search, model),
         found_by={kind: search.found_by.get(kind, "") for kind in model.kinds},
         rivals=rivals_of(search, model, weighed),
@@ -89,15 +84,14 @@ def resumed(
     Effects are compared about the start first, as in any search.
     """
     task = search.task
-    if not {*earlier.kinds} <= {*task.kinds, *task.blocks}:
+    if not task.offered.issuperset(earlier.kinds):
         return None
     search.task = without_late(task)
     search.near(start)
     search.task = task
     model = search.fit(begun_from(task, earlier))
     search.found_by = dict.fromkeys(model.kinds, EARLIER)
-    found = islice(searched(search, model), 2)
-    return model if len([*found]) == 1 else None
+    return None if next(searched(search, model), None) else model
 
 
 def begun_from(task: Task, earlier: FitResult) -> FitResult:
@@ -122,7 +116,7 @@ def begun_from(task: Task, earlier: FitResult) -> FitResult:
 
 
 def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
-    """Yields a model, then each that is better; effects that are tried last come last.
+    """Yields better models; effects that are tried last come last.
 
     No move betters the last one.
     """
@@ -132,12 +126,13 @@ def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
         yield usual
     if search.task is task:
         return
-    late, search.task = usual, only_late(task, usual)
-    for late in islice(improvements(search, usual, ("best set",)), 1, None):
+    search.task = task.offering({*LATE, *usual.kinds})
+    late = usual
+    for late in improvements(search, usual, ("best set",)):
         yield late
     search.task = task
     if late is not usual:
-        yield from islice(improvements(search, late), 1, None)
+        yield from improvements(search, late)
 
 
 def rivals_of(
@@ -158,36 +153,36 @@ def rivals_of(
         others = near.score.among(support.rivals).larger(tuple(rest))
         for members in heapq.nlargest(FOLLOWED, others, key=near.score):
             search.fit(near.begin(members))
-    found: dict[frozenset[str], tuple[FitResult, float]] = {}
+    found, allowed = [], search.task.offered
     for kinds, other in search.fitted.items():
         lack = search.penalized_cost(other) - best
-        allowed = {*search.task.kinds, *search.task.blocks}
         if kinds in swapped or (kinds <= allowed and lack > -RIVAL_GAP):
             lack = max(lack, 0.0)
-        if kinds != own and 0.0 <= lack < found.get(kinds, (other, RIVAL_GAP))[1]:
-            found[kinds] = other, lack
-    return tuple(sorted(found.values(), key=lambda pair: pair[1])[:FOLLOWED])
+        if kinds != own and 0.0 <= lack < RIVAL_GAP:
+            found.append((other, lack))
+    return tuple(sorted(found, key=lambda pair: pair[1])[:FOLLOWED])
 
 
 def improvements(
     search: fits.Search, model: FitResult, names: Collection[str] = moves.MOVES
 ) -> Iterator[FitResult]:
-    """Yields a model, then better ones until none of the moves finds one."""
-    better: FitResult | None = model
-    while better:
-        yield better
-        model, better = better, None
+    """Yields better models until none of the moves finds one."""
+    while True:
         for name in names:
             search.progress(name)
             if better := moves.MOVES[name](search, model):
                 new = set(better.kinds).difference(model.kinds)
                 search.found_by.update(dict.fromkeys(new, name))
+                yield better
+                model = better
                 break
+        else:
+            return
 
 
 def improved(search: fits.Search, model: FitResult) -> FitResult:
     """Returns the model that no move betters."""
-    *_, best = improvements(search, model)
+    *_, best = model, *improvements(search, model)
     return best
 
 
@@ -207,11 +202,7 @@ def supported(
         if weak is None:
             return model, evidence, weighed
         task = search.task
-        search.task = dataclasses.replace(
-            task,
-            kinds=tuple(kind for kind in task.kinds if kind != weak),
-            blocks={k: own for k, own in task.blocks.items() if k != weak},
-        )
+        search.task = task.offering(task.offered - {weak})
         model = improved(search, search.fit(fits.without(task, model, weak)))
 
 
@@ -237,15 +228,7 @@ def without_late(task: Task, kept: Collection[str] = ()) -> Task:
     """
     if len(task.kinds) < len(task.vehicle.kinds):
         return task
-    kinds = tuple(kind for kind in task.kinds if kind not in LATE or kind in kept)
-    return dataclasses.replace(task, kinds=kinds)
-
-
-def only_late(task: Task, model: FitResult) -> Task:
-    """Returns the task with a model's effects and those that are tried last."""
-    kinds = tuple(kind for kind in task.kinds if kind in LATE or kind in model.kinds)
-    blocks = {k: own for k, own in task.blocks.items() if k in model.kinds}
-    return dataclasses.replace(task, kinds=kinds, blocks=blocks)
+    return task.offering(task.offered.difference(LATE).union(kept))
 
 
 def search_about(

@@ -57,7 +57,7 @@ def test_the_elevator_is_known_along_the_whole_flight(windy):
     elevator = record.elevator.copy()
     elevator[:rows] += 0.03
     spoilt = dataclasses.replace(record, elevator=elevator)
-    there, here = (find_launch(model, r, rows)[0][3] for r in (spoilt, record))
+    there, here = (find_launch(model, r)[0][3] for r in (spoilt, record))
     assert 0.0 < there - here < 0.3 * 0.03
 
 

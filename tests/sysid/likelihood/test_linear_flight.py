@@ -183,7 +183,7 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     angles, _ = signals(record, theta).at_nodes
     high = angles.min() + 0.7 * np.ptp(angles)
     record = dataclasses.replace(record, limits=(-1.0, high))
-    other = record.begun_at(record.rest + apart)
+    other = dataclasses.replace(record, rest=record.rest + apart)
     persists = signals(record, theta).offset_persists
     assert persists[0] and not persists[-1]
     moved = signals(other, theta).at_nodes[0] - signals(record, theta).at_nodes[0]

@@ -9,7 +9,6 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.uncertainty import (
-    Alternative,
     Uncertainty,
     averaged,
     jackknife,
@@ -138,30 +137,27 @@ def test_sets_that_are_nearly_as_likely_add_what_they_differ_by(exact):
     slots = task.layout.slots_of("profile_drag")
 
     def alternative(probability, theta, stds):
-        return Alternative(
-            probability=probability,
-            model=dataclasses.replace(model, theta=theta),
-            known=Uncertainty(
-                free=slots if stds else (),
-                named=slots if stds else (),
-                places={},
-                likelihood=np.diag(np.square(stds)),
-                changes=np.zeros((5, len(stds))),
-            ),
+        known = Uncertainty(
+            free=slots if stds else (),
+            named=slots if stds else (),
+            places={},
+            likelihood=np.diag(np.square(stds)),
+            changes=np.zeros((5, len(stds))),
         )
+        return probability, dataclasses.replace(model, theta=theta), known
 
     there = model.theta.copy()
     there[list(slots)] = 0.05
     first = alternative(0.8, there, [0.001] * len(slots))
     absent = alternative(0.2, task.vehicle.theta, [])
-    known = averaged([first, absent])
+    known = averaged(*zip(first, absent, strict=True))
     variance = 0.8 * 0.001**2 + 0.2 * 0.05**2
     assert known.std(slots[0]) == pytest.approx(np.sqrt(variance))
-    alone = dataclasses.replace(first, probability=1.0)
-    assert averaged([alone]).std(slots[0]) == pytest.approx(0.001)
+    alone = averaged([1.0], *([own] for own in first[1:]))
+    assert alone.std(slots[0]) == pytest.approx(0.001)
     other = there.copy()
     other[list(slots)] = 0.053
     rival = alternative(0.2, other, [0.002] * len(slots))
     variance = 0.8 * 0.001**2 + 0.2 * (0.002**2 + 0.003**2)
-    found = averaged([first, rival]).std(slots[0])
+    found = averaged(*zip(first, rival, strict=True)).std(slots[0])
     assert found == pytest.approx(np.sqrt(variance))

@@ -57,7 +57,7 @@ def test_without_mass_and_areas_all_is_per_kilogram(campaign):
 def test_no_servo_no_servo_effects(campaign):
     vehicle = make_vehicle(without_servo(campaign, "fixed_per_flight"))
     assert not {"servo_lag", "command_delay", "elevator_trim"} & set(vehicle.kinds)
-    assert not vehicle.trim_is_known
+    assert vehicle.per_flight_trims
 
 
 @pytest.mark.slow

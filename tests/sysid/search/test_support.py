@@ -90,11 +90,9 @@ def test_draws_that_choose_what_is_no_rival_count_against_an_effect():
             if counts[0] == 0.0:
                 self.value = self.value[::-1]
 
-        def log_marginal(self, chosen):
-            return float(self.value[list(chosen)].max(initial=0.0))
-
         def extended(self, chosen, more):
-            return [self.log_marginal([*chosen, *variant]) for variant in more]
+            sets = [[*chosen, *variant] for variant in more]
+            return [float(self.value[own].max(initial=0.0)) for own in sets]
 
         def step(self, chosen):
             return np.zeros(len(chosen))
