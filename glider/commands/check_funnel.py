@@ -168,7 +168,11 @@ def run(args: argparse.Namespace) -> int:
         )
         if args.prove and verdict.holds:
             proof = prove_flights(
-                funnel, args.every, resume=args.resume, progress=follow("proof")
+                funnel,
+                args.every,
+                resume=args.resume,
+                progress=follow("proof"),
+                is_checked=True,
             )
         if confidence and verdict.holds:
             rng, say = np.random.default_rng(seed), follow("gliders")

@@ -18,7 +18,7 @@ from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
-    command_errors,
+    chained_errors,
     effect_of_hold,
     form_size,
     hold_starts,
@@ -32,11 +32,12 @@ from glider.verification.funnel.funnel import (
 )
 from glider.verification.funnel.growth import Bounds, push_form
 from glider.verification.funnel.servo_limits import steepest_gains
-from glider.verification.proof import held
+from glider.verification.proof import flight_proof, held
+from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import at_time, make_interval
 from glider.verification.proof.interval_growth import growth_forms
-from glider.verification.proof.interval_proof import prove_interval
+from glider.verification.proof.interval_proof import IntervalProof, prove_interval
 from glider.verification.proof.purpose import push_faults
 from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
@@ -72,7 +73,7 @@ def clocked(proven):
         along(proven.beta), along(proven.weights), 0.0 * S, zero + 1.0, *zero.T
     )
     nominal = dataclasses.replace(nominal)
-    rests = command_errors(nominal, S, np.arange(last + 1), bounds, ERROR, WIND)
+    rests = chained_errors(nominal, S, bounds, ERROR, WIND)
     errors = rests + BEND_ROOM * bend_sizes(S, nominal.bends)
     return Funnel(
         nominal=nominal,
@@ -178,7 +179,28 @@ def test_held_flights_are_within_the_proven_error(clocked):
 
 
 def test_the_error_of_held_commands_is_proven(clocked):
-    assert held_faults(part(clocked, 3)) == []
+    shares: list[float] = []
+    assert held_faults(part(clocked, 3), shares.append) == []
+    assert shares == sorted(shares) and len(shares) > 8 and shares[-1] < 1.0
+
+
+@pytest.mark.parametrize("is_checked", [False, True])
+def test_a_proof_proves_held_commands_unless_they_were(
+    clocked, is_checked, monkeypatch
+):
+    """A check has: `check-funnel --prove` proves them once."""
+    calls = []
+    monkeypatch.setattr(
+        flight_proof, "held_faults", lambda *a: calls.append(a) or ["x"]
+    )
+    monkeypatch.setattr(flight_proof, "prove_interval", lambda *a: IntervalProof())
+    piece = part(clocked, 1)
+    if is_checked:
+        assert prove_flights(piece, workers=1, is_checked=True).is_whole
+    else:
+        with pytest.raises(InputError, match="Nothing is proven: x"):
+            prove_flights(piece, workers=1)
+    assert len(calls) == (not is_checked)
 
 
 @pytest.mark.parametrize(
@@ -258,7 +280,7 @@ def test_the_error_grows_as_the_polynomials_say(clocked):
     z = sphere_points(300, 7)
     e, B = z @ turn.T, exact(turn)
     known = B.T @ interval.bends @ B
-    given = B, line(*nominal.gains), B.T @ interval.bends
+    given = B, line(nominal.gains), B.T @ interval.bends
     parts = held._rate_forms(interval, *given, known)
     found = np.zeros(len(z))
     for degree, (part, sign) in enumerate(zip(parts, (1, 1, 1, -1), strict=True), 1):
@@ -273,6 +295,13 @@ def test_the_error_grows_as_the_polynomials_say(clocked):
         most = held._pull(interval.push_slopes[:, axis], *given)
         pulls = np.abs(np.sum(along * slopes[..., axis], axis=1))
         assert np.all(pulls <= most) and pulls.max() > 0.5 * most
+
+
+def test_the_known_error_is_that_of_neighbors_too():
+    """A proof has one ball for an interval, and sets may grow by a tenth in it."""
+    S = np.array([np.eye(3), np.eye(3), 0.5 * np.eye(3), np.eye(3), np.eye(3)])
+    bends = np.array([np.eye(3)] * 5) * np.array([1, 2, 3, -4, 5])[:, None, None]
+    assert bend_sizes(S, bends) == pytest.approx([1.0, 4.0, 6.0, 8.0, 5.0])
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
@@ -369,6 +398,30 @@ def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
     other = changed(clocked, "gains", inner, 3.0)
     same = as_flown._flights(other, FlownLoop(hold=Hold(period=PERIOD)), genes)[2]
     assert same == pytest.approx(prompt, rel=2e-3, abs=1e-5)
+
+
+def test_each_held_command_has_an_error_of_its_own(clocked, monkeypatch):
+    """That makes V rise fastest when it begins to act; a steady one is always there."""
+    genes = np.hstack([sphere_points(30, 7), np.tile([1.0, 0.0, 0.5, 0.0], (30, 1))])
+    loop = FlownLoop(hold=Hold(period=PERIOD), command_error=0.5)
+    flight, errors, begins = as_flown._Flight(clocked, loop, genes), [], []
+    choose = flight._pushes_now
+
+    def seen(command, chooses):
+        error, wind = choose(command, chooses)
+        errors.append(error)
+        begins.append(chooses)
+        return error, wind
+
+    monkeypatch.setattr(flight, "_pushes_now", seen)
+    chosen = flight.levels()[1]
+    changes = np.any(np.diff(errors, axis=0) != 0.0, axis=1)
+    assert np.all(np.abs(errors) == 0.5)
+    assert np.all(begins[1:] >= changes) and changes.sum() > 5
+    assert sum(begins) == len(np.unique(hold_starts(clocked.nominal.times)))
+    genes[:, -1] = 1.0
+    steady = as_flown._Flight(clocked, loop, genes)
+    assert np.mean(chosen >= steady.levels()[1]) > 0.8
 
 
 @pytest.mark.parametrize(

@@ -120,7 +120,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
     times = rng.uniform(start, stop, 400)
     a = rng.normal(size=7)
     along = [a @ piece.gliders.at(t, d) for t, d in zip(times, deltas, strict=True)]
-    bound = servo_reach(piece, line(a, a), exact(stop) - exact(start))
+    bound = servo_reach(piece, line([a, a]), exact(stop) - exact(start))
     assert 0.95 * bound < np.max(along) <= bound
 
     basis = tight_cover(make_interval(piece))[0]

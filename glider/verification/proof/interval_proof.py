@@ -17,10 +17,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.nominal import nonlinear_parts, open_loop_rates
+from glider.verification.dynamics.nominal import ARRAYS, nonlinear_parts
 from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import climb_sphere
+from glider.verification.funnel.remainder import rates_about
 from glider.verification.proof.enclosure import TaylorRemainder, make_remainder
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
@@ -163,35 +164,33 @@ class Candidate:
 
 def worst_candidate(piece: Funnel) -> Candidate:
     """Returns the worst state and time that were found on the boundary."""
-    nominal, n = piece.nominal, piece.num_states
-    times = np.linspace(nominal.times[0], nominal.times[1], TIMES)
-    shares = np.linspace(0.0, 1.0, TIMES)
-    here = [nominal.between(share) for share in shares]
-    inputs = np.concatenate([one.inputs for one in here])
-    gains = np.concatenate([one.gains for one in here])
-    centers, drift = nominal.path(times), nominal.path(times, 1)
+    n, shares = piece.num_states, np.linspace(0.0, 1.0, TIMES)
+    here = [piece.nominal.between(share) for share in shares]
+    arrays = {k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS}
+    nominal = dataclasses.replace(piece.nominal, **arrays)
+    times, at = nominal.times, np.arange(TIMES)
+    drift = piece.nominal.path(times, 1)[:, None]
     S, slopes = piece.curve(times), piece.curve(times, 1)
     turn = np.swapaxes(to_ball(S)[1], 1, 2)
 
     def growth(z):
         """Returns V̇ (TIMES, B) at points (TIMES, B, n) of the spheres."""
         e = z @ turn
-        states = np.moveaxis(centers[:, None] + e, 2, 0)
-        command = inputs[:, None] - np.einsum("tbi,ti->tb", e, gains)
-        found = open_loop_rates(nominal.model, list(states), command)
-        rates = np.stack([np.broadcast_to(r, e.shape[:2]) for r in found], axis=2)
-        rise = 2.0 * np.einsum("tbi,tij,tbj->tb", e, S, rates - drift[:, None])
+        push = np.zeros((*e.shape[:2], 3))  # What is known of the command's error.
+        push[..., 0] = np.einsum("tbi,tij,tbj->tb", e, nominal.bends, e)
+        rates = rates_about(nominal, at, e, push=push) - drift
+        rise = 2.0 * np.einsum("tbi,tij,tbj->tb", e, S, rates)
         return rise + np.einsum("tbi,tij,tbj->tb", e, slopes, e)
 
     starts = normalized(np.random.default_rng(0).normal(size=(STARTS, n)))
     starts = np.broadcast_to(starts, (TIMES, STARTS, n))
     values, points = climb_sphere(growth, starts)
-    at, which = np.unravel_index(np.argmax(values), values.shape)
-    state = centers[at] + points[at, which] @ turn[at]
+    k, which = np.unravel_index(np.argmax(values), values.shape)
+    state = nominal.states[k] + points[k, which] @ turn[k]
     return Candidate(
-        time=float(times[at]),
+        time=float(times[k]),
         state=tuple(map(float, state)),
-        growth=float(values[at, which]),
+        growth=float(values[k, which]),
     )
 
 
