@@ -11,7 +11,7 @@ from glider.progress import Step
 
 LEVEL = 0.95
 """Default probability with which the true glider is among those that are flown: that of
-`glider.verification.dynamics.confidence`, which takes a second to import."""
+`glider.physics.confidence`, which takes a second to import."""
 
 FLIGHTS = 9000
 """Flights before the climb: 21,000 with it."""
@@ -206,7 +206,7 @@ def _is_good(args, verdict, proof, trial, flown):
 def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flown):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
-    from glider.verification import check_report as words
+    from glider.report import check_funnel as words
 
     seed, has_covariance = args.seed or 0, covariance is not None
     if args.json:
@@ -322,7 +322,7 @@ def _flown_loop(args):
 
 def _confidence(funnel, model, covariance, level, shape):
     """The set of gliders to fly, by the model's file or the funnel's own."""
-    from glider.verification.dynamics.confidence import make_confidence
+    from glider.physics.confidence import make_confidence
 
     if not model and funnel.gliders:
         covariance = funnel.gliders.confidence.covariance

@@ -13,11 +13,15 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import PACKAGE
-from glider.verification.check_report import describe_proof, remainder_status
+from glider.report.check_funnel import describe_proof
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.proof import flight_proof
 from glider.verification.proof.check import check_funnel
-from glider.verification.proof.flight_proof import FlightProof, prove_flights
+from glider.verification.proof.flight_proof import (
+    FlightProof,
+    prove_flights,
+    remainder_status,
+)
 from glider.verification.proof.interval_proof import (
     IntervalProof,
     prove_interval,

@@ -7,11 +7,11 @@ import pytest
 
 from glider.control.tvlqr import tracking_policy
 from glider.errors import InputError
+from glider.physics.confidence import ConfidenceSet, glider_at
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.verification.check_report import describe_check, describe_proof
-from glider.verification.dynamics.confidence import ConfidenceSet, glider_at
+from glider.report.check_funnel import describe_check, describe_proof
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import load_funnel, save_funnel

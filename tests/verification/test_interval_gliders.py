@@ -8,10 +8,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 from glider import effects
 from glider.paths import models_path
+from glider.physics.confidence import ConfidenceSet, glider_at
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.confidence import ConfidenceSet, glider_at
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import (

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from glider.control.predictor import advance
 from glider.errors import InputError
-from glider.verification.dynamics.confidence import ConfidenceSet, theta_at
+from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.nominal import Nominal, closed_loop_rates
 
 STEPS = 4

@@ -16,10 +16,10 @@ from threadpoolctl import threadpool_limits
 
 from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError
+from glider.physics.confidence import ConfidenceSet
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress, silent
-from glider.verification.dynamics.confidence import ConfidenceSet
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal

@@ -15,7 +15,7 @@ also the difference of their rates, about their own center
 import numpy as np
 from scipy.optimize import linprog
 
-from glider.verification.dynamics.confidence import physical, theta_at
+from glider.physics.confidence import physical, theta_at
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import (
     Nominal,

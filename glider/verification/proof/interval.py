@@ -18,9 +18,9 @@ from fractions import Fraction
 
 import numpy as np
 
+from glider.physics.confidence import theta_at
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.confidence import theta_at
 from glider.verification.dynamics.jets import dependences
 from glider.verification.dynamics.nominal import (
     nonlinear_parts,
@@ -183,11 +183,10 @@ def _limits(piece, angle):
     command, gains, error = map(line, (nominal.inputs, nominal.gains, piece.errors))
     servo = nominal.model.parameters.servo
     low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
-    rate, high, low = rate - error, high - ahead_by * error, low + ahead_by * error
-    ahead = angle + ahead_by * command
+    left, ahead, less = rate - error, angle + ahead_by * command, ahead_by * error
     travel = exact(np.eye(n)[ELEVATOR]) - ahead_by * gains
-    rates = (-gains, rate - command), (gains, rate + command)
-    stops = (travel, high - ahead), (-travel, ahead - low)
+    rates = (-gains, left - command), (gains, left + command)
+    stops = (travel, high - less - ahead), (-travel, ahead - (low + less))
     return stops if piece.settings.period else rates + stops
 
 

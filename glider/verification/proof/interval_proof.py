@@ -17,7 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.nominal import ARRAYS, nonlinear_parts
+from glider.verification.dynamics.nominal import ARRAYS, Nominal, nonlinear_parts
 from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import climb_sphere
@@ -54,9 +54,6 @@ STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
 fourth power, but halves of an interval, which are tighter, take boxes of their own: of
 38 intervals with held commands a fifth to a quarter of those with 1.05."""
-
-HOPELESS = 3.0
-"""Largest |R| / β that was seen, from which no tighter ball is tried; near STRETCH⁴."""
 
 BATCH = 256
 """Boxes that are bounded at once; more do not fit the cache."""
@@ -166,8 +163,10 @@ def worst_candidate(piece: Funnel) -> Candidate:
     """Returns the worst state and time that were found on the boundary."""
     n, shares = piece.num_states, np.linspace(0.0, 1.0, TIMES)
     here = [piece.nominal.between(share) for share in shares]
-    arrays = {k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS}
-    nominal = dataclasses.replace(piece.nominal, **arrays)
+    nominal = Nominal(
+        model=piece.nominal.model,
+        **{k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS},
+    )
     times, at = nominal.times, np.arange(TIMES)
     drift = piece.nominal.path(times, 1)[:, None]
     S, slopes = piece.curve(times), piece.curve(times, 1)
@@ -206,12 +205,11 @@ def prove_remainder(
     The span is first and last s of the part, of -1 to 1.
     """
     basis, stretch = tight_cover(interval)
-    found = _bounded(False, boxes=0, ratio=np.inf)
+    found = _bounded(False, boxes=0, ratio=0.0)
     remainder = make_remainder(piece, basis, span)  # It turns the basis.
     if (stretch <= STRETCH or not halvings) and covers(interval, remainder.basis):
         most = min(PATIENCE, budget) if halvings else budget
         found = bound_remainder(remainder, most)
-        halvings = halvings if found.ratio <= HOPELESS else 0
     if found.proven or not halvings:
         return found
     boxes, ratio = found.boxes, 0.0
@@ -227,8 +225,7 @@ def prove_remainder(
 
 def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> IntervalProof:
     """Tries to prove that |R| <= β on all boxes of the ball."""
-    ratio, boxes = remainder.seen(), 0
-    size = remainder.dimension
+    ratio, boxes, size = 0.0, 0, remainder.dimension
     center, half = np.zeros((size, 1)), np.ones((size, 1))
     first, last = remainder.span
     center[-1], half[-1] = 0.5 * (first + last), 0.5 * (last - first)

@@ -1,6 +1,6 @@
 """What was checked, proven and flown of a funnel, in sentences and as JSON.
 
-The sentences are in `templates/check_report.txt`.
+The sentences are in `templates/check_funnel.txt`.
 """
 
 import dataclasses
@@ -12,13 +12,22 @@ import jinja2
 import numpy as np
 
 from glider.errors import printable
+from glider.physics.confidence import describe_set
 from glider.planning.problem import PerchingProblem
-from glider.verification.dynamics.confidence import describe_set
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
-from glider.verification.proof.flight_proof import FlightProof, checker_hash
-from glider.verification.proof.purpose import arrival, hook_faults, model_hash
+from glider.verification.proof.flight_proof import (
+    FlightProof,
+    checker_hash,
+    remainder_status,
+)
+from glider.verification.proof.purpose import (
+    arrival,
+    hook_faults,
+    model_hash,
+    set_sizes,
+)
 from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
 
@@ -62,21 +71,6 @@ def check_report(
             "boxes": proof.boxes,
         }
     return report
-
-
-def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
-    """Returns how far each state may deviate at a time, in SI units.
-
-    Half-widths are those of a state that deviates alone, extents those of one that
-    deviates together with others.
-    """
-    extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
-    found = {"half_widths": funnel.half_widths(time), "extents": extents}
-    names = funnel.nominal.state_names
-    return {
-        what: dict(zip(names, values.tolist(), strict=True))
-        for what, values in found.items()
-    }
 
 
 def trial_report(funnel: Funnel, trial: Falsification, seed: int) -> dict[str, Any]:
@@ -162,23 +156,6 @@ def describe_trial(funnel: Funnel, trial: Falsification, seed: int) -> str:
     return _text("flights", funnel, trial, seed, made_for, *of_worst)
 
 
-def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
-    """Returns how a funnel's remainder is known.
-
-    "none" where it accounts for none, else "sampled", or with a proof "rigorous until
-    t=0.8795", the time before which all that was tried is proven, and "in 3 of 200
-    intervals" if these were not all.
-    """
-    if not funnel.beta.any():
-        return "none"
-    if proof is None or not proof.count:
-        return "sampled"
-    status, tried = f"rigorous until t={proof.until:.4f}", len(proof.outcomes)
-    if tried == proof.of_intervals or not proof.complete:
-        return status
-    return f"{status} in {tried} of {proof.of_intervals} intervals"
-
-
 def _made_for(funnel, trial):
     """Determines whether all gliders flown are in the funnel's set; None without."""
     if not funnel.gliders:
@@ -196,7 +173,7 @@ def _text(macro, *values):
 @functools.cache
 def _template():
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("glider.verification"),
+        loader=jinja2.PackageLoader("glider.report"),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -208,4 +185,4 @@ def _template():
         "model_hash": lambda funnel: model_hash(funnel.nominal.model),
         "degrees": lambda limits: "{:.0f}° to {:.0f}°".format(*np.degrees(limits)),
     }
-    return environment.get_template("check_report.txt")
+    return environment.get_template("check_funnel.txt")
