@@ -208,12 +208,12 @@ def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flo
     from glider.files.schema import json_text
     from glider.report import check_funnel as words
 
-    seed, has_covariance = args.seed or 0, covariance is not None
+    seed = args.seed or 0
     if args.json:
-        report = words.check_report(funnel, verdict, proof, problem)
+        report = words.check_report(funnel, verdict, proof, problem, covariance)
         report |= {
             "model_compared": args.model is not None,
-            "set_compared": has_covariance and funnel.gliders is not None,
+            "set_compared": None not in (covariance, funnel.gliders),
         }
         if trial:
             report["gliders"] = words.trial_report(funnel, trial, seed)
@@ -221,9 +221,7 @@ def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flo
             report["as_flown"] = words.flown_report(flown, seed)
         print(json_text(report))
         return
-    said = words.describe_check(
-        funnel, verdict, proof, problem, args.model, has_covariance
-    )
+    said = words.describe_check(funnel, verdict, proof, problem, args.model, covariance)
     print(said)
     if trial:
         print(words.describe_trial(funnel, trial, seed))

@@ -13,6 +13,7 @@ import numpy as np
 
 from glider.errors import printable
 from glider.physics.confidence import describe_set
+from glider.physics.covariance import Covariance
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
@@ -27,6 +28,7 @@ from glider.verification.proof.purpose import (
     hook_faults,
     model_hash,
     set_sizes,
+    wind_for_set,
 )
 from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
@@ -40,8 +42,12 @@ def check_report(
     verdict: Verdict,
     proof: FlightProof | None,
     problem: PerchingProblem,
+    covariance: Covariance | None = None,
 ) -> dict[str, Any]:
-    """Returns the outcome of `check-funnel` as it is written to JSON."""
+    """Returns the outcome of `check-funnel` as it is written to JSON.
+
+    The covariance is that of the model that the funnel was compared with.
+    """
     report = dataclasses.asdict(verdict) | {
         "holds": verdict.holds,
         "file_sha256": funnel.sha256,
@@ -56,6 +62,7 @@ def check_report(
         "wind_m_s": funnel.settings.wind,
         "period_s": funnel.settings.period,
         "largest_command_error_rad_s": float(funnel.errors.max()),
+        "wind_for_set_m_s": covariance and wind_for_set(funnel, covariance),
     }
     if proof:
         report |= {
@@ -126,14 +133,15 @@ def describe_check(
     proof: FlightProof | None,
     problem: PerchingProblem,
     model: Path | None,
-    has_covariance: bool = False,
+    covariance: Covariance | None = None,
 ) -> str:
     """Returns the outcome of `check-funnel` in sentences, one a line.
 
     A model is the file of the glider that it was compared with; it may have a
     covariance, which the funnel's set of gliders was then compared with.
     """
-    lines = [_text("certificate", funnel, verdict, model, has_covariance)]
+    wind = covariance and wind_for_set(funnel, covariance)
+    lines = [_text("certificate", funnel, verdict, model, covariance, wind)]
     if verdict.holds:
         ends = (set_sizes(funnel, t) for t in funnel.nominal.times[[0, -1]])
         lines.append(_text("sizes", *ends))

@@ -50,8 +50,9 @@ from glider.verification.sos.sphere import (
     sphere,
 )
 
-ROUNDS = 10
-"""Rounds of scaling and looking again; it converges in four or five."""
+ROUNDS = 16
+"""Rounds of scaling and looking again: it converges in four or five, and in eleven
+where commands are held."""
 
 MARGIN_SHARE = 0.6
 """Share of the margin that is enough, everywhere, to end the rounds."""

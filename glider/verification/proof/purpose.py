@@ -117,6 +117,20 @@ def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
     ]
 
 
+def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
+    """Returns the wind that a funnel leaves to every glider of a model's set [m/s].
+
+    The set is the default one. Gliders that differ in a steady wind alone fly as the
+    estimated one does in another wind. None where they differ in more, or the funnel
+    is of a set; negative where it accounts for less wind than they differ by.
+    """
+    given = make_confidence(funnel.nominal.model, covariance)
+    if funnel.gliders or not {*given.names} <= {"wind.x", "wind.z"}:
+        return None
+    farthest = float(np.linalg.norm(given.factor, 2)) if given.dimension else 0.0
+    return funnel.settings.wind - farthest * (1.0 + 1e-9)
+
+
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
     """Returns where the inlet is narrower than it has to be, a sentence for each state.
 
