@@ -461,25 +461,32 @@ def test_prove_knows_no_latency(capsys):
 # ----------------------------------------------------------------------------- shipped
 
 
-@pytest.fixture(scope="module")
-def shipped():
-    return load_funnel(models_path("funnels", "held_hook.npz"))
+@pytest.fixture(scope="module", params=["held_hook", "held_head_wind_hook"])
+def shipped(request):
+    return load_funnel(models_path("funnels", f"{request.param}.npz"))
 
 
-def test_the_shipped_funnel_is_wide_and_of_held_commands(shipped):
-    assert (shipped.settings.period, shipped.half_widths()[1] > 0.14) == (0.02, True)
+def test_the_shipped_funnels_are_wide_and_of_held_commands(shipped):
+    settings, windy = shipped.settings, bool(shipped.nominal.model.effects)
+    assert (settings.period, shipped.half_widths()[1] > 0.14) == (0.02, True)
+    assert shipped.settings.pushes.tolist() == ([0.05, 0.022] if windy else [0.0, 0.0])
     assert held_faults(part(shipped, 2)) == []
     piece = shipped.between(36, 37)
     assert shipped.nominal.times[36] > 0.11
     assert prove_interval(piece).proven
-    claims = dataclasses.replace(piece.settings, wind=0.02)
+    claims = dataclasses.replace(settings, wind=settings.wind + 0.02)
     assert not prove_interval(dataclasses.replace(piece, settings=claims)).proven
 
 
-def test_no_flight_leaves_the_shipped_funnel(shipped):
-    """Held for 20 ms, with a latency that is predicted; with other gains some leave."""
+def test_no_flight_leaves_the_shipped_funnels(shipped):
+    """Held for 20 ms, with a latency that is predicted; with other gains some leave.
+
+    The command error leaves room for what the wind does during the latency.
+    """
     hold = Hold(period=0.02, latency=0.01, predicts=True)
+    error, wind = shipped.settings.pushes
+    loop = FlownLoop(hold=hold, wind=wind, command_error=0.4 * error)
     rng = np.random.default_rng(0)
-    assert fly_loop(shipped, FlownLoop(hold=hold), 300, rng).escapes == 0
+    assert fly_loop(shipped, loop, 300, rng).escapes == 0
     other = changed(shipped, "gains", slice(None), 0.5)
-    assert fly_loop(other, FlownLoop(hold=hold), 300, rng).escapes > 0
+    assert fly_loop(other, loop, 300, rng).escapes > 0

@@ -115,9 +115,8 @@ def bend_sizes(S: np.ndarray, bends: np.ndarray) -> np.ndarray:
     """Returns the largest |eᵀ M e| of sets at times in order, and their neighbors."""
     near = np.clip(np.arange(len(S)) + np.array([[-1], [0], [1]]), 0, len(S) - 1)
     turn = to_ball(S)[1][near]
-    return np.linalg.norm(turn.swapaxes(2, 3) @ bends @ turn, 2, axis=(2, 3)).max(
-        axis=0
-    )
+    forms = turn.swapaxes(2, 3) @ bends @ turn
+    return np.linalg.norm(forms, 2, axis=(2, 3)).max(axis=0)
 
 
 def command_errors(

@@ -66,7 +66,7 @@ class IntervalProof:
     fault: str = ""  #: Reason why nothing is proven, a clause; empty where all is.
     boxes: int = 0  #: Number of boxes on which the remainder was bounded.
     parts: int = 0  #: Number of parts of the interval in which V was proven to fall.
-    ratio: float = 0.0  #: Largest |R| / β that was seen.
+    ratio: float = 0.0  #: Largest |R| / β in the centers of boxes.
 
     @property
     def proven(self) -> bool:
