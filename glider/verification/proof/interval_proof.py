@@ -46,9 +46,10 @@ BUDGET = 400_000
 HALVINGS = 4
 """Times that an interval is halved for a ball that is tight enough."""
 
-PATIENCE = 40_000
+PATIENCE = 150_000
 """Boxes that a ball gets, until each half of its time gets its own. Where R
-comes near β, a ball that is 2 % wider than the sets may take any number of boxes."""
+comes near β, a ball that is 2 % wider than the sets may take any number of boxes. In a
+wind some balls take 110,000, and each half takes as many."""
 
 STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
