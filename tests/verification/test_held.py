@@ -461,7 +461,10 @@ def test_prove_knows_no_latency(capsys):
 # ----------------------------------------------------------------------------- shipped
 
 
-@pytest.fixture(scope="module", params=["held_hook", "held_head_wind_hook"])
+WINDY = pytest.param("held_head_wind_hook", marks=pytest.mark.nightly)
+
+
+@pytest.fixture(scope="module", params=["held_hook", WINDY])
 def shipped(request):
     return load_funnel(models_path("funnels", f"{request.param}.npz"))
 
