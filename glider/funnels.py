@@ -17,12 +17,8 @@ funnel_regulator: the funnel's own feedback as a Drake System. SolverError: ther
 funnel.
 """
 
-from glider.verification.check_report import describe_proof, remainder_status
-from glider.verification.dynamics.confidence import (
-    ConfidenceSet,
-    describe_set,
-    make_confidence,
-)
+from glider.physics.confidence import ConfidenceSet, describe_set, make_confidence
+from glider.report.check_funnel import describe_proof
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import (
     Funnel,
@@ -34,7 +30,11 @@ from glider.verification.funnel.funnel import (
 from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
 from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.proof.check import Verdict, check_funnel
-from glider.verification.proof.flight_proof import FlightProof, prove_flights
+from glider.verification.proof.flight_proof import (
+    FlightProof,
+    prove_flights,
+    remainder_status,
+)
 from glider.verification.sos.programs import SolverError
 from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.errors import expect
+from glider.physics.confidence import glider_at, physical
 from glider.physics.model import GliderModel
 from glider.sysid.result import Alternative, Result
-from glider.verification.dynamics.confidence import glider_at, physical
 
 LEVELS = 0.025, 0.5, 0.975
 """Probabilities of the quantiles by default: the median, and a 95 % interval."""

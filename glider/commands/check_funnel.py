@@ -11,7 +11,7 @@ from glider.progress import Step
 
 LEVEL = 0.95
 """Default probability with which the true glider is among those that are flown: that of
-`glider.verification.dynamics.confidence`, which takes a second to import."""
+`glider.physics.confidence`, which takes a second to import."""
 
 FLIGHTS = 9000
 """Flights before the climb: 21,000 with it."""
@@ -168,7 +168,11 @@ def run(args: argparse.Namespace) -> int:
         )
         if args.prove and verdict.holds:
             proof = prove_flights(
-                funnel, args.every, resume=args.resume, progress=follow("proof")
+                funnel,
+                args.every,
+                resume=args.resume,
+                progress=follow("proof"),
+                is_checked=True,
             )
         if confidence and verdict.holds:
             rng, say = np.random.default_rng(seed), follow("gliders")
@@ -202,14 +206,14 @@ def _is_good(args, verdict, proof, trial, flown):
 def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flown):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
-    from glider.verification import check_report as words
+    from glider.report import check_funnel as words
 
-    seed, has_covariance = args.seed or 0, covariance is not None
+    seed = args.seed or 0
     if args.json:
-        report = words.check_report(funnel, verdict, proof, problem)
+        report = words.check_report(funnel, verdict, proof, problem, covariance)
         report |= {
             "model_compared": args.model is not None,
-            "set_compared": has_covariance and funnel.gliders is not None,
+            "set_compared": None not in (covariance, funnel.gliders),
         }
         if trial:
             report["gliders"] = words.trial_report(funnel, trial, seed)
@@ -217,9 +221,7 @@ def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flo
             report["as_flown"] = words.flown_report(flown, seed)
         print(json_text(report))
         return
-    said = words.describe_check(
-        funnel, verdict, proof, problem, args.model, has_covariance
-    )
+    said = words.describe_check(funnel, verdict, proof, problem, args.model, covariance)
     print(said)
     if trial:
         print(words.describe_trial(funnel, trial, seed))
@@ -318,7 +320,7 @@ def _flown_loop(args):
 
 def _confidence(funnel, model, covariance, level, shape):
     """The set of gliders to fly, by the model's file or the funnel's own."""
-    from glider.verification.dynamics.confidence import make_confidence
+    from glider.physics.confidence import make_confidence
 
     if not model and funnel.gliders:
         covariance = funnel.gliders.confidence.covariance

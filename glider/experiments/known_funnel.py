@@ -9,13 +9,14 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.errors import InputError, expect, show
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
+from glider.physics.confidence import describe_set
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 from glider.sysid.replay.vehicle import Vehicle
-from glider.verification.check_report import remainder_status, set_sizes
-from glider.verification.dynamics.confidence import describe_set
 from glider.verification.funnel.funnel import Funnel, load_funnel
 from glider.verification.proof.check import Verdict, check_funnel
+from glider.verification.proof.flight_proof import remainder_status
+from glider.verification.proof.purpose import set_sizes
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

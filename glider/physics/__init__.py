@@ -2,5 +2,6 @@
 
 state: axes and signs. parameters, numbers: what the formulas take. chain: the forces,
 link by link. effects: what may be added to a link. compose: joins the two. model:
-`GliderModel`, and its file. servo: limits of the elevator.
+`GliderModel`, and its file. servo: limits of the elevator. covariance, confidence: how
+well its numbers are known, and the set of gliders that the data allow.
 """

@@ -20,11 +20,11 @@ from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from glider import close_the_loop
+from glider.physics.confidence import ConfidenceSet
 from glider.physics.covariance import Covariance
 from glider.sysid.likelihood.model_fit import fit_model, grams_of, linear_flights
 from glider.sysid.likelihood.uncertainty import jackknife, larger_of, uncertainty_of
 from glider.sysid.outcome import covariance_of
-from glider.verification.dynamics.confidence import ConfidenceSet
 from tests.benchmarks.bench_floor import RIGHT
 from tests.helpers.known_truth import starts_of, task_of
 from tests.helpers.lifelike import draw_campaign

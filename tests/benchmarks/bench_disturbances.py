@@ -29,13 +29,16 @@ ROWS: tuple[dict[str, float], ...] = (
     *(
         {"period": period, "wind": wind, "elevator_gain": gain}
         for period, wind, gain in (
-            *((0.02, wind, 26.0) for wind in (0.0, 0.01, 0.02, 0.03)),
-            *((0.02, 0.02, gain) for gain in (20.0, 32.0, 40.0)),
+            (0.02, 0.0, 24.0),
+            (0.02, 0.02, 24.0),
+            (0.02, 0.03, 24.0),
             (0.01, 0.02, 30.0),
             (0.03, 0.02, 20.0),
+            (0.02, 0.02, 20.0),
+            (0.02, 0.02, 32.0),
         )
     ),
-    {"period": 0.02, "wind": 0.02, "command_error": 0.1, "elevator_gain": 26.0},
+    {"period": 0.02, "wind": 0.02, "command_error": 0.1, "elevator_gain": 24.0},
 )
 """Settings of each row; what they lack is that of the shipped funnels."""
 

@@ -11,11 +11,10 @@ from glider.control.tvlqr import tracking_policy
 from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
-from glider.verification.check_report import remainder_status
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
-from glider.verification.proof.flight_proof import prove_flights
+from glider.verification.proof.flight_proof import prove_flights, remainder_status
 from glider.verification.trials.falsify import falsify_funnel
 
 EVERY = 5

@@ -13,11 +13,15 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import PACKAGE
-from glider.verification.check_report import describe_proof, remainder_status
+from glider.report.check_funnel import describe_proof
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.proof import flight_proof
 from glider.verification.proof.check import check_funnel
-from glider.verification.proof.flight_proof import FlightProof, prove_flights
+from glider.verification.proof.flight_proof import (
+    FlightProof,
+    prove_flights,
+    remainder_status,
+)
 from glider.verification.proof.interval_proof import (
     IntervalProof,
     prove_interval,
@@ -90,9 +94,15 @@ def test_the_first_interval_that_fails_is_told_with_a_state(proven, fake):
     assert remainder_status(proven, proof) == "sampled"
 
 
-def test_a_candidate_is_where_v_rises(proven):
+@pytest.mark.parametrize("bend", [0.0, 10.0])
+def test_a_candidate_is_where_v_rises(proven, bend):
+    """With what is known of a held command's error."""
     piece = proven.between(60, 61)
-    wide = dataclasses.replace(piece, S=0.3 * piece.S, slopes=0.3 * piece.slopes)
+    bends = bend * np.array([np.ones((7, 7)), 2.0 * np.eye(7)])
+    nominal = dataclasses.replace(piece.nominal, bends=bends)
+    wide = dataclasses.replace(
+        piece, nominal=nominal, S=0.3 * piece.S, slopes=0.3 * piece.slopes
+    )
     worst = worst_candidate(wide)
     assert worst.growth > 0.0
     nominal, (start, stop) = wide.nominal, wide.nominal.times
@@ -100,11 +110,12 @@ def test_a_candidate_is_where_v_rises(proven):
 
     def command(time):
         share = (time - start) / (stop - start)
-        u0, gains = (
+        u0, gains, M = (
             (1.0 - share) * ends[0] + share * ends[1]
-            for ends in (nominal.inputs, nominal.gains)
+            for ends in (nominal.inputs, nominal.gains, nominal.bends)
         )
-        return u0 - gains @ (state - wide.center(time))
+        e = state - wide.center(time)
+        return u0 - gains @ e + e @ M @ e
 
     rate = np.array(
         open_loop_rates(nominal.model, list(state), command(worst.time)), dtype=float

@@ -18,7 +18,7 @@ from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
-    command_errors,
+    chained_errors,
     effect_of_hold,
     form_size,
     hold_starts,
@@ -32,11 +32,12 @@ from glider.verification.funnel.funnel import (
 )
 from glider.verification.funnel.growth import Bounds, push_form
 from glider.verification.funnel.servo_limits import steepest_gains
-from glider.verification.proof import held
+from glider.verification.proof import flight_proof, held
+from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import at_time, make_interval
 from glider.verification.proof.interval_growth import growth_forms
-from glider.verification.proof.interval_proof import prove_interval
+from glider.verification.proof.interval_proof import IntervalProof, prove_interval
 from glider.verification.proof.purpose import push_faults
 from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
@@ -72,7 +73,7 @@ def clocked(proven):
         along(proven.beta), along(proven.weights), 0.0 * S, zero + 1.0, *zero.T
     )
     nominal = dataclasses.replace(nominal)
-    rests = command_errors(nominal, S, np.arange(last + 1), bounds, ERROR, WIND)
+    rests = chained_errors(nominal, S, bounds, ERROR, WIND)
     errors = rests + BEND_ROOM * bend_sizes(S, nominal.bends)
     return Funnel(
         nominal=nominal,
@@ -178,7 +179,28 @@ def test_held_flights_are_within_the_proven_error(clocked):
 
 
 def test_the_error_of_held_commands_is_proven(clocked):
-    assert held_faults(part(clocked, 3)) == []
+    shares: list[float] = []
+    assert held_faults(part(clocked, 3), shares.append) == []
+    assert shares == sorted(shares) and len(shares) > 8 and shares[-1] < 1.0
+
+
+@pytest.mark.parametrize("is_checked", [False, True])
+def test_a_proof_proves_held_commands_unless_they_were(
+    clocked, is_checked, monkeypatch
+):
+    """A check has: `check-funnel --prove` proves them once."""
+    calls = []
+    monkeypatch.setattr(
+        flight_proof, "held_faults", lambda *a: calls.append(a) or ["x"]
+    )
+    monkeypatch.setattr(flight_proof, "prove_interval", lambda *a: IntervalProof())
+    piece = part(clocked, 1)
+    if is_checked:
+        assert prove_flights(piece, workers=1, is_checked=True).is_whole
+    else:
+        with pytest.raises(InputError, match="Nothing is proven: x"):
+            prove_flights(piece, workers=1)
+    assert len(calls) == (not is_checked)
 
 
 @pytest.mark.parametrize(
@@ -258,7 +280,7 @@ def test_the_error_grows_as_the_polynomials_say(clocked):
     z = sphere_points(300, 7)
     e, B = z @ turn.T, exact(turn)
     known = B.T @ interval.bends @ B
-    given = B, line(*nominal.gains), B.T @ interval.bends
+    given = B, line(nominal.gains), B.T @ interval.bends
     parts = held._rate_forms(interval, *given, known)
     found = np.zeros(len(z))
     for degree, (part, sign) in enumerate(zip(parts, (1, 1, 1, -1), strict=True), 1):
@@ -273,6 +295,13 @@ def test_the_error_grows_as_the_polynomials_say(clocked):
         most = held._pull(interval.push_slopes[:, axis], *given)
         pulls = np.abs(np.sum(along * slopes[..., axis], axis=1))
         assert np.all(pulls <= most) and pulls.max() > 0.5 * most
+
+
+def test_the_known_error_is_that_of_neighbors_too():
+    """A proof has one ball for an interval, and sets may grow by a tenth in it."""
+    S = np.array([np.eye(3), np.eye(3), 0.5 * np.eye(3), np.eye(3), np.eye(3)])
+    bends = np.array([np.eye(3)] * 5) * np.array([1, 2, 3, -4, 5])[:, None, None]
+    assert bend_sizes(S, bends) == pytest.approx([1.0, 4.0, 6.0, 8.0, 5.0])
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
@@ -371,6 +400,30 @@ def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
     assert same == pytest.approx(prompt, rel=2e-3, abs=1e-5)
 
 
+def test_each_held_command_has_an_error_of_its_own(clocked, monkeypatch):
+    """That makes V rise fastest when it begins to act; a steady one is always there."""
+    genes = np.hstack([sphere_points(30, 7), np.tile([1.0, 0.0, 0.5, 0.0], (30, 1))])
+    loop = FlownLoop(hold=Hold(period=PERIOD), command_error=0.5)
+    flight, errors, begins = as_flown._Flight(clocked, loop, genes), [], []
+    choose = flight._pushes_now
+
+    def seen(command, chooses):
+        error, wind = choose(command, chooses)
+        errors.append(error)
+        begins.append(chooses)
+        return error, wind
+
+    monkeypatch.setattr(flight, "_pushes_now", seen)
+    chosen = flight.levels()[1]
+    changes = np.any(np.diff(errors, axis=0) != 0.0, axis=1)
+    assert np.all(np.abs(errors) == 0.5)
+    assert np.all(begins[1:] >= changes) and changes.sum() > 5
+    assert sum(begins) == len(np.unique(hold_starts(clocked.nominal.times)))
+    genes[:, -1] = 1.0
+    steady = as_flown._Flight(clocked, loop, genes)
+    assert np.mean(chosen >= steady.levels()[1]) > 0.8
+
+
 @pytest.mark.parametrize(
     ("hold", "words"),
     [
@@ -408,25 +461,35 @@ def test_prove_knows_no_latency(capsys):
 # ----------------------------------------------------------------------------- shipped
 
 
-@pytest.fixture(scope="module")
-def shipped():
-    return load_funnel(models_path("funnels", "held_hook.npz"))
+WINDY = pytest.param("held_head_wind_hook", marks=pytest.mark.nightly)
 
 
-def test_the_shipped_funnel_is_wide_and_of_held_commands(shipped):
-    assert (shipped.settings.period, shipped.half_widths()[1] > 0.14) == (0.02, True)
+@pytest.fixture(scope="module", params=["held_hook", WINDY])
+def shipped(request):
+    return load_funnel(models_path("funnels", f"{request.param}.npz"))
+
+
+def test_the_shipped_funnels_are_wide_and_of_held_commands(shipped):
+    settings, windy = shipped.settings, bool(shipped.nominal.model.effects)
+    assert (settings.period, shipped.half_widths()[1] > 0.14) == (0.02, True)
+    assert shipped.settings.pushes.tolist() == ([0.05, 0.022] if windy else [0.0, 0.0])
     assert held_faults(part(shipped, 2)) == []
     piece = shipped.between(36, 37)
     assert shipped.nominal.times[36] > 0.11
     assert prove_interval(piece).proven
-    claims = dataclasses.replace(piece.settings, wind=0.02)
+    claims = dataclasses.replace(settings, wind=settings.wind + 0.02)
     assert not prove_interval(dataclasses.replace(piece, settings=claims)).proven
 
 
-def test_no_flight_leaves_the_shipped_funnel(shipped):
-    """Held for 20 ms, with a latency that is predicted; with other gains some leave."""
+def test_no_flight_leaves_the_shipped_funnels(shipped):
+    """Held for 20 ms, with a latency that is predicted; with other gains some leave.
+
+    The command error leaves room for what the wind does during the latency.
+    """
     hold = Hold(period=0.02, latency=0.01, predicts=True)
+    error, wind = shipped.settings.pushes
+    loop = FlownLoop(hold=hold, wind=wind, command_error=0.4 * error)
     rng = np.random.default_rng(0)
-    assert fly_loop(shipped, FlownLoop(hold=hold), 300, rng).escapes == 0
+    assert fly_loop(shipped, loop, 300, rng).escapes == 0
     other = changed(shipped, "gains", slice(None), 0.5)
-    assert fly_loop(other, FlownLoop(hold=hold), 300, rng).escapes > 0
+    assert fly_loop(other, loop, 300, rng).escapes > 0

@@ -94,7 +94,7 @@ def test_at_an_end_they_bear_what_the_certificate_there_bears(piece, interval):
     L_inv_T = to_ball(piece.S[0])[1]
     forms = growth_forms(interval, rounded(L_inv_T, 30), exact(0.0))
     without = dataclasses.replace(
-        interval, weights=line(*np.zeros((2, 7))), bearing=line(*np.zeros((2, 7)))
+        interval, weights=line(np.zeros((2, 7))), bearing=line(np.zeros((2, 7)))
     )
     bare = growth_forms(without, rounded(L_inv_T, 30), exact(0.0))
     h = np.diff(piece.nominal.times)[0]

@@ -8,10 +8,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 from glider import effects
 from glider.paths import models_path
+from glider.physics.confidence import ConfidenceSet, glider_at
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.confidence import ConfidenceSet, glider_at
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import (
@@ -120,7 +120,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
     times = rng.uniform(start, stop, 400)
     a = rng.normal(size=7)
     along = [a @ piece.gliders.at(t, d) for t, d in zip(times, deltas, strict=True)]
-    bound = servo_reach(piece, line(a, a), exact(stop) - exact(start))
+    bound = servo_reach(piece, line([a, a]), exact(stop) - exact(start))
     assert 0.95 * bound < np.max(along) <= bound
 
     basis = tight_cover(make_interval(piece))[0]

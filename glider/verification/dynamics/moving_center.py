@@ -14,8 +14,9 @@ import dataclasses
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from glider.control.predictor import advance
 from glider.errors import InputError
-from glider.verification.dynamics.confidence import ConfidenceSet, theta_at
+from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.nominal import Nominal, closed_loop_rates
 
 STEPS = 4
@@ -69,12 +70,12 @@ def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCen
         nodes.append((starts[0][k + 1], starts[1][k + 1]))
         X = shifts[k]
         for i in range(STEPS):
-            (F_a, b_a), (F_b, b_b), (F_c, b_c) = nodes[2 * i : 2 * i + 3]
-            k1 = F_a @ X + b_a
-            k2 = F_b @ (X + 0.5 * step * k1) + b_b
-            k3 = F_b @ (X + 0.5 * step * k2) + b_b
-            k4 = F_c @ (X + step * k3) + b_c
-            X = X + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+            def rate(X, since, first=2 * i, step=step, nodes=nodes):
+                F1, push = nodes[first + round(2.0 * since / step)]
+                return F1 @ X + push
+
+            X = advance(rate, X, step)
         shifts[k + 1] = X
     slopes = starts[0] @ shifts + starts[1]
     return MovingCenter(

@@ -21,11 +21,11 @@ from scipy.interpolate import PPoly
 from glider.control.predictor import fly_held
 from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
+from glider.physics.confidence import theta_at
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 from glider.physics.state import ELEVATOR
 from glider.simulation.fly import fly
-from glider.verification.dynamics.confidence import theta_at
 from glider.verification.dynamics.jets import (
     Monomials,
     coefficients_of,

@@ -17,6 +17,7 @@ import itertools
 import numpy as np
 from scipy.linalg import expm
 
+from glider.control.predictor import advance
 from glider.verification.dynamics.nominal import Nominal, table_of
 from glider.verification.funnel.growth import Bounds
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
@@ -64,25 +65,19 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
     here = slice(first, last + 1)
     nominal.bends[here] = 0.0
     nominal.closed_loop[here] = nominal.part(here).closed_loop
-    squares, pulls, A = _bend_rates(nominal, here)
+    ends = _bend_rates(nominal, here)
+    for k, step in enumerate(np.diff(nominal.times[here])):
 
-    def rate(M, j, share):
-        """Returns Ṁ some share of a step after time j."""
-        square, pull, linear = (
-            (1.0 - share) * values[j] + share * values[j + 1]
-            for values in (squares, pulls, A)
-        )
-        product = M @ linear
-        return square + pull * M - product - product.T
+        def rate(M, since, k=k, step=step):
+            share = since / step
+            square, pull, A = (
+                (1.0 - share) * values[k] + share * values[k + 1] for values in ends
+            )
+            product = M @ A
+            return square + pull * M - product - product.T
 
-    for j, step in enumerate(np.diff(nominal.times[here])):
-        M = nominal.bends[first + j]
-        k1 = rate(M, j, 0.0)
-        k2 = rate(M + 0.5 * step * k1, j, 0.5)
-        k3 = rate(M + 0.5 * step * k2, j, 0.5)
-        k4 = rate(M + step * k3, j, 1.0)
-        M = M + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        nominal.bends[first + j + 1] = 0.5 * (M + M.T)
+        M = advance(rate, nominal.bends[first + k], step)
+        nominal.bends[first + k + 1] = 0.5 * (M + M.T)
 
 
 def _bend_rates(nominal, here=slice(None)):
@@ -117,9 +112,11 @@ def form_size(tensors: np.ndarray) -> np.ndarray:
 
 
 def bend_sizes(S: np.ndarray, bends: np.ndarray) -> np.ndarray:
-    """Returns the largest |eᵀ M e| of sets, (K,)."""
-    L_inv_T = to_ball(S)[1]
-    return np.linalg.norm(L_inv_T.swapaxes(1, 2) @ bends @ L_inv_T, 2, axis=(1, 2))
+    """Returns the largest |eᵀ M e| of sets at times in order, and their neighbors."""
+    near = np.clip(np.arange(len(S)) + np.array([[-1], [0], [1]]), 0, len(S) - 1)
+    turn = to_ball(S)[1][near]
+    forms = turn.swapaxes(2, 3) @ bends @ turn
+    return np.linalg.norm(forms, 2, axis=(2, 3)).max(axis=0)
 
 
 def command_errors(
@@ -132,25 +129,30 @@ def command_errors(
 ) -> np.ndarray:
     """Returns how far held commands may be off u₀ - K e + eᵀ M e at K times, (K,).
 
-    At all times, in order; or at one, with the growth there ever since its sample.
+    It is as if they had grown ever since their samples as they do there.
 
     Args:
         S: (K, n, n) of the sets.
         bounds: of R.
         start: error of a command when it is computed [rad/s].
     """
-    growth, pulls = _error_growth(nominal, S, at, bounds, wind)
-    apart = ROOM * _apart(nominal, S, at)
-    growth += 2.0 * pulls * apart  # Once for the slopes of the cubics.
-    begins, times = hold_starts(nominal.times)[at], nominal.times[at]
-    if len(at) == 1:
-        since = times - nominal.times[begins]
-        return (start + ROOM * since * growth) * np.exp(since * pulls) + apart
+    growth, pulls, apart = _error_growth(nominal, S, at, bounds, wind)
+    since = nominal.times[at] - nominal.times[hold_starts(nominal.times)[at]]
+    return (start + ROOM * since * growth) * np.exp(since * pulls) + apart
+
+
+def chained_errors(
+    nominal: Nominal, S: np.ndarray, bounds: Bounds, start: float, wind: float
+) -> np.ndarray:
+    """Returns the same at all times (T,), each grown from the one before it."""
+    starts, step = hold_starts(nominal.times), np.diff(nominal.times)
+    at = np.arange(len(starts))
+    growth, pulls, apart = _error_growth(nominal, S, at, bounds, wind)
     q = np.full(len(S), start)
-    for i in np.flatnonzero(begins < at):
-        last, step = slice(i - 1, i + 1), times[i] - times[i - 1]
-        q[i] = q[i - 1] + step * ROOM * growth[last].max()
-        q[i] *= np.exp(step * pulls[last].max())
+    for i in np.flatnonzero(starts < at):
+        last = slice(i - 1, i + 1)
+        q[i] = q[i - 1] + step[i - 1] * ROOM * growth[last].max()
+        q[i] *= np.exp(step[i - 1] * pulls[last].max())
     return q + apart
 
 
@@ -169,7 +171,7 @@ def _apart(nominal, S, at):
 
 
 def _error_growth(nominal, S, at, bounds, wind):
-    """Returns a and b (K,) of |q̇| <= a + b |q|, nearly."""
+    """Returns a, b (K,) of |q̇| <= a + b |q|, nearly, and what lines leave out of q."""
     n, table = S.shape[-1], table_of(S.shape[-1])
     turn, gains, M = to_ball(S)[1], nominal.gains[at], nominal.bends[at]
     rates, G = nominal.closed_loop[at], nominal.push_slopes[at]
@@ -191,4 +193,7 @@ def _error_growth(nominal, S, at, bounds, wind):
     along = np.einsum("ti,tikj->tkj", gains, G)
     tilt = along[..., 1:] - 2.0 * np.einsum("tai,tik->tka", M, G[..., 0])
     pulls = np.abs(along[..., 0]) + np.linalg.norm(tilt @ turn, axis=2)
-    return growth + wind * np.linalg.norm(pulls[:, 1:], axis=1), pulls[:, 0]
+    growth += wind * np.linalg.norm(pulls[:, 1:], axis=1)
+    apart = ROOM * _apart(nominal, S, at)
+    growth += 2.0 * pulls[:, 0] * apart  # Once for the slopes of the cubics.
+    return growth, pulls[:, 0], apart

@@ -75,12 +75,12 @@ _FAULTS = (
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GlidersNote:
-    """The set of gliders that a funnel was made for, see `dynamics.confidence`."""
+    """The set of gliders that it was made for, see `glider.physics.confidence`."""
 
     names: tuple[str, ...]  #: Names of the numbers that deviate.
     matrix: np.ndarray  #: Their covariance.
     level: float  #: Probability with which the true numbers are in the set.
-    shape: str  #: One of `dynamics.confidence.SHAPES`.
+    shape: str  #: One of `glider.physics.confidence.SHAPES`.
     degrees_of_freedom: float | None = None  #: Of the covariance.
 
     def __post_init__(self):

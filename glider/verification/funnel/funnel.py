@@ -10,10 +10,10 @@ from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError
 from glider.files import schema
 from glider.files.writing import replace_file
+from glider.physics.confidence import ConfidenceSet, make_confidence
 from glider.physics.covariance import Covariance, check_names
 from glider.physics.model import GliderModel, model_text, parse_model
 from glider.planning.plan import Plan
-from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.funnel.file import GlidersNote, Notes, read_file

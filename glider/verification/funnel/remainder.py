@@ -15,7 +15,7 @@ also the difference of their rates, about their own center
 import numpy as np
 from scipy.optimize import linprog
 
-from glider.verification.dynamics.confidence import physical, theta_at
+from glider.physics.confidence import physical, theta_at
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import (
     Nominal,
@@ -250,18 +250,18 @@ def remainder_of(
             "kijl,kbl->kbij", along[..., 1:], errors
         )
         polynomial = polynomial + (slopes @ push[..., None])[..., 0]
-    own = _rates(nominal, at, np.zeros_like(errors[:, :1]))
+    own = rates_about(nominal, at, np.zeros_like(errors[:, :1]))
     if center is None or deviations is None:
-        return _rates(nominal, at, errors, push=push) - own - polynomial
+        return rates_about(nominal, at, errors, push=push) - own - polynomial
     moved = errors + deviations @ np.swapaxes(center.shifts[at], 1, 2)
     drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
     theta = theta_at(
         nominal.model, center.confidence.names, np.moveaxis(deviations, 2, 0)
     )
-    return _rates(nominal, at, moved, theta, push) - own - drift - polynomial
+    return rates_about(nominal, at, moved, theta, push) - own - drift - polynomial
 
 
-def _rates(nominal, at, errors, theta=None, push=None):
+def rates_about(nominal, at, errors, theta=None, push=None):
     """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀, with a push (K, B, 3)."""
     states = nominal.states[at][:, None] + errors
     error, *wind = (0.0,) * 3 if push is None else np.moveaxis(push, 2, 0)

@@ -22,11 +22,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import expm
 
+from glider.control.predictor import advance
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
+    chained_errors,
     command_errors,
     effect_of_hold,
     hold_starts,
@@ -102,8 +104,11 @@ class FunnelTask:
         if bounds is None:  # Of R, which counts for little.
             beta = np.zeros(S.shape[:2])
             bounds = Bounds(beta, beta, 0.0 * S, beta[:, :2], *beta.T[:2])
-        others = settings.command_error, settings.wind
-        rests = command_errors(self.nominal, S, at, bounds, *others)
+        others = bounds, settings.command_error, settings.wind
+        if len(at) < len(self.nominal.times):
+            rests = command_errors(self.nominal, S, at, *others)
+        else:
+            rests = chained_errors(self.nominal, S, *others)
         known = BEND_ROOM * bend_sizes(S, self.nominal.bends[at])
         return np.stack([known + rests, rests])
 
@@ -264,16 +269,12 @@ class ShapeFlow:
         first = linear_part(self.nominal.closed_loop[k])
         second = linear_part(self.nominal.closed_loop[k - 1])
 
-        def rate(S, share):
-            L = np.linalg.cholesky(S)
+        def rate(S, since):
+            L, share = np.linalg.cholesky(S), since / step
             product = S @ ((1.0 - share) * first + share * second)
             return product + product.T + L @ (growth + share * slope) @ L.T
 
-        k1 = rate(S, 0.0)
-        k2 = rate(S + 0.5 * step * k1, 0.5)
-        k3 = rate(S + 0.5 * step * k2, 0.5)
-        k4 = rate(S + step * k3, 1.0)
-        S = S + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        S = advance(rate, S, step)
         if not np.all(np.isfinite(S)):
             raise SolverError(f"The funnel vanishes at {self.nominal.times[k]:.3f} s.")
         return 0.5 * (S + S.T)

@@ -58,13 +58,6 @@ def _shift(polynomial, centers, halves, left, right, binomials):
     return shifted, sizes
 
 
-def bound_in_balls(coefficients, remainder, center, half, exponents, balls):
-    """Returns bounds (B,) of |p(v)| + remainder on the parts of boxes in unit balls."""
-    boxes = center, half, exponents, balls
-    both = (top_in_balls(c, remainder, *boxes) for c in (coefficients, -coefficients))
-    return np.maximum(*both)
-
-
 def top_in_balls(coefficients, remainder, center, half, exponents, balls):
     """Returns bounds (B,) of p(v) + remainder on the parts of boxes in unit balls.
 

@@ -109,7 +109,8 @@ def check_funnel(
 
     Args:
         every: check every so many times only, the first and last included.
-        progress: called with the share that is done.
+        progress: called with the share that is done, of held commands and then of the
+            times.
         problem: the problem that it must be a funnel of; any if None.
         model: the glider that it must be a funnel of; any if None.
         covariance: of that glider: the funnel's set of gliders, if it is of one, must
@@ -135,7 +136,7 @@ def check_funnel(
     faults += gliders_faults(funnel)
     rounding = seen = 0.0
     between = np.inf
-    faults += held_faults(funnel) if not faults else []
+    faults += held_faults(funnel, progress) if not faults else []
     if not faults:
         faults, rounding = exact_faults(funnel, at, growth, progress)
     if not faults and funnel.beta.any():

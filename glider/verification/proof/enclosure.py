@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.jets import Lazy, monomials
 from glider.verification.dynamics.nominal import (
     ORDER,
@@ -36,7 +36,7 @@ from glider.verification.dynamics.nominal import (
 )
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import DIFFERENCE, PUSHES, climb_sphere
+from glider.verification.funnel.growth import DIFFERENCE, PUSHES
 from glider.verification.proof.boxes import blame_of, shifted, top_in_balls
 from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
@@ -44,9 +44,6 @@ from glider.verification.sos.sphere import normalized
 
 SAMPLES = 1000
 """Points on the sphere where R and its variation are sampled."""
-
-STARTS = 4
-"""Points where the ascent to the largest R of each rate starts."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -88,34 +85,6 @@ class TaylorRemainder:
         if self.pushes[1] > 0.0:
             found.append(slice(self.dimension - 3, self.dimension - 1))
         return tuple(found)
-
-    def seen(self) -> float:
-        """Returns the largest |R| / β of the model's own glider that ascent finds.
-
-        It is on the boundary of the ball, at both ends of the span.
-        """
-        m, table = len(self.basis), monomials(self.dimension, ORDER)
-
-        def ratios(w, s):
-            points = np.zeros((*w.shape[:-1], self.dimension))
-            points[..., :m], points[..., -1] = w, s
-            values = table.values(points.reshape(-1, self.dimension)).T
-            *states, command = self.inputs @ values
-            rates = open_loop_rates(self.model, states, command)
-            known = (self.polynomials + s * self.highest) @ values
-            sizes = np.abs(np.array([rates[row] for row in self.rows]) - known)
-            limits = self.limits @ values
-            found = np.where(limits > 0.0, sizes / limits, np.inf)
-            return found.reshape(-1, *w.shape[:-1])
-
-        w = normalized(np.random.default_rng(0).normal(size=(SAMPLES, m)))
-        largest = 0.0
-        with np.errstate(all="ignore"):
-            for s in self.span:
-                starts = w[np.argsort(-ratios(w, s), axis=1)[:, :STARTS]]
-                found, _ = climb_sphere(lambda z, s=s: ratios(z, s).max(axis=0), starts)
-                largest = max(largest, float(np.nan_to_num(found, nan=np.inf).max()))
-        return largest
 
     def bounds(
         self, center: np.ndarray, half: np.ndarray

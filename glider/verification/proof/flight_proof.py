@@ -117,6 +117,23 @@ class FlightProof:
         return sum(found.boxes for found in self.outcomes.values())
 
 
+def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
+    """Returns how a funnel's remainder is known.
+
+    "none" where it accounts for none, else "sampled", or with a proof "rigorous until
+    t=0.8795", the time before which all that was tried is proven, and "in 3 of 200
+    intervals" if these were not all.
+    """
+    if not funnel.beta.any():
+        return "none"
+    if proof is None or not proof.count:
+        return "sampled"
+    status, tried = f"rigorous until t={proof.until:.4f}", len(proof.outcomes)
+    if tried == proof.of_intervals or not proof.complete:
+        return status
+    return f"{status} in {tried} of {proof.of_intervals} intervals"
+
+
 def prove_flights(
     funnel: Funnel,
     every: int = 1,
@@ -125,6 +142,7 @@ def prove_flights(
     workers: int = -1,
     resume: Path | None = None,
     progress: Callable[[float], None] | None = None,
+    is_checked: bool = False,
 ) -> FlightProof:
     """Tries to prove that no flight leaves a funnel between its ends.
 
@@ -134,12 +152,14 @@ def prove_flights(
         workers: processes; as many as there are cores if -1.
         resume: file that is read, if it is there, and that every outcome is added to.
         progress: called with the share that is done.
+        is_checked: whether `check_funnel` holds, which proves held commands too; else
+            they are proven first.
 
     Raises:
         InputError: the file is not a record of this funnel's proof, or held commands
             are not what the funnel says that they are.
     """
-    for fault in held_faults(funnel):
+    for fault in () if is_checked else held_faults(funnel, progress):
         raise InputError(f"Nothing is proven: {fault}")
     flows = funnel.nominal.flows.tolist()
     wanted = sorted({*flows[::every], flows[-1]})

@@ -15,6 +15,7 @@ none then does.
 """
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -41,10 +42,13 @@ PERIOD_ROUNDING = 1e-9
 """Time by which the samples in a file may be off the clock's [s]."""
 
 
-def held_faults(funnel: Funnel) -> list[str]:
+def held_faults(
+    funnel: Funnel, progress: Callable[[float], None] | None = None
+) -> list[str]:
     """Returns why held commands are not proven to be the feedback, a sentence each.
 
-    Where the feedback acts at all times there is nothing to prove.
+    Where the feedback acts at all times there is nothing to prove. Progress is called
+    with the share that is done.
     """
     settings, nominal = funnel.settings, funnel.nominal
     if np.any(np.minimum(funnel.errors, funnel.rests) < settings.command_error):
@@ -73,6 +77,8 @@ def held_faults(funnel: Funnel) -> list[str]:
             return [f"The servo would meet its limit of rate at {times[k]:.4f} s."]
     error = settings.command_error
     for k in nominal.flows:
+        if progress:
+            progress(k / len(times))
         before = settings.command_error if starts[k] == k else error
         error, apart, known = _error_after(funnel.between(k, k + 1), before)
         rests = np.array([before, error]) + apart
@@ -123,7 +129,7 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     most += 2.0 * np.linalg.norm(M.bernstein(), axis=1).max(axis=0)
     off = piece.beta.max(axis=0) * (1.0 + focus) + defect_bounds(nominal)[0]
     pulls = np.array([_pull(interval.push_slopes[:, k], B, K, M) for k in range(3)])
-    apart = _size((K - line(*nominal.gains)) @ B, n, 1)
+    apart = _size((K - line(nominal.gains)) @ B, n, 1)
     apart += _size(_form(M @ B - known), n, 2)
     total += most @ off + pulls[0] * apart
     total += piece.settings.wind * np.linalg.norm(pulls[1:])

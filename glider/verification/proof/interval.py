@@ -18,9 +18,9 @@ from fractions import Fraction
 
 import numpy as np
 
+from glider.physics.confidence import theta_at
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.confidence import theta_at
 from glider.verification.dynamics.jets import dependences
 from glider.verification.dynamics.nominal import (
     nonlinear_parts,
@@ -84,37 +84,70 @@ def make_interval(piece: Funnel) -> Interval:
     which, rows = nonlinear_parts(nominal.model)
     first, last = map(exact, nominal.times)
     step = last - first
-    S, rise = hermite(piece.S, piece.slopes, step)
-    rates, table = nominal.open_loop, table_of(n + 1)
-    own = table.without(np.setdiff1d(np.arange(n + 1), which))
+    angles = nominal.states[:, ELEVATOR], nominal.slopes[:, ELEVATOR]
+    limits = _limits(piece, hermite(*angles, step)[0])
+    outputs = np.array([np.vstack([np.eye(n), -K]) for K in nominal.gains])
+    return _interval(
+        piece,
+        step,
+        hermite(piece.S, piece.slopes, step),
+        (nominal.open_loop, rows, which),
+        outputs,
+        # The centers of a set of gliders may reach some of b.
+        tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits),
+    )
 
-    def part(degree):
-        return line(*rates[:, rows][..., own & (table.degrees == degree)])
 
-    command, gains = line(*nominal.inputs), line(*nominal.gains)
-    angle, _ = hermite(nominal.states[:, ELEVATOR], nominal.slopes[:, ELEVATOR], step)
-    limits = _limits(piece, command, gains, angle, line(*piece.errors))
+def at_time(funnel: Funnel, k: int) -> Interval:
+    """Returns the polynomials of a funnel at one of its times: none changes in time.
+
+    They are of the closed loop, so that which and rows are of e alone, and h is 1 s.
+    """
+    piece, n = funnel.between(k, k), funnel.num_states
+    rates, degrees = funnel.nominal.closed_loop[[k]], table_of(n).degrees
+    rows = np.flatnonzero(rates[0, :, degrees > 1].any(axis=0)).tolist()
+    return _interval(
+        piece,
+        exact(1.0),
+        (line(piece.S), line(piece.slopes)),
+        (rates, rows, list(range(n))),
+        np.eye(n)[None],
+        _limits(piece, line(piece.nominal.states[:, ELEVATOR])),
+    )
+
+
+def _interval(piece, step, sets, dynamics, outputs, limits):
+    """Returns an interval, given S and h Ṡ, and the rates, their rows and variables."""
+    nominal, (rates, rows, which) = piece.nominal, dynamics
+    table = table_of(outputs.shape[1])
+    own = table.without(np.setdiff1d(np.arange(table.num_variables), which))
+    parts = [own & (table.degrees == degree) for degree in (2, 3)]
+    quadratic, cubic = (line(rates[:, rows][..., part]) for part in parts)
+    bearings = [
+        InTime(tuple(map(_bearing, bounds, weights)))
+        for bounds, weights in (
+            (piece.beta, piece.weights),
+            (piece.unknown_pushes, piece.push_weights),
+        )
+    ]
     return Interval(
         step=step,
         rows=rows,
         which=which,
-        S=S,
-        rise=rise,
-        outputs=line(*(np.vstack([np.eye(n), -K]) for K in nominal.gains)),
-        linear=line(*rates[..., table.of_degree(1)]),
-        quadratic=part(2),
-        cubic=part(3),
-        weights=line(*piece.weights),
-        bearing=InTime(tuple(map(_bearing, piece.beta, piece.weights))),
-        focus=line(*_seen_focus(piece, which)),
-        push_slopes=line(*nominal.push_slopes),
-        bends=line(*nominal.bends),
-        push_weights=line(*piece.push_weights),
-        push_bearing=InTime(
-            tuple(map(_bearing, piece.unknown_pushes, piece.push_weights))
-        ),
-        # The centers of a set of gliders may reach some of b.
-        limits=tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits),
+        S=sets[0],
+        rise=sets[1],
+        outputs=line(outputs),
+        linear=line(rates[..., table.of_degree(1)]),
+        quadratic=quadratic,
+        cubic=cubic,
+        weights=line(piece.weights),
+        bearing=bearings[0],
+        focus=line(_seen_focus(piece, which)),
+        push_slopes=line(nominal.push_slopes),
+        bends=line(nominal.bends),
+        push_weights=line(piece.push_weights),
+        push_bearing=bearings[1],
+        limits=limits,
     )
 
 
@@ -140,57 +173,21 @@ def _bearing(beta, weights):
     return Exact([part.at(low) for part in parts], low)
 
 
-def at_time(funnel: Funnel, k: int) -> Interval:
-    """Returns the polynomials of a funnel at one of its times: none changes in time.
-
-    They are of the closed loop, so that which and rows are of e alone, and h is 1 s.
-    """
-    nominal, n = funnel.nominal, funnel.num_states
-    rates, table = nominal.closed_loop[k], table_of(n)
-
-    def constant(values):
-        return InTime((exact(values),))
-
-    rows = np.flatnonzero(rates[:, table.degrees > 1].any(axis=1)).tolist()
-    command, gains = constant(nominal.inputs[k]), constant(nominal.gains[k])
-    angle = constant(nominal.states[k, ELEVATOR])
-    return Interval(
-        step=exact(1.0),
-        rows=rows,
-        which=list(range(n)),
-        S=constant(funnel.S[k]),
-        rise=constant(funnel.slopes[k]),
-        outputs=constant(np.eye(n)),
-        linear=constant(rates[:, table.of_degree(1)]),
-        quadratic=constant(rates[rows, table.of_degree(2)]),
-        cubic=constant(rates[rows, table.of_degree(3)]),
-        weights=constant(funnel.weights[k]),
-        bearing=InTime((_bearing(funnel.beta[k], funnel.weights[k]),)),
-        focus=constant(funnel.focus[k]),
-        push_slopes=constant(nominal.push_slopes[k]),
-        push_weights=constant(funnel.push_weights[k]),
-        bends=constant(nominal.bends[k]),
-        push_bearing=InTime(
-            (_bearing(funnel.unknown_pushes[k], funnel.push_weights[k]),)
-        ),
-        limits=_limits(funnel, command, gains, angle, constant(funnel.errors[k])),
-    )
-
-
-def _limits(funnel, command, gains, angle, error):
+def _limits(piece, angle):
     """Returns a and b, of either way of the rate limit and of both stops.
 
     The command may be off by its error. The rate of one that is held is that of its
     sample (`glider.verification.proof.held`).
     """
-    servo, n = funnel.nominal.model.parameters.servo, funnel.num_states
+    nominal, n = piece.nominal, piece.num_states
+    command, gains, error = map(line, (nominal.inputs, nominal.gains, piece.errors))
+    servo = nominal.model.parameters.servo
     low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
-    rate, high, low = rate - error, high - ahead_by * error, low + ahead_by * error
-    ahead = angle + ahead_by * command
+    left, ahead, less = rate - error, angle + ahead_by * command, ahead_by * error
     travel = exact(np.eye(n)[ELEVATOR]) - ahead_by * gains
-    rates = (-gains, rate - command), (gains, rate + command)
-    stops = (travel, high - ahead), (-travel, ahead - low)
-    return stops if funnel.settings.period else rates + stops
+    rates = (-gains, left - command), (gains, left + command)
+    stops = (travel, high - less - ahead), (-travel, ahead - (low + less))
+    return stops if piece.settings.period else rates + stops
 
 
 HALVINGS = 3

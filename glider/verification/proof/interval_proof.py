@@ -17,10 +17,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.nominal import nonlinear_parts, open_loop_rates
+from glider.verification.dynamics.nominal import ARRAYS, Nominal, nonlinear_parts
 from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import climb_sphere
+from glider.verification.funnel.remainder import rates_about
 from glider.verification.proof.enclosure import TaylorRemainder, make_remainder
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
@@ -45,17 +46,15 @@ BUDGET = 400_000
 HALVINGS = 4
 """Times that an interval is halved for a ball that is tight enough."""
 
-PATIENCE = 40_000
+PATIENCE = 150_000
 """Boxes that a ball gets, until each half of its time gets its own. Where R
-comes near β, a ball that is 2 % wider than the sets may take any number of boxes."""
+comes near β, a ball that is 2 % wider than the sets may take any number of boxes. In a
+wind some balls take 110,000, and each half takes as many."""
 
 STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
 fourth power, but halves of an interval, which are tighter, take boxes of their own: of
 38 intervals with held commands a fifth to a quarter of those with 1.05."""
-
-HOPELESS = 3.0
-"""Largest |R| / β that was seen, from which no tighter ball is tried; near STRETCH⁴."""
 
 BATCH = 256
 """Boxes that are bounded at once; more do not fit the cache."""
@@ -68,7 +67,7 @@ class IntervalProof:
     fault: str = ""  #: Reason why nothing is proven, a clause; empty where all is.
     boxes: int = 0  #: Number of boxes on which the remainder was bounded.
     parts: int = 0  #: Number of parts of the interval in which V was proven to fall.
-    ratio: float = 0.0  #: Largest |R| / β that was seen.
+    ratio: float = 0.0  #: Largest |R| / β in the centers of boxes.
 
     @property
     def proven(self) -> bool:
@@ -163,35 +162,35 @@ class Candidate:
 
 def worst_candidate(piece: Funnel) -> Candidate:
     """Returns the worst state and time that were found on the boundary."""
-    nominal, n = piece.nominal, piece.num_states
-    times = np.linspace(nominal.times[0], nominal.times[1], TIMES)
-    shares = np.linspace(0.0, 1.0, TIMES)
-    here = [nominal.between(share) for share in shares]
-    inputs = np.concatenate([one.inputs for one in here])
-    gains = np.concatenate([one.gains for one in here])
-    centers, drift = nominal.path(times), nominal.path(times, 1)
+    n, shares = piece.num_states, np.linspace(0.0, 1.0, TIMES)
+    here = [piece.nominal.between(share) for share in shares]
+    nominal = Nominal(
+        model=piece.nominal.model,
+        **{k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS},
+    )
+    times, at = nominal.times, np.arange(TIMES)
+    drift = piece.nominal.path(times, 1)[:, None]
     S, slopes = piece.curve(times), piece.curve(times, 1)
     turn = np.swapaxes(to_ball(S)[1], 1, 2)
 
     def growth(z):
         """Returns V̇ (TIMES, B) at points (TIMES, B, n) of the spheres."""
         e = z @ turn
-        states = np.moveaxis(centers[:, None] + e, 2, 0)
-        command = inputs[:, None] - np.einsum("tbi,ti->tb", e, gains)
-        found = open_loop_rates(nominal.model, list(states), command)
-        rates = np.stack([np.broadcast_to(r, e.shape[:2]) for r in found], axis=2)
-        rise = 2.0 * np.einsum("tbi,tij,tbj->tb", e, S, rates - drift[:, None])
+        push = np.zeros((*e.shape[:2], 3))  # What is known of the command's error.
+        push[..., 0] = np.einsum("tbi,tij,tbj->tb", e, nominal.bends, e)
+        rates = rates_about(nominal, at, e, push=push) - drift
+        rise = 2.0 * np.einsum("tbi,tij,tbj->tb", e, S, rates)
         return rise + np.einsum("tbi,tij,tbj->tb", e, slopes, e)
 
     starts = normalized(np.random.default_rng(0).normal(size=(STARTS, n)))
     starts = np.broadcast_to(starts, (TIMES, STARTS, n))
     values, points = climb_sphere(growth, starts)
-    at, which = np.unravel_index(np.argmax(values), values.shape)
-    state = centers[at] + points[at, which] @ turn[at]
+    k, which = np.unravel_index(np.argmax(values), values.shape)
+    state = nominal.states[k] + points[k, which] @ turn[k]
     return Candidate(
-        time=float(times[at]),
+        time=float(times[k]),
         state=tuple(map(float, state)),
-        growth=float(values[at, which]),
+        growth=float(values[k, which]),
     )
 
 
@@ -207,12 +206,11 @@ def prove_remainder(
     The span is first and last s of the part, of -1 to 1.
     """
     basis, stretch = tight_cover(interval)
-    found = _bounded(False, boxes=0, ratio=np.inf)
+    found = _bounded(False, boxes=0, ratio=0.0)
     remainder = make_remainder(piece, basis, span)  # It turns the basis.
     if (stretch <= STRETCH or not halvings) and covers(interval, remainder.basis):
         most = min(PATIENCE, budget) if halvings else budget
         found = bound_remainder(remainder, most)
-        halvings = halvings if found.ratio <= HOPELESS else 0
     if found.proven or not halvings:
         return found
     boxes, ratio = found.boxes, 0.0
@@ -228,8 +226,7 @@ def prove_remainder(
 
 def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> IntervalProof:
     """Tries to prove that |R| <= β on all boxes of the ball."""
-    ratio, boxes = remainder.seen(), 0
-    size = remainder.dimension
+    ratio, boxes, size = 0.0, 0, remainder.dimension
     center, half = np.zeros((size, 1)), np.ones((size, 1))
     first, last = remainder.span
     center[-1], half[-1] = 0.5 * (first + last), 0.5 * (last - first)

@@ -13,11 +13,11 @@ import numpy as np
 
 from glider.errors import expect, show
 from glider.files.schema import parse_yaml
+from glider.physics.confidence import describe_set, make_confidence
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.planning.problem import PerchingProblem
-from glider.verification.dynamics.confidence import describe_set, make_confidence
 from glider.verification.funnel.funnel import Funnel
 
 PLAN_TOLERANCE = 1e-4
@@ -51,6 +51,21 @@ def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
         speed=float(np.linalg.norm(end[VELOCITY]) + axes[VELOCITY].max()),
         pitch=(float(pitch - axes[_PITCH]), float(pitch + axes[_PITCH])),
     )
+
+
+def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
+    """Returns how far each state may deviate at a time, in SI units.
+
+    Half-widths are those of a state that deviates alone, extents those of one that
+    deviates together with others.
+    """
+    extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
+    found = {"half_widths": funnel.half_widths(time), "extents": extents}
+    names = funnel.nominal.state_names
+    return {
+        what: dict(zip(names, values.tolist(), strict=True))
+        for what, values in found.items()
+    }
 
 
 def model_hash(model: GliderModel) -> str:
@@ -100,6 +115,20 @@ def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
         f"The funnel's set of gliders, the {describe_set(own)}, is smaller than the "
         f"model's, the {describe_set(given)}."
     ]
+
+
+def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
+    """Returns the wind that a funnel leaves to every glider of a model's set [m/s].
+
+    The set is the default one. Gliders that differ in a steady wind alone fly as the
+    estimated one does in another wind. None where they differ in more, or the funnel
+    is of a set; negative where it accounts for less wind than they differ by.
+    """
+    given = make_confidence(funnel.nominal.model, covariance)
+    if funnel.gliders or not {*given.names} <= {"wind.x", "wind.z"}:
+        return None
+    farthest = float(np.linalg.norm(given.factor, 2)) if given.dimension else 0.0
+    return funnel.settings.wind - farthest * (1.0 + 1e-9)
 
 
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:

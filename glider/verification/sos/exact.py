@@ -251,9 +251,9 @@ class InTime:
         )
 
 
-def line(first: np.ndarray | float, last: np.ndarray | float) -> InTime:
-    """Returns the straight line between doubles."""
-    return InTime((exact(first), exact(last)))
+def line(values: np.ndarray) -> InTime:
+    """Returns the straight line between doubles (2, ...); a constant, given one."""
+    return InTime(tuple(map(exact, values)))
 
 
 def hermite(

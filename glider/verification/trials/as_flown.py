@@ -9,7 +9,7 @@ steady wind and error, and half what at each moment makes V rise fastest. Nothin
 is proven; flights show what the loop does not tolerate.
 
 A funnel that was made for held commands has its own clock: its first command acts from
-the launch on, and their error stays while they are held.
+the launch on. Each command has an error of its own, which stays while it is held.
 """
 
 import dataclasses
@@ -174,9 +174,9 @@ class _Flight:
         self._error = loop.command_error * np.sign(genes[:, n])
         self._steady = genes[:, n + 3] > 0.5
         self._first = genes[:, n + 2] * loop.hold.period
-        self._clock = funnel.settings.period
-        if self._clock:  # Its second command acts a period after the launch.
-            self._first = np.full(len(genes), self._clock - loop.hold.latency)
+        if period := funnel.settings.period:
+            # Its second command acts a period after the launch.
+            self._first = np.full(len(genes), period - loop.hold.latency)
         self._states = boundary_states(funnel, 0, genes[:, :n])
         self._times = np.zeros(len(genes))
         self._largest, self._later = np.zeros((2, len(genes)))
@@ -187,7 +187,7 @@ class _Flight:
         # Until the clock's first command acts, that of the launch does.
         before = policy_command(policy, self._times, self._states)
         waiting = [before] * (hold.waiting + 1)
-        self._fly(before, self._first)
+        self._fly(before, self._first, begins=True)
         with np.errstate(over="ignore", invalid="ignore"):  # A flight may diverge.
             while np.any(self._times < policy.duration):
                 new = held_command(
@@ -195,19 +195,23 @@ class _Flight:
                 )
                 self._fly(waiting.pop(0), hold.rest)
                 waiting.append(new)
-                self._fly(waiting[0], hold.period - hold.rest)
+                self._fly(waiting[0], hold.period - hold.rest, begins=True)
         return self._largest, self._later, self._level()
 
     def _level(self):
         return self._funnel.level(self._times, self._states)
 
-    def _fly(self, command, duration):
-        """Flies under a command (B,) for some time, (B,) or one for all [s]."""
+    def _fly(self, command, duration, begins=False):
+        """Flies under a command (B,) for some time, (B,) or one for all [s].
+
+        The command begins to act, or it has acted before.
+        """
         count = max(math.ceil(np.max(duration) / STEP - 1e-9), 1)
         step = duration / count * np.ones(len(self._times))
-        for _ in range(count):
+        for number in range(count):
             left = np.clip(self._policy.duration - self._times, 0.0, step)
-            error, wind = self._pushes_now(command)
+            chooses = (begins and number == 0) or not self._funnel.settings.period
+            error, wind = self._pushes_now(command, chooses)
             flown = advance(
                 lambda x, t, u=command + error, w=wind: rates_of(self._model, x, u, w),
                 self._states,
@@ -222,8 +226,11 @@ class _Flight:
             acts = self._times > self._first + hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)
 
-    def _pushes_now(self, command):
-        """Returns error (B,) and wind (B, 2): steady, or where V rises fastest."""
+    def _pushes_now(self, command, chooses):
+        """Returns error (B,) and wind (B, 2): steady, or where V rises fastest.
+
+        Where it may not choose another, the error is that of before.
+        """
         if not (self._loop.wind or self._loop.command_error):
             return 0.0, None
         error = self._states - self._funnel.center(self._times)
@@ -237,9 +244,10 @@ class _Flight:
         size = np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
         worst = self._loop.wind * toward / size
         wind = np.where(self._steady[:, None], self._wind, worst)
-        highest = self._loop.command_error * np.sign(slopes[0])
-        highest = self._error if self._clock else highest
-        return np.where(self._steady, self._error, highest), wind
+        if chooses:
+            highest = self._loop.command_error * np.sign(slopes[0])
+            self._error = np.where(self._steady, self._error, highest)
+        return self._error, wind
 
     def _rates(self, command, push):
         u = command + push[:, 0]

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from glider.errors import InputError
+from glider.physics.confidence import ConfidenceSet, glider_at, physical
 from glider.physics.model import GliderModel
 from glider.simulation.fly import fly
-from glider.verification.dynamics.confidence import ConfidenceSet, glider_at, physical
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized

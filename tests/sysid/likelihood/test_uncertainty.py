@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.physics.confidence import ConfidenceSet
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.information import solve
@@ -14,7 +15,6 @@ from glider.sysid.likelihood.uncertainty import (
     jackknife,
     larger_of,
 )
-from glider.verification.dynamics.confidence import ConfidenceSet
 from tests.helpers.linear_campaigns import LinearCampaigns
 from tests.helpers.tasks import fit_kinds, fly
 

@@ -1,6 +1,6 @@
 """What was checked, proven and flown of a funnel, in sentences and as JSON.
 
-The sentences are in `templates/check_report.txt`.
+The sentences are in `templates/check_funnel.txt`.
 """
 
 import dataclasses
@@ -12,13 +12,24 @@ import jinja2
 import numpy as np
 
 from glider.errors import printable
+from glider.physics.confidence import describe_set
+from glider.physics.covariance import Covariance
 from glider.planning.problem import PerchingProblem
-from glider.verification.dynamics.confidence import describe_set
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
-from glider.verification.proof.flight_proof import FlightProof, checker_hash
-from glider.verification.proof.purpose import arrival, hook_faults, model_hash
+from glider.verification.proof.flight_proof import (
+    FlightProof,
+    checker_hash,
+    remainder_status,
+)
+from glider.verification.proof.purpose import (
+    arrival,
+    hook_faults,
+    model_hash,
+    set_sizes,
+    wind_for_set,
+)
 from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
 
@@ -31,8 +42,12 @@ def check_report(
     verdict: Verdict,
     proof: FlightProof | None,
     problem: PerchingProblem,
+    covariance: Covariance | None = None,
 ) -> dict[str, Any]:
-    """Returns the outcome of `check-funnel` as it is written to JSON."""
+    """Returns the outcome of `check-funnel` as it is written to JSON.
+
+    The covariance is that of the model that the funnel was compared with.
+    """
     report = dataclasses.asdict(verdict) | {
         "holds": verdict.holds,
         "file_sha256": funnel.sha256,
@@ -47,6 +62,7 @@ def check_report(
         "wind_m_s": funnel.settings.wind,
         "period_s": funnel.settings.period,
         "largest_command_error_rad_s": float(funnel.errors.max()),
+        "wind_for_set_m_s": covariance and wind_for_set(funnel, covariance),
     }
     if proof:
         report |= {
@@ -62,21 +78,6 @@ def check_report(
             "boxes": proof.boxes,
         }
     return report
-
-
-def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
-    """Returns how far each state may deviate at a time, in SI units.
-
-    Half-widths are those of a state that deviates alone, extents those of one that
-    deviates together with others.
-    """
-    extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
-    found = {"half_widths": funnel.half_widths(time), "extents": extents}
-    names = funnel.nominal.state_names
-    return {
-        what: dict(zip(names, values.tolist(), strict=True))
-        for what, values in found.items()
-    }
 
 
 def trial_report(funnel: Funnel, trial: Falsification, seed: int) -> dict[str, Any]:
@@ -132,14 +133,15 @@ def describe_check(
     proof: FlightProof | None,
     problem: PerchingProblem,
     model: Path | None,
-    has_covariance: bool = False,
+    covariance: Covariance | None = None,
 ) -> str:
     """Returns the outcome of `check-funnel` in sentences, one a line.
 
     A model is the file of the glider that it was compared with; it may have a
     covariance, which the funnel's set of gliders was then compared with.
     """
-    lines = [_text("certificate", funnel, verdict, model, has_covariance)]
+    wind = covariance and wind_for_set(funnel, covariance)
+    lines = [_text("certificate", funnel, verdict, model, covariance, wind)]
     if verdict.holds:
         ends = (set_sizes(funnel, t) for t in funnel.nominal.times[[0, -1]])
         lines.append(_text("sizes", *ends))
@@ -162,23 +164,6 @@ def describe_trial(funnel: Funnel, trial: Falsification, seed: int) -> str:
     return _text("flights", funnel, trial, seed, made_for, *of_worst)
 
 
-def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
-    """Returns how a funnel's remainder is known.
-
-    "none" where it accounts for none, else "sampled", or with a proof "rigorous until
-    t=0.8795", the time before which all that was tried is proven, and "in 3 of 200
-    intervals" if these were not all.
-    """
-    if not funnel.beta.any():
-        return "none"
-    if proof is None or not proof.count:
-        return "sampled"
-    status, tried = f"rigorous until t={proof.until:.4f}", len(proof.outcomes)
-    if tried == proof.of_intervals or not proof.complete:
-        return status
-    return f"{status} in {tried} of {proof.of_intervals} intervals"
-
-
 def _made_for(funnel, trial):
     """Determines whether all gliders flown are in the funnel's set; None without."""
     if not funnel.gliders:
@@ -196,7 +181,7 @@ def _text(macro, *values):
 @functools.cache
 def _template():
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("glider.verification"),
+        loader=jinja2.PackageLoader("glider.report"),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -208,4 +193,4 @@ def _template():
         "model_hash": lambda funnel: model_hash(funnel.nominal.model),
         "degrees": lambda limits: "{:.0f}° to {:.0f}°".format(*np.degrees(limits)),
     }
-    return environment.get_template("check_report.txt")
+    return environment.get_template("check_funnel.txt")

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from glider.errors import InputError
-from glider.physics.covariance import Covariance
-from glider.physics.effects import KINDS, WIND
-from glider.physics.model import GliderModel
-from glider.verification.dynamics.confidence import (
+from glider.physics.confidence import (
     ConfidenceSet,
     describe_set,
     glider_at,
@@ -17,6 +14,9 @@ from glider.verification.dynamics.confidence import (
     physical,
     theta_at,
 )
+from glider.physics.covariance import Covariance
+from glider.physics.effects import KINDS, WIND
+from glider.physics.model import GliderModel
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.funnel.file import GlidersNote
 from glider.verification.funnel.funnel import noted_confidence
