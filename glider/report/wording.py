@@ -13,7 +13,6 @@ import numpy as np
 from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
-from glider.sysid.constants import UNLIKELY
 from glider.sysid.result import LIBRARY_SHAPE, Estimate, FoundEffect, Result
 
 _MOST_COEFFICIENTS = 8
@@ -211,10 +210,7 @@ TEMPLATES.globals |= {
     "notes_of": notes_of,
     "vehicle_rows": vehicle_rows,
     "length": lambda r, value: unit_beside_floor(r, value).text(value),
-    "may_be_chance": lambda r: (
-        1.0 < r.left.ratio_to_floor <= r.left.most_by_chance
-        and not r.left.chance < UNLIKELY
-    ),
+    "may_be_chance": lambda r: r.left.ratio_to_floor > 1.0 and r.left.may_be_chance,
     "metres": numbers.format_length,
     "model_of": _model_of,
     "name_of": name_of,

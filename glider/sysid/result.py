@@ -18,6 +18,7 @@ from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
+from glider.sysid.constants import MOST_LEFT, UNLIKELY
 
 #: Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
 #: was found does not hold on held-out flights.
@@ -111,6 +112,12 @@ class Residual:
     chance: Number = math.nan  #: Probability that a perfect model leaves as much.
     depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
     air_depends_on: tuple[str, ...] = ()  #: States that the modelled gusts depend on.
+
+    @property
+    def may_be_chance(self) -> bool:
+        """Whether a perfect model may leave as much: never more than MOST_LEFT."""
+        is_more = self.ratio_to_floor > min(MOST_LEFT, self.most_by_chance)
+        return not is_more and not self.chance < UNLIKELY
 
 
 @dataclasses.dataclass(frozen=True)

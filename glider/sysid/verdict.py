@@ -168,12 +168,8 @@ def judge(
 
 
 def _beyond_floor(left: Residual) -> str:
-    """Clause about what a perfect model would not leave, empty if it may be chance.
-
-    A multiple of it is none: where few flights say so, one of them diverges.
-    """
-    most = min(constants.MOST_LEFT, left.most_by_chance)
-    if not left.ratio_to_floor > most and not left.chance < constants.UNLIKELY:
+    """Clause about what a perfect model would not leave, empty if it may be chance."""
+    if left.may_be_chance:
         return ""
     varies = dict.fromkeys((*left.depends_on, *left.air_depends_on))
     return (

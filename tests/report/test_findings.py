@@ -215,6 +215,18 @@ def test_what_is_left_is_a_length_and_a_ratio(ratio, position, text):
     assert "σ" not in " ".join(say("left", make_result(left=left)))
 
 
+@pytest.mark.parametrize(
+    "ratio, most, may_be", [(1.5, 1.8, True), (1.5, 1.4, False), (2.5, 3.0, False)]
+)
+def test_what_is_left_may_be_chance_as_the_verdict_has_it(ratio, most, may_be):
+    left = Residual(
+        ratio_to_floor=ratio, position_m=0.01, most_by_chance=most, depends_on=()
+    )
+    assert left.may_be_chance is may_be
+    said = " ".join(say("left", make_result(left=left)))
+    assert ("which may be chance" in said) is may_be
+
+
 def test_what_is_left_is_not_told_where_it_is_not_known():
     left = Residual(ratio_to_floor=1.0, position_m=math.nan, depends_on=())
     assert " ".join(say("left", make_result(left=left))) == ""

@@ -13,6 +13,7 @@ from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import GliderModel
+from glider.report.check_funnel import describe_flown
 from glider.verification.dynamics.nominal import evaluate, hermite_path, make_nominal
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.clock import (
@@ -33,6 +34,7 @@ from glider.verification.funnel.funnel import (
 from glider.verification.funnel.growth import Bounds, push_form
 from glider.verification.funnel.servo_limits import steepest_gains
 from glider.verification.proof import flight_proof, held
+from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import at_time, make_interval
@@ -42,7 +44,7 @@ from glider.verification.proof.purpose import push_faults
 from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
 from glider.verification.trials import as_flown
-from glider.verification.trials.as_flown import FlownLoop, fly_loop
+from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
 from tests.verification.points import sphere_points
 from tests.verification.test_gliders import allowed_by, among
 
@@ -400,6 +402,32 @@ def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
     assert same == pytest.approx(prompt, rel=2e-3, abs=1e-5)
 
 
+def test_flights_of_a_funnel_with_a_clock_are_told_to_be_by_that_clock(clocked):
+    loop = FlownLoop(hold=Hold(period=PERIOD, latency=0.01))
+    settings = dataclasses.replace(clocked.settings, period=0.0)
+    free = dataclasses.replace(clocked, settings=settings)
+    genes = np.hstack(
+        [sphere_points(3, 7), [[1.0, 0.0, at, 1.0] for at in (0, 0.2, 0.7)]]
+    )
+    some = np.ones(3)
+    for funnel, phases, words in (
+        (clocked, np.full(3, PERIOD - 0.01), "by the funnel's clock"),
+        (free, PERIOD * np.array([0.0, 0.2, 0.7]), "at any phase of their clock"),
+    ):
+        found = as_flown._phases(funnel, loop.hold, genes)
+        assert found == pytest.approx(phases)
+        trial = FlownTrial(
+            loop=loop,
+            levels=some,
+            later=some,
+            ends=some,
+            climbed=some > 0,
+            starts=genes,
+            phases=found,
+        )
+        assert words in describe_flown(trial, 0)
+
+
 def test_each_held_command_has_an_error_of_its_own(clocked, monkeypatch):
     """That makes V rise fastest when it begins to act; a steady one is always there."""
     genes = np.hstack([sphere_points(30, 7), np.tile([1.0, 0.0, 0.5, 0.0], (30, 1))])
@@ -479,6 +507,16 @@ def test_the_shipped_funnels_are_wide_and_of_held_commands(shipped):
     assert prove_interval(piece).proven
     claims = dataclasses.replace(settings, wind=settings.wind + 0.02)
     assert not prove_interval(dataclasses.replace(piece, settings=claims)).proven
+
+
+@pytest.mark.nightly
+def test_the_windy_funnel_holds_where_a_bound_was_raised_by_hand():
+    """At 0.816 s: R has a local maximum there that its sampling had missed."""
+    funnel = load_funnel(models_path("funnels", "held_head_wind_hook.npz"))
+    assert funnel.nominal.times[244] == pytest.approx(0.816, abs=1e-3)
+    for k in (243, 244):
+        assert prove_interval(funnel.between(k, k + 1)).proven
+    assert check_funnel(funnel).holds
 
 
 def test_no_flight_leaves_the_shipped_funnels(shipped):

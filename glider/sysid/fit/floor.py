@@ -64,12 +64,13 @@ class Floor:
         """Position RMS of the first flights over that of `errors`, at most by chance.
 
         A perfect model leaves more with the probability UNLIKELY: logarithms of the RMS
-        are normal, as replicas show, and a floor is known to FLOOR_ACCURACY.
+        are taken as normal, and a floor is known to FLOOR_ACCURACY. Infinity where the
+        floor of one of the flights is not known.
         """
-        known = np.flatnonzero(self._is_known[:flights])
-        if not len(known):
+        if not 0 < flights <= len(self.rows) or not self._is_known[:flights].all():
             return np.inf
-        squares = np.average(self.squares[known, 0], axis=0, weights=self.rows[known])
+        of_flights, rows = self.squares[:flights, 0], self.rows[:flights]
+        squares = np.average(of_flights, axis=0, weights=rows)
         logs = 0.5 * np.log(squares / squares.mean())
         spread = np.hypot(logs.std(), constants.FLOOR_ACCURACY)
         return float(np.exp(logs.mean() - ndtri(constants.UNLIKELY) * spread))

@@ -41,7 +41,7 @@ from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized, sphere
 
 BUDGET = 400_000
-"""Boxes of one interval until the search gives up; the shipped funnels take 30,000."""
+"""Boxes of one interval until the search gives up; shipped funnels take 110,000."""
 
 HALVINGS = 4
 """Times that an interval is halved for a ball that is tight enough."""

@@ -134,8 +134,18 @@ def fly_loop(
         ends=ends,
         climbed=np.arange(len(levels)) >= samples,
         starts=boundary_states(funnel, 0, genes[:, :n]),
-        phases=genes[:, n + 2] * loop.hold.period,
+        phases=_phases(funnel, loop.hold, genes),
     )
+
+
+def _phases(funnel: Funnel, hold: Hold, genes: np.ndarray) -> np.ndarray:
+    """Times (B,) from the launch to the clock's first sample after it [s].
+
+    Of a funnel with a clock of its own that is when its second command was computed.
+    """
+    if period := funnel.settings.period:
+        return np.full(len(genes), period - hold.latency)
+    return genes[:, funnel.num_states + 2] * hold.period
 
 
 def check_clock(funnel: Funnel, hold: Hold) -> None:
@@ -173,10 +183,7 @@ class _Flight:
         self._wind = loop.wind * genes[:, n : n + 2]
         self._error = loop.command_error * np.sign(genes[:, n])
         self._steady = genes[:, n + 3] > 0.5
-        self._first = genes[:, n + 2] * loop.hold.period
-        if period := funnel.settings.period:
-            # Its second command acts a period after the launch.
-            self._first = np.full(len(genes), period - loop.hold.latency)
+        self._first = _phases(funnel, loop.hold, genes)
         self._states = boundary_states(funnel, 0, genes[:, :n])
         self._times = np.zeros(len(genes))
         self._largest, self._later = np.zeros((2, len(genes)))

@@ -3,8 +3,9 @@ import types
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from glider.sysid.constants import UNLIKELY
+from glider.sysid.constants import FLOOR_ACCURACY, UNLIKELY
 from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict_all
@@ -111,14 +112,15 @@ def test_errors_of_the_first_flights_count_each_row_once(still):
 def test_what_a_perfect_model_may_leave_is_as_the_replicas_say(still):
     floor, _ = floor_and_errors(*still)
     many = np.average(floor.squares[:8, 0], axis=0, weights=floor.rows[:8])
-    ratios = np.sqrt(many / many.mean())
-    most = floor.most_by_chance(8)
-    assert np.mean(ratios > most) <= 0.02 and most < 1.5 * np.quantile(ratios, 0.975)
-    assert floor.most_by_chance(16) < floor.most_by_chance(
-        2
-    )  # Of more, less is chance.
-    floor.squares[:] = np.nan
-    assert floor.most_by_chance(8) == np.inf
+    logs = np.log(np.sqrt(many / many.mean()))
+    spread = np.hypot(np.std(logs), FLOOR_ACCURACY)
+    expected = norm(np.mean(logs), spread).isf(UNLIKELY)
+    assert np.log(floor.most_by_chance(8)) == pytest.approx(expected)
+    of_few, of_all = map(floor.most_by_chance, (2, 16))
+    assert of_all < of_few < np.inf  # Of more flights, less is by chance.
+    assert floor.most_by_chance(17) == floor.most_by_chance(0) == np.inf
+    floor.squares[3] = np.nan
+    assert floor.most_by_chance(8) == np.inf > floor.most_by_chance(3)
 
 
 def test_turbulence_does_not_know_the_state_of_the_glider(turbulent):
