@@ -52,7 +52,7 @@ FILES = (
     "verification/test_as_flown.py",
     "verification/test_check.py",
     "verification/test_check_funnel.py",
-    "verification/test_confidence.py",
+    "physics/test_confidence.py",
     "verification/test_defect.py",
     "verification/test_exact_time.py",
     "verification/test_falsify.py",
