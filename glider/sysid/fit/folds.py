@@ -143,11 +143,12 @@ class _Refits:
         found = gather_in_parts(offered, model, model.scales)
         self.candidates, self.grams, now = found
         unit = np.eye(self.grams.shape[1])
-        # What of each column acts in the model, and the error.
-        self.given, self.prior = unit[-1], model_fit.prior_of(task, model)
         if is_searched:
             shifted, self.prior = self.candidates.from_nothing(unit)
+            # What of each column acts in the model, and the error.
             self.given = np.append(shifted[:-1, -1], 1.0)
+        else:
+            self.given, self.prior = unit[-1], model_fit.prior_of(task, model)
         # The likelihood is a square of changes and what depends on the scales alone.
         self.constant = now - 0.5 * self.grams[:, -1, -1]
 
