@@ -194,7 +194,7 @@ def test_takes_are_dropped_and_their_map_corrected(browser, tmp_path):
         assert page.input_value("#map") == right
         assert seen.wait_for(lambda: page.locator("#save").is_enabled())
         drawn = "(image) => image.complete && image.naturalWidth > 0"
-        assert page.locator("#map-picture").evaluate(drawn)
+        assert seen.wait_for(lambda: page.locator("#map-picture").evaluate(drawn))
         page.click("#save")
         assert seen.wait_for(lambda: has_shown(seen, "flight_001.csv"))
         assert (tmp_path / "MAP.yaml").read_text() == right
