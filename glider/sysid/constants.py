@@ -42,11 +42,12 @@ NOISE = {
     "trim": (5e-3, 1e-4, 0.1),
     "pitch_zero": (5e-3, 1e-4, 0.03),
     "rate": (1e-2, 1e-4, 5.0),
+    "rest": (0.1, 1e-4, 0.5),
 }
 MOMENT_TIME = 0.1  # Correlation time of unmodelled pitch accelerations [s] (c).
 SERVO_TIME = 0.05  # The same of an elevator's departure from its path [s] (c).
 # Prior spread of a launch about its smoothed measurement, as the state [m, rad, s] (c).
-LAUNCH_SPREAD = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
+LAUNCH_SPREAD = (0.1, 0.1, 0.15, 0.0, 0.5, 0.5, 2.0)
 STATE_SPREAD = 0.05  # The same of effects' states about rest, in their scales (c).
 
 # ------------------------------------------------- coefficients and unknowns

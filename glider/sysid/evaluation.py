@@ -16,8 +16,8 @@ from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import compare, flown_by
-from glider.sysid.likelihood.blocks import BLOCKS
 from glider.sysid.likelihood.candidates import survey
+from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights, fit_model

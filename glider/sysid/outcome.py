@@ -15,7 +15,8 @@ from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
-from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
+from glider.sysid.likelihood.blocks import FittedBlock
+from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights
@@ -99,7 +100,7 @@ def effects_of(
             continue
         if name in model.free_kinds:
             found += (
-                _block_entry(traced, known, name, family, of_search)
+                _block_entry(task, traced, known, name, family, of_search)
                 for family in sorted(families.get(name, ()))
             )
             continue
@@ -118,7 +119,7 @@ def effects_of(
                 if name in spreads
                 else {},
                 shape=result.OTHER_SHAPE if name in bent else result.LIBRARY_SHAPE,
-                indistinguishable_from=traced.weighed[name].rivals,
+                indistinguishable_from=rivals_of(task, traced, name),
                 depends_on=kind.depends_on,
                 **of_search,
             )
@@ -142,6 +143,7 @@ def _sign_entry(signs: Signs) -> FoundEffect:
 
 
 def _block_entry(
+    task: Task,
     traced: SearchResult,
     known: Uncertainty,
     name: str,
@@ -158,9 +160,24 @@ def _block_entry(
         | (numbers_of_lift(own, known, family) if name == LIFT else {}),
         shape=result.LIBRARY_SHAPE if has_none else result.OTHER_SHAPE,
         family=kind.link,
+        indistinguishable_from=rivals_of(task, traced, name, family),
         depends_on=kind.depends_on,
         **of_search,
     )
+
+
+def rivals_of(task: Task, traced: SearchResult, *named: str) -> tuple[str, ...]:
+    """Returns the formulas that would do as well in the place of an effect.
+
+    `named` are its kinds. To first order, or as fitted in sets that are nearly as
+    likely and have none of them.
+    """
+    [own, *_] = named
+    is_block = own in BLOCKS
+    near = () if is_block else traced.weighed[own].rivals
+    others = [m.kinds for m, _ in traced.rivals if not {*m.kinds} & {*named}]
+    found = {*near}.union(*others) - {*traced.model.kinds}
+    return tuple(kind for kind in task.layout.kinds if kind in found)
 
 
 def numbers_of_lift(

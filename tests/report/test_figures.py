@@ -18,7 +18,7 @@ from glider.report.model_figures import BAND, carried_figure
 from glider.report.plots.binning import binned_quantiles
 from glider.report.plots.figure import Band, Bars, Ground, Level, Line, Points
 from glider.report.plots.style import INKS, VARIABLES
-from glider.sysid.likelihood.blocks import BLOCKS
+from glider.sysid.likelihood.families import BLOCKS
 from tests.report.results import VARIANTS, make_curve, make_flight, make_result
 
 NORMAL = "equation.normal"

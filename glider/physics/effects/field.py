@@ -204,8 +204,8 @@ class FieldData:
     variables: list[str] = dataclasses.field(default_factory=list)
     #: One row a basis function, one column a variable.
     centers: list[list[float]] = dataclasses.field(default_factory=list)
-    #: Standard deviation of the Gaussians in each variable.
-    widths: list[float] = dataclasses.field(default_factory=list)
+    #: Standard deviation of the Gaussians in each variable, or of each Gaussian.
+    widths: list[float | list[float]] = dataclasses.field(default_factory=list)
     constant: bool = False  #: Whether the last row of weights is of a constant.
     #: Name in FIELD_TERMS to one weight a basis function.
     weights: dict[str, list[float]] = dataclasses.field(default_factory=dict)
@@ -275,10 +275,15 @@ def make_field(data: FieldData) -> Field:
     if read:
         others = sorted({*data.variables} - {*_SENSOR_VARIABLES})
         expect(not others, f"{field}: variables of {read[0]}", others, "x, z and pitch")
+    needed = (
+        f"one width > 0 for each of {', '.join(data.variables)}, or for each center"
+    )
     good = len(data.widths) == len(data.variables)
-    good = good and not min(data.widths, default=1.0) <= 0.0  # NaN is refused below.
-    needed = f"one width > 0 for each of {', '.join(data.variables)}"
     expect(good, f"{field}: widths", data.widths, needed)
+    for own in data.widths:  # NaN is refused below.
+        good = not isinstance(own, list) or len(own) == len(data.centers)
+        good = good and not np.any(np.less_equal(own, 0.0))
+        expect(good, f"{field}: widths", own, needed)
     count = len(data.centers) + data.constant
     centers = np.zeros((count, len(FIELD_VARIABLES)))
     inverse_widths = np.zeros_like(centers)
@@ -287,7 +292,8 @@ def make_field(data: FieldData) -> Field:
         good, needed = len(center) == len(columns), f"{len(columns)} numbers"
         expect(good, f"{field}: center {m}", center, needed)
         centers[m, columns] = center
-        inverse_widths[m, columns] = 1.0 / np.asarray(data.widths)
+    for column, own in zip(columns, data.widths, strict=True):
+        inverse_widths[: len(data.centers), column] = 1.0 / np.asarray(own)
     weights = np.zeros((count, len(FIELD_TERMS)))
     for name, values in data.weights.items():
         good = len(values) == count

@@ -206,10 +206,9 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
         return ()
     # The flights' constants, about which they are linear, count as known.
     scales = dataclasses.replace(model.scales, wind=1e-9, trim=1e-9, pitch_zero=1e-9)
-    flights = [
-        dataclasses.replace(flight, start=np.zeros_like(flight.start))
-        for flight in error_flights(task, model)
-    ]
+    flights = error_flights(task, model)
+    for flight in flights:
+        flight.start[len(flight.states) :] = 0.0
     places = np.cumsum([len(flight.by_air) for flight in flights])[:-1]
 
     def slopes(ranks: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from glider.sysid.fit.prediction import compare, flown_by, mean_squares
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.fit_result import FitResult
-from glider.sysid.likelihood.information import counted_from
+from glider.sysid.likelihood.information import counted_from, solve_scaled
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
@@ -116,8 +116,7 @@ def hold_out(
         rest[part] = 0.0
         flown = {}
         for name, refit in refits.items():
-            model, cost = refit.on(rest)
-            costs[name][part] = cost[part]
+            model, costs[name][part] = refit.on(rest, part)
             if name != "nominal":
                 flown[name] = flown_by(task, model, scales), unseen
         found = compare(flown)
@@ -152,18 +151,30 @@ class _Refits:
         # The likelihood is a square of changes and what depends on the scales alone.
         self.constant = now - 0.5 * self.grams[:, -1, -1]
 
-    def on(self, counts: np.ndarray) -> tuple[FitResult, np.ndarray]:
-        """Returns the model of flights that count so often, and all flights' costs."""
+    def on(
+        self, counts: np.ndarray, unseen: np.ndarray
+    ) -> tuple[FitResult, np.ndarray]:
+        """Returns the model of flights that count so often, and others' costs [nats].
+
+        The costs are those of the predictive distribution: what the flights leave
+        unknown of the coefficients counts with the noise, so that a flight beyond the
+        range of the others is not held against a model that does not know it.
+        """
         model, columns = self.model, list(range(len(self.prior.mean)))
         if self.is_searched:
             model, found = search_about(self.candidates, self.grams, counts)
             columns = [*self.candidates.always, *found]
         keep, step = [*columns, len(self.prior.mean)], np.zeros(len(self.prior.mean))
         total = counted_from(np.tensordot(counts, self.grams, 1), self.given[:-1])
-        change = self.prior.among(columns).best_step(total[np.ix_(keep, keep)])
-        step[columns] = change
-        left = self.given - np.append(step, 0.0)
-        costs = self.constant + 0.5 * np.einsum("i,fij,j->f", left, self.grams, left)
+        prior = self.prior.among(columns)
+        step[columns] = prior.best_step(total[np.ix_(keep, keep)])
+        known = total[np.ix_(columns, columns)] + np.diag(prior.precision)
+        left, costs = self.given - np.append(step, 0.0), self.constant[unseen]
+        for k, gram in enumerate(self.grams[unseen]):
+            own, error = gram[np.ix_(columns, columns)], (gram @ left)[columns]
+            more = solve_scaled(known + own, error, 0.0) @ error
+            volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, own))
+            costs[k] += 0.5 * (left @ gram @ left - more + volume[1])
         if self.is_searched:
             step = self._of_unknown(model, step)
         return model_fit.moved(self.task, model, step), costs

@@ -116,7 +116,7 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
         own = smooth(flight, model.scales).start
         if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
             return launch, about
-        launch[flight.states] += own[:n]
+        launch[flight.states] += flight.start[:n, -1] + own[:n]
         rest = beginning.rest + launch[OFFSET]
         beginning = dataclasses.replace(beginning, rest=rest)
         launch[OFFSET] = rest - record.rest

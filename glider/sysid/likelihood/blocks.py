@@ -22,6 +22,7 @@ from glider.physics.effects.field import (
     FieldData,
 )
 from glider.sysid.constants import RESOLVED
+from glider.sysid.likelihood.families import BLOCKS, BlockKind
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_along, flow_at_nodes
@@ -42,135 +43,20 @@ ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
 """Terms of blocks that vary about their means: effects of the library, and of measured
 positions nothing that a flight shows."""
 
-# Gaussians over a variable, and over each of two; over the others there are 8, and 3.
-COUNTS = {"x": 24, "z": 16, "t": 16, "alpha": 30, "tail_load": 16}
-PAIR_COUNTS = {"x": 8, "z": 4, "alpha": 16}
+LEVELS = (8, 1.0), (32, 0.3)
+"""Gaussians over one variable, and their prior spread over that of a block: wide ones,
+and narrow ones for kinks that only sharp flights show."""
+PAIR_COUNTS = {"x": 8, "z": 4}
+"""Those over each of two variables; over others there are 5."""
+WIDEST = {"alpha": (0.14, 0.035)}
+"""Widths of the levels at most, of two variables twice that: flow separates within two
+degrees, and a glider that tumbles may pass through all angles [rad]."""
 OF_POSITIONS = 1.5, 1e-4
 """Width in distances of centers, and RMS along flights over its prior's, of what an
-error of a measured position shows: a lens bends smoothly, and cameras resolve a
-thousandth of that. With widths of one and `RESOLVED`, a twentieth of a lens is left."""
-WIDEST = {"alpha": 0.08}
-"""Width of a Gaussian at most, of two variables twice that: a stall is as sharp, and a
-glider that tumbles may pass through all angles [rad]."""
+error of a measured position shows, which has wide Gaussians alone: a lens bends
+smoothly, and cameras resolve a thousandth of that. With widths of one and `RESOLVED`, a
+twentieth of a lens is left."""
 _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class BlockKind:
-    """A family of effects: a link of the force chain, and what it varies with.
-
-    Of two variables where the past matters: to first order, what lags behind the angle
-    of attack is a function of it and of the pitch rate (for a force: the reduced one).
-    """
-
-    link: str  #: Of the force chain, as reports have it.
-    term: str  #: Of FIELD_TERMS.
-    variables: tuple[str, ...]  #: Of FIELD_VARIABLES, one or two.
-    words: str  #: A short phrase for people.
-    formulas: tuple[str, ...]  #: Effects of the library that are of the family.
-    bends: frozenset[str]  #: Effects whose formula it may bend.
-
-    @property
-    def depends_on(self) -> tuple[str, ...]:
-        """The variables as reports have them: a rate, not a rate over a speed."""
-        return tuple(
-            "pitchdot" if name == "reduced_rate" else name for name in self.variables
-        )
-
-
-_DRAGS = "profile_drag axial_drag induced_drag"
-_LAGGED = "dynamic_stall lagged_separation"
-_DOWNWASH = "downwash stalled_downwash"
-_OF_TAIL = f"tail_wake elevator_area {_DOWNWASH} lagged_downwash elevator_blowback"
-_LINKS = {
-    "air along x": ("air", "wind_x", "air along x that changes", ""),
-    "air along z": ("air", "wind_z", "air along z that changes", ""),
-    "lift": ("wing_force", "c_normal", "a lift that changes", _LAGGED),
-    "drag": ("wing_force", "c_drag", "a drag that changes", _DRAGS),
-    "axial force": ("wing_force", "c_axial", "an axial force that changes", _DRAGS),
-    "push": ("push", "push", "a push along the body axis that changes", ""),
-    "moment": ("moment", "c_moment", "a moment that changes", ""),
-    "added mass": ("inertia", "added_mass", "an added mass that changes", ""),
-    "added inertia": ("inertia", "added_inertia", "an added inertia that changes", ""),
-    "wing's force": ("wing_force", "wing_factor", "a wing's force that changes", ""),
-    "tail's force": (
-        *("tail_pressure", "elevator_factor", "a tail's force that changes"),
-        _OF_TAIL,
-    ),
-    "stream at the tail": (
-        *("tail_angle", "tail_downwash", "a stream at the tail that turns"),
-        _OF_TAIL,
-    ),
-    "tail's angle": ("tail_angle", "tail_angle", "a tail that turns", _OF_TAIL),
-    "measured x": ("sensor", "pose_x", "an error of the measured x that changes", ""),
-    "measured z": ("sensor", "pose_z", "an error of the measured z that changes", ""),
-    "measured pitch": (
-        "sensor",
-        "pose_pitch",
-        "an error of the measured pitch that changes",
-        "",
-    ),
-}
-"""Links of the force chain: their name in reports, term, what acts there, and which
-formulas of other variables a function may bend: lags are soon over, and only the
-deflection distinguishes a change of the tail's angle from one of its force."""
-
-_FAMILIES = (
-    ("air along x", "x", ""),
-    ("air along x", "z", "wind_shear"),
-    ("air along x", "t", ""),
-    ("air along z", "x", ""),
-    ("air along z", "z", ""),
-    ("air along z", "t", ""),
-    ("lift", "alpha", "attached_lift camber"),
-    ("lift", "reduced_rate", f"pitch_rate_lift {_LAGGED}", "added_mass"),
-    ("lift", "alpha reduced_rate", f"pitch_rate_lift {_LAGGED}", "added_mass"),
-    ("lift", "elevator_rate", ""),
-    ("drag", "alpha", _DRAGS),
-    ("axial force", "alpha", _DRAGS),
-    ("drag", "V", ""),
-    ("drag", "z", ""),
-    ("drag", "elevator", ""),
-    ("push", "x", "thrust"),
-    ("push", "t", "thrust"),
-    ("moment", "alpha", "center_of_pressure pitch_moment"),
-    ("moment", "V", ""),
-    ("moment", "reduced_rate", "pitch_damping", "added_mass"),
-    ("moment", "alpha reduced_rate", "pitch_damping", "added_mass"),
-    ("moment", "elevator", ""),
-    ("moment", "elevator_rate", ""),
-    ("added mass", "alpha", "added_mass"),
-    ("added inertia", "alpha", "added_mass inertia"),
-    ("wing's force", "V", "airspeed_dependence"),
-    ("wing's force", "z", "ground_effect"),
-    ("tail's force", "V", ""),
-    ("tail's force", "alpha", "tail_wake"),
-    ("tail's force", "alpha elevator", "tail_wake"),
-    ("tail's force", "elevator", ""),
-    ("stream at the tail", "alpha", _DOWNWASH),
-    ("stream at the tail", "alpha reduced_rate", f"{_DOWNWASH} lagged_downwash"),
-    ("tail's angle", "tail_load", "elevator_blowback"),
-    ("tail's angle", "elevator", ""),
-    ("measured x", "x z", "position_scale frame_tilt marker_offset"),
-    ("measured z", "x z", "position_scale frame_tilt marker_offset"),
-    ("measured pitch", "pitch", "pitch_offset"),
-)
-"""Link, variables, the library's formulas of the family, others that it may bend."""
-
-BLOCKS = {
-    f"{link} over {named}": BlockKind(
-        link=reported,
-        term=term,
-        variables=tuple(variables.split()),
-        words=f"{acts} with {named}",
-        formulas=tuple(formulas.split()),
-        bends=frozenset(" ".join([formulas, bent, *more]).split()),
-    )
-    for link, variables, formulas, *more in _FAMILIES
-    for reported, term, acts, bent in [_LINKS[link]]
-    for named in [" and ".join(variables.split())]
-}
-"""Families of effects that are searched without a formula, by name."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -185,7 +71,7 @@ class Block:
     terms: tuple[str, ...]  #: T of FIELD_TERMS.
     variables: tuple[str, ...]  #: d of FIELD_VARIABLES.
     centers: np.ndarray  #: (M, d)
-    widths: np.ndarray  #: (d,)
+    widths: np.ndarray  #: (M, d)
     flown: np.ndarray  #: (2, d) least and largest values of the variables in flight.
     mix: np.ndarray  #: (M T, q) weights of coordinates.
 
@@ -202,7 +88,7 @@ class Block:
     @property
     def reached(self) -> np.ndarray:
         """Centers in the flown range, (n, d)."""
-        low, high = self.flown + np.outer([-1e-6, 1e-6], self.widths)
+        low, high = self.flown + np.outer([-1e-6, 1e-6], self.widths.max(axis=0))
         is_within = (low <= self.centers) & (self.centers <= high)
         return self.centers[is_within.all(axis=1)]
 
@@ -223,7 +109,9 @@ class Block:
             kind="unexplained",
             variables=list(self.variables),
             centers=self.centers.tolist(),
-            widths=self.widths.tolist(),
+            widths=[
+                own[0] if np.ptp(own) == 0.0 else own for own in self.widths.T.tolist()
+            ],
             weights={term: own for term, own in weights if any(own)},
         )
 
@@ -274,7 +162,7 @@ def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
             terms=tuple(part.weights),
             variables=tuple(part.variables),
             centers=centers,
-            widths=np.array(part.widths),
+            widths=np.column_stack([np.full(len(centers), w) for w in part.widths]),
             flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
             mix=weights,
         )
@@ -312,48 +200,68 @@ def values_at_nodes(
 
 
 def make_blocks(flown: np.ndarray) -> dict[str, Block]:
-    """Spreads the bases of BLOCKS over `flown_values`; a point has none.
-
-    They go a width beyond: where the last Gaussian stands at the edge, what grows
-    towards it takes large weights that nearly cancel, and a lens of 68 mm (RMS) is
-    missed by 1 mm instead of 0.06.
-    """
+    """Spreads the bases of BLOCKS over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
-    found = {}
+    flown, found = flown[:: max(1, len(flown) // 2000)], {}
     for name, kind in BLOCKS.items():
         columns = [FIELD_VARIABLES.index(name) for name in kind.variables]
-        if np.any(high[columns] - low[columns] < _LEAST_RANGE):
-            continue
-        is_pair = len(columns) == 2
-        counts, usual = (PAIR_COUNTS, 3) if is_pair else (COUNTS, 8)
-        of_position = kind.term in ("pose_x", "pose_z")
-        width, resolved = OF_POSITIONS if of_position else (1.0, RESOLVED)
-        spaced = []
-        for variable, j in zip(kind.variables, columns, strict=True):
-            least = counts.get(variable, usual)
-            widest = (1 + is_pair) * WIDEST.get(variable, np.inf)
-            count = max(least, 1 + math.ceil((high[j] - low[j]) / widest))
-            apart, beyond = (high[j] - low[j]) / (count - 1), math.ceil(width)
-            spaced.append(low[j] + apart * np.arange(-beyond, count + beyond))
-        widths = width * np.array([own[1] - own[0] for own in spaced])
-        centers = np.stack(np.meshgrid(*spaced, indexing="ij"), axis=-1)
-        centers = centers.reshape(-1, len(columns))
-        count = len(centers)
-        basis, values = np.eye(count), flown[:: max(1, len(flown) // 2000)][:, columns]
-        shown = gaussian(values, centers, widths)
-        if kind.term in ABOUT_MEAN:
-            basis = scipy.linalg.null_space(np.mean(shown, axis=0)[None])
-        _, spreads, axes = np.linalg.svd(
-            shown @ basis / np.sqrt(len(shown)), full_matrices=False
-        )
-        basis = basis @ axes[: np.count_nonzero(spreads > resolved)].T
-        found[name] = Block(
-            name=name,
-            terms=(kind.term,),
-            variables=kind.variables,
-            centers=centers,
-            widths=widths,
-            flown=np.stack([low[columns], high[columns]]),
-            mix=SPREADS[kind.term] * basis,
-        )
+        if np.all(high[columns] - low[columns] >= _LEAST_RANGE):
+            range_ = np.stack([low[columns], high[columns]])
+            found[name] = _make_block(name, kind, range_, flown[:, columns])
     return found
+
+
+def _make_block(
+    name: str, kind: BlockKind, range_: np.ndarray, flown: np.ndarray
+) -> Block:
+    """Spreads Gaussians over the range (2, d) of values (n, d), and mixes them.
+
+    Mixtures that no flight shows are left out.
+    """
+    of_position = kind.term in ("pose_x", "pose_z")
+    width, resolved = OF_POSITIONS if of_position else (1.0, RESOLVED)
+    levels = LEVELS[:1] if of_position else LEVELS
+    own = [_grid(kind.variables, range_, width, i) for i in range(len(levels))]
+    centers, widths = map(np.vstack, zip(*own, strict=True))
+    pairs = zip(own, levels, strict=True)
+    shares = [np.full(len(c), share) for (c, _), (_, share) in pairs]
+    basis, shown = np.diag(np.concatenate(shares)), gaussian(flown, centers, widths)
+    if kind.term in ABOUT_MEAN:
+        mean = np.mean(shown @ basis, axis=0)
+        basis = basis @ scipy.linalg.null_space(mean[None])
+    _, spreads, axes = np.linalg.svd(
+        shown @ basis / np.sqrt(len(shown)), full_matrices=False
+    )
+    basis = basis @ axes[: np.count_nonzero(spreads > resolved)].T
+    return Block(
+        name=name,
+        terms=(kind.term,),
+        variables=kind.variables,
+        centers=centers,
+        widths=widths,
+        flown=range_,
+        mix=SPREADS[kind.term] * basis,
+    )
+
+
+def _grid(
+    variables: Sequence[str], range_: np.ndarray, width: float, level: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns centers and widths (M, d) of a level, of `width` distances of centers.
+
+    They go a width beyond the range: where the last Gaussian stands at the edge, what
+    grows towards it takes large weights that nearly cancel, and a lens of 68 mm (RMS)
+    is missed by 1 mm instead of 0.06.
+    """
+    is_pair, beyond, axes = len(variables) == 2, math.ceil(width), []
+    for variable, low, high in zip(variables, *range_, strict=True):
+        count = PAIR_COUNTS.get(variable, 5) if is_pair else LEVELS[level][0]
+        if variable in WIDEST:
+            widest = (1 + is_pair) * WIDEST[variable][level]
+            count = max(3, 1 + math.ceil((high - low) / widest))
+        apart = (high - low) / (count - 1)
+        axes.append(low + apart * np.arange(-beyond, count + beyond))
+    centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    centers = centers.reshape(-1, len(axes))
+    widths = width * np.array([axis[1] - axis[0] for axis in axes])
+    return centers, np.tile(widths, (len(centers), 1))

@@ -47,6 +47,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
     s, record = scales, flight.record
     launch, servo = np.array(LAUNCH_SPREAD), s.servo
+    launch[OFFSET] = s.rest
     if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
@@ -158,7 +159,8 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         sensors = np.zeros(5)
         sensors[: len(by_sensor)] = 2.0 * arguments[8] * by_sensor
         by_start[n : n + PROCESSES] += by_power
-        air, air_z, moment, servo, *constants = 2.0 * (start * by_start)[n:]
+        by_start *= 2.0 * start
+        air, air_z, moment, servo, *constants = by_start[n:]
     by_name = {
         "position": sensors[0] + sensors[1],
         "pitch": sensors[2],
@@ -171,6 +173,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         "trim": constants[2],
         "pitch_zero": constants[3],
         "rate": sensors[4],
+        "rest": by_start[OFFSET] if flight.record.has_servo else 0.0,
     }
     cost = WhitenedFlight(arguments[13], np.log(arguments[14])).cost
     return cost, np.array([by_name[name] for name in NAMES])

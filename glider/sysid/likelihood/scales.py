@@ -26,6 +26,7 @@ class Scales:
     trim: float = NOISE["trim"][0]  #: Of their elevator trims [rad].
     pitch_zero: float = NOISE["pitch_zero"][0]  #: Of their pitch readings [rad].
     rate: float = NOISE["rate"][0]  #: Of the pitch rate of a gyro [rad/s].
+    rest: float = NOISE["rest"][0]  #: Of elevators at rest, about zero [rad].
 
     @property
     def logs(self) -> np.ndarray:

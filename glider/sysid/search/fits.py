@@ -9,8 +9,9 @@ import numpy as np
 
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, EVIDENCE_THRESHOLD, MANY_FLIGHTS, RIVAL_GAP
-from glider.sysid.likelihood.blocks import BLOCKS, FittedBlock
+from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.candidates import Candidates, Variant, gather, saturated
+from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import Task

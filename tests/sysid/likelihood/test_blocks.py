@@ -11,13 +11,9 @@ from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LARGEST_STRENGTH
-from glider.sysid.likelihood.blocks import (
-    BLOCKS,
-    flown_values,
-    make_blocks,
-    variables_between,
-)
+from glider.sysid.likelihood.blocks import flown_values, make_blocks, variables_between
 from glider.sysid.likelihood.candidates import survey
+from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.outcome import model_of
 from glider.sysid.search.fits import Search
