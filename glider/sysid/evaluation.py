@@ -154,7 +154,7 @@ def without_model_errors(
     if traced.forces is not None:
         unknown.update(OF_FORCES)
     stds = {SPREAD_KINDS[kind]: spread.std for kind, spread in spreads.items()}
-    return dataclasses.replace(traced.model.scales.without(*unknown), **stds)
+    return dataclasses.replace(traced.model.scales.without(*unknown), **stds).shown
 
 
 def _fitted_models(

@@ -21,6 +21,7 @@ from glider.sysid.search.tracing import search_about, without_late
 WAYS = "freely", "along the measured pitch"
 """How flights are flown again, as `HeldOut.paths` has them."""
 
+_ITERATIONS = 2  # Of a fit that begins at the one to all flights.
 _LARGEST_LOG = 9.0  # Of a ratio of errors: a model that diverges is one loss.
 
 
@@ -131,7 +132,7 @@ def hold_out(
 
 
 class _Refits:
-    """A model, made again from some flights by one step from the fit to all."""
+    """A model, made again from some flights."""
 
     def __init__(self, task: Task, model: FitResult, is_searched: bool):
         self.task, self.is_searched = task, is_searched
@@ -175,13 +176,8 @@ class _Refits:
             more = solve_scaled(known + own, error, 0.0) @ error
             volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, own))
             costs[k] += 0.5 * (left @ gram @ left - more + volume[1])
-        if self.is_searched:
-            step = self._of_unknown(model, step)
-        return model_fit.moved(self.task, model, step), costs
-
-    def _of_unknown(self, model: FitResult, step: np.ndarray) -> np.ndarray:
-        """A step of all candidates along what always acts in a model with a set."""
-        slots = self.candidates.slots
-        own = {slots[j]: step[j] for j in self.candidates.always}
-        unknown = [own.get(slot, 0.0) for slot in model.free]
-        return np.append(unknown, np.zeros(len(model.coordinates)))
+        fitted = self.task.on(
+            [r for r, n in zip(self.task.records, counts, strict=True) if n]
+        )
+        start = self.model if {*model.kinds} == {*self.model.kinds} else model
+        return model_fit.fit_model(fitted, start, _ITERATIONS, free_scales=()), costs

@@ -8,6 +8,7 @@ from glider.sysid.constants import MOMENT_TIME, NOISE, SERVO_TIME
 from glider.sysid.replay.record import Noise
 
 _AT_FLOOR = 2.0  # Over the least scale, which a fit only comes near.
+_NOTHING = 1e-9  # Of a scale in its unit.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 
 
@@ -57,6 +58,13 @@ class Scales:
         """Returns the scales with some of them at their floors."""
         least = {name: getattr(FLOOR, name) for name in names}
         return dataclasses.replace(self, **least)
+
+    @property
+    def shown(self) -> "Scales":
+        """The scales without those at their floors, which are next to nothing."""
+        least = {n: _AT_FLOOR * getattr(FLOOR, n) for n in NAMES}
+        none = {n: _NOTHING for n, own in least.items() if getattr(self, n) < own}
+        return dataclasses.replace(self, **none)
 
     @classmethod
     def from_logs(cls, logs: np.ndarray) -> "Scales":
