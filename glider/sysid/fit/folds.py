@@ -176,8 +176,9 @@ class _Refits:
             more = solve_scaled(known + own, error, 0.0) @ error
             volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, own))
             costs[k] += 0.5 * (left @ gram @ left - more + volume[1])
-        fitted = self.task.on(
-            [r for r, n in zip(self.task.records, counts, strict=True) if n]
-        )
-        start = self.model if {*model.kinds} == {*self.model.kinds} else model
-        return model_fit.fit_model(fitted, start, _ITERATIONS, free_scales=()), costs
+        if counts.any():
+            kept = [self.task.records[i] for i in np.flatnonzero(counts)]
+            start = self.model if {*model.kinds} == {*self.model.kinds} else model
+            fitted = self.task.on(kept)
+            model = model_fit.fit_model(fitted, start, _ITERATIONS, free_scales=())
+        return model, costs

@@ -276,9 +276,10 @@ def fit_strength(
     if not model.blocks:
         return model
     # Shapes stay: the cost is no square of them, and is not computed again.
-    linear = [not task.is_shape(slot) for slot in model.free]
-    linear = np.flatnonzero(np.append(linear, np.ones(len(start), bool)))
-    step, keep = np.zeros(len(total) - 1), np.append(linear, len(total) - 1)
+    count = len(model.free)
+    linear = [j for j, slot in enumerate(model.free) if not task.is_shape(slot)]
+    linear += range(count, count + len(start))
+    step, keep = np.zeros(len(total) - 1), [*linear, len(total) - 1]
     step[linear] = prior.among(linear).best_step(gram[np.ix_(keep, keep)])
     left = np.append(-step, 1.0)
     gained = 0.5 * (before - float(left @ total @ left))

@@ -8,6 +8,7 @@ from glider.sysid.constants import MOMENT_TIME, NOISE, SERVO_TIME
 from glider.sysid.replay.record import Noise
 
 _AT_FLOOR = 2.0  # Over the least scale, which a fit only comes near.
+_MAY_BE_NOTHING = "air", "moment", "servo", "wind", "trim", "pitch_zero"
 _NOTHING = 1e-9  # Of a scale in its unit.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 
@@ -61,8 +62,8 @@ class Scales:
 
     @property
     def shown(self) -> "Scales":
-        """The scales without those at their floors, which are next to nothing."""
-        least = {n: _AT_FLOOR * getattr(FLOOR, n) for n in NAMES}
+        """The scales with what is at its floor, and so not shown, next to nothing."""
+        least = {n: _AT_FLOOR * getattr(FLOOR, n) for n in _MAY_BE_NOTHING}
         none = {n: _NOTHING for n, own in least.items() if getattr(self, n) < own}
         return dataclasses.replace(self, **none)
 

@@ -108,6 +108,26 @@ def test_a_planted_effect_holds():
         assert fold.corrected.position_rms_m < 0.5 * fold.refitted.position_rms_m
 
 
+def test_costs_of_unseen_flights_are_by_their_predictive_distribution():
+    """What their evidence adds to that of the others, by linear models' closed form."""
+    task, noise = task_of(fly(KINDS["profile_drag"](cd0=0.05), flights=6))
+    model = fit_model(task, begin(task, noise, ("profile_drag", "camber")))
+    refit = folds._Refits(task, model, is_searched=False)
+    counts = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.0])
+
+    def evidence(counts):
+        total = refit.prior.added_to(np.tensordot(counts, refit.grams, 1))
+        a, b = total[:-1, :-1], total[:-1, -1]
+        least = total[-1, -1] - b @ np.linalg.solve(a, b)
+        return counts @ refit.constant + 0.5 * (least + np.linalg.slogdet(a)[1])
+
+    _, [cost] = refit.on(counts, np.array([5]))
+    expected = evidence(np.ones(6)) - evidence(counts)
+    assert cost == pytest.approx(expected, abs=1e-3)
+    plugged = refit.constant[5] + 0.5 * refit.grams[5, -1, -1]
+    assert abs(cost - plugged) > 0.01
+
+
 def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone():
     campaign = fly(KINDS["mass"](change=0.1), flights=7)
     task, noise = task_of(campaign)

@@ -210,6 +210,37 @@ def test_a_lens_is_an_error_of_measured_positions_within_the_noise(vent, term):
     assert np.std(weights[:-1]) < LARGEST_STRENGTH
 
 
+def left_by(block, values, term):
+    """Share (RMS) of a term that a block of moderate weights does not show."""
+    shown, prior = block.functions(values) @ block.mix, 0.1 * np.eye(block.count)
+    rows = np.vstack([shown / (0.01 * np.std(term)), prior])
+    right = np.append(term / (0.01 * np.std(term)), np.zeros(block.count))
+    weights = np.linalg.lstsq(rows, right, rcond=None)[0]
+    return np.std(term - shown @ weights) / np.std(term)
+
+
+def test_a_stall_in_two_steps_is_shown_to_four_percent(vent):
+    """Gaussians of one width, 0.08 rad, leave seven percent."""
+    search, plate = vent
+    block = search.task.blocks["lift over alpha"]
+    alpha = flown_values(search.task.records, plate.theta)[:, block.columns]
+    lost = 0.5 * sum(
+        np.clip((np.abs(alpha[:, 0]) - begin) / 0.08, 0.0, 1.0) for begin in (0.2, 0.4)
+    )
+    assert left_by(block, alpha, 3.0 * np.sin(alpha[:, 0]) * (1.0 - lost)) < 0.04
+    assert np.ptp(block.widths[:, 0]) > 0.5 * block.widths.max()
+
+
+def test_a_lift_that_saturates_with_the_rate_is_shown_to_two_percent(vent):
+    """Three Gaussians over the rate leave four percent."""
+    search, plate = vent
+    block = search.task.blocks["lift over alpha and reduced_rate"]
+    values = flown_values(search.task.records, plate.theta)[:, block.columns]
+    alpha, rate = values.T
+    attached = 0.5 - 0.5 * np.tanh((np.abs(alpha) - 0.45) / 0.15)
+    assert left_by(block, values, 0.15 * np.tanh(0.2 * rate / 0.15) * attached) < 0.025
+
+
 def test_what_a_function_says_of_the_flown_range_excludes_its_margin(vent):
     block = vent[0].task.blocks["measured x over x and z"]
     assert np.all(block.centers.min(axis=0) < block.flown[0] - 0.9 * block.widths)

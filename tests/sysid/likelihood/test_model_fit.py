@@ -235,6 +235,20 @@ def test_the_cost_of_other_strengths_is_that_of_a_refit():
     assert change == pytest.approx(again.cost - before.cost, rel=0.1)
 
 
+def test_the_cost_of_other_strengths_is_that_of_the_model_beside_a_shape():
+    """A stall's angle and width moved with the strengths, and flights were far off."""
+    stall = KINDS["attached_lift"](slope=2.5, stall_angle=0.3, fade=0.1)
+    task, noise = task_of(fly(stall, flights=6))
+    start = begin(task, noise, ("attached_lift",))
+    block = task.blocks["lift over alpha"]
+    own = FittedBlock(block=block, coordinates=np.zeros(block.count), strength=2.0)
+    kinds = (*start.kinds, block.name)
+    start = dataclasses.replace(start, kinds=kinds, blocks=(own,))
+    model = fit_model(task, start, 2, with_strength=True)
+    real = fit_model(task, model, iterations=0, free_scales=())
+    assert model.cost == pytest.approx(real.cost, abs=6.0)
+
+
 # ------------------------------------------------------------------- surroundings
 
 

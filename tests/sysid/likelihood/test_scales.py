@@ -75,5 +75,20 @@ def test_still_air_is_still():
     assert scales.position == pytest.approx(noise.position, rel=0.2)
 
 
+@pytest.mark.parametrize("spread", [0.0, 0.03])
+def test_elevators_rest_at_zero_but_for_their_spread(spread):
+    campaign, rng = fly(flights=8), np.random.default_rng(0)
+    flights = [
+        dataclasses.replace(f, elevator=f.elevator + spread * rng.normal())
+        for f in campaign.flights
+    ]
+    task, noise = task_of(dataclasses.replace(campaign, flights=tuple(flights)))
+    model = begin(task, noise)
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    found = fit_scales(flights, model.scales, ("rest",), iterations=20).scales
+    low, high = (0.5 * spread, 2.0 * spread) if spread else (0.0, 0.1 * noise.elevator)
+    assert low < found.rest < high
+
+
 def test_logarithms_there_and_back():
     np.testing.assert_allclose(Scales.from_logs(CEILING.logs).logs, CEILING.logs)
