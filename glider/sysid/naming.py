@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, SLACK, SLIGHT, Z
+from glider.sysid.likelihood.blocks import flown_values
 from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.task import Task
@@ -21,6 +22,9 @@ PAIR = "alpha and reduced_rate"
 RATE_LIFT = "pitch_rate_lift"
 OVER_RATE = {"lift": RATE_LIFT, "moment": "pitch_damping"}
 """The formula that is linear in the pitch rate, of each link with such functions."""
+
+_ATTACHED = 0.15  # Angle of attack below which no flow separates [rad].
+_ROWS = 1000  # At which a function counts, of those that were flown.
 
 
 def absorbed(
@@ -134,9 +138,9 @@ def names_of(
     """Returns the effects that a free function is; `nearest` if its link tells nothing.
 
     Functions of the angle of attack and the pitch rate are split into their sum at no
-    rate and the rest. Either is real where it is a large part of both: three Gaussians
-    over the rate leave a third. If neither is, the more certain one is what was found.
-    Lift by the rate where no flow separates lags behind nothing.
+    rate and the rest. Either is real where it is a large part of both (RMS), in what
+    was flown. If neither is, the more certain one is what was found. Lift by the rate
+    where no flow separates lags behind nothing.
     """
     link, _, _ = block.partition(" over ")
     together, pair = over_rate(model, link), f"{link} over {PAIR}"
@@ -152,14 +156,14 @@ def names_of(
         by_formula = -at[:, 1:].repeat(len(acting), axis=1)
         return np.hstack([rows_at(model, together, at), by_formula])
 
-    centers = model.by_name[pair].block.reached
-    still, attached = centers * [1.0, 0.0], centers * [0.0, 1.0]
-    static, whole, rates, neither = map(rows, (still, centers, attached, 0.0 * centers))
+    flown = flown_values(task.records, model.theta)
+    flown = flown[:: max(1, len(flown) // _ROWS)][:, model.by_name[pair].block.columns]
+    static, whole = rows(flown * [1.0, 0.0]), rows(flown)
 
     def shown(rows: np.ndarray) -> float:
-        forces = np.abs(rows @ values)
-        is_known = forces > Z * known.std_along(places, rows)
-        return float(np.where(is_known, forces, 0.0).max())
+        forces = rows @ values
+        is_known = np.abs(forces) > Z * known.std_along(places, rows)
+        return float(np.sqrt(np.sum(forces[is_known] ** 2) / max(len(forces), 1)))
 
     def certainty(rows: np.ndarray) -> float:
         return float(np.max(np.abs(rows @ values) / known.std_along(places, rows)))
@@ -175,7 +179,8 @@ def names_of(
         of_lift = link == "lift" and names_of_lift(task, model, known)
         names |= of_lift or {"center_of_pressure"}
     if is_by_rate:
-        is_attached = link == "lift" and shown(rates - neither) > LEAST_PART * by_rate
+        attached = changes[np.abs(flown[:, 0]) < _ATTACHED]
+        is_attached = link == "lift" and shown(attached) > LEAST_PART * by_rate
         names.add(RATE_LIFT if is_attached else nearest)
     return names
 

@@ -115,9 +115,13 @@ class Residual:
 
     @property
     def may_be_chance(self) -> bool:
-        """Whether a perfect model may leave as much: never more than MOST_LEFT."""
+        """Whether a perfect model may leave as much: never more than MOST_LEFT.
+
+        What leaves no more than one does may, whatever folds of fewer flights left.
+        """
         is_more = self.ratio_to_floor > min(MOST_LEFT, self.most_by_chance)
-        return not is_more and not self.chance < UNLIKELY
+        is_less = self.ratio_to_floor <= 1.0
+        return not is_more and (is_less or not self.chance < UNLIKELY)
 
 
 @dataclasses.dataclass(frozen=True)

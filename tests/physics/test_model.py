@@ -1,5 +1,6 @@
 """A model survives its file, and what is wrong in a file is named."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -110,6 +111,23 @@ def test_a_reading_is_measured_and_moves_nothing():
     np.testing.assert_array_equal(*rates)
 
 
+def test_gaussians_of_different_widths_add_like_fields_of_one(tmp_path):
+    one = {"variables": ["x", "V"], "weights": {"wind_z": [1.0]}}
+    first = FieldData(centers=[[-2.0, 5.0]], widths=[0.5, 2.0], **one)
+    second = FieldData(centers=[[0.0, 6.0]], widths=[0.1, 2.0], **one)
+    both = FieldData(
+        variables=["x", "V"],
+        centers=[[-2.0, 5.0], [0.0, 6.0]],
+        widths=[[0.5, 0.1], 2.0],
+        weights={"wind_z": [1.0, 1.0]},
+    )
+    GliderModel(field=both).save(tmp_path / "model.yaml")
+    read = GliderModel.load(tmp_path / "model.yaml").residual_field
+    apart = dataclasses.replace(first, more=[second])
+    for array, expected in zip(read, make_field(apart), strict=True):
+        np.testing.assert_array_equal(array, expected)
+
+
 def test_the_arrays_of_a_field():
     arrays = GliderModel(field=FIELD).residual_field
     np.testing.assert_array_equal(arrays.centers[0], [-1, 0, 0.2, 0, 6, 0.3, *5 * [0]])
@@ -151,6 +169,9 @@ def test_a_basis_function_of_several_terms_is_evaluated_once_and_where_it_acts()
         ("field: {variables: [altitude], widths: [1.0]}", "'altitude'"),
         ("field: {variables: [x], widths: [0.0]}", "widths"),
         ("field: {variables: [x], widths: []}", "widths"),
+        ("field: {variables: [x], widths: [[1]], centers: [[0], [1]]}", "widths"),
+        ("field: {variables: [x], widths: [[1, 0]], centers: [[0], [1]]}", "widths"),
+        ("field: {variables: [x], widths: [[1, .nan]], centers: [[0], [1]]}", "finite"),
         ("field: {variables: [x], widths: [1.0], centers: [[1.0, 2.0]]}", "center 0"),
         ("field: {constant: true, weights: {c_lift: [1.0, 2.0]}}", "'c_lift'"),
         ("field: {weights: {c_left: [1.0]}}", "'c_left'"),

@@ -5,9 +5,10 @@ import types
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from glider.campaign.turning import Signs
-from glider.sysid.likelihood.blocks import FittedBlock
+from glider.sysid.likelihood.blocks import FittedBlock, flown_values
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import (
@@ -24,6 +25,7 @@ from glider.sysid.outcome import (
     effects_of,
     model_of,
     numbers_of_lift,
+    rivals_of,
     spreads_of,
 )
 from glider.sysid.result import ResidualTable
@@ -102,6 +104,7 @@ def with_block(task, model, name):
         found_by={},
         evidence={name: 50.0},
         weighed={name: types.SimpleNamespace(inclusion=1.0, rivals=())},
+        rivals=(),
     )
 
 
@@ -123,6 +126,28 @@ def test_a_free_functions_errors_are_its_own(plain):
     peak = effect.coefficients["wind_x_peak"]
     # A Gaussian beside its neighbours, each 0.5 m/s times 0.1.
     assert 0.05 < peak.std < 0.15
+
+
+def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
+    """Of what they have instead of it: formulas, but those of the model itself."""
+    task, _ = task_of(fly(flights=2, duration=0.6))
+
+    def fitted(*kinds):
+        return types.SimpleNamespace(kinds=kinds)
+
+    traced = types.SimpleNamespace(
+        model=fitted("camber", "mass", "lift over reduced_rate"),
+        weighed={"camber": types.SimpleNamespace(rivals=("wing_incidence",))},
+        rivals=(
+            (fitted("pitch_offset", "mass", "lift over reduced_rate"), 1.0),
+            (fitted("camber", "mass", "dynamic_stall", "lift over alpha"), 2.0),
+        ),
+    )
+    rivals = rivals_of(task, traced, "camber")
+    assert {*rivals} == {"pitch_offset", "wing_incidence"}
+    of_rate = "lift over reduced_rate"
+    assert rivals_of(task, traced, of_rate, "pitch_rate_lift") == ("dynamic_stall",)
+    assert rivals_of(task, traced, of_rate, "dynamic_stall") == ()
 
 
 # ----------------------------------------------------------------------- spreads
@@ -238,6 +263,20 @@ def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
     assert standing_alone(own | {speed: 56.0}, (wake, speed), {}) == {wake, speed}
 
 
+def likeliest(shown, values):
+    """Coordinates by values (n,) with errors of a hundredth, and their covariance.
+
+    Of the likeliest strength, as a fit has it.
+    """
+    error, strength = 0.01 * np.std(values), 1.0
+    for _ in range(8):
+        known = shown.T @ shown / error**2 + np.eye(shown.shape[1]) / strength**2
+        covariance = np.linalg.inv(known)
+        weights = covariance @ shown.T @ values / error**2
+        strength = np.sqrt(np.mean(weights**2 + np.diag(covariance)))
+    return weights, covariance
+
+
 @pytest.mark.parametrize(
     ("link", "function", "slope", "names", "likelier"),
     [
@@ -273,14 +312,14 @@ def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
 def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
     link, function, slope, names, likelier
 ):
-    task, _ = task_of(fly(flights=2, duration=0.6))
+    task, _ = task_of(fly(flights=8, duration=0.6))
     name = f"{link} over alpha and reduced_rate"
     block, formula = task.blocks[name], OVER_RATE[link]
     nearest = {"lift": "dynamic_stall", "moment": "pitch_damping"}[link]
-    low, high = block.flown
-    at = np.random.default_rng(0).uniform(low, high, size=(2000, 2))
+    at = flown_values(task.records, task.vehicle.theta)[:, block.columns]
     shown = block.functions(at) @ block.mix
-    weights = np.linalg.lstsq(shown, function(*at.T), rcond=1e-6)[0]
+    weights, covariance = likeliest(shown, function(*at.T))
+    errors = scipy.linalg.block_diag(1e-8, covariance)
     own = FittedBlock(block=block, coordinates=weights, strength=1.0)
     theta, [slot] = task.vehicle.theta.copy(), task.layout.slots_of(formula)
     theta[slot] = slope
@@ -288,7 +327,9 @@ def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
     known = types.SimpleNamespace(
         free=[slot] if slope else [],
         places={name: range(1, 1 + block.count)},
-        std_along=lambda places, rows: np.full(np.shape(rows)[:-1], 1e-4),
+        std_along=lambda places, rows: np.sqrt(
+            np.einsum("...i,ij,...j->...", rows, errors[np.ix_(places, places)], rows)
+        ),
     )
     assert names_of(task, model, known, name, nearest) == {*names.split()}
     unknown = types.SimpleNamespace(

@@ -134,6 +134,8 @@ def test_what_a_perfect_model_would_not_leave_is_not_all_explained():
     word, reason = verdict(("wind",), chance=0.99 * UNLIKELY)
     assert word == "partly_explained"
     assert "50 mm (RMS), 1.5 times as much as a perfect model" in reason
+    less = verdict(("wind",), chance=0.5 * UNLIKELY, times_floor=0.99)
+    assert less[0] == "effect_found"  # Folds have fewer flights to fit.
     word, reason = verdict(("wind",), times_floor=1.01 * MOST_LEFT)
     assert word == "partly_explained"
     assert "2.02 times as much as a perfect model" in reason

@@ -177,7 +177,8 @@ class _Refits:
             volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, own))
             costs[k] += 0.5 * (left @ gram @ left - more + volume[1])
         if counts.any():
-            kept = [self.task.records[i] for i in np.flatnonzero(counts)]
+            pairs = zip(self.task.records, counts, strict=True)
+            kept = [record for record, count in pairs if count]
             start = self.model if {*model.kinds} == {*self.model.kinds} else model
             fitted = self.task.on(kept)
             model = model_fit.fit_model(fitted, start, _ITERATIONS, free_scales=())
