@@ -103,8 +103,10 @@ SLACK = 0.1
 
 # -------------------------------------------------- free functions and fits
 # RMS along flights, over its prior's, of what a function shows, and the strength of one
-# that is as good as none (c).
+# that is as good as none; the same of coordinates by which functions that do not act
+# are compared before one is fitted (c).
 RESOLVED = 0.02
+LEADING = 0.1
 LARGEST_STRENGTH = 5.0  # That no error of a formula has (c).
 
 # --------------------------------------------- predictions of held-out flights

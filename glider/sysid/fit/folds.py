@@ -21,7 +21,7 @@ from glider.sysid.search.tracing import search_about, without_late
 WAYS = "freely", "along the measured pitch"
 """How flights are flown again, as `HeldOut.paths` has them."""
 
-_ITERATIONS = 2  # Of a fit that begins at the one to all flights.
+_ITERATIONS = 1  # Of a fit that begins at the one to all flights.
 _LARGEST_LOG = 9.0  # Of a ratio of errors: a model that diverges is one loss.
 
 
@@ -176,10 +176,11 @@ class _Refits:
             more = solve_scaled(known + own, error, 0.0) @ error
             volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, own))
             costs[k] += 0.5 * (left @ gram @ left - more + volume[1])
+        if not self.is_searched:  # It is linear.
+            return model_fit.moved(self.task, model, step), costs
         if counts.any():
             pairs = zip(self.task.records, counts, strict=True)
-            kept = [record for record, count in pairs if count]
+            fitted = self.task.on([record for record, count in pairs if count])
             start = self.model if {*model.kinds} == {*self.model.kinds} else model
-            fitted = self.task.on(kept)
             model = model_fit.fit_model(fitted, start, _ITERATIONS, free_scales=())
         return model, costs

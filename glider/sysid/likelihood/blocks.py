@@ -21,7 +21,7 @@ from glider.physics.effects.field import (
     SENSOR_TERMS,
     FieldData,
 )
-from glider.sysid.constants import RESOLVED
+from glider.sysid.constants import LEADING, RESOLVED
 from glider.sysid.likelihood.families import BLOCKS, BlockKind
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
@@ -73,12 +73,18 @@ class Block:
     centers: np.ndarray  #: (M, d)
     widths: np.ndarray  #: (M, d)
     flown: np.ndarray  #: (2, d) least and largest values of the variables in flight.
-    mix: np.ndarray  #: (M T, q) weights of coordinates.
+    mix: np.ndarray  #: (M T, q) weights of coordinates, the most shown ones first.
+    leading: int  #: Number of coordinates by which it is compared with others.
 
     @property
     def count(self) -> int:
         """Number of coordinates."""
         return self.mix.shape[1]
+
+    @property
+    def led(self) -> "Block":
+        """The block with its leading coordinates alone."""
+        return dataclasses.replace(self, mix=self.mix[:, : self.leading])
 
     @property
     def columns(self) -> list[int]:
@@ -165,6 +171,7 @@ def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
             widths=np.column_stack([np.full(len(centers), w) for w in part.widths]),
             flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
             mix=weights,
+            leading=1,
         )
         found.append(FittedBlock(block=block, coordinates=np.ones(1), strength=1.0))
     return tuple(found)
@@ -241,6 +248,7 @@ def _make_block(
         widths=widths,
         flown=range_,
         mix=SPREADS[kind.term] * basis,
+        leading=np.count_nonzero(spreads > LEADING),
     )
 
 

@@ -131,7 +131,7 @@ def gather(task: Task, model: FitResult, with_blocks: bool = False) -> Candidate
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
     offered = task.blocks.values() if with_blocks else ()
-    new = tuple(b for b in offered if b.count and b.name not in model.kinds)
+    new = tuple(b.led for b in offered if b.leading and b.name not in model.kinds)
     linear = model_fit.linear_flights(task, model, directions, new)
     flights, wild = tamed(task, directions, linear)
     for kind in set(variants) - set(model.kinds):

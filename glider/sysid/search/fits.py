@@ -66,12 +66,13 @@ class FirstOrder:
     def _block(
         self, acting: FittedBlock | None, kind: str, variant: Variant, step: np.ndarray
     ) -> FittedBlock:
-        """A block with the coordinates of a step from nothing."""
+        """A block with the coordinates of a step from nothing, the leading ones."""
         if acting is not None:
             return dataclasses.replace(acting, coordinates=step)
         block = self.candidates.task.blocks[kind]
         strength = self.candidates.columns[variant[0]][1]
-        return FittedBlock(block=block, coordinates=step, strength=strength)
+        coordinates = np.append(step, np.zeros(block.count - len(step)))
+        return FittedBlock(block=block, coordinates=coordinates, strength=strength)
 
 
 @dataclasses.dataclass
