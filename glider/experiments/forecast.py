@@ -95,7 +95,8 @@ class Forecast:
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
         whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
-        made = iter(prepare(whole, self.campaign, self.noise, layout))
+        records = prepare(whole, self.campaign, self.noise, layout)
+        made = (dataclasses.replace(r, usual_rest=r.rest) for r in records)
         return [next(made) if ok else None for ok in finite]
 
     def safe(self, throws: Sequence[Throw], logs: Sequence[list[Record]]) -> list[bool]:

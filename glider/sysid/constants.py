@@ -42,7 +42,7 @@ NOISE = {
     "trim": (5e-3, 1e-4, 0.1),
     "pitch_zero": (5e-3, 1e-4, 0.03),
     "rate": (1e-2, 1e-4, 5.0),
-    "rest": (0.1, 1e-4, 0.5),
+    "rest": (0.01, 1e-4, 0.5),
 }
 MOMENT_TIME = 0.1  # Correlation time of unmodelled pitch accelerations [s] (c).
 SERVO_TIME = 0.05  # The same of an elevator's departure from its path [s] (c).
@@ -72,7 +72,7 @@ CLOCK_ERROR = 0.015
 # Noise under which flights are compared: errors of any one model count little (c).
 COARSE_NOISE = {
     **{"position": 0.01, "pitch": 0.02, "elevator": 0.05},
-    **{"air": 0.3, "moment": 5.0, "servo": 0.02},
+    **{"air": 0.3, "moment": 5.0, "servo": 0.02, "rest": 0.1},
 }
 # Least deviation of a log mean square: twice the median one (m: docs/how_it_works.md).
 LEAST_DEVIATION = 0.15
@@ -89,7 +89,7 @@ HELD_OUT_THRESHOLD = {"effect": 3.0, "coefficient": 2.0, "uncommon": 8.0}
 ALONG_ATTITUDE = {  # Noise of flights along their attitude, which ignore moments (c).
     **{"position": 1e-3, "pitch": 2e-3, "moment": 200.0},
     **{"air": 0.06, "air_time": 0.3},  # Errors of C_L and C_D to begin with, and [s].
-    **{"wind": 1e-3, "trim": 0.05, "pitch_zero": 3e-3},
+    **{"wind": 1e-3, "trim": 0.05, "pitch_zero": 3e-3, "rest": 0.1},
 }
 
 # ------------------------------------------------------------------ the search

@@ -115,8 +115,9 @@ def test_a_log_with_a_wrong_sign_is_seen_as_it_was_flown(motions, campaign):
     for name in ("measured", "corrected"):
         assert np.allclose(seen[name].poses, motions[name].poses)
     # The nominal model met the log as it was written, and could not fly that.
-    lost, _ = position_errors(seen)["nominal"]
-    assert lost > 2.0 * position_errors(motions)["nominal"][0]
+    poses, others = seen["nominal"].poses, motions["nominal"].poses
+    rows = min(len(poses), len(others))
+    assert np.abs(poses[:rows, 2] - others[:rows, 2]).max() > 0.5
 
 
 def test_a_model_that_blows_up_is_shown_until_then(campaign, flight):

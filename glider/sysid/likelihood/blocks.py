@@ -248,7 +248,7 @@ def _make_block(
         widths=widths,
         flown=range_,
         mix=SPREADS[kind.term] * basis,
-        leading=np.count_nonzero(spreads > LEADING),
+        leading=int(np.count_nonzero(spreads > LEADING)),
     )
 
 

@@ -202,8 +202,8 @@ def linearize(
     moved, sizes = np.empty((len(plain), len(dynamics))), np.empty(len(plain))
     start = np.zeros((len(states) + OWN_STATES, columns))
     start[len(states) + PROCESSES :, -1] = -constants
-    if record.seen[:, 3].any():  # An elevator rests at zero, but for the scale of it.
-        start[OFFSET, -1] = -record.rest - nodes[0, OFFSET]
+    if record.seen[:, 3].any():  # Elevators rest at one angle, but for a scale.
+        start[OFFSET, -1] = record.usual_rest - record.rest - nodes[0, OFFSET]
     for i, j in enumerate(plain):
         other, sizes[i] = directions[j].moved(theta), directions[j].size
         moved[i] = layout.dynamics(trimmed(record, other, constants[2])[0])

@@ -85,6 +85,7 @@ class Record:
     limits: tuple[float, float] | None  #: Where the elevator stops [rad], or None.
     rest: float  #: Where the elevator stood before the first command [rad].
     trim_is_moment: bool  #: Whether a trim makes no force, see `replayed.trimmed`.
+    usual_rest: float = 0.0  #: Where elevators of flights like it stand then [rad].
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
