@@ -14,6 +14,7 @@ from glider.physics.effects import Field
 from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
 from glider.simulation.campaigns import fly_commands, fly_path, measured
+from glider.sysid.constants import Z
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals
 
@@ -85,10 +86,14 @@ def range_of(
 ) -> Range:
     """The range of a campaign's throws, released at x of the funnel if there is one."""
     x = funnel.x if funnel else np.median([r.nodes[0, 0] for r in records])
+    rests = np.array([r.rest for r in records])
+    rest, usual = float(np.median(rests)), records[0].usual_rest
+    if abs(rest - usual) < Z * np.std(rests) / np.sqrt(len(rests)):  # By noise alone.
+        rest = usual
     return Range(
         limits=limits,
         x=float(x),
-        rest=float(np.median([r.rest for r in records])),
+        rest=rest,
         stops=records[0].limits,
         duration=float(np.median([r.time[-1] for r in records])),
         pose_rate=campaign.pose_rate,

@@ -46,7 +46,8 @@ NOISE = {
 }
 MOMENT_TIME = 0.1  # Correlation time of unmodelled pitch accelerations [s] (c).
 SERVO_TIME = 0.05  # The same of an elevator's departure from its path [s] (c).
-# Prior spread of a launch about its smoothed measurement, as the state [m, rad, s] (c).
+# Prior spread of a launch about its smoothed measurement, as the state [m, rad, s] (c);
+# that of the elevator is a scale of the noise.
 LAUNCH_SPREAD = (0.1, 0.1, 0.15, 0.0, 0.5, 0.5, 2.0)
 STATE_SPREAD = 0.05  # The same of effects' states about rest, in their scales (c).
 
@@ -103,8 +104,8 @@ SLACK = 0.1
 
 # -------------------------------------------------- free functions and fits
 # RMS along flights, over its prior's, of what a function shows, and the strength of one
-# that is as good as none; the same of coordinates by which functions that do not act
-# are compared before one is fitted (c).
+# that is as good as none; and RMS of the coordinates by which functions are compared
+# before one is fitted (c).
 RESOLVED = 0.02
 LEADING = 0.1
 LARGEST_STRENGTH = 5.0  # That no error of a formula has (c).

@@ -109,6 +109,10 @@ def evaluate(
     paths = np.array([tests.paths[r.name][1] for r in first]) if tests else None
     outliers = result.OutlyingFlights(apart, {**flown(apart).errors}) if apart else None
     left = found.errors["corrected"].position_rms_m
+    along, least = (
+        e.rollout_measured_pitch.position_rms_m
+        for e in (found.errors["corrected"], perfect)
+    )
     return {
         "errors": errors,
         "outlying": outliers,
@@ -116,6 +120,7 @@ def evaluate(
         "left": result.Residual(
             position_m=left,
             ratio_to_floor=left / perfect.position_rms_m,
+            ratio_along_pitch=along / least,
             most_by_chance=floor.most_by_chance(len(kept)),
             chance=np.nan if paths is None else floor.chance(paths),
             depends_on=_variables_of(task, traced.judged),
@@ -154,7 +159,9 @@ def without_model_errors(
     if traced.forces is not None:
         unknown.update(OF_FORCES)
     stds = {SPREAD_KINDS[kind]: spread.std for kind, spread in spreads.items()}
-    return dataclasses.replace(traced.model.scales.without(*unknown), **stds).shown
+    return dataclasses.replace(
+        traced.model.scales.without(*unknown), **stds
+    ).without_floors
 
 
 def _fitted_models(

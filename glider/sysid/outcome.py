@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -100,7 +100,7 @@ def effects_of(
             continue
         if name in model.free_kinds:
             found += (
-                _block_entry(task, traced, known, name, family, of_search)
+                _block_entry(task, traced, named, known, name, family, of_search)
                 for family in sorted(families.get(name, ()))
             )
             continue
@@ -119,7 +119,7 @@ def effects_of(
                 if name in spreads
                 else {},
                 shape=result.OTHER_SHAPE if name in bent else result.LIBRARY_SHAPE,
-                indistinguishable_from=rivals_of(task, traced, name),
+                indistinguishable_from=rivals_of(task, traced, named, name),
                 depends_on=kind.depends_on,
                 **of_search,
             )
@@ -145,6 +145,7 @@ def _sign_entry(signs: Signs) -> FoundEffect:
 def _block_entry(
     task: Task,
     traced: SearchResult,
+    named: Collection[str],
     known: Uncertainty,
     name: str,
     family: str,
@@ -160,24 +161,30 @@ def _block_entry(
         | (numbers_of_lift(own, known, family) if name == LIFT else {}),
         shape=result.LIBRARY_SHAPE if has_none else result.OTHER_SHAPE,
         family=kind.link,
-        indistinguishable_from=rivals_of(task, traced, name, family),
+        indistinguishable_from=rivals_of(task, traced, named, name, family),
         depends_on=kind.depends_on,
         **of_search,
     )
 
 
-def rivals_of(task: Task, traced: SearchResult, *named: str) -> tuple[str, ...]:
+def rivals_of(
+    task: Task, traced: SearchResult, reported: Collection[str], *named: str
+) -> tuple[str, ...]:
     """Returns the formulas that would do as well in the place of an effect.
 
-    `named` are its kinds. To first order, or as fitted in sets that are nearly as
-    likely and have none of them.
+    `named` are its kinds, `reported` those of all effects. To first order, or as fitted
+    in a set that is nearly as likely and has another formula, and maybe other free
+    functions, instead of it.
     """
-    [own, *_] = named
-    is_block = own in BLOCKS
-    near = () if is_block else traced.weighed[own].rivals
-    others = [m.kinds for m, _ in traced.rivals if not {*m.kinds} & {*named}]
-    found = {*near}.union(*others) - {*traced.model.kinds}
-    return tuple(kind for kind in task.layout.kinds if kind in found)
+    own, formulas = named[0], {*traced.model.kinds} - BLOCKS.keys()
+    found = set[str]() if own in BLOCKS else {*traced.weighed[own].rivals}
+    for other, _ in traced.rivals:
+        new, lost = {*other.kinds} - BLOCKS.keys() - formulas, formulas - {*other.kinds}
+        if len(new) == 1 and lost <= {own} and not {*named} & {*other.kinds}:
+            found |= new
+    return tuple(
+        kind for kind in task.layout.kinds if kind in found.difference(reported)
+    )
 
 
 def numbers_of_lift(

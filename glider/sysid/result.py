@@ -108,6 +108,7 @@ class Residual:
 
     position_m: Number  #: RMS of the position [m].
     ratio_to_floor: Number  #: That over the RMS which a perfect model would leave.
+    ratio_along_pitch: Number = math.nan  #: The same along the measured pitch.
     most_by_chance: Number = math.inf  #: The ratio that a perfect model may have.
     chance: Number = math.nan  #: Probability that a perfect model leaves as much.
     depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
@@ -117,10 +118,10 @@ class Residual:
     def may_be_chance(self) -> bool:
         """Whether a perfect model may leave as much: never more than MOST_LEFT.
 
-        What leaves no more than one does may, whatever folds of fewer flights left.
+        Ratios of at most one may, even if the folds, of fewer flights, leave more.
         """
         is_more = self.ratio_to_floor > min(MOST_LEFT, self.most_by_chance)
-        is_less = self.ratio_to_floor <= 1.0
+        is_less = self.ratio_to_floor <= 1.0 and not self.ratio_along_pitch > 1.0
         return not is_more and (is_less or not self.chance < UNLIKELY)
 
 

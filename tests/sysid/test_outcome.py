@@ -140,14 +140,19 @@ def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
         weighed={"camber": types.SimpleNamespace(rivals=("wing_incidence",))},
         rivals=(
             (fitted("pitch_offset", "mass", "lift over reduced_rate"), 1.0),
+            (fitted("pitch_rate_lift", "mass"), 1.5),
             (fitted("camber", "mass", "dynamic_stall", "lift over alpha"), 2.0),
+            (fitted("wind", "inertia", "thrust", "lift over reduced_rate"), 3.0),
         ),
     )
-    rivals = rivals_of(task, traced, "camber")
+    reported = {"camber", "mass", "pitch_rate_lift"}
+    rivals = rivals_of(task, traced, reported, "camber")
     assert {*rivals} == {"pitch_offset", "wing_incidence"}
     of_rate = "lift over reduced_rate"
-    assert rivals_of(task, traced, of_rate, "pitch_rate_lift") == ("dynamic_stall",)
-    assert rivals_of(task, traced, of_rate, "dynamic_stall") == ()
+    assert rivals_of(task, traced, reported, of_rate, "pitch_rate_lift") == (
+        "dynamic_stall",
+    )
+    assert rivals_of(task, traced, reported, of_rate, "dynamic_stall") == ()
 
 
 # ----------------------------------------------------------------------- spreads

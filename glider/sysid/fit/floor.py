@@ -126,7 +126,8 @@ def _squares(
     seen, sensors = record.seen, np.array(model.scales.sensors[:channels])
     first = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
     stds = np.sqrt(start_variances(flight, truth))
-    stds[[*range(n), n + 2]] = 0.0  # The launch; unmodelled pitch accelerations.
+    # The launch but for the elevator's rest; unmodelled pitch accelerations.
+    stds[[*(i for i in range(n) if i != ELEVATOR), n + 2]] = 0.0
     shocks = rng.normal(size=(nodes, total, count)) * stds[:, None]
     keep = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
     shocks[1:, :n], shocks[1:, n:] = 0.0, np.sqrt(1.0 - keep**2) * shocks[1:, n:]

@@ -21,7 +21,6 @@ from glider.sysid.search.tracing import search_about, without_late
 WAYS = "freely", "along the measured pitch"
 """How flights are flown again, as `HeldOut.paths` has them."""
 
-_ITERATIONS = 1  # Of a fit that begins at the one to all flights.
 _LARGEST_LOG = 9.0  # Of a ratio of errors: a model that diverges is one loss.
 
 
@@ -168,19 +167,26 @@ class _Refits:
         keep, step = [*columns, len(self.prior.mean)], np.zeros(len(self.prior.mean))
         total = counted_from(np.tensordot(counts, self.grams, 1), self.given[:-1])
         prior = self.prior.among(columns)
-        step[columns] = prior.best_step(total[np.ix_(keep, keep)])
-        known = total[np.ix_(columns, columns)] + np.diag(prior.precision)
+        change = prior.best_step(total[np.ix_(keep, keep)])
+        step[columns] = change
+        is_open = (prior.lower < change) & (change < prior.upper)
+        own = np.array(columns, dtype=int)[is_open]
+        known = total[np.ix_(own, own)] + np.diag(prior.precision[is_open])
         left, costs = self.given - np.append(step, 0.0), self.constant[unseen]
         for k, gram in enumerate(self.grams[unseen]):
-            own, error = gram[np.ix_(columns, columns)], (gram @ left)[columns]
-            more = solve_scaled(known + own, error, 0.0) @ error
-            volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, own))
+            added, error = gram[np.ix_(own, own)], (gram @ left)[own]
+            more = solve_scaled(known + added, error, 0.0) @ error
+            volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, added))
             costs[k] += 0.5 * (left @ gram @ left - more + volume[1])
-        if not self.is_searched:  # It is linear.
+        if not self.is_searched:  # Few parameters, and nearly linear.
             return model_fit.moved(self.task, model, step), costs
         if counts.any():
             pairs = zip(self.task.records, counts, strict=True)
             fitted = self.task.on([record for record, count in pairs if count])
-            start = self.model if {*model.kinds} == {*self.model.kinds} else model
-            model = model_fit.fit_model(fitted, start, _ITERATIONS, free_scales=())
+            fixed = {*self.task.vehicle.nuisance}.difference(self.model.free)
+            free = tuple(slot for slot in model.free if slot not in fixed)
+            start = dataclasses.replace(model, free=free)
+            if {*model.kinds} == {*self.model.kinds}:
+                start = self.model
+            model = model_fit.fit_model(fitted, start, free_scales=())
         return model, costs

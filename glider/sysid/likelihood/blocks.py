@@ -82,7 +82,7 @@ class Block:
         return self.mix.shape[1]
 
     @property
-    def led(self) -> "Block":
+    def leading_only(self) -> "Block":
         """The block with its leading coordinates alone."""
         return dataclasses.replace(self, mix=self.mix[:, : self.leading])
 

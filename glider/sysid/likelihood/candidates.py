@@ -1,7 +1,7 @@
 """Candidate effects as columns of all flights, linear about one model."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -107,8 +107,8 @@ class Candidates:
         )
 
 
-def gather(task: Task, model: FitResult, with_blocks: bool = False) -> Candidates:
-    """Linearizes all flights about a model, in all candidates, blocks if asked.
+def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candidates:
+    """Linearizes all flights about a model, in all candidates, and offered blocks.
 
     Blocks that act in the model are candidates too.
     """
@@ -130,8 +130,7 @@ def gather(task: Task, model: FitResult, with_blocks: bool = False) -> Candidate
             first = len(directions)
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
-    offered = task.blocks.values() if with_blocks else ()
-    new = tuple(b.led for b in offered if b.leading and b.name not in model.kinds)
+    new = tuple(b for b in offered if b.count and b.name not in model.kinds)
     linear = model_fit.linear_flights(task, model, directions, new)
     flights, wild = tamed(task, directions, linear)
     for kind in set(variants) - set(model.kinds):
@@ -208,7 +207,7 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
     On a few flights; minus infinity where the model diverges.
     """
     few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
-    candidates = gather(few, model, with_blocks=True)
+    candidates = gather(few, model, few.blocks.values())
     names, gram = [b.name for b in candidates.blocks], candidates.total(model.scales)
     if not np.all(np.isfinite(gram)):
         return dict.fromkeys(names, -np.inf)

@@ -1,4 +1,4 @@
-"""Families of effects: a link of the force chain, and what it varies with."""
+"""The families of effects that free functions are searched for."""
 
 import dataclasses
 

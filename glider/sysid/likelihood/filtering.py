@@ -15,9 +15,10 @@ from glider.compiled.filter_error import (
 from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import OFFSET
 from glider.physics.state import NUM_STATES
-from glider.sysid.constants import LAUNCH_SPREAD, STATE_SPREAD
+from glider.sysid.constants import LAUNCH_SPREAD, STATE_SPREAD, Z
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings
 from glider.sysid.likelihood.scales import NAMES, Scales
+from glider.sysid.replay.record import Record
 
 _FAR = 3.0  # Standard deviations beyond which no constant or gust of a flight is found.
 
@@ -43,11 +44,21 @@ class WhitenedFlight(NamedTuple):
             return flat.T @ flat
 
 
+def rests(record: Record, scales: Scales) -> bool:
+    """Whether a flight's elevator began where those of the others rest.
+
+    One that was logged far from there was moving, or belongs to a log that was cut.
+    """
+    most = Z * float(np.hypot(scales.elevator, scales.rest))
+    return record.has_servo and abs(record.rest - record.usual_rest) < most
+
+
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
     s, record = scales, flight.record
     launch, servo = np.array(LAUNCH_SPREAD), s.servo
-    launch[OFFSET] = s.rest
+    off = abs(record.rest - record.usual_rest)
+    launch[OFFSET] = s.rest if rests(record, s) else off
     if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
@@ -173,7 +184,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         "trim": constants[2],
         "pitch_zero": constants[3],
         "rate": sensors[4],
-        "rest": by_start[OFFSET] if flight.record.has_servo else 0.0,
+        "rest": by_start[OFFSET] if rests(flight.record, scales) else 0.0,
     }
     cost = WhitenedFlight(arguments[13], np.log(arguments[14])).cost
     return cost, np.array([by_name[name] for name in NAMES])

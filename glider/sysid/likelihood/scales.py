@@ -61,7 +61,7 @@ class Scales:
         return dataclasses.replace(self, **least)
 
     @property
-    def shown(self) -> "Scales":
+    def without_floors(self) -> "Scales":
         """The scales with what is at its floor, and so not shown, next to nothing."""
         least = {n: _AT_FLOOR * getattr(FLOOR, n) for n in _MAY_BE_NOTHING}
         none = {n: _NOTHING for n, own in least.items() if getattr(self, n) < own}

@@ -152,13 +152,14 @@ class Search:
         On some of many flights: what is proposed is fitted to all.
         """
         few = self.task.thinned(MANY_FLIGHTS)
-        candidates = gather(few, model, with_blocks=True)
+        leading = [block.leading_only for block in few.blocks.values()]
+        candidates = gather(few, model, leading)
         about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
         if about.scales.is_still:
             about = dataclasses.replace(about, about=model.about)
             candidates = dataclasses.replace(candidates, model=about)
         else:
-            candidates = gather(few, about, with_blocks=True)
+            candidates = gather(few, about, leading)
         gram = candidates.total(about.scales)
         if not np.all(np.isfinite(gram)):
             return None

@@ -153,13 +153,13 @@ def test_only_reported_variations_are_in_the_floor():
     )
     wind = Spread(std=0.08, std_error=0.01, unit="m/s", values={})
     truth = without_model_errors(traced, (), {"wind": wind})
-    assert truth == dataclasses.replace(FLOOR, air=0.1, wind=0.08).shown
-    assert without_model_errors(traced, ("V",), {}) == FLOOR.shown
+    assert truth == dataclasses.replace(FLOOR, air=0.1, wind=0.08).without_floors
+    assert without_model_errors(traced, ("V",), {}) == FLOOR.without_floors
 
 
 def test_what_is_at_the_floor_of_its_scale_is_not_in_that_of_the_error():
     """A wind of 1 mm/s alone would be half a millimetre of a flight."""
-    scales = dataclasses.replace(FLOOR, air=0.1, trim=1.5 * FLOOR.trim).shown
+    scales = dataclasses.replace(FLOOR, air=0.1, trim=1.5 * FLOOR.trim).without_floors
     assert (scales.air, scales.air_time) == (0.1, FLOOR.air_time)
     assert max(scales.wind, scales.trim, scales.moment) < 1e-8
     assert scales.position == FLOOR.position

@@ -124,8 +124,34 @@ def test_costs_of_unseen_flights_are_by_their_predictive_distribution():
     _, [cost] = refit.on(counts, np.array([5]))
     expected = evidence(np.ones(6)) - evidence(counts)
     assert cost == pytest.approx(expected, abs=1e-3)
-    plugged = refit.constant[5] + 0.5 * refit.grams[5, -1, -1]
-    assert abs(cost - plugged) > 0.01
+
+
+def test_a_fold_is_fitted_to_its_own_flights_where_a_shape_is_free():
+    """One step along a stall's angle and width may overshoot: shorter ones follow."""
+    stall = KINDS["attached_lift"](slope=2.5, stall_angle=0.3, fade=0.1)
+    task, noise = task_of(fly(stall, flights=6))
+    model = fit_model(task, begin(task, noise, ("attached_lift",)))
+    refit = folds._Refits(task, model, is_searched=True)
+    counts = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    found, costs = refit.on(counts, np.array([3, 4, 5]))
+    assert found.kinds == ("attached_lift",) and np.all(np.isfinite(costs))
+    few = task.on(task.records[:3])
+    start = fit_model(few, refit.model, iterations=0, free_scales=())
+    assert found.cost < start.cost - 1.0
+    assert np.abs(found.theta - model.theta).max() > 1e-4
+
+
+def test_a_fold_of_a_glider_of_unknown_mass_frees_nothing_that_was_fixed():
+    """As the moment of a model of the forces, if another set is found in the fold."""
+    unknown = dataclasses.replace(fly(flights=6), vehicle={"hinge_offset": 0.27})
+    task, noise = task_of(unknown)
+    model = fit_model(task, begin(task, noise, ("camber",)))
+    fixed = task.layout.index["parameters", "pitch_inertia"]
+    assert fixed in model.free
+    model = dataclasses.replace(model, free=tuple(i for i in model.free if i != fixed))
+    refit = folds._Refits(task, model, is_searched=True)
+    found, _ = refit.on(np.array([1.0] * 5 + [0.0]), np.array([5]))
+    assert found.kinds != model.kinds and fixed not in found.free
 
 
 def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone():

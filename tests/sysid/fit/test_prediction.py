@@ -49,6 +49,22 @@ def test_the_launch_is_fitted_on_the_beginning_only(windy):
     )
 
 
+@pytest.mark.parametrize(("rests", "error"), [(1e-4, 3e-4), (0.1, 2e-3)])
+def test_an_elevator_that_rests_at_zero_is_not_sought_elsewhere(windy, rests, error):
+    """However its first row reads; but one that is far off began there."""
+    task, model = windy
+    record = max(task.records, key=lambda record: abs(record.rest))
+    scales = dataclasses.replace(model.scales, rest=rests)
+    model = dataclasses.replace(model, scales=scales)
+    start = record.rest + find_launch(model, record)[0][3]
+    assert abs(record.rest) > 3e-3 and abs(start) < error
+    moved = dataclasses.replace(
+        record, rest=record.rest + 0.3, elevator=record.elevator + 0.3
+    )
+    start = moved.rest + find_launch(model, moved)[0][3]
+    assert start == pytest.approx(0.3, abs=0.01)
+
+
 def test_the_elevator_is_known_along_the_whole_flight(windy):
     """An error of its first rows moves its offset by their share of all."""
     task, model = windy
