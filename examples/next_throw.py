@@ -23,7 +23,7 @@ import numpy as np
 from diagrams import playback, program
 from glider import Campaign, CampaignPlan, GliderModel, InputError, effects, throws
 
-LATE = 0.002
+LATE = 0.0012
 """By how much the hidden glider's servo is late [s]."""
 
 RIVALS = {

@@ -208,6 +208,7 @@ def make_result(**changes):
         left=Residual(
             position_m=5.3e-3,
             ratio_to_floor=13.25,
+            ratio_along_pitch=9.5,
             most_by_chance=1.8,
             chance=1e-4,
             depends_on=("alpha",),

@@ -190,6 +190,7 @@ def test_json_has_the_schema_and_si_numbers():
         "left": {
             "position_m": 5.3e-3,
             "ratio_to_floor": 13.25,
+            "ratio_along_pitch": 9.5,
             "most_by_chance": 1.8,
             "chance": 1e-4,
             "depends_on": ["alpha"],
@@ -271,6 +272,7 @@ def test_numbers_that_are_none_become_null():
     assert data["left"] == {
         "position_m": None,
         "ratio_to_floor": None,
+        "ratio_along_pitch": None,
         "most_by_chance": None,
         "chance": None,
         "depends_on": [],
