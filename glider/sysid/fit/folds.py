@@ -172,12 +172,11 @@ class _Refits:
         is_open = (prior.lower < change) & (change < prior.upper)
         own = np.array(columns, dtype=int)[is_open]
         known = total[np.ix_(own, own)] + np.diag(prior.precision[is_open])
-        left, costs = self.given - np.append(step, 0.0), self.constant[unseen]
-        for k, gram in enumerate(self.grams[unseen]):
-            added, error = gram[np.ix_(own, own)], (gram @ left)[own]
-            more = solve_scaled(known + added, error, 0.0) @ error
-            volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, added))
-            costs[k] += 0.5 * (left @ gram @ left - more + volume[1])
+        others = counted_from(self.grams[unseen], self.given[:-1] - step)
+        added, error = others[:, own[:, None], own], others[:, own, -1]
+        more = np.sum(solve_scaled(known + added, error, 0.0) * error, axis=1)
+        volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, added))[1]
+        costs = self.constant[unseen] + 0.5 * (others[:, -1, -1] - more + volume)
         if not self.is_searched:  # Few parameters, and nearly linear.
             return model_fit.moved(self.task, model, step), costs
         if counts.any():
