@@ -11,6 +11,9 @@ import numpy as np
 
 _SIMILAR = 0.05  # Share of changes by which two phases of a clock fit similarly.
 _SAME = 1e-6  # Resolution of a log's times [s].
+_SLACK = (
+    1e-3  # Share of a period by which a tick may be later than a row that shows it.
+)
 
 
 def latest_command(begins: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -93,29 +96,63 @@ def command_steps(
     if since is not None:
         return np.append(time[:1], np.clip(since[rows], before, after)), commands
     switches = 0.5 * (before + after)
+    if (clock := _find_clock(time, rows, command_rate)) is not None:
+        phase, period = clock
+        ticks = phase + period * _ticks(after, phase, period)
+        is_tick = ticks > before + _SAME
+        is_tick &= ~_on_ramps(before, after, 0.999 * period)
+        switches = np.where(is_tick, ticks, switches)
+    return np.concatenate([time[:1], switches]), commands
+
+
+def hide_commands(
+    time: np.ndarray, command: np.ndarray, command_rate: float | None
+) -> np.ndarray:
+    """Returns which steps between a log's rows hide a whole command of a clock, (n-1,).
+
+    The arguments are those of `command_steps`. None does where no clock is found.
+    """
+    rows = np.flatnonzero(np.diff(command)) + 1
+    clock = None if command_rate == np.inf else _find_clock(time, rows, command_rate)
+    if clock is None:
+        return np.zeros(len(time) - 1, dtype=bool)
+    return np.diff(_ticks(time, *clock)) > 1.0
+
+
+def _ticks(
+    times: np.ndarray, phase: float | np.ndarray, period: float | np.ndarray
+) -> np.ndarray:
+    """Returns the number of the last tick of a clock at some times."""
+    return np.floor((times - phase + _SLACK * period) / period)
+
+
+def _find_clock(
+    time: np.ndarray, rows: np.ndarray, command_rate: float | None
+) -> tuple[float, float] | None:
+    """Finds phase and period [s] of the clock that made commands switch before rows."""
+    after, before = time[rows], time[rows - 1]
     rates = [] if command_rate is None or not len(rows) else [command_rate]
     if command_rate is None and len(rows) > 10:
         usual = round((len(rows) - 1) / np.ptp(after))
         rates = [usual + k for k in (0, 1, -1, 2, -2) if usual + k > 0]
-    if rates:
-        periods = np.repeat(1.0 / np.array(rates), 1 + len(rows))[:, None]
-        latest = [np.sort(after % (1.0 / rate))[::-1] for rate in rates]
-        phases = np.insert(latest, 0, time[0], axis=1).reshape(-1, 1)
-        slack = 1e-3 * periods
-        ticks = phases + periods * np.floor((after - phases + slack) / periods)
-        fits = ticks > before + _SAME  # A tick at a row shows there.
-        shares = fits.mean(axis=1)
-        best = int(np.argmax(shares))
-        spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(rows))
-        own = best - best % (1 + len(rows))  # The same rate, from the log's start.
-        if shares[own] >= shares[best] - max(_SIMILAR, 2.0 * spread):
-            best = own
-        period = float(periods[best, 0])
-        by_chance = float(np.median(after - before)) / period
-        if shares[best] > min(0.5 * (1.0 + by_chance), 1.0 - _SIMILAR):
-            is_tick = fits[best] & ~_on_ramps(before, after, 0.999 * period)
-            switches = np.where(is_tick, ticks[best], switches)
-    return np.concatenate([time[:1], switches]), commands
+    if not rates:
+        return None
+    periods = np.repeat(1.0 / np.array(rates), 1 + len(rows))[:, None]
+    latest = [np.sort(after % (1.0 / rate))[::-1] for rate in rates]
+    phases = np.insert(latest, 0, time[0], axis=1).reshape(-1, 1)
+    ticks = phases + periods * _ticks(after, phases, periods)
+    # A tick at a row shows there.
+    shares = np.mean(ticks > before + _SAME, axis=1)
+    best = int(np.argmax(shares))
+    spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(rows))
+    own = best - best % (1 + len(rows))  # The same rate, from the log's start.
+    if shares[own] >= shares[best] - max(_SIMILAR, 2.0 * spread):
+        best = own
+    period = float(periods[best, 0])
+    by_chance = float(np.median(after - before)) / period
+    if shares[best] <= min(0.5 * (1.0 + by_chance), 1.0 - _SIMILAR):
+        return None
+    return float(phases[best, 0]), period
 
 
 def _on_ramps(before: np.ndarray, after: np.ndarray, period: float) -> np.ndarray:

@@ -21,6 +21,7 @@ from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
+from glider.sysid.likelihood.outliers import find_unexplained
 from glider.sysid.likelihood.scales import NAMES, Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.outcome import SPREAD_KINDS, curves_of
@@ -189,20 +190,23 @@ def _hold_out(
 ) -> HeldOut | None:
     """Holds out each flight once, baseline and corrected model refitted.
 
-    Flights that only the corrected model takes for outlying are scored, not fitted.
+    Flights that only the corrected model takes for outlying, or that it explains far
+    worse than the others, are scored, not fitted.
     """
     if not flights.signs.are_right:
         return None
-    traced, extreme, nominal = searched.traced, searched.extreme, None
-    scored = {*extreme, *(record.name for record in searched.everything.records)}
+    traced, nominal = searched.traced, None
+    usual = [record.name for record in searched.everything.records]
+    scored = {*searched.extreme, *usual}
     task = searched.task.on([r for r in flights.corrected.values() if r.name in scored])
     corrected, scales = traced.model, traced.model.scales
+    apart = {*searched.extreme, *find_unexplained(task, corrected)}
     if traced.forces is not None:
         baseline = forces_alone(task, baseline, traced.forces)
         corrected = forces_alone(task, corrected, traced.forces)
     elif task.vehicle.is_known and changes_baseline_alone(traced.model):
         nominal = traced.bare
-    return hold_out(task, baseline, corrected, scales, rng, extreme, nominal)
+    return hold_out(task, baseline, corrected, scales, rng, apart, nominal)
 
 
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:

@@ -19,10 +19,11 @@ from glider.campaign.checks.masks import (
 from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
+from glider.physics.actuator_replay import command_steps, elevator_path, hide_commands
 
 _EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen.
 _EQUAL_NUMBERS = 5  # Equal rows of one column that may be frozen.
-_SURELY = 6.0  # Standard deviations by which a frozen column should have moved.
+_SURELY = 6.0  # Standard deviations by which a column should have moved, or did.
 _QUANTA = 5.0  # Digits of the log by which it should have.
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
 _REACH = 6  # Rows beside a frozen stretch from which its slope is taken.
@@ -30,6 +31,7 @@ _LONG_STEP = 3.0  # Median steps above which a step is reported as a gap.
 _UNCOMMANDED = 0.05
 """Gap over which a flight with a servo is cut [s]: the commands in it are lost as well,
 and two of them at 50 Hz turn the elevator by 0.5 rad."""
+_BESIDE = 3  # Rows on each side of a gap that show how far the elevator turned in it.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _NEAR_STOP = 0.02  # An elevator this close to its stop may rest there [rad].
 _HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
@@ -75,7 +77,7 @@ def find_faults(campaign: Campaign) -> Faults:
     elevator_noise = float(np.median(each)) if each else 0.0
     masks, excluded, warnings = {}, [], []
     for flight in flights:
-        of_pose = _pose_faults(flight, noise, digits)
+        of_pose = _pose_faults(flight, noise, digits, campaign.switch_rate)
         of_servo = _elevator_faults(campaign, flight, elevator_noise)
         pose = np.logical_or.reduce(list(of_pose.values()))
         elevator = np.logical_or.reduce([np.zeros_like(pose), *of_servo.values()])
@@ -102,15 +104,28 @@ def find_faults(campaign: Campaign) -> Faults:
     return Faults(masks=masks, excluded=tuple(excluded), warnings=tuple(warnings))
 
 
-def pieces_with_commands(time: np.ndarray) -> np.ndarray:
-    """The piece that each row is in (n,): gaps that hide commands are cut."""
-    steps = np.diff(time)
+def pieces_with_commands(flight: Flight, switch_rate: float | None) -> np.ndarray:
+    """The piece that each row is in (n,): gaps that hide commands are cut.
+
+    A short one only if the elevator shows it: it turned between the rows beside the gap
+    by what no command says, more than anywhere else. The rate is that of
+    `Campaign.switch_rate`.
+    """
+    steps = np.diff(flight.time)
     is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
+    if flight.command is not None and flight.elevator is not None:
+        log = flight.time, flight.command, switch_rate
+        ordered = elevator_path(*command_steps(*log, flight.command_time), flight.time)
+        apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
+        level = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE).mean(axis=1)
+        turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
+        least = _SURELY * float(robust_std(turned - np.median(turned)))
+        is_gap |= hide_commands(*log) & (np.abs(turned - np.median(turned)) > least)
     return np.concatenate([[0], np.cumsum(is_gap)])
 
 
 def _pose_faults(
-    flight: Flight, noise: np.ndarray, digits: np.ndarray
+    flight: Flight, noise: np.ndarray, digits: np.ndarray, switch_rate: float | None
 ) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
     unknown = ~np.all(np.isfinite(flight.pose), axis=1)
@@ -125,7 +140,7 @@ def _pose_faults(
     usable &= ~(sticks_out | displaced | touched)
     cut_off = np.zeros(len(usable), dtype=bool)
     if flight.command is not None:  # The longest piece has all its commands.
-        piece = pieces_with_commands(flight.time)
+        piece = pieces_with_commands(flight, switch_rate)
         cut_off = usable & (piece != np.argmax(np.bincount(piece, weights=usable)))
     return {
         "is not a number": unknown,

@@ -20,7 +20,7 @@ from glider.sysid.constants import (
 )
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
-from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
+from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values, whiten
 from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.scales import Scales
@@ -56,6 +56,15 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
         squares = np.maximum(squares, _LEAST_SQUARE)
         weights = 1.0 / np.maximum(squares / np.median(squares), 1.0)
     return squares
+
+
+def find_unexplained(task: Task, model: FitResult) -> list[str]:
+    """Returns the flights whose errors are out of line under a model with its noise."""
+    scales, counts = model.scales, [np.sum(record.seen) for record in task.records]
+    flights = model_fit.error_flights(task, model)
+    squares = np.array([np.sum(whiten(f, scales).innovations ** 2) for f in flights])
+    places = np.flatnonzero(stand_out(squares / counts)).tolist()
+    return [task.records[i].name for i in places]
 
 
 def stand_out(squares: np.ndarray) -> np.ndarray:

@@ -182,7 +182,7 @@ def _tape(
     """When commands switch [s], to what [rad/s], and where the elevator was [rad]."""
     assert flight.command is not None and flight.elevator is not None
     # What was commanded before a gap that hides commands does not count.
-    piece = pieces_with_commands(flight.time)
+    piece = pieces_with_commands(flight, switch_rate)
     rows = np.flatnonzero(piece == piece[np.argmax(mask.usable)])
     since = flight.command_time
     if since is not None:

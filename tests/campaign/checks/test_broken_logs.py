@@ -235,6 +235,19 @@ def test_what_lies_beyond_a_gap_in_the_commands_is_set_aside(campaign):
     assert [w.split(" (")[0] for w in found.warnings] == [f"{NAME}: a gap of 40 rows"]
 
 
+def test_a_short_gap_is_cut_only_where_it_hides_how_the_elevator_turned(campaign):
+    """It hides a command of two rows; a gap one row later shows its beginning."""
+    command = campaign.flights[ODD].command
+    begins = np.flatnonzero(np.diff(command)) + 1
+    short = begins[:-1][np.diff(begins) == 2]
+    first = int(max(short, key=lambda k: abs(command[k] - command[k - 1])))
+    rows, _ = rows_set_aside(campaign, b.lose(first, 2))
+    pieces = list(range(first)), list(range(first, len(command) - 2))
+    assert rows == min(pieces, key=len)
+    rows, _ = rows_set_aside(campaign, b.lose(first + 1, 2))
+    assert rows == []
+
+
 WHOLE_FLIGHTS = {
     "stands": (b.land(0, RNG), "rows of it show a flight"),
     "tail first": (b.half_turn, "tail first"),

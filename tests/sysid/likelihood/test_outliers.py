@@ -10,6 +10,7 @@ from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.outliers import (
     find_extreme,
     find_outlying,
+    find_unexplained,
     mean_squares,
     stand_out,
 )
@@ -87,3 +88,18 @@ def test_a_flight_that_needs_far_other_values_is_apart():
     found = find_extreme(*fit_kinds(odd, "profile_drag"))
     assert set(found) == {NAME}
     assert "no other flight needs" in found[NAME]
+
+
+def test_a_flight_that_a_model_cannot_explain_as_the_others_is_found():
+    """Its elevator moves for a while by 40 mrad: no flight of another glider does."""
+    campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=10, duration=0.6)
+    task, model = fit_kinds(campaign, "profile_drag")
+    assert find_unexplained(task, model) == []
+
+    def turned(flight):
+        angle = flight.elevator + 0.04 * (flight.time > 0.3)
+        return dataclasses.replace(flight, elevator=angle)
+
+    odd = b.change(campaign, turned, only=ODD)
+    assert outlying(odd) == {}
+    assert find_unexplained(fit_kinds(odd, "profile_drag")[0], model) == [NAME]
