@@ -173,15 +173,14 @@ def rivals_of(
     """Returns the formulas that would do as well in the place of an effect.
 
     `named` are its kinds, `reported` those of all effects. To first order, or as fitted
-    in a set that is nearly as likely and has another formula, and maybe other free
-    functions, instead of it.
+    in a set without it that is nearly as likely; where that has several others, they
+    do as well together.
     """
-    own, formulas = named[0], {*traced.model.kinds} - BLOCKS.keys()
+    own = named[0]
     found = set[str]() if own in BLOCKS else {*traced.weighed[own].rivals}
     for other, _ in traced.rivals:
-        new, lost = {*other.kinds} - BLOCKS.keys() - formulas, formulas - {*other.kinds}
-        if len(new) == 1 and lost <= {own} and not {*named} & {*other.kinds}:
-            found |= new
+        if not {*named} & {*other.kinds}:
+            found |= {*other.kinds} - BLOCKS.keys() - {*traced.model.kinds}
     return tuple(
         kind for kind in task.layout.kinds if kind in found.difference(reported)
     )

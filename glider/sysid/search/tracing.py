@@ -6,14 +6,14 @@ flights do not support is dropped, and the loop goes on without it.
 """
 
 import dataclasses
-import heapq
 from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
 from glider.progress import Progress, Step
-from glider.sysid.constants import FOLLOWED, RIVAL_GAP
+from glider.sysid.constants import CLEAR, FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
+from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
@@ -140,19 +140,19 @@ def rivals_of(
 ) -> tuple[tuple[FitResult, float], ...]:
     """Returns the fitted sets that lack little evidence, and how much [nats].
 
-    Those with a rival in an effect's place are fitted now, if not yet.
+    First those without one of the effects. The best without each formula, whatever
+    stands for it, is fitted now if it may be nearly as likely.
     """
     own, best = set(model.kinds), search.penalized_cost(model)
     swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
-    for kind, support in weighed.items():
-        if not support.rivals or model.free_kinds:
-            continue
-        if (near := search.near(model)) is None:
-            break
-        rest = [m for m in near.score.by_first(model.kinds) if m[0] != kind]
-        others = near.score.among(support.rivals).larger(tuple(rest))
-        for members in heapq.nlargest(FOLLOWED, others, key=near.score):
-            search.fit(near.begin(members))
+    if (near := search.near(model)) is not None:
+        score, members = near.score, near.score.by_first(model.kinds)
+        offered = {k for k in score.variants if k not in BLOCKS or k in own}
+        for kind in own - BLOCKS.keys():
+            rest = tuple(member for member in members if member[0] != kind)
+            others = climb(score.among(offered - {kind}), rest)
+            if score(others) > score(members) - CLEAR:
+                moves.pruned(search, search.fit(near.begin(others)))
     found, allowed = [], search.task.offered
     for kinds, other in search.fitted.items():
         lack = search.penalized_cost(other) - best
@@ -160,7 +160,8 @@ def rivals_of(
             lack = max(lack, 0.0)
         if kinds != own and 0.0 <= lack < RIVAL_GAP:
             found.append((other, lack))
-    return tuple(sorted(found, key=lambda pair: pair[1])[:FOLLOWED])
+    found.sort(key=lambda pair: (own.issubset(pair[0].kinds), pair[1]))
+    return tuple(found[:FOLLOWED])
 
 
 def improvements(
@@ -189,7 +190,11 @@ def improved(search: fits.Search, model: FitResult) -> FitResult:
 def supported(
     search: fits.Search, model: FitResult, rng: np.random.Generator
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
-    """Returns a model of effects that resampled flights support, and their support."""
+    """Returns a model of effects that resampled flights support, and their support.
+
+    What takes the place of an effect that they do not support, but is worth less, they
+    do not support either.
+    """
     while True:
         fewer = moves.one_less(search, model)
         best = min(fewer.values(), key=search.penalized_cost, default=model)
@@ -203,7 +208,9 @@ def supported(
             return model, evidence, weighed
         task = search.task
         search.task = task.offering(task.offered - {weak})
-        model = improved(search, search.fit(fits.without(task, model, weak)))
+        left = search.fit(fits.without(task, model, weak))
+        other = improved(search, left)
+        model = other if search.prefers(other, model) else left
 
 
 def evidence_of(

@@ -75,7 +75,17 @@ def test_a_rival_is_fitted_in_an_effects_place():
     ((rival, lack),) = rivals_of(Search(task, silent), model, found)
     assert rival.kinds == ("axial_drag",) and 0.0 <= lack < RIVAL_GAP
     none = {"profile_drag": dataclasses.replace(found["profile_drag"], rivals=())}
-    assert rivals_of(Search(task, silent), model, none) == ()
+    ((again, _),) = rivals_of(Search(task, silent), model, none)
+    assert again.kinds == ("axial_drag",)  # As the best set without the effect.
+
+
+def test_no_set_without_a_strong_effect_is_fitted():
+    offered = ("profile_drag", "axial_drag", "servo_lag")
+    drag = KINDS["profile_drag"](cd0=0.05)
+    found, task, model = weighed(drag, "profile_drag", offered=offered)
+    search = Search(task, silent)
+    assert rivals_of(search, search.fit(model), found) == ()
+    assert [*search.fitted] == [{"profile_drag"}]
 
 
 def test_draws_that_choose_what_is_no_rival_count_against_an_effect():
