@@ -148,7 +148,7 @@ def rivals_of(
     if (near := search.near(model)) is not None:
         score, members = near.score, near.score.by_first(model.kinds)
         offered = {k for k in score.variants if k not in BLOCKS or k in own}
-        for kind in own - BLOCKS.keys():
+        for kind in [k for k in model.kinds if k not in BLOCKS]:
             rest = tuple(member for member in members if member[0] != kind)
             others = climb(score.among(offered - {kind}), rest)
             if score(others) > score(members) - CLEAR:
