@@ -47,19 +47,21 @@ class WhitenedFlight(NamedTuple):
 def rests(record: Record, scales: Scales) -> bool:
     """Whether a flight's elevator began where those of the others rest.
 
-    One that was logged far from there was moving, or belongs to a log that was cut.
+    One that was logged far from there was moving, as may be that of a log that is cut.
     """
+    if record.is_cut or not record.has_servo:
+        return False
     most = Z * float(np.hypot(scales.elevator, scales.rest))
-    return record.has_servo and abs(record.rest - record.usual_rest) < most
+    return abs(record.rest - record.usual_rest) < most
 
 
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
     s, record = scales, flight.record
     launch, servo = np.array(LAUNCH_SPREAD), s.servo
-    off = abs(record.rest - record.usual_rest)
+    off = max(abs(record.rest - record.usual_rest), Z * s.elevator)
     launch[OFFSET] = s.rest if rests(record, s) else off
-    if not record.has_servo:
+    if record.is_cut or not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
     extra = STATE_SPREAD * record.layout.state_scale[flight.states[NUM_STATES:]]

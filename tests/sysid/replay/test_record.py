@@ -7,6 +7,11 @@ import pytest
 
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import Masks
+from glider.compiled.theta import OFFSET, theta_of
+from glider.physics.model import GliderModel
+from glider.sysid.likelihood.filtering import rests, start_variances
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.replay.record import measure_noise, prepare
 from tests.helpers.tasks import fly
 
@@ -66,10 +71,15 @@ def test_irregular_times_get_no_more_nodes_than_gaps_need(campaign):
 def test_commands_before_a_gap_that_hides_some_do_not_count(campaign):
     flight = without_rows(campaign.flights[0], slice(5, 45))
     log = dataclasses.replace(campaign, flights=(flight, *campaign.flights[1:]))
-    record = records_of(log, inspect(log).masks)[0]
+    record, *others = records_of(log, inspect(log).masks)
     assert len(record.time) == len(flight.time) - 5
     assert record.switch_times.min() >= 0.0
     assert record.rest == flight.elevator[5]
+    near = dataclasses.replace(record, rest=0.01)  # As if it were moving through there.
+    scales = Scales(elevator=0.005, rest=1e-4)
+    assert not rests(near, scales) and all(rests(own, scales) for own in others)
+    launch = start_variances(linearize(near, theta_of(GliderModel())), scales)
+    assert launch[OFFSET] >= scales.elevator**2
 
 
 def test_rows_that_are_set_aside_do_not_count(campaign):
