@@ -8,6 +8,7 @@ import pytest
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import Masks
 from glider.compiled.theta import OFFSET, theta_of
+from glider.physics.effects import NO_FIELD
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.filtering import rests, start_variances
 from glider.sysid.likelihood.linear_flight import linearize
@@ -78,7 +79,8 @@ def test_commands_before_a_gap_that_hides_some_do_not_count(campaign):
     near = dataclasses.replace(record, rest=0.01)  # As if it were moving through there.
     scales = Scales(elevator=0.005, rest=1e-4)
     assert not rests(near, scales) and all(rests(own, scales) for own in others)
-    launch = start_variances(linearize(near, theta_of(GliderModel())), scales)
+    flight = linearize(near, theta_of(GliderModel()), NO_FIELD)
+    launch = start_variances(flight, scales)
     assert launch[OFFSET] >= scales.elevator**2
 
 
