@@ -61,7 +61,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     launch, servo = np.array(LAUNCH_SPREAD), s.servo
     off = max(abs(record.rest - record.usual_rest), Z * s.elevator)
     launch[OFFSET] = s.rest if rests(record, s) else off
-    if record.is_cut or not record.has_servo:
+    if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
     extra = STATE_SPREAD * record.layout.state_scale[flight.states[NUM_STATES:]]
