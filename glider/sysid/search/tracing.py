@@ -152,7 +152,7 @@ def rivals_of(
             rest = tuple(member for member in members if member[0] != kind)
             others = climb(score.among(offered - {kind}), rest)
             if score(others) > score(members) - CLEAR:
-                moves.pruned(search, search.fit(near.begin(others)))
+                search.fit(near.begin(others))
     found, allowed = [], search.task.offered
     for kinds, other in search.fitted.items():
         lack = search.penalized_cost(other) - best
