@@ -82,6 +82,8 @@ class Search:
     task: Task
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
+    #: Sets whose fits stopped far behind a rival.
+    unfinished: set[frozenset[str]] = dataclasses.field(default_factory=set)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
     #: Effects whose shapes were searched again, and the sets in which they were.
@@ -119,11 +121,14 @@ class Search:
     ) -> FitResult:
         """Fits a model, and the strengths of its blocks, unless its set is known.
 
-        Not to the end where it is far behind a rival. A known set is fitted again from
-        another start if asked; that fit is kept where it is clearly better.
+        Not to the end where it is far behind a rival; without a rival, such a set is
+        fitted once more. A known set is fitted again from another start if asked; that
+        fit is kept where it is clearly better.
         """
         key, most = frozenset(model.kinds), np.inf
         known = self.fitted.get(key)
+        if key in self.unfinished and rival is None:
+            known = None
         if known is not None and np.isfinite(known.cost) and not again:
             return known
         if rival is not None:
@@ -138,6 +143,7 @@ class Search:
             least = self.penalized_cost(known) - RIVAL_GAP
             model = model if self.penalized_cost(model) < least else known
         self.fitted[key] = model
+        (self.unfinished.add if model.cost > most else self.unfinished.discard)(key)
         return model
 
     def near(self, model: FitResult) -> FirstOrder | None:
