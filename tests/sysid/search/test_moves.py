@@ -97,3 +97,17 @@ def test_of_sets_worth_more_than_the_model_the_best_is_taken(monkeypatch):
     assert search.better(model, near, [best, first]) is best
     assert search.better(model, near, [first, best], first=True) is first
     assert search.better(best, near, [model, first]) is None
+
+
+def test_a_fit_that_stopped_far_behind_a_rival_is_done_when_it_is_asked_for():
+    stall, drag = "attached_lift", "profile_drag"
+    search, plate = search_among(KINDS[stall](slope=3.0), stall, drag)
+    done = kinds_fitted(search, plate, stall)
+    search.fitted.clear()
+    start = plate.with_kinds(search.task, (stall,), plate.theta)
+    rival = dataclasses.replace(plate, cost=done.cost - 1e4)
+    stopped = search.fit(start, rival=rival)
+    assert stopped.cost > done.cost + 10.0
+    assert search.fit(start, rival=rival) is stopped
+    assert search.fit(start).cost < done.cost + 1.0
+    assert search.fit(start, rival=rival).cost < done.cost + 1.0

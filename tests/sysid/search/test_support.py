@@ -11,11 +11,13 @@ from glider.sysid.constants import EVIDENCE_THRESHOLD, RIVAL_GAP
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
+from glider.sysid.search import tracing
 from glider.sysid.search.fits import Search, marginal_scorer
 from glider.sysid.search.moves import shown_by
 from glider.sysid.search.subsets import Scorer
 from glider.sysid.search.support import EffectSupport, weakest, weigh
 from glider.sysid.search.tracing import evidence_of, rivals_of
+from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -86,6 +88,39 @@ def test_no_set_without_a_strong_effect_is_fitted():
     search = Search(task, silent)
     assert rivals_of(search, search.fit(model), found) == ()
     assert [*search.fitted] == [{"profile_drag"}]
+
+
+def test_what_is_worth_less_than_an_unsupported_effect_does_not_take_its_place(
+    monkeypatch,
+):
+    """Draws support it no more: only what is worth more is looked at."""
+    tilt, mass, thrust = "frame_tilt", "mass", "thrust"
+    search, plate = search_among(KINDS[tilt](angle=0.02), tilt, mass, thrust)
+    start, left, other = (
+        kinds_fitted(search, plate, tilt, *more) for more in ((mass,), (), (thrust,))
+    )
+
+    def weigh(task, model, *rest):
+        shares = {kind: 0.5 if kind == mass else 1.0 for kind in model.kinds}
+        return {
+            kind: EffectSupport(rivals=(), inclusion=share, support=share)
+            for kind, share in shares.items()
+        }
+
+    monkeypatch.setattr(tracing, "weigh", weigh)
+    monkeypatch.setattr(tracing, "improved", lambda search, model: other)
+    monkeypatch.setattr(tracing.moves, "one_less", lambda search, model: {})
+    evidence = dict.fromkeys((tilt, mass, thrust), 1.0)
+    monkeypatch.setattr(tracing, "evidence_of", lambda *rest: evidence)
+    for better, expected in ((other, other), (None, left)):
+        worth = {(id(better), id(start))}
+        monkeypatch.setattr(
+            search,
+            "prefers",
+            lambda own, than, worth=worth: (id(own), id(than)) in worth,
+        )
+        model, *_ = tracing.supported(search, start, np.random.default_rng(0))
+        assert model is expected
 
 
 def test_draws_that_choose_what_is_no_rival_count_against_an_effect():
