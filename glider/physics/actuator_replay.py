@@ -11,9 +11,7 @@ import numpy as np
 
 _SIMILAR = 0.05  # Share of changes by which two phases of a clock fit similarly.
 _SAME = 1e-6  # Resolution of a log's times [s].
-_SLACK = (
-    1e-3  # Share of a period by which a tick may be later than a row that shows it.
-)
+_SLACK = 1e-3  # Share of a period by which a row may be earlier than its tick.
 
 
 def latest_command(begins: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -105,7 +103,7 @@ def command_steps(
     return np.concatenate([time[:1], switches]), commands
 
 
-def hide_commands(
+def hides_command(
     time: np.ndarray, command: np.ndarray, command_rate: float | None
 ) -> np.ndarray:
     """Returns which steps between a log's rows hide a whole command of a clock, (n-1,).

@@ -229,6 +229,12 @@ class Analysis:
             for name in self.held_out
             if name not in known
         )
+        warnings += (
+            f"{name}: the corrected model explains it far worse than the others (are "
+            "rows or commands wrong?); in the folds it is predicted and not fitted."
+            for name in (folds.apart if folds else ())
+            if name not in found.outlying
+        )
         gains = np.zeros(0) if folds is None else folds.gain.values
         lost = np.count_nonzero(gains < 0.0)
         if verdict != "no_effect" and lost > MOST_OUTLYING * len(gains):

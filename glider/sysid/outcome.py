@@ -173,14 +173,15 @@ def rivals_of(
     """Returns the formulas that would do as well in the place of an effect.
 
     `named` are its kinds, `reported` those of all effects. To first order, or as fitted
-    in a set without it that is nearly as likely; where that has several others, they
-    do as well together.
+    in a set without it, but with all other formulas, that is nearly as likely; where
+    that has several others instead, they do as well together.
     """
-    own = named[0]
+    own, formulas = named[0], {*traced.model.kinds} - BLOCKS.keys()
     found = set[str]() if own in BLOCKS else {*traced.weighed[own].rivals}
     for other, _ in traced.rivals:
-        if not {*named} & {*other.kinds}:
-            found |= {*other.kinds} - BLOCKS.keys() - {*traced.model.kinds}
+        lost = formulas - {*other.kinds}
+        if lost <= {own} and not {*named} & {*other.kinds}:
+            found |= {*other.kinds} - BLOCKS.keys() - formulas
     return tuple(
         kind for kind in task.layout.kinds if kind in found.difference(reported)
     )

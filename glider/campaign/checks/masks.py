@@ -24,6 +24,7 @@ class Masks:
 
     pose: np.ndarray  #: (n,) of x, z and pitch.
     elevator: np.ndarray  #: (n,)
+    first: int = 0  #: Row after the last gap before them that hides commands.
 
     @property
     def usable(self) -> np.ndarray:

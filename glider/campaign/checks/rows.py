@@ -19,7 +19,7 @@ from glider.campaign.checks.masks import (
 from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
-from glider.physics.actuator_replay import command_steps, elevator_path, hide_commands
+from glider.physics.actuator_replay import command_steps, elevator_path, hides_command
 
 _EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen.
 _EQUAL_NUMBERS = 5  # Equal rows of one column that may be frozen.
@@ -28,6 +28,7 @@ _QUANTA = 5.0  # Digits of the log by which it should have.
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
 _REACH = 6  # Rows beside a frozen stretch from which its slope is taken.
 _LONG_STEP = 3.0  # Median steps above which a step is reported as a gap.
+_LOST = 1.5  # The same above which rows are lost.
 _UNCOMMANDED = 0.05
 """Gap over which a flight with a servo is cut [s]: the commands in it are lost as well,
 and two of them at 50 Hz turn the elevator by 0.5 rad."""
@@ -77,11 +78,13 @@ def find_faults(campaign: Campaign) -> Faults:
     elevator_noise = float(np.median(each)) if each else 0.0
     masks, excluded, warnings = {}, [], []
     for flight in flights:
-        of_pose = _pose_faults(flight, noise, digits, campaign.switch_rate)
+        piece = pieces_with_commands(flight, campaign)
+        of_pose = _pose_faults(flight, noise, digits, piece)
         of_servo = _elevator_faults(campaign, flight, elevator_noise)
         pose = np.logical_or.reduce(list(of_pose.values()))
         elevator = np.logical_or.reduce([np.zeros_like(pose), *of_servo.values()])
-        masks[flight.name] = Masks(pose=pose, elevator=elevator)
+        first = int(np.argmax(piece == piece[np.argmin(pose)]))
+        masks[flight.name] = Masks(pose=pose, elevator=elevator, first=first)
         for what, faults in (("pose", of_pose), ("elevator", of_servo)):
             excluded += [
                 ExcludedRows(flight.name, name_rows(flags), f"{what}: {why}")
@@ -104,28 +107,36 @@ def find_faults(campaign: Campaign) -> Faults:
     return Faults(masks=masks, excluded=tuple(excluded), warnings=tuple(warnings))
 
 
-def pieces_with_commands(flight: Flight, switch_rate: float | None) -> np.ndarray:
+def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
     """The piece that each row is in (n,): gaps that hide commands are cut.
 
-    A short one only if the elevator shows it: it turned between the rows beside the gap
-    by what no command says, more than anywhere else. The rate is that of
-    `Campaign.switch_rate`.
+    Lost rows that may hide one command are such a gap if the elevator turned there by
+    what no command says, and more than anywhere else: there a servo lags, or stops.
     """
     steps = np.diff(flight.time)
-    is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
-    if flight.command is not None and flight.elevator is not None:
-        log = flight.time, flight.command, switch_rate
-        ordered = elevator_path(*command_steps(*log, flight.command_time), flight.time)
+    usual, rate = float(np.median(steps)), campaign.switch_rate
+    is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * usual)
+    if flight.command is None or flight.elevator is None:
+        return np.concatenate([[0], np.cumsum(is_gap)])
+    hides = hides_command(flight.time, flight.command, rate) & (steps > _LOST * usual)
+    if hides.any():
+        tape = command_steps(flight.time, flight.command, rate, flight.command_time)
+        limits = campaign.elevator_limits
+        ordered = elevator_path(*tape, flight.time, limits=limits)
         apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
-        level = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE).mean(axis=1)
+        rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
+        level = np.median(rows, axis=1)  # Of which one may be wrong.
         turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
-        least = _SURELY * float(robust_std(turned - np.median(turned)))
-        is_gap |= hide_commands(*log) & (np.abs(turned - np.median(turned)) > least)
+        turned -= np.median(turned)
+        least = _SURELY * float(robust_std(turned))
+        is_near = np.convolve(hides, np.ones(2 * _BESIDE + 1), "same") > 0.0
+        least = np.max(np.abs(turned), where=~is_near, initial=least)
+        is_gap |= hides & (np.abs(turned) > least)
     return np.concatenate([[0], np.cumsum(is_gap)])
 
 
 def _pose_faults(
-    flight: Flight, noise: np.ndarray, digits: np.ndarray, switch_rate: float | None
+    flight: Flight, noise: np.ndarray, digits: np.ndarray, piece: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
     unknown = ~np.all(np.isfinite(flight.pose), axis=1)
@@ -140,7 +151,6 @@ def _pose_faults(
     usable &= ~(sticks_out | displaced | touched)
     cut_off = np.zeros(len(usable), dtype=bool)
     if flight.command is not None:  # The longest piece has all its commands.
-        piece = pieces_with_commands(flight, switch_rate)
         cut_off = usable & (piece != np.argmax(np.bincount(piece, weights=usable)))
     return {
         "is not a number": unknown,

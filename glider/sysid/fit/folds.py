@@ -64,6 +64,7 @@ class HeldOut:
     #: rollouts and along the measured pitch [m].
     paths: dict[str, np.ndarray]
     over_nominal: Gains | None = None  #: Over the nominal model, where computed.
+    apart: tuple[str, ...] = ()  #: Names of flights that no model was fitted to.
 
     def lost(self, way: str) -> Gains:
         """Logarithms of corrected over baseline errors, of flights flown in a way.
@@ -127,7 +128,8 @@ def hold_out(
             paths[record.name] = np.sqrt(squares)
     gains = {n: Gains(values=cost - costs["corrected"]) for n, cost in costs.items()}
     over_nominal = gains.get("nominal")
-    return HeldOut(tuple(folds), gains["refitted"], paths, over_nominal)
+    gain = gains["refitted"]
+    return HeldOut(tuple(folds), gain, paths, over_nominal, tuple(sorted(apart)))
 
 
 class _Refits:

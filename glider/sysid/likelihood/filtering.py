@@ -47,7 +47,7 @@ class WhitenedFlight(NamedTuple):
 def rests(record: Record, scales: Scales) -> bool:
     """Whether a flight's elevator began where those of the others rest.
 
-    One that was logged far from there was moving, as may be that of a log that is cut.
+    One that was logged far from there was moving; so may one whose log is cut.
     """
     if record.is_cut or not record.has_servo:
         return False
@@ -59,7 +59,9 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
     s, record = scales, flight.record
     launch, servo = np.array(LAUNCH_SPREAD), s.servo
-    off = max(abs(record.rest - record.usual_rest), Z * s.elevator)
+    off = abs(record.rest - record.usual_rest)
+    if record.is_cut:  # It was logged with noise.
+        off = max(off, Z * Scales.elevator)
     launch[OFFSET] = s.rest if rests(record, s) else off
     if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0

@@ -149,7 +149,7 @@ def fit_model(
     """Fits a model's free parameters, its blocks and its scales.
 
     And the strengths of its blocks if asked, see `fit_strength`. It stops early where
-    the cost will be more than `most`.
+    another gain as large as the last would leave the cost above `most`.
     """
     best, step, tries, flights = None, None, 0, list[LinearFlight]()
     current, curvature = model, None
@@ -190,7 +190,6 @@ def fit_model(
         best = current
         if iteration == iterations:
             break
-        # An iteration gains less than the one before it.
         is_done = gained < _TOLERANCE or best.cost - gained > most
         if is_done and iteration >= FEWEST_ITERATIONS:
             break

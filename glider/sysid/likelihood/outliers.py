@@ -60,10 +60,14 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
 
 def find_unexplained(task: Task, model: FitResult) -> list[str]:
     """Returns the flights whose errors are out of line under a model with its noise."""
-    scales, counts = model.scales, [np.sum(record.seen) for record in task.records]
-    flights = model_fit.error_flights(task, model)
-    squares = np.array([np.sum(whiten(f, scales).innovations ** 2) for f in flights])
-    places = np.flatnonzero(stand_out(squares / counts)).tolist()
+    if len(task.records) < FEWEST_COMPARED:
+        return []
+    found = [whiten(f, model.scales) for f in model_fit.error_flights(task, model)]
+    counts = [np.sum(record.seen) for record in task.records]
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        squares = np.array([np.sum(own.innovations**2) for own in found]) / counts
+    squares = np.maximum(np.nan_to_num(squares, nan=np.inf), _LEAST_SQUARE)
+    places = np.flatnonzero(stand_out(squares)).tolist()
     return [task.records[i].name for i in places]
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from glider.campaign.checks.clocks import find_stops
 from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.checks.planarity import in_plane, planar_pitch
-from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
@@ -186,13 +185,12 @@ def _tape(
     """When commands switch [s], to what [rad/s]; the elevator before, `is_cut`."""
     assert flight.command is not None and flight.elevator is not None
     # What was commanded before a gap that hides commands does not count.
-    piece = pieces_with_commands(flight, switch_rate)
-    rows = np.flatnonzero(piece == piece[np.argmax(mask.usable)])
+    rows = np.arange(mask.first, len(clock))
     since = flight.command_time
     if since is not None:
         since = (since - flight.time + clock)[rows]
     tape = command_steps(clock[rows], flight.command[rows], switch_rate, since)
-    rest, is_cut = 0.0, bool(rows[0] > 0)
+    rest, is_cut = 0.0, mask.first > 0
     for first in rows[~mask.elevator[rows]][:1]:  # Its noise is what x[3] is for.
         [travel] = elevator_path(*tape, clock[[first]])
         rest = float(flight.elevator[first] - travel)

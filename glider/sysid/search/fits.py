@@ -82,8 +82,8 @@ class Search:
     task: Task
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
-    #: Sets whose fits stopped far behind a rival.
-    unfinished: set[frozenset[str]] = dataclasses.field(default_factory=set)
+    #: Sets whose fits stopped far behind a rival, and the cost that was too much.
+    stopped: dict[frozenset[str], float] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
     #: Effects whose shapes were searched again, and the sets in which they were.
@@ -121,29 +121,29 @@ class Search:
     ) -> FitResult:
         """Fits a model, and the strengths of its blocks, unless its set is known.
 
-        Not to the end where it is far behind a rival; without a rival, such a set is
-        fitted once more. A known set is fitted again from another start if asked; that
-        fit is kept where it is clearly better.
+        Not to the end where it is far behind a rival; beside a worse one, or none, such
+        a set is fitted once more. A known set is fitted again from another start if
+        asked; that fit is kept where it is clearly better.
         """
         key, most = frozenset(model.kinds), np.inf
         known = self.fitted.get(key)
-        if key in self.unfinished and rival is None:
-            known = None
-        if known is not None and np.isfinite(known.cost) and not again:
-            return known
         if rival is not None:
             most = self.penalized_cost(rival) - self._penalty_of(model) + CLEAR
+        is_done = most <= self.stopped.get(key, np.inf)
+        if known is not None and is_done and np.isfinite(known.cost) and not again:
+            return known
         what = ", ".join(sorted(model.kinds)) or "the flat plate"
         self.progress(words or f"fitting {what}")
         if model.free_kinds:  # Strengths shape the fit.
             model = fit_model(self.task, model, 2, with_strength=True)
         if not model.free_kinds or model.cost < most:
             model = fit_model(self.task, model, with_strength=True, most=most)
+        if not is_done or known is None:
+            self.stopped[key] = most if model.cost > most else np.inf
         if known is not None:  # Little less is the same one.
-            least = self.penalized_cost(known) - RIVAL_GAP
+            least = self.penalized_cost(known) - (RIVAL_GAP if is_done else 0.0)
             model = model if self.penalized_cost(model) < least else known
         self.fitted[key] = model
-        (self.unfinished.add if model.cost > most else self.unfinished.discard)(key)
         return model
 
     def near(self, model: FitResult) -> FirstOrder | None:

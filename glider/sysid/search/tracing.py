@@ -192,25 +192,29 @@ def supported(
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
     """Returns a model of effects that resampled flights support, and their support.
 
-    What takes the place of an effect that they do not support, but is worth less, they
-    do not support either.
+    What takes the place of an effect that they do not support, but is not clearly worth
+    more, they do not support either.
     """
+    least: FitResult | None = None  # With the last effect that they did not support.
+
+    def grown(model: FitResult) -> FitResult:
+        other = improved(search, model)
+        return other if least is None or search.prefers(other, least) else model
+
     while True:
         fewer = moves.one_less(search, model)
         best = min(fewer.values(), key=search.penalized_cost, default=model)
         if search.prefers(best, model):
-            model = improved(search, best)
+            model = grown(best)
             continue
         weighed = weigh(search.task, model, fits.marginal_scorer, rng)
         evidence = evidence_of(search.task, model, fewer)
         weak = weakest(weighed, evidence)
         if weak is None:
             return model, evidence, weighed
-        task = search.task
+        task, least = search.task, model
         search.task = task.offering(task.offered - {weak})
-        left = search.fit(fits.without(task, model, weak))
-        other = improved(search, left)
-        model = other if search.prefers(other, model) else left
+        model = grown(search.fit(fits.without(task, model, weak)))
 
 
 def evidence_of(

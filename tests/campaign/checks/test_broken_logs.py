@@ -8,8 +8,10 @@ import pytest
 
 from glider.campaign.checks.clocks import check_limits
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
+from glider.physics.actuator_replay import command_steps, elevator_path
 from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 
@@ -246,6 +248,40 @@ def test_a_short_gap_is_cut_only_where_it_hides_how_the_elevator_turned(campaign
     assert rows == min(pieces, key=len)
     rows, _ = rows_set_aside(campaign, b.lose(first + 1, 2))
     assert rows == []
+
+
+def lagging(flight):
+    """Its servo is 30 ms slow."""
+    tape = command_steps(flight.time, flight.command, 50.0)
+    angle = elevator_path(*tape, flight.time, time_constant=0.03)
+    return dataclasses.replace(
+        flight, elevator=angle + RNG.normal(0, 0.005, len(angle))
+    )
+
+
+def with_odd_row(row):
+    def edit(flight):
+        elevator = flight.elevator.copy()
+        elevator[row] += 0.2
+        return dataclasses.replace(flight, elevator=elevator)
+
+    return edit
+
+
+def every_third_row(flight):
+    columns = ("time", "pose", "elevator", "command")
+    return dataclasses.replace(flight, **{n: getattr(flight, n)[::3] for n in columns})
+
+
+@pytest.mark.parametrize(
+    "edit", [lagging, with_odd_row(43), every_third_row], ids=lambda edit: edit.__name__
+)
+def test_no_flight_is_cut_for_its_servo_an_odd_row_or_few_rows(campaign, edit):
+    """Rows 44 and 45 are lost, which hide a command; or two in three of all."""
+    flight = edit(campaign.flights[ODD])
+    broken = b.lose(44, 2)(flight) if edit is not every_third_row else flight
+    piece = pieces_with_commands(broken, campaign)
+    assert not piece.any()
 
 
 WHOLE_FLIGHTS = {

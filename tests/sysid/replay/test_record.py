@@ -10,6 +10,7 @@ from glider.campaign.checks.masks import Masks
 from glider.compiled.theta import OFFSET, theta_of
 from glider.physics.effects import NO_FIELD
 from glider.physics.model import GliderModel
+from glider.sysid.constants import Z
 from glider.sysid.likelihood.filtering import rests, start_variances
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import Scales
@@ -76,12 +77,12 @@ def test_commands_before_a_gap_that_hides_some_do_not_count(campaign):
     assert len(record.time) == len(flight.time) - 5
     assert record.switch_times.min() >= 0.0
     assert record.rest == flight.elevator[5]
-    near = dataclasses.replace(record, rest=0.01)  # As if it were moving through there.
+    near = dataclasses.replace(record, rest=0.0)  # As if it were moving through there.
     scales = Scales(elevator=0.005, rest=1e-4)
     assert not rests(near, scales) and all(rests(own, scales) for own in others)
-    flight = linearize(near, theta_of(GliderModel()), NO_FIELD)
-    launch = start_variances(flight, scales)
-    assert launch[OFFSET] >= scales.elevator**2
+    linear = linearize(near, theta_of(GliderModel()), NO_FIELD)
+    launch = start_variances(linear, scales)
+    assert np.sqrt(launch[OFFSET]) == pytest.approx(Z * Scales.elevator)
 
 
 def test_rows_that_are_set_aside_do_not_count(campaign):
