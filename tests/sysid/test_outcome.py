@@ -142,13 +142,13 @@ def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
             (fitted("pitch_offset", "mass", "lift over reduced_rate"), 1.0),
             (fitted("pitch_rate_lift", "mass"), 1.5),
             (fitted("camber", "mass", "dynamic_stall", "lift over alpha"), 2.0),
-            (fitted("wind", "inertia", "thrust", "lift over reduced_rate"), 3.0),
+            (fitted("wind", "mass", "thrust", "lift over reduced_rate"), 3.0),
+            (fitted("downwash", "inertia", "lift over reduced_rate"), 4.0),
         ),
     )
     reported = {"camber", "mass", "pitch_rate_lift"}
     rivals = rivals_of(task, traced, reported, "camber")
-    together = {"wind", "inertia", "thrust"}
-    assert {*rivals} == {"pitch_offset", "wing_incidence"} | together
+    assert {*rivals} == {"pitch_offset", "wing_incidence", "wind", "thrust"}
     of_rate = "lift over reduced_rate"
     assert rivals_of(task, traced, reported, of_rate, "pitch_rate_lift") == (
         "dynamic_stall",

@@ -254,9 +254,8 @@ def lagging(flight):
     """Its servo is 30 ms slow."""
     tape = command_steps(flight.time, flight.command, 50.0)
     angle = elevator_path(*tape, flight.time, time_constant=0.03)
-    return dataclasses.replace(
-        flight, elevator=angle + RNG.normal(0, 0.005, len(angle))
-    )
+    noise = np.random.default_rng(0).normal(0.0, 0.005, len(angle))
+    return dataclasses.replace(flight, elevator=angle + noise)
 
 
 def with_odd_row(row):
