@@ -11,7 +11,7 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.physics.actuator_replay import command_steps, elevator_path
+from glider.physics.actuator_replay import elevator_path
 from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 
@@ -250,37 +250,31 @@ def test_a_short_gap_is_cut_only_where_it_hides_how_the_elevator_turned(campaign
     assert rows == []
 
 
-def lagging(flight):
-    """Its servo is 30 ms slow."""
-    tape = command_steps(flight.time, flight.command, 50.0)
-    angle = elevator_path(*tape, flight.time, time_constant=0.03)
-    noise = np.random.default_rng(0).normal(0.0, 0.005, len(angle))
-    return dataclasses.replace(flight, elevator=angle + noise)
+def commanded(flight, rate, time, values, **servo):
+    """Returns the flight, its elevator behind commands that begin at multiples."""
+    begins = np.arange(len(values)) / rate
+    held = np.searchsorted(begins, time + 1e-9, side="right") - 1
+    elevator = elevator_path(begins, values, time, **servo)
+    command, pose = values[held], np.zeros((len(time), 3))
+    elevator += np.random.default_rng(0).normal(0.0, 5e-4, len(time))
+    return dataclasses.replace(
+        flight, time=time, pose=pose, elevator=elevator, command=command
+    )
 
 
-def with_odd_row(row):
-    def edit(flight):
-        elevator = flight.elevator.copy()
-        elevator[row] += 0.2
-        return dataclasses.replace(flight, elevator=elevator)
-
-    return edit
-
-
-def every_third_row(flight):
-    columns = ("time", "pose", "elevator", "command")
-    return dataclasses.replace(flight, **{n: getattr(flight, n)[::3] for n in columns})
-
-
-@pytest.mark.parametrize(
-    "edit", [lagging, with_odd_row(43), every_third_row], ids=lambda edit: edit.__name__
-)
-def test_no_flight_is_cut_for_its_servo_an_odd_row_or_few_rows(campaign, edit):
-    """Rows 44 and 45 are lost, which hide a command; or two in three of all."""
-    flight = edit(campaign.flights[ODD])
-    broken = b.lose(44, 2)(flight) if edit is not every_third_row else flight
-    piece = pieces_with_commands(broken, campaign)
-    assert not piece.any()
+def test_no_flight_is_cut_for_its_servo_an_odd_row_or_few_rows(campaign):
+    time, flight = np.arange(103) / 120.0, campaign.flights[ODD]
+    turns = 3.0 * (-1.0) ** (np.arange(43) // 17)
+    slow = commanded(flight, 50.0, time, turns, time_constant=0.02)
+    calm = commanded(flight, 50.0, time, 0.01 * np.arange(43.0))
+    odd = dataclasses.replace(calm, elevator=calm.elevator + 0.2 * (time == time[43]))
+    for whole in (slow, odd):  # The two rows hide a command, which changes little.
+        assert not pieces_with_commands(b.lose(44, 2)(whole), campaign).any()
+    values = 0.01 * np.random.default_rng(1).normal(size=120)
+    values[48:72] *= 500.0
+    few = commanded(flight, 120.0, np.arange(45) / 50.0, values)
+    quick = dataclasses.replace(campaign, command_rate=120.0)
+    assert not pieces_with_commands(few, quick).any()
 
 
 WHOLE_FLIGHTS = {
