@@ -86,7 +86,9 @@ def range_of(
 ) -> Range:
     """The range of a campaign's throws, released at x of the funnel if there is one."""
     x = funnel.x if funnel else np.median([r.nodes[0, 0] for r in records])
-    rests = np.array([r.rest for r in records if not r.is_cut] or [0.0])
+    rests = np.array(
+        [r.rest for r in records if not r.is_cut] or [records[0].usual_rest]
+    )
     rest, usual = float(np.median(rests)), records[0].usual_rest
     if abs(rest - usual) < Z * np.std(rests) / np.sqrt(len(rests)):  # By noise alone.
         rest = usual

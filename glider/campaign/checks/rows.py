@@ -121,8 +121,8 @@ def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
     hides = hides_command(flight.time, flight.command, rate) & (steps > _LOST * usual)
     if hides.any():
         tape = command_steps(flight.time, flight.command, rate, flight.command_time)
-        limits = campaign.elevator_limits
-        ordered = elevator_path(*tape, flight.time, limits=limits)
+        begin, limits = float(flight.elevator[0]), campaign.elevator_limits
+        ordered = elevator_path(*tape, flight.time, start=begin, limits=limits)
         apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
         rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
         level = np.median(rows, axis=1)  # Of which one may be wrong.

@@ -64,7 +64,7 @@ class HeldOut:
     #: rollouts and along the measured pitch [m].
     paths: dict[str, np.ndarray]
     over_nominal: Gains | None = None  #: Over the nominal model, where computed.
-    apart: tuple[str, ...] = ()  #: Names of flights that no model was fitted to.
+    apart: tuple[str, ...] = ()  #: Names of flights that no fold was fitted to.
 
     def lost(self, way: str) -> Gains:
         """Logarithms of corrected over baseline errors, of flights flown in a way.

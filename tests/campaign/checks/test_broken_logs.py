@@ -262,6 +262,20 @@ def commanded(flight, rate, time, values, **servo):
     )
 
 
+def test_stops_are_met_from_where_the_elevator_began(campaign):
+    """It goes to a stop, whose rest no command says, and a command is hidden later."""
+    time, flight = np.arange(103) / 120.0, campaign.flights[ODD]
+    limits = (-0.3, 0.3)
+    rates = np.concatenate([np.full(9, 2.0), np.zeros(9), [-6.0], np.zeros(24)])
+    at_stop = commanded(flight, 50.0, time, rates, start=0.2, limits=limits)
+    place = dataclasses.replace(campaign, elevator_limits=limits)
+    assert pieces_with_commands(b.lose(44, 2)(at_stop), place).max() == 1
+    rates[18] = 0.0
+    calm = commanded(flight, 50.0, time, rates, start=0.2, limits=limits)
+    assert not pieces_with_commands(b.lose(44, 2)(calm), place).any()
+    assert not pieces_with_commands(b.lose(8, 2)(calm), place).any()
+
+
 def test_no_flight_is_cut_for_its_servo_an_odd_row_or_few_rows(campaign):
     time, flight = np.arange(103) / 120.0, campaign.flights[ODD]
     turns = 3.0 * (-1.0) ** (np.arange(43) // 17)
