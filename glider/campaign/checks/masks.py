@@ -24,7 +24,7 @@ class Masks:
 
     pose: np.ndarray  #: (n,) of x, z and pitch.
     elevator: np.ndarray  #: (n,)
-    first: int = 0  #: Row after the last gap before them that hides commands.
+    first: int = 0  #: First row of the piece whose commands are known.
 
     @property
     def usable(self) -> np.ndarray:

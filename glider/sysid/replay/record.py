@@ -85,7 +85,7 @@ class Record:
     rest: float  #: Where the elevator stood before the first command [rad].
     trim_is_moment: bool  #: Whether a trim makes no force, see `replayed.trimmed`.
     usual_rest: float = 0.0  #: Where elevators of flights like it stand then [rad].
-    is_cut: bool = False  #: Whether commands before it, which are unknown, moved it.
+    is_cut: bool = False  #: Whether its log was cut: unknown commands moved it.
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
@@ -147,11 +147,9 @@ def _record(
     measured[at], seen[at, :3] = pose, True
     pitch_rate, by_gyro = _pitch_rates(flight, good, time, at)
     elevator, switches, commands, rest = np.zeros(n), np.zeros(1), np.zeros(1), 0.0
-    is_cut = False
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.elevator is not None and has_servo:
-        tape = _tape(flight, mask, clock, campaign.switch_rate)
-        switches, commands, rest, is_cut = tape
+        switches, commands, rest = _tape(flight, mask, clock, campaign.switch_rate)
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
     return Record(
@@ -173,7 +171,7 @@ def _record(
         commands=commands,
         limits=stops if has_servo else None,
         rest=rest,
-        is_cut=is_cut,
+        is_cut=has_servo and mask.first > 0,
         trim_is_moment=campaign.elevator == "fixed_per_flight"
         and "elevator_area" not in campaign.vehicle,
     )
@@ -181,8 +179,8 @@ def _record(
 
 def _tape(
     flight: Flight, mask: Masks, clock: np.ndarray, switch_rate: float | None
-) -> tuple[np.ndarray, np.ndarray, float, bool]:
-    """When commands switch [s], to what [rad/s]; the elevator before, `is_cut`."""
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """When commands switch [s], to what [rad/s], and where the elevator was [rad]."""
     assert flight.command is not None and flight.elevator is not None
     # What was commanded before a gap that hides commands does not count.
     rows = np.arange(mask.first, len(clock))
@@ -190,11 +188,10 @@ def _tape(
     if since is not None:
         since = (since - flight.time + clock)[rows]
     tape = command_steps(clock[rows], flight.command[rows], switch_rate, since)
-    rest, is_cut = 0.0, mask.first > 0
     for first in rows[~mask.elevator[rows]][:1]:  # Its noise is what x[3] is for.
         [travel] = elevator_path(*tape, clock[[first]])
-        rest = float(flight.elevator[first] - travel)
-    return *tape, rest, is_cut
+        return *tape, float(flight.elevator[first] - travel)
+    return *tape, 0.0
 
 
 def _pitch_rates(
