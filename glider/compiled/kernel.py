@@ -25,7 +25,7 @@ import numba
 import numpy as np
 from numba.extending import register_jitable
 
-from glider.compiled import fast_trigonometry, runge_kutta
+from glider.compiled import fast_functions, runge_kutta
 from glider.errors import InputError
 from glider.paths import cache_folder
 from glider.physics import chain
@@ -78,7 +78,7 @@ _VERSIONED = {"numpy", "numba", "math", "cmath"}
 
 _COMPILING = threading.RLock()
 
-connect_compiler(register_jitable)
+connect_compiler(register_jitable(fastmath=FAST, forceinline=True))
 
 
 machine_code = numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -184,7 +184,7 @@ class Family:
         exec(_HEAD, head)
         physics = [f for f in vars(chain).values() if isinstance(f, FunctionType)]
         called = [*head.values(), *physics, *formulas(kinds).values()]
-        hidden = fast_trigonometry.OVERLOADS  # Of sin, cos and sqrt, under no name.
+        hidden = fast_functions.OVERLOADS  # Of sin, cos, sqrt and exp, under no name.
         texts = [text, _KERNEL, self._module]
         texts += [family.text + family._module for family in self.uses]
         texts += [numba.__version__, llvmlite.__version__, np.__version__, sys.version]

@@ -121,27 +121,42 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
-def add_linear(field, at, first, end, tangent):
+def find_acting(rows, acting):
+    """Writes which rows of an array are not zero."""
+    for i in range(rows.shape[0]):
+        acting[i] = False
+        for m in range(rows.shape[1]):
+            if rows[i, m] != 0.0:
+                acting[i] = True
+
+
+def add_linear(field, at, acting, first, end, basis, tangent):
     """Adds some terms of a field, linear about variables at which they may be others.
 
-    A tangent's first column is the point from which its variables count.
+    A tangent's first column is the point from which its variables count. Terms and
+    variables that do not act are left out; `basis` (M,) is written.
     """
-    count = len(at)
-    for m in range(field.weights.shape[0]):
-        basis = basis_function(at, field, m)
-        for i in range(first, end):
-            tangent[count, 1 + i] += basis * field.weights[m, i]
+    count, (is_term, is_variable) = len(at), acting
+    for m in range(basis.shape[0]):
+        basis[m] = basis_function(at, field, m)
+    for i in range(first, end):
+        if not is_term[i]:
+            continue
+        for m in range(basis.shape[0]):
+            tangent[count, 1 + i] += basis[m] * field.weights[i, m]
         for d in range(count):
-            per = field.inverse_widths[m, d]
-            if per != 0.0:
-                slope = basis * per * per * (field.centers[m, d] - at[d])
-                for i in range(first, end):
-                    own = slope * field.weights[m, i]
-                    tangent[d, 1 + i] += own
-                    tangent[count, 1 + i] += own * (tangent[d, 0] - at[d])
+            if not is_variable[d]:
+                continue
+            slope, here = 0.0, at[d]
+            for m in range(basis.shape[0]):
+                per = field.inverse_widths[d, m]
+                apart = (field.centers[d, m] - here) * per * per
+                slope += basis[m] * field.weights[i, m] * apart
+            tangent[d, 1 + i] += slope
+            tangent[count, 1 + i] += slope * (tangent[d, 0] - here)
 
 
-def set_tangent(now, y, rate, wind_x, wind_z, theta, tangent):
+def set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
     """Writes the tangent (v + 1, 18) of theta's field at a state.
 
     The field's air is linear about the flow without it, all else about the flow in it.
@@ -155,8 +170,11 @@ def set_tangent(now, y, rate, wind_x, wind_z, theta, tangent):
     tangent[:] = 0.0
     for d in range(len(variables)):
         tangent[d, 0] = variables[d]
-    add_linear(theta.field, field_variables(before), 0, 2, tangent)
-    add_linear(theta.field, variables, 2, theta.field.weights.shape[1], tangent)
+    own, last = theta.field, theta.field.weights.shape[0]
+    add_linear(
+        own, field_variables(before), acting, 0, 2, basis[: own.num_airs], tangent
+    )
+    add_linear(own, variables, acting, 2, last, basis, tangent)
 
 
 def log_rollout(path, start, numbers, field, states):
@@ -262,7 +280,12 @@ def log_slopes(
     slopes, power = np.empty((width, columns)), np.empty((width, width))
     carried, rates = np.empty((width, width)), np.empty((width, width))
     is_turned = path.pitch.shape[1] > 0
-    about = linear if field.weights.shape[0] > 0 else field
+    about = linear if field.weights.shape[1] > 0 else field
+    is_term = np.empty(field.weights.shape[0], np.bool_)
+    is_variable = np.empty(field.centers.shape[0], np.bool_)
+    find_acting(field.weights, is_term)
+    find_acting(field.inverse_widths, is_variable)
+    acting, basis = (is_term, is_variable), np.empty(field.weights.shape[1])
     for k in range(path.rate.shape[0]):
         own = banked(theta, path.bank[k])
         put(nodes[k], x)
@@ -271,8 +294,8 @@ def log_slopes(
         y, rate, step = work[3], path.rate[k], path.times[k + 1] - path.times[k]
         now = path.times[k] + 0.5 * step
         wind_x, wind_z = path.wind[k, 0], path.wind[k, 1]
-        if field.weights.shape[0] > 0:
-            set_tangent(now, y, rate, wind_x, wind_z, own, tangent)
+        if field.weights.shape[1] > 0:
+            set_tangent(now, y, rate, wind_x, wind_z, own, acting, basis, tangent)
         own = banked(theta_of(numbers, about), path.bank[k])
         put(derivatives(now, y, rate, wind_x, wind_z, own), usual)
         for j in range(columns):
@@ -357,7 +380,7 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
 
 LOOPS = Family(
     (
-        *(banked, add_linear, set_tangent, carry, log_step),
+        *(banked, find_acting, add_linear, set_tangent, carry, log_step),
         *(log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
     ),
     (log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),

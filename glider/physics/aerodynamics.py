@@ -7,7 +7,7 @@ exp, tanh, arctan; no branch on a value, no abs or atan2.
 
 import numpy as np
 
-from glider.physics.formulas import cos, scalar, sin, sqrt
+from glider.physics.formulas import cos, exp, scalar, sin, sqrt
 
 SPEED_SMOOTHING = 1e-8
 """Added under the square root of a speed, so that its derivative exists at
@@ -103,4 +103,4 @@ def tail_load(flow):
 def gaussian(value, center, width):
     """exp(-(value - center)² / (2 width²))."""
     scaled = (value - center) / width
-    return np.exp(-0.5 * scaled * scaled)
+    return exp(-0.5 * scaled * scaled)

@@ -130,7 +130,7 @@ def meet_field(motion, wind_x, wind_z, theta):
     """Replaces that of the chain: the field's air is that of the flow without it."""
     field = theta.field
     flow = flow_of(motion, wind_x, wind_z, theta.p)
-    if field.weights.shape[0] + field.tangent.shape[0] > 0:
+    if field.weights.shape[1] + field.tangent.shape[0] > 0:
         more_x, more_z = field_air(flow, field)
         flow = flow_of(motion, wind_x + more_x, wind_z + more_z, theta.p)
     return flow

@@ -1,8 +1,8 @@
 """Formulas that run on any kind of number and in compiled code, and how to mark them.
 
 The compiler takes a third of a second to import, so a mark is only noted until
-`glider.compiled.kernel` imports it. In Python sine, cosine and root are NumPy's, in
-compiled code those of `glider.compiled.fast_trigonometry`.
+`glider.compiled.kernel` imports it. In Python sine, cosine, root and exponential are
+NumPy's, in compiled code those of `glider.compiled.fast_functions`.
 """
 
 from collections.abc import Callable
@@ -44,3 +44,8 @@ def cos(angle):
 def sqrt(square):
     """Square root of a float, AutoDiffXd, Expression or complex number."""
     return np.sqrt(square)
+
+
+def exp(power):
+    """Exponential of a float, AutoDiffXd, Expression or complex number."""
+    return np.exp(power)

@@ -242,7 +242,7 @@ def _carried_panels(
     lines: dict[str, list[spec.Line]] = {}
     for i, other in enumerate(slices):
         at = np.column_stack([place, np.tile(other, (len(place), 1))])
-        values = gaussians(field, columns, at) @ field.weights
+        values = gaussians(field, columns, at) @ field.weights.T
         width = 1.0 + i if others else None
         for term, value in zip(FIELD_TERMS, values.T, strict=True):
             scaled = place * VARIABLES[variable][1]

@@ -16,7 +16,7 @@ from examples.article.tapes import fly_tapes
 from glider.compiled import (
     barrier,
     collocation,
-    fast_trigonometry,
+    fast_functions,
     filter_error,
     jacobian,
     kernel,
@@ -163,7 +163,7 @@ def test_formulas_that_are_called_alike_get_files_of_their_own(fresh_cache):
         (aerodynamics, "SPEED_SMOOTHING", 2e-8),
         (chain, "NUM_INPUTS", 6),
         (servo, "STOPPING_TIME", 0.01),
-        (fast_trigonometry, "_PI", (math.pi, 0.0, 0.0)),
+        (fast_functions, "_PI", (math.pi, 0.0, 0.0)),
     ],
 )
 def test_an_edit_of_the_physics_gets_another_file(

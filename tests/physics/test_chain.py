@@ -179,6 +179,27 @@ def test_the_compiled_root_is_numpys():
         np.testing.assert_allclose(part(complex_out), expected, rtol=1e-14)
 
 
+def test_the_compiled_exponential_is_numpys():
+    @numba.njit
+    def over(values, out):
+        for i in range(len(values)):
+            out[i] = formulas.exp(values[i])
+
+    powers = np.concatenate([np.linspace(-700, 700, 40001), [0.0, -1e-300, 1e-9]])
+    out = np.empty_like(powers)
+    over(powers, out)
+    np.testing.assert_allclose(out, np.exp(powers), rtol=5e-16)
+    over(np.array([np.nan, -np.inf, -1e9, np.inf]), out)
+    assert np.isnan(out[0])
+    assert np.all(out[1:3] < 1e-300)
+    assert out[3] > 1e300
+
+    many = np.linspace(-3, 3, 61) + 0.3j
+    complex_out = np.empty_like(many)
+    over(many, complex_out)
+    np.testing.assert_allclose(complex_out, np.exp(many), rtol=1e-14)
+
+
 # ------------------------------------------------------------------- mechanics
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from glider.errors import expect
 from glider.physics.aerodynamics import angle_of_attack, tail_load
-from glider.physics.formulas import scalar
+from glider.physics.formulas import exp, scalar
 
 FIELD_UNITS = {
     **{"x": "m", "z": "m", "t": "s", "pitch": "rad", "V": "m/s", "alpha": "rad"},
@@ -74,15 +74,18 @@ TERM_UNITS = {
 class Field(NamedTuple):
     """A sum of Gaussian basis functions, as arrays that numba takes.
 
-    term_k = Σ_m weights[m, k] exp(-½ Σ_d ((ξ_d - centers[m, d]) inverse_widths[m, d])²)
+    term_k = Σ_m weights[k, m] exp(-½ Σ_d ((ξ_d - centers[d, m]) inverse_widths[d, m])²)
+
+    Functions are along the rows, for compiled code to take several at once.
     """
 
-    centers: np.ndarray  #: (M, v), in the order of FIELD_VARIABLES.
-    #: (M, v), zero where the function does not depend on the variable; a row of zeros
-    #: is a constant.
+    centers: np.ndarray  #: (v, M), in the order of FIELD_VARIABLES.
+    #: (v, M), zero where the function does not depend on the variable; a column of
+    #: zeros is a constant.
     inverse_widths: np.ndarray
-    #: (M, 17), in the order of FIELD_TERMS.
+    #: (17, M), in the order of FIELD_TERMS; functions with air come first.
     weights: np.ndarray
+    num_airs: int  #: Number of functions that move the air.
     #: (v + 1, 18), or of length zero, of what is added as linear about a point: its
     #: variables in the first column, slopes of the terms along them in the others, and
     #: values there in the last row.
@@ -90,9 +93,10 @@ class Field(NamedTuple):
 
 
 NO_FIELD = Field(
-    np.zeros((0, len(FIELD_VARIABLES))),
-    np.zeros((0, len(FIELD_VARIABLES))),
-    np.zeros((0, len(FIELD_TERMS))),
+    np.zeros((len(FIELD_VARIABLES), 0)),
+    np.zeros((len(FIELD_VARIABLES), 0)),
+    np.zeros((len(FIELD_TERMS), 0)),
+    0,
 )
 
 
@@ -119,23 +123,22 @@ def basis_function(variables, field, m):
     """Returns a basis function of a field at its variables."""
     exponent = 0.0 * variables[0]
     for d in range(len(variables)):
-        if field.inverse_widths[m, d] != 0.0:
-            scaled = (variables[d] - field.centers[m, d]) * field.inverse_widths[m, d]
+        if field.inverse_widths[d, m] != 0.0:
+            scaled = (variables[d] - field.centers[d, m]) * field.inverse_widths[d, m]
             exponent = exponent - 0.5 * scaled * scaled
-    return np.exp(exponent)
+    return exp(exponent)
 
 
 @scalar
 def field_air(flow, field):
     """Returns the velocity of a field's air, world (x, z) [m/s]."""
     wind_x = wind_z = 0.0 * flow.speed
-    if field.weights.shape[0] > 0:
+    if field.num_airs > 0:
         variables = field_variables(flow)
-        for m in range(field.weights.shape[0]):
-            if field.weights[m, 0] != 0.0 or field.weights[m, 1] != 0.0:
-                basis = basis_function(variables, field, m)
-                wind_x = wind_x + basis * field.weights[m, 0]
-                wind_z = wind_z + basis * field.weights[m, 1]
+        for m in range(field.num_airs):
+            basis = basis_function(variables, field, m)
+            wind_x = wind_x + basis * field.weights[0, m]
+            wind_z = wind_z + basis * field.weights[1, m]
     if field.tangent.shape[0] > 0:
         variables = field_variables(flow)
         for d in range(field.tangent.shape[0]):
@@ -154,25 +157,25 @@ def field_terms(flow, field):
     turn = angle = wing = normal = push = axial = 0.0 * flow.speed
     mass = inertia = 0.0 * flow.speed
     pose_x = pose_z = pose_pitch = 0.0 * flow.speed
-    if field.weights.shape[0] > 0:
+    if field.weights.shape[1] > 0:
         variables = field_variables(flow)
-        for m in range(field.weights.shape[0]):
+        for m in range(field.weights.shape[1]):
             basis = basis_function(variables, field, m)
-            lift = lift + basis * field.weights[m, 2]
-            drag = drag + basis * field.weights[m, 3]
-            moment = moment + basis * field.weights[m, 4]
-            tail = tail + basis * field.weights[m, 5]
-            turn = turn + basis * field.weights[m, 6]
-            angle = angle + basis * field.weights[m, 7]
-            wing = wing + basis * field.weights[m, 8]
-            normal = normal + basis * field.weights[m, 9]
-            push = push + basis * field.weights[m, 10]
-            axial = axial + basis * field.weights[m, 11]
-            mass = mass + basis * field.weights[m, 12]
-            inertia = inertia + basis * field.weights[m, 13]
-            pose_x = pose_x + basis * field.weights[m, 14]
-            pose_z = pose_z + basis * field.weights[m, 15]
-            pose_pitch = pose_pitch + basis * field.weights[m, 16]
+            lift = lift + basis * field.weights[2, m]
+            drag = drag + basis * field.weights[3, m]
+            moment = moment + basis * field.weights[4, m]
+            tail = tail + basis * field.weights[5, m]
+            turn = turn + basis * field.weights[6, m]
+            angle = angle + basis * field.weights[7, m]
+            wing = wing + basis * field.weights[8, m]
+            normal = normal + basis * field.weights[9, m]
+            push = push + basis * field.weights[10, m]
+            axial = axial + basis * field.weights[11, m]
+            mass = mass + basis * field.weights[12, m]
+            inertia = inertia + basis * field.weights[13, m]
+            pose_x = pose_x + basis * field.weights[14, m]
+            pose_z = pose_z + basis * field.weights[15, m]
+            pose_pitch = pose_pitch + basis * field.weights[16, m]
     if field.tangent.shape[0] > 0:
         variables = field_variables(flow)
         for d in range(field.tangent.shape[0]):
@@ -225,13 +228,19 @@ def of_motion(field: Field) -> Field:
 
 def _part(field: Field, terms: slice) -> Field:
     """Returns the basis functions of a field that some terms have."""
-    acts = np.any(field.weights[:, terms], axis=1)
-    if acts.all():
-        return field
+    acts = np.any(field.weights[terms], axis=0)
+    return field if acts.all() else _of_functions(field, np.flatnonzero(acts))
+
+
+def _of_functions(field: Field, which: np.ndarray) -> Field:
+    """Returns some basis functions of a field, those with air first."""
+    is_air = np.any(field.weights[: len(AIR_TERMS), which], axis=0)
+    which = np.concatenate([which[is_air], which[~is_air]])
     return field._replace(
-        centers=field.centers[acts],
-        inverse_widths=field.inverse_widths[acts],
-        weights=field.weights[acts],
+        centers=field.centers.take(which, 1),
+        inverse_widths=field.inverse_widths.take(which, 1),
+        weights=field.weights.take(which, 1),
+        num_airs=int(is_air.sum()),
     )
 
 
@@ -242,27 +251,27 @@ def gaussians(
 
     `variables` are d indices into FIELD_VARIABLES, all that the field depends on.
     """
-    scaled = values[:, None, :] - field.centers[:, variables]
-    scaled = scaled * field.inverse_widths[:, variables]
-    return np.exp(-0.5 * np.sum(scaled**2, axis=2))
+    scaled = values[:, :, None] - field.centers[variables]
+    scaled = scaled * field.inverse_widths[variables]
+    return np.exp(-0.5 * np.sum(scaled**2, axis=1))
 
 
 def joined(parts: Iterable[Field]) -> Field:
     """Returns the sum of fields, each basis function of theirs once."""
     parts = [*parts]
-    centers = np.vstack([part.centers for part in parts])
-    inverse_widths = np.vstack([part.inverse_widths for part in parts])
+    centers = np.hstack([part.centers for part in parts])
+    inverse_widths = np.hstack([part.inverse_widths for part in parts])
     _, first, which = np.unique(
-        np.hstack([centers, inverse_widths]),
-        axis=0,
+        np.vstack([centers, inverse_widths]),
+        axis=1,
         return_index=True,
         return_inverse=True,
     )
-    weights = np.zeros((len(first), len(FIELD_TERMS)))
-    np.add.at(weights, which.ravel(), np.vstack([part.weights for part in parts]))
-    order = np.argsort(first)  # As they were.
-    kept = first[order]
-    return Field(centers[kept], inverse_widths[kept], weights[order])
+    weights = np.zeros((len(FIELD_TERMS), len(first)))
+    added = np.hstack([part.weights for part in parts])
+    np.add.at(weights.T, which.ravel(), added.T)
+    unique = Field(centers.take(first, 1), inverse_widths.take(first, 1), weights, 0)
+    return _of_functions(unique, np.argsort(first))  # As they were.
 
 
 def make_field(data: FieldData) -> Field:
@@ -285,22 +294,22 @@ def make_field(data: FieldData) -> Field:
         good = good and not np.any(np.less_equal(own, 0.0))
         expect(good, f"{field}: widths", own, needed)
     count = len(data.centers) + data.constant
-    centers = np.zeros((count, len(FIELD_VARIABLES)))
+    centers = np.zeros((len(FIELD_VARIABLES), count))
     inverse_widths = np.zeros_like(centers)
-    columns = [FIELD_VARIABLES.index(name) for name in data.variables]
+    rows = [FIELD_VARIABLES.index(name) for name in data.variables]
     for m, center in enumerate(data.centers):
-        good, needed = len(center) == len(columns), f"{len(columns)} numbers"
+        good, needed = len(center) == len(rows), f"{len(rows)} numbers"
         expect(good, f"{field}: center {m}", center, needed)
-        centers[m, columns] = center
-    for column, own in zip(columns, data.widths, strict=True):
-        inverse_widths[: len(data.centers), column] = 1.0 / np.asarray(own)
-    weights = np.zeros((count, len(FIELD_TERMS)))
+        centers[rows, m] = center
+    for row, own in zip(rows, data.widths, strict=True):
+        inverse_widths[row, : len(data.centers)] = 1.0 / np.asarray(own)
+    weights = np.zeros((len(FIELD_TERMS), count))
     for name, values in data.weights.items():
         good = len(values) == count
         expect(good, f"{field}: '{name}'", values, f"{count} weights")
-        weights[:, FIELD_TERMS.index(name)] = values
+        weights[FIELD_TERMS.index(name)] = values
     whole = joined(
-        [Field(centers, inverse_widths, weights), *map(make_field, data.more)]
+        [Field(centers, inverse_widths, weights, 0), *map(make_field, data.more)]
     )
     for name, array in zip(("centers", "widths", "weights"), whole[:3], strict=True):
         expect(np.isfinite(array).all(), f"{field}: {name}", array, "finite numbers")

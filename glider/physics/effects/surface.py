@@ -10,7 +10,7 @@ from glider.physics.effects.effect import (
     lag,
     stalling,
 )
-from glider.physics.formulas import scalar
+from glider.physics.formulas import exp, scalar
 
 _ROUNDING = 1e-8
 """Rounds roots at zero: of the separation point, and of the height above the floor over
@@ -81,7 +81,7 @@ def _ground_effect(flow, strength, height, inverse_depth):
     z = flow.z / (1.0 + over - above)  # Of the floor, where it lies above.
     root = np.sqrt(np.sqrt(over))
     bend = (1.0 + root + root * root) / (1.0 + root) / (1.0 + root * root)
-    return strength * np.exp(-4.0 / 3.0 * bend * z / height)
+    return strength * exp(-4.0 / 3.0 * bend * z / height)
 
 
 @scalar

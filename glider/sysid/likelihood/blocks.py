@@ -121,15 +121,20 @@ class Block:
             weights={term: own for term, own in weights if any(own)},
         )
 
-    def added_to(self, flight: LinearFlight, values: np.ndarray) -> LinearFlight:
-        """Returns a flight with a column for each coordinate.
+    @property
+    def basis(self) -> tuple[object, ...]:
+        """What the functions along a flight depend on, equal where they are."""
+        own = self.centers.tobytes(), self.widths.tobytes()
+        return self.variables, self.terms[0] in SENSOR_TERMS, *own
+
+    def along(self, values: np.ndarray) -> np.ndarray:
+        """Returns the Gaussians (K, M) along a flight, those of sensors (K + 1, M).
 
         `values` (K + 1, v) are FIELD_VARIABLES at its nodes.
         """
         if self.terms[0] not in SENSOR_TERMS:
             values = variables_between(values)
-        functions = self.functions(values[:, self.columns])
-        return flight.with_forces(functions, self.terms, self.mix)
+        return self.functions(values[:, self.columns])
 
 
 def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.ndarray:

@@ -60,8 +60,8 @@ class AddedColumns(NamedTuple):
 
     def columns(self, by_term: np.ndarray) -> np.ndarray:
         """Returns the columns (K, n, q) of what the terms move by (K, n, T) each."""
-        product = self.basis[:, None, :, None] * by_term[:, :, None]
-        return product.reshape(*product.shape[:2], -1) @ self.mix
+        mix = self.mix.reshape(-1, len(self.terms), self.size)
+        return by_term @ np.tensordot(self.basis, mix, 1)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -76,8 +76,10 @@ def with_blocks(
     if not blocks:
         return flight
     values = values_at_nodes(flight, theta, field)
+    bases = {block.basis: block for block in blocks}
+    functions = {basis: block.along(values) for basis, block in bases.items()}
     for block in blocks:
-        flight = block.added_to(flight, values)
+        flight = flight.with_forces(functions[block.basis], block.terms, block.mix)
     return flight
 
 

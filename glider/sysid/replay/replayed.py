@@ -135,7 +135,7 @@ def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.n
 def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
     """Undoes the sensor effects, also of the nodes a short time later."""
     layout, n, step = record.layout, len(record.time), 1e-4
-    is_read = len(of_sensors(field).weights) > 0
+    is_read = of_sensors(field).weights.shape[1] > 0
     if not is_read and not np.any(theta[list(layout.sensor_slots)]):
         return record.nodes.copy()
     states = np.tile(record.nodes, (2, 1))

@@ -284,7 +284,7 @@ def test_the_field_in_a_model_file_has_the_blocks_values(vent, name):
     assert np.abs(expected).max() > 1e-4
     field = make_field(block.data(coordinates))
     column = [FIELD_TERMS.index(term) for term in block.terms]
-    found = gaussians(field, block.columns, values) @ field.weights
+    found = gaussians(field, block.columns, values) @ field.weights.T
     np.testing.assert_allclose(found[:, column], expected, atol=1e-12)
     others = [k for k in range(len(FIELD_TERMS)) if k not in column]
     assert np.all(found[:, others] == 0.0)
