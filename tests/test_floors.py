@@ -21,6 +21,7 @@ FLOORS = [
     "glider.campaign",
     "glider.systems",
     "glider.sysid.constants",
+    "glider.sysid.report",
     "glider.sysid.result",
     "glider.sysid.replay",
     "glider.sysid.likelihood",

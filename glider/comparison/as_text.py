@@ -20,7 +20,7 @@ from glider.report.error_table import ALONG, END, FREE, PITCH, columns_of, error
 from glider.report.plots.style import LABELS
 from glider.report.terminal import for_console, make_table, writer
 from glider.report.wording import counted, name_of, say
-from glider.sysid.result import Estimate
+from glider.sysid.report import Estimate
 
 _ERRORS = {
     FREE: "free rollout, position",

@@ -17,7 +17,7 @@ from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.report.wording import join, name_of, say
-from glider.sysid.result import Estimate, Report, Spread, read_report
+from glider.sysid.report import Estimate, Report, Spread, read_report
 
 FALSE_ALARM = 0.01
 """Probability that any change is reported between campaigns of one glider."""

@@ -30,7 +30,8 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import jackknife, larger_of
 from glider.sysid.replay.record import Noise
-from glider.sysid.result import Report, Result, read_report
+from glider.sysid.report import Report, read_report
+from glider.sysid.result import Result
 from glider.sysid.search.fits import FirstOrder
 from glider.sysid.search.subsets import Members, Scorer
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from glider.report import numbers
 from glider.report.numbers import DEGREE, DIVERGED, Unit
-from glider.sysid.result import CALIBRATED, PERFECT, HeldOutFlight, Report, Result
+from glider.sysid.report import CALIBRATED, PERFECT, Report
+from glider.sysid.result import HeldOutFlight, Result
 
 COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
 """Models in the order in which they are shown; not every result has all."""

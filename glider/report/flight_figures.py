@@ -12,7 +12,8 @@ from glider.report.plots import figure as spec
 from glider.report.plots.binning import bounds
 from glider.report.plots.style import LABELS
 from glider.report.wording import name_of
-from glider.sysid.result import HeldOutFlight, Result, Spread
+from glider.sysid.report import Spread
+from glider.sysid.result import HeldOutFlight, Result
 
 MOST_SHOWN = 4  # Held-out flights that are shown without being asked for.
 

@@ -15,7 +15,8 @@ from glider.report.numbers import DEGREE, MILLIMETRE, Unit
 from glider.report.plots import binning
 from glider.report.plots import figure as spec
 from glider.report.plots.style import LABELS, TERMS, VARIABLES
-from glider.sysid.result import PERFECT, Curve, ResidualTable, Result
+from glider.sysid.report import PERFECT, Curve
+from glider.sysid.result import ResidualTable, Result
 
 WIDE = 60.0  # Width of a panel that stands alone in its row [rem].
 _LEAST_PERCENT = 1e-3  # Evidence that is drawn as none.

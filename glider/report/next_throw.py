@@ -22,7 +22,7 @@ from glider.files.writing import replace_files
 from glider.report.numbers import format_estimate, format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
 from glider.report.wording import TEMPLATES
-from glider.sysid.result import Estimate
+from glider.sysid.report import Estimate
 from glider.systems.command_tape import tape_text
 from glider.verification.funnel.funnel import tube_outline
 

@@ -23,7 +23,7 @@ from glider.compiled.theta import warm_up
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN
 from glider.progress import Progress, Step
-from glider.sysid import outcome, result
+from glider.sysid import outcome, report, result
 from glider.sysid.constants import MOST_OUTLYING
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
@@ -166,7 +166,7 @@ class Analysis:
         self,
         flights: SmoothedFlights,
         found: Searched,
-        spreads: dict[str, result.Spread],
+        spreads: dict[str, report.Spread],
     ) -> dict[str, Any]:
         """Fields of a result about the model, with standard errors."""
         task, traced, signs = found.task, found.traced, flights.signs
@@ -256,14 +256,14 @@ class Analysis:
         return {
             "campaign": logged.name,
             "path": logged.path,
-            "flights": result.FlightNames(
+            "flights": report.FlightNames(
                 tuple(n for n in self.fitted if n not in outlying), flown
             ),
             "knows_forces": self.vehicle.knows_forces,
             "set_aside": tuple(sorted(rows, key=lambda s: s.file)),
             "planarity": {name: words for name, words in rolling.items() if words},
-            "noise": result.MeasurementNoise(noise.position, noise.pitch),
-            "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
+            "noise": report.MeasurementNoise(noise.position, noise.pitch),
+            "air": report.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             "candidates": traced.alone,
             "combinations": traced.combinations[:MOST_COMBINATIONS],
             "evidence_threshold": traced.threshold,

@@ -6,7 +6,8 @@ import itertools
 import numpy as np
 
 from glider.physics.derivatives import Condition, calc_derivatives, find_steady_glide
-from glider.sysid.result import Derivatives, Estimate, Result
+from glider.sysid.report import Derivatives, Estimate
+from glider.sysid.result import Result
 
 
 def with_derivatives(

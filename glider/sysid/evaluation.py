@@ -10,7 +10,7 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.compiled.parallel import in_parallel
-from glider.sysid import result
+from glider.sysid import report, result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import air_depends_on, find_floor
@@ -27,7 +27,8 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.outcome import SPREAD_KINDS, curves_of
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table, signals
-from glider.sysid.result import CALIBRATED, MODELS, PERFECT, ResidualTable, Spread
+from glider.sysid.report import CALIBRATED, MODELS, PERFECT, Spread
+from glider.sysid.result import ResidualTable
 from glider.sysid.search.force_search import OF_FORCES, forces_alone
 from glider.sysid.search.support import SearchResult
 from glider.sysid.verdict import changes_baseline_alone
@@ -108,7 +109,7 @@ def evaluate(
     perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
     errors = dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect}
     paths = np.array([tests.paths[r.name][1] for r in first]) if tests else None
-    outliers = result.OutlyingFlights(apart, {**flown(apart).errors}) if apart else None
+    outliers = report.OutlyingFlights(apart, {**flown(apart).errors}) if apart else None
     left = found.errors["corrected"].position_rms_m
     along, least = (
         e.rollout_measured_pitch.position_rms_m
@@ -118,7 +119,7 @@ def evaluate(
         "errors": errors,
         "outlying": outliers,
         "folds": tests.folds if tests else (),
-        "left": result.Residual(
+        "left": report.Residual(
             position_m=left,
             ratio_to_floor=left / perfect.position_rms_m,
             ratio_along_pitch=along / least,
@@ -245,7 +246,7 @@ def _innovations(
     models: Mapping[str, FitResult],
     flights: SmoothedFlights,
     names: Sequence[str],
-) -> result.Innovations:
+) -> report.Innovations:
     """Correlates innovations of models with themselves and with the elevator."""
     own, moved = dict[str, dict[str, np.ndarray]](), dict[str, dict[str, np.ndarray]]()
     for name in ("refitted", "corrected"):
@@ -259,7 +260,7 @@ def _innovations(
             turned = [(angle - angle.mean())[:, None] for angle in elevator]
             moved[name] = correlations(left, turned, lags)
     rows = sum(np.sum(record.seen[:, 0]) for record in records)
-    return result.Innovations(
+    return report.Innovations(
         lag_s=float(np.median(np.diff(records[0].time))) * np.arange(lags + 1),
         band=float(_Z95 / np.sqrt(rows)),
         autocorrelation=own,

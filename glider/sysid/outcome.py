@@ -13,7 +13,7 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
-from glider.sysid import result
+from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
 from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.families import BLOCKS
@@ -26,7 +26,8 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
 from glider.sysid.replay.vehicle import parameters_of
-from glider.sysid.result import Estimate, FoundEffect, ResidualTable, Spread
+from glider.sysid.report import Estimate, Spread
+from glider.sysid.result import FoundEffect, ResidualTable
 from glider.sysid.search.support import SearchResult
 
 SPREAD_KINDS = {"elevator_trim": "trim", "pitch_offset": "pitch_zero", "wind": "wind"}
@@ -118,7 +119,7 @@ def effects_of(
                 spread_over_flights={kind.coefficients[0].name: spreads[name].std}
                 if name in spreads
                 else {},
-                shape=result.OTHER_SHAPE if name in bent else result.LIBRARY_SHAPE,
+                shape=report.OTHER_SHAPE if name in bent else report.LIBRARY_SHAPE,
                 indistinguishable_from=rivals_of(task, traced, named, name),
                 depends_on=kind.depends_on,
                 **of_search,
@@ -159,7 +160,7 @@ def _block_entry(
         words=f"no effect of the library: {kind.words}" if has_none else kind.words,
         coefficients=find_peak(own, known, kind.term)
         | (numbers_of_lift(own, known, family) if name == LIFT else {}),
-        shape=result.LIBRARY_SHAPE if has_none else result.OTHER_SHAPE,
+        shape=report.LIBRARY_SHAPE if has_none else report.OTHER_SHAPE,
         family=kind.link,
         indistinguishable_from=rivals_of(task, traced, named, name, family),
         depends_on=kind.depends_on,
@@ -301,7 +302,7 @@ def covariance_of(task: Task, known: Uncertainty) -> Covariance | None:
     return Covariance(names=names, matrix=matrix, degrees_of_freedom=freedom)
 
 
-def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[result.Curve, ...]:
+def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[report.Curve, ...]:
     """The residual of the flat plate over the angle of attack, in equal bins.
 
     Bands are standard errors over flights.
@@ -324,8 +325,8 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[result.Curve
     columns = np.array(bins).reshape(-1, 4, 3).T  # Terms, columns, bins.
     fields = "alpha", "lack", "std", "named"
     return tuple(
-        result.Curve(term=term, **dict(zip(fields, own, strict=True)))
-        for term, own in zip(result.CURVE_TERMS, columns, strict=True)
+        report.Curve(term=term, **dict(zip(fields, own, strict=True)))
+        for term, own in zip(report.CURVE_TERMS, columns, strict=True)
     )
 
 

@@ -1,62 +1,19 @@
 """The result of closing the loop, as inert data.
 
-`Report` is report.json, key by key, NaN being null; `Result` adds what the program
-needs: the model, and arrays of figures.
+`Result` adds to a `Report` what the program needs: the model, and arrays of figures.
 """
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from glider.campaign.checks.masks import ExcludedRows
-from glider.errors import InputError, expect
-from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
-from glider.sysid.constants import MOST_LEFT, UNLIKELY
-
-#: Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
-#: was found does not hold on held-out flights.
-VERDICTS = "no_effect", "effect_found", "partly_explained", "unexplained", "not_trusted"
-#: Nominal model; flat plate with refitted parameters; model with the effects.
-MODELS = "nominal", "refitted", "corrected"
-#: The refitted baseline without a constant pitch error; what a perfect model leaves.
-CALIBRATED, PERFECT = "calibrated", "floor"
-CURVE_TERMS = "c_normal", "c_axial", "c_moment"
-#: Whether an effect's formula has the shape that the flights show.
-LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
-
-
-@dataclasses.dataclass(frozen=True)
-class Estimate:
-    """A coefficient: value, standard error and unit."""
-
-    value: Number
-    std: Number
-    unit: str
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ReportedEffect:
-    """An effect that the flights show."""
-
-    kind: str  #: Of the library, a user effect, or "unexplained".
-    coefficients: dict[str, Estimate]  #: By name.
-    evidence: Number = math.nan  #: Log-likelihood lost without it, if any [nats].
-    share_of_residual: Number = math.nan  #: Of all the evidence, 0 to 1.
-    inclusion: Number = 1.0  #: Share of resampled flights that choose it, 0 to 1.
-    #: Flight-to-flight standard deviations of coefficients that vary.
-    spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
-    shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model carries a free function.
-    found_by: str = ""  #: Name of the move that found it last, or `tracing.EARLIER`.
-    family: str = ""  #: `BlockKind.link` of a free function; empty for a formula.
-    indistinguishable_from: tuple[str, ...] = ()  #: Do as well, alone or together.
-    depends_on: tuple[str, ...]  #: Variables that it varies with.
+from glider.sysid.report import Report, ReportedEffect
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -64,188 +21,6 @@ class FoundEffect(ReportedEffect):
     """An effect with a short phrase for people."""
 
     words: str
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Spread:
-    """Flight-to-flight variation: standard deviation, its error, flights' values."""
-
-    std: Number
-    std_error: Number = math.nan
-    unit: str
-    values: dict[str, Number]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Curve:
-    """Residual of the flat plate in a term over the angle of attack, with a band."""
-
-    term: str  #: One of CURVE_TERMS, c_moment in metres.
-    alpha: np.ndarray  #: (n,) [rad].
-    lack: np.ndarray  #: (n,) the residual: identified effects and what is carried.
-    std: np.ndarray  #: (n,) standard error of it.
-    named: np.ndarray  #: (n,) the identified part.
-
-    def __post_init__(self) -> None:
-        known = f"one of {', '.join(CURVE_TERMS)}"
-        expect(self.term in CURVE_TERMS, "field 'term'", self.term, known)
-        shapes = [c.shape for c in (self.alpha, self.lack, self.std, self.named)]
-        what = f"curve {self.term}: the shape of alpha, lack, std and named"
-        expect(len({*shapes}) == 1, what, shapes, "one length")
-
-
-@dataclasses.dataclass(frozen=True)
-class Air:
-    """Turbulence in x and in z; an error of the model looks like moving air too."""
-
-    std_m_s: Number
-    correlation_s: Number
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Residual:
-    """Error of the corrected model on held-out flights."""
-
-    position_m: Number  #: RMS of the position [m].
-    ratio_to_floor: Number  #: That over the RMS which a perfect model would leave.
-    ratio_along_pitch: Number = math.nan  #: The same along the measured pitch.
-    most_by_chance: Number = math.inf  #: The ratio that a perfect model may have.
-    chance: Number = math.nan  #: Probability that a perfect model leaves as much.
-    depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
-    air_depends_on: tuple[str, ...] = ()  #: States that the modelled gusts depend on.
-
-    @property
-    def may_be_chance(self) -> bool:
-        """Whether a perfect model may leave as much: never more than MOST_LEFT.
-
-        Ratios of at most one may, even if the folds, of fewer flights, leave more.
-        """
-        is_more = self.ratio_to_floor > min(MOST_LEFT, self.most_by_chance)
-        is_less = self.ratio_to_floor <= 1.0 and not self.ratio_along_pitch > 1.0
-        return not is_more and (is_less or not self.chance < UNLIKELY)
-
-
-@dataclasses.dataclass(frozen=True)
-class Combination:
-    """A set of effects that was fitted in full."""
-
-    kinds: tuple[str, ...]
-    evidence: Number  #: Penalized gain over the flat plate alone [nats].
-
-
-@dataclasses.dataclass(frozen=True)
-class EquationErrors:
-    """RMS of measured minus modelled acceleration [m/s², m/s², rad/s²]."""
-
-    tangential: Number
-    normal: Number
-    pitch: Number
-
-
-@dataclasses.dataclass(frozen=True)
-class RolloutErrors:
-    """Errors of free rollouts, over whole flights; the mean distance at the end."""
-
-    position_rms_m: Number
-    position_end_m: Number
-    pitch_rms_rad: Number
-
-
-@dataclasses.dataclass(frozen=True)
-class PathErrors:
-    """Errors of the forces integrated along the measured pitch."""
-
-    position_rms_m: Number
-
-
-@dataclasses.dataclass(frozen=True)
-class Fit:
-    """100 (1 - |y - ŷ| / |y - mean y|) [%] of free rollouts, as MATLAB's `compare`."""
-
-    x: Number = math.nan
-    z: Number = math.nan
-    pitch: Number = math.nan
-
-
-@dataclasses.dataclass(frozen=True)
-class Errors:
-    """Errors of one model on held-out flights."""
-
-    equation: EquationErrors
-    rollout: RolloutErrors
-    rollout_measured_pitch: PathErrors
-    fit_percent: Fit = Fit()
-
-    @property
-    def position_rms_m(self) -> float:
-        """RMS of the position of free rollouts [m]."""
-        return self.rollout.position_rms_m
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Fold:
-    """Errors on held-out flights of baseline and corrected model without them."""
-
-    held_out: tuple[str, ...]
-    refitted: Errors
-    corrected: Errors
-
-
-@dataclasses.dataclass(frozen=True)
-class FlightNames:
-    """Names of flights."""
-
-    fit: tuple[str, ...]  #: Used to fit.
-    held_out: tuple[str, ...]  #: That errors are measured on.
-
-
-@dataclasses.dataclass(frozen=True)
-class MeasurementNoise:
-    """Standard deviations of the measured x and z, and of the measured pitch."""
-
-    position_m: Number
-    pitch_rad: Number
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Derivatives:
-    """Stability and control derivatives, see `glider.sysid.derivatives`."""
-
-    condition: str  #: In words.
-    airspeed_m_s: Number
-    alpha_rad: Number
-    delta_e_rad: Number
-    area_m2: Number
-    length_m: Number
-    length: str  #: In words.
-    values: dict[str, Estimate]  #: C_L, C_L_alpha to C_m_delta_e.
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Innovations:
-    """Correlations of innovations on held-out flights, by model and channel."""
-
-    lag_s: np.ndarray
-    band: Number  #: Of white noise 95 % of them are within ± this.
-    autocorrelation: dict[str, dict[str, np.ndarray]]
-    with_elevator: dict[str, dict[str, np.ndarray]]  #: Empty without a servo.
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class EvidenceThreshold:
-    """Evidence below which an effect is not taken [nats]."""
-
-    effect: Number  #: Of one coefficient, at least.
-    coefficient: Number = 0.0  #: More for each further one, where it is of predictions.
-    uncommon: Number = 0.0  #: More for what not every glider of unknown forces has.
-
-
-@dataclasses.dataclass(frozen=True)
-class OutlyingFlights:
-    """Held-out flights that no model explains with the others; errors on them alone."""
-
-    flights: tuple[str, ...]
-    errors: dict[str, Errors | None]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -272,46 +47,6 @@ class ResidualTable:
     names: tuple[str, ...]  #: Of the flights.
     noise: np.ndarray  #: (N, 3) deviation of `residual` by smoothed noise alone.
     unit: np.ndarray  #: (N, 2) ½ρV²S_w over mass [m/s²] and over inertia [rad/s²/m].
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Report:
-    """The part of a result that report.json holds; docs/file_formats.md has all."""
-
-    campaign: str
-    flights: FlightNames
-    verdict: str
-    reason: str
-    effects: Sequence[ReportedEffect]
-    errors: dict[str, Errors | None]  #: By model; None of one that there is not.
-    outlying: OutlyingFlights | None = None  #: Not in `errors`; None without any.
-    evidence_threshold: EvidenceThreshold
-    folds: tuple[Fold, ...]
-    left: Residual
-    air: Air
-    spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.
-    #: "kind.coefficient" to the same to the correlation of their errors.
-    correlations: dict[str, dict[str, Number]]
-    derivatives: Derivatives | None = None  #: Older versions have none,
-    innovations: Innovations | None = None  #: nor correlations of innovations.
-    candidates: dict[str, Number]  #: Evidence of each kind when tried alone [nats].
-    combinations: tuple[Combination, ...]  #: Sets that were fitted, best first.
-    curves: tuple[Curve, ...]  #: Residual of the flat plate over the angle of attack.
-    vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
-    warnings: tuple[str, ...]
-    set_aside: tuple[ExcludedRows, ...]
-    planarity: dict[str, str]  #: Flight to a sentence, where it has roll and yaw.
-    seed: int | None  #: Of the split into fitted and held-out flights.
-    settings: dict[str, Any]  #: Seed, fraction and what else would repeat this run.
-    noise: MeasurementNoise
-    seconds: dict[str, Number]
-    version: str
-
-    def __post_init__(self) -> None:
-        models = *MODELS, CALIBRATED, PERFECT
-        known = f"one of {', '.join(models)}"
-        for name in self.errors:
-            expect(name in models, "a model of 'errors'", name, known)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -350,14 +85,3 @@ class Result(Report):
             for e in self.effects
         )
         return Report(**own)
-
-
-def read_report(path: Path) -> tuple[Report, Path]:
-    """Reads a report: its folder, or its report.json; also returns the file."""
-    file = path / "report.json" if path.is_dir() else path
-    data = parse_json(read_text(file, "a report.json of close-the-loop"), str(file))
-    try:
-        return convert(data, Report, str(file)), file
-    except InputError as error:
-        again = "run close-the-loop again if another version wrote it"
-        raise InputError(f"{str(error).rstrip('.')} ({again}).") from None

@@ -21,7 +21,8 @@ from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.replayed import signals
 from glider.sysid.replay.vehicle import BASELINE_KINDS
-from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
+from glider.sysid.report import LIBRARY_SHAPE, Errors, Residual
+from glider.sysid.result import FoundEffect
 from glider.sysid.search.support import SearchResult
 
 _AT_CEILING = 0.97  # Share of the largest scale, which a fit only comes near.

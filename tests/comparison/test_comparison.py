@@ -15,7 +15,7 @@ from glider.comparison.comparison_page import to_html
 from glider.comparison.differences import FALSE_ALARM, compare, load_report
 from glider.errors import InputError
 from glider.files.schema import json_text
-from glider.sysid.result import Estimate
+from glider.sysid.report import Estimate
 from tests.helpers.browser import open_browser, visit, why_not
 from tests.report.results import VARIANTS, WIND, make_result
 from tests.report.test_report import Page

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from glider.sysid.result import Report
+from glider.sysid.report import Report
 from glider.sysid.search.tracing import LATE
 
 

@@ -11,7 +11,7 @@ from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.sysid.result import (
+from glider.sysid.report import (
     CALIBRATED,
     OTHER_SHAPE,
     PERFECT,
@@ -26,17 +26,14 @@ from glider.sysid.result import (
     Fit,
     FlightNames,
     Fold,
-    FoundEffect,
-    HeldOutFlight,
     Innovations,
     MeasurementNoise,
     PathErrors,
     Residual,
-    ResidualTable,
-    Result,
     RolloutErrors,
     Spread,
 )
+from glider.sysid.result import FoundEffect, HeldOutFlight, ResidualTable, Result
 
 WIND = FoundEffect(
     kind="wind",

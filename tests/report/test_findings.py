@@ -31,7 +31,7 @@ from glider.report.wording import (
     spread_values,
     vehicle_rows,
 )
-from glider.sysid.result import (
+from glider.sysid.report import (
     CALIBRATED,
     MODELS,
     PERFECT,

@@ -27,7 +27,7 @@ from glider.report.folder import make_figures, to_html, write_report
 from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks
-from glider.sysid.result import CALIBRATED, PERFECT, Estimate, OutlyingFlights
+from glider.sysid.report import CALIBRATED, PERFECT, Estimate, OutlyingFlights
 from tests.helpers.own_kinds import FLAP
 from tests.report.results import (
     PERFECT_ERRORS,

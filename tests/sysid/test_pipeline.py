@@ -11,7 +11,7 @@ from glider.physics.effects import KINDS
 from glider.progress import Step
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.result import PERFECT
+from glider.sysid.report import PERFECT
 from glider.sysid.search.moves import MOVES
 from glider.sysid.search.tracing import EARLIER
 from tests.campaign.checks.breaking import change, scale

@@ -30,7 +30,7 @@ from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
-from glider.sysid.result import EquationErrors, Errors
+from glider.sysid.report import EquationErrors, Errors
 
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
 _REPLICAS = 100  # Of a flight: the RMS of its floor is known to 5 %.

@@ -30,7 +30,7 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
-from glider.sysid.result import EquationErrors, Errors, Fit, PathErrors, RolloutErrors
+from glider.sysid.report import EquationErrors, Errors, Fit, PathErrors, RolloutErrors
 
 _OF_ROLLOUTS = ("position", "pitch")  # Scales that rollouts have errors in.
 

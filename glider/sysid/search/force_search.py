@@ -20,7 +20,7 @@ from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES, start_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
-from glider.sysid.result import EvidenceThreshold
+from glider.sysid.report import EvidenceThreshold
 from glider.sysid.search.fits import FirstOrder, bare_of
 from glider.sysid.search.subsets import Scorer, best_set
 from glider.sysid.search.support import SearchResult, weigh

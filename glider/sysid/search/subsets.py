@@ -9,7 +9,7 @@ import numpy as np
 
 from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS
 from glider.sysid.likelihood.candidates import Member, Variant
-from glider.sysid.result import Combination
+from glider.sysid.report import Combination
 
 Members = tuple[Member, ...]
 Penalty = Callable[[str, Collection[str]], float]

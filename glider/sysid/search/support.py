@@ -11,7 +11,7 @@ from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.task import Task
-from glider.sysid.result import Combination, EvidenceThreshold
+from glider.sysid.report import Combination, EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer, climb
 
 _LEAST_DRAWS, _MOST_DRAWS = 25, 200  # Sets of flights: the most where in doubt.

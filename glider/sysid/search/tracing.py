@@ -17,7 +17,7 @@ from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
-from glider.sysid.result import EvidenceThreshold
+from glider.sysid.report import EvidenceThreshold
 from glider.sysid.search import fits, moves
 from glider.sysid.search.force_search import held_out_scorer, search_forces
 from glider.sysid.search.subsets import climb, ranked

@@ -11,7 +11,7 @@ from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict_all
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
-from glider.sysid.result import EquationErrors, Spread
+from glider.sysid.report import EquationErrors, Spread
 from tests.helpers.known_truth import begin, task_of
 from tests.helpers.lifelike import draw_campaign, turbulence_campaign
 
