@@ -1,15 +1,16 @@
 """Which constants of the tracer change its answers? Halves and doubles each of them.
 
-    python -m tests.benchmarks.bench_sensitivity --json FILE.jsonl [--seeds 2,14,37]
-        [--nulls 400,401] [--only NAME,...] [--group 8] [--jobs 2]
+    python -m tests.benchmarks.bench_sensitivity --json FILE.jsonl [--number 32]
+        [--nulls 8] [--flights 12] [--only NAME,...] [--group 8] [--jobs 2]
 
-An answer is a campaign's verdict and the kinds it names; the campaigns are those of
-`bench_forms`. Each constant of `glider.sysid.constants` is halved and doubled, with all
-its numbers where it has several, and what changes is counted.
+An answer is a campaign's verdict and the kinds it names; the campaigns are the first
+flights of those of `bench_forms` with one effect: of few flights, answers change most
+easily. Each constant of `glider.sysid.constants` is halved and doubled, with all its
+numbers where it has several, and what changes is counted.
 
-Most constants change nothing. So --group of them are first changed together: where no
-answer is another one, none of them matters, unless two changes undo each other; where
-one is, the group is split. Lines are kept in FILE, and what is there is not run again.
+Most constants change little. So --group of them are first changed together, and split
+for the answers that are others then: what two changes undo is not seen. Lines are kept
+in FILE, and what is there is not run again.
 """
 
 import argparse
@@ -27,16 +28,23 @@ Campaign = tuple[int, bool]  # Its seed in `bench_forms`, and whether it is a nu
 Change = Mapping[str, float]  # Constants, by name, and what they are multiplied by.
 
 _WORKER = """
-import json, sys
+import dataclasses, json, sys
 import glider.sysid.constants as constants
 from tests.benchmarks.bench_sensitivity import scaled
-change, campaigns = json.loads(sys.argv[1])
+change, campaigns, flights = json.loads(sys.argv[1])
 for name, factor in change.items():
     setattr(constants, name, scaled(getattr(constants, name), factor))
-from tests.benchmarks.bench_forms import run
+from glider.sysid.pipeline import close_the_loop
+from tests.benchmarks.bench_forms import draw, label_of
 for seed, null in campaigns:
-    line = run(seed, None, None, null)
-    print(json.dumps([seed, null, line["verdict"], sorted(line["kinds"])]), flush=True)
+    campaign, _ = draw(seed, count=1, null=null)
+    few = dataclasses.replace(campaign, flights=campaign.flights[:flights])
+    try:
+        result = close_the_loop(few, seed=seed)
+        answer = [result.verdict, sorted(map(label_of, result.effects))]
+    except Exception as error:  # One campaign's answer, not the end.
+        answer = ["refused", [type(error).__name__]]
+    print(json.dumps([seed, null, *answer]), flush=True)
 """
 """Constants are changed before any other module has read them."""
 
@@ -59,51 +67,56 @@ def scaled(value: Any, factor: float) -> Any:
     return value * factor
 
 
-def answers(change: Change, campaigns: Sequence[Campaign]) -> dict[str, Any]:
-    """Returns the answers to some campaigns, by campaign, under changed constants."""
-    command = [sys.executable, "-c", _WORKER, json.dumps([change, campaigns])]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    lines = [json.loads(text) for text in done.stdout.splitlines()]
-    found = {f"{'null ' * null}{seed}": answer for seed, null, *answer in lines}
-    if len(found) < len(campaigns):
-        found["crash"] = done.stderr.strip().splitlines()[-1:]
-    return found
-
-
 class Runs:
     """Answers under changed constants, kept in a file."""
 
-    def __init__(self, file: Path, campaigns: Sequence[Campaign]):
-        """Takes the file of what was run before."""
-        self.file, self.campaigns = file, campaigns
+    def __init__(self, file: Path, flights: int):
+        """Takes the file of what was run before, and how many flights there are."""
+        self.file, self.flights = file, flights
         lines = file.read_text().splitlines() if file.exists() else []
-        self._kept = dict(map(json.loads, lines))
+        self._kept = {
+            (change, name): own for change, name, own in map(json.loads, lines)
+        }
 
-    def changed(self, change: Change) -> list[str]:
+    def changed(self, change: Change, campaigns: Sequence[Campaign]) -> list[Campaign]:
         """Returns the campaigns that are answered otherwise under a change."""
-        usual, now = self._answers({}), self._answers(change)
-        return [name for name in {**usual, **now} if usual.get(name) != now.get(name)]
+        usual, now = self.answers({}, campaigns), self.answers(change, campaigns)
+        pairs = zip(campaigns, usual, now, strict=True)
+        return [campaign for campaign, before, after in pairs if before != after]
 
-    def _answers(self, change: Change) -> dict[str, Any]:
-        key = json.dumps([sorted(change.items()), self.campaigns])
-        if key not in self._kept:
-            self._kept[key] = answers(change, self.campaigns)
+    def answers(self, change: Change, campaigns: Sequence[Campaign]) -> list[Any]:
+        """Returns the answers to campaigns under changed constants."""
+        what = json.dumps([sorted(change.items()), self.flights])
+        keys = {(what, name_of(campaign)): campaign for campaign in campaigns}
+        if missing := [own for key, own in keys.items() if key not in self._kept]:
+            task = json.dumps([change, missing, self.flights])
+            command = [sys.executable, "-c", _WORKER, task]
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
             with self.file.open("a") as file:
-                file.write(json.dumps([key, self._kept[key]]) + "\n")
-        return self._kept[key]
+                for seed, null, *answer in map(json.loads, done.stdout.splitlines()):
+                    key = what, name_of((seed, null))
+                    self._kept[key] = answer
+                    file.write(json.dumps([*key, answer]) + "\n")
+        return [self._kept[key] for key in keys]
+
+
+def name_of(campaign: Campaign) -> str:
+    """Returns what a table calls a campaign."""
+    seed, null = campaign
+    return f"{'null ' * null}{seed}"
 
 
 def screen(
-    runs: Runs, names: Sequence[str], factor: float
+    runs: Runs, names: Sequence[str], factor: float, campaigns: Sequence[Campaign]
 ) -> Iterator[tuple[str, list[str]]]:
     """Yields each constant and the campaigns that it changes, group by group."""
-    changed = runs.changed(dict.fromkeys(names, factor))
+    changed = runs.changed(dict.fromkeys(names, factor), campaigns)
     if len(names) == 1 or not changed:
-        yield from ((name, changed) for name in names)
+        yield from ((name, [*map(name_of, changed)]) for name in names)
         return
     half = len(names) // 2
-    yield from screen(runs, names[:half], factor)
-    yield from screen(runs, names[half:], factor)
+    yield from screen(runs, names[:half], factor, changed)
+    yield from screen(runs, names[half:], factor, changed)
 
 
 def show(
@@ -132,28 +145,26 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--json", type=Path, required=True, help="file of what was run")
-    parser.add_argument("--seeds", default="2,14,37", help="of campaigns with effects")
-    parser.add_argument("--nulls", default="400,401", help="of campaigns without")
+    parser.add_argument("--number", type=int, default=32, help="with an effect")
+    parser.add_argument("--nulls", type=int, default=8, help="campaigns without one")
+    parser.add_argument("--flights", type=int, default=12, help="of each campaign")
     parser.add_argument("--only", default="", help="names; all by default")
     parser.add_argument(
         "--group", type=int, default=8, help="changed together at first"
     )
     parser.add_argument("--jobs", type=int, default=2, help="groups at a time")
     args = parser.parse_args()
-    campaigns = [
-        (int(seed), null)
-        for text, null in ((args.seeds, False), (args.nulls, True))
-        for seed in filter(None, text.split(","))
-    ]
-    runs = Runs(args.json, campaigns)
+    campaigns = [(seed, False) for seed in range(args.number)]
+    campaigns += [(seed, True) for seed in range(400, 400 + args.nulls)]
+    runs = Runs(args.json, args.flights)
     names = [n for n in args.only.split(",") if n] or constants()
     groups = [names[k : k + args.group] for k in range(0, len(names), args.group)]
-    runs.changed({})
+    runs.answers({}, campaigns)
     found: dict[tuple[str, float], list[str]] = {}
 
     def one(job: tuple[Sequence[str], float]) -> None:
         group, factor = job
-        for name, changed in screen(runs, group, factor):
+        for name, changed in screen(runs, group, factor, campaigns):
             found[name, factor] = changed
             print(
                 f"{name} x {factor:g}: {', '.join(changed) or 'no change'}", flush=True
