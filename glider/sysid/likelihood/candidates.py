@@ -1,6 +1,7 @@
 """Candidate effects as columns of all flights, linear about one model."""
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -23,7 +24,7 @@ Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts
 
 _STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
 _LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
-_AT_ONCE = 16  # Flights whose information is in memory at once.
+_AT_ONCE = 8  # Flights whose information is in memory at once.
 _IN_PART = 32  # Flights whose columns are.
 
 
@@ -58,9 +59,9 @@ class Candidates:
     def total(self, scales: Scales) -> np.ndarray:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
         starts = range(0, len(self.flights), _AT_ONCE)
-        parts = [self.flights[k : k + _AT_ONCE] for k in starts]
-        sums = [np.sum(self._grams(part, scales), axis=0) for part in parts]
-        return np.sum(sums, axis=0)
+        parts = (self.flights[k : k + _AT_ONCE] for k in starts)
+        grams = (gram for part in parts for gram in self._grams(part, scales))
+        return functools.reduce(np.add, grams)
 
     def _grams(
         self, flights: Sequence[LinearFlight], scales: Scales
