@@ -91,12 +91,16 @@ class Runs:
         if missing := [own for key, own in keys.items() if key not in self._kept]:
             task = json.dumps([change, missing, self.flights])
             command = [sys.executable, "-c", _WORKER, task]
-            done = subprocess.run(command, capture_output=True, text=True, check=True)
-            with self.file.open("a") as file:
-                for seed, null, *answer in map(json.loads, done.stdout.splitlines()):
+            with (
+                subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as worker,
+                self.file.open("a") as file,
+            ):
+                assert worker.stdout is not None
+                for seed, null, *answer in map(json.loads, worker.stdout):
                     key = what, name_of((seed, null))
                     self._kept[key] = answer
                     file.write(json.dumps([*key, answer]) + "\n")
+                    file.flush()
         return [self._kept[key] for key in keys]
 
 
