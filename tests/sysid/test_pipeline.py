@@ -253,6 +253,24 @@ def test_a_held_out_flight_that_stands_out_is_scored_apart(dragged):
     assert kinds_of(result) == ["profile_drag"]
 
 
+def test_a_held_out_flight_that_the_model_cannot_explain_is_in_no_fold_s_fit(dragged):
+    """Its elevator is off for a while: it is scored, and the report warns of it."""
+    campaign, one = dragged
+    name = campaign.flights[one].name
+
+    def turned(flight):
+        angle = flight.elevator + 0.025 * (flight.time > 0.3)
+        return dataclasses.replace(flight, elevator=angle)
+
+    odd = close_the_loop(change(campaign, turned, only=one), effects=["profile_drag"])
+    assert [w for w in odd.warnings if w.startswith(name) and "not fitted" in w]
+    assert name in odd.flights.held_out and odd.outlying is None
+    others = [fold for fold in odd.folds if name not in fold.held_out]
+    assert len(others) == len(odd.folds) - 1
+    for fold in others:
+        assert fold.corrected.position_rms_m < 2e-3
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -90,6 +90,12 @@ class Search:
     reshaped: set[tuple[str, frozenset[str]]] = dataclasses.field(default_factory=set)
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
 
+    @property
+    def finished(self) -> list[FitResult]:
+        """All fits but those that stopped far behind a rival."""
+        limits = self.stopped.get
+        return [m for key, m in self.fitted.items() if np.isinf(limits(key, np.inf))]
+
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
         return model.cost + model.freedom + self._penalty_of(model)

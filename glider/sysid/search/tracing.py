@@ -61,7 +61,7 @@ def trace(
     progress(Step("fitting the flat plate alone", 0.8))
     bare = search.fit(fits.bare_of(task, model))
     least = search.penalized_cost(bare)
-    costs = {m.kinds: search.penalized_cost(m) for m in search.fitted.values()}
+    costs = {m.kinds: search.penalized_cost(m) for m in search.finished}
     return SearchResult(
         model=model,
         bare=bare,
