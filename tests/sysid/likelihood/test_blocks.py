@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.turning import Signs
-from glider.physics.effects import FIELD_VARIABLES, KINDS
+from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
 from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
@@ -14,7 +14,8 @@ from glider.sysid.constants import EVIDENCE_THRESHOLD, LARGEST_STRENGTH
 from glider.sysid.likelihood.blocks import flown_values, make_blocks, variables_between
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.families import BLOCKS
-from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.model_fit import fit_model, with_blocks
 from glider.sysid.outcome import model_of
 from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import families_of, renamed
@@ -64,6 +65,19 @@ def searched(field, flights=6, seed=0, kinds=None):
 @pytest.fixture(scope="module")
 def vent():
     return searched(VENT)
+
+
+def test_blocks_of_the_same_variables_have_their_own_functions(vent):
+    search, plate = vent
+    block = search.task.blocks["air along z over x"]
+    wide = dataclasses.replace(block, widths=2.0 * block.widths)
+    apart = dataclasses.replace(block, centers=block.centers + 0.1)
+    flight = linearize(search.task.records[0], plate.theta, NO_FIELD)
+    found = with_blocks(flight, plate.theta, NO_FIELD, [block, wide, apart, block])
+    for own, added in zip((block, wide, apart, block), found.forces, strict=True):
+        [alone] = with_blocks(flight, plate.theta, NO_FIELD, [own]).forces
+        np.testing.assert_array_equal(added.basis, alone.basis)
+    assert len({added.basis.tobytes() for added in found.forces}) == 3
 
 
 def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
