@@ -11,22 +11,32 @@ import numpy as np
 
 from glider.compiled.kernel import machine_code
 from glider.verification.dynamics.jets import Monomials
-from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
+from glider.verification.dynamics.taylor_code import ROUNDING, WIDER
 
 SLOPE_BLAME = 0.2
 """Blame of a box's linear terms, which the ball bounds too, beside 1 for those
 of higher degree."""
 
 
-def shifted(table, polynomial, centers, halves):
-    """Returns the Taylor model of a polynomial (M,) in w = center + half v.
+def shifted(table, polynomials, center, half):
+    """Returns polynomials (I, M) in w = center + half v, as models on boxes (m, B).
 
-    Given are the monomials (M, B) of centers and half-widths.
+    These are coefficients (I, M, B) and remainders (I, B).
     """
-    coefficients, sizes = _shift(
-        polynomial, centers, halves, table.left, table.right, _binomials(table)
+    centers, halves, both = (
+        table.values(of.T).T for of in (center, half, np.abs(center) + half)
     )
-    return TaylorModel(table, coefficients, ROUNDING * sizes * WIDER)
+    found = _shift(polynomials, centers, table.left, table.right, _binomials(table))
+    found *= halves
+    return found, ROUNDING * WIDER * (np.abs(polynomials) @ both)
+
+
+def shifted_from(table, polynomials):
+    """Returns which coefficients (I, M) there are where polynomials are shifted."""
+    present = np.zeros(polynomials.shape, dtype=bool)
+    rows, products = np.nonzero(polynomials[:, _binomials(table)[0]])
+    present[rows, table.left[products]] = True
+    return present
 
 
 @functools.lru_cache(maxsize=16)
@@ -43,19 +53,18 @@ def _binomials(table: Monomials) -> tuple[np.ndarray, np.ndarray]:
 
 
 @machine_code
-def _shift(polynomial, centers, halves, left, right, binomials):
-    """Returns coefficients (M, B) in v, and the sum of the sizes of all terms (B,)."""
+def _shift(polynomials, centers, left, right, binomials):
+    """Returns coefficients (I, M, B) in half v."""
     where, times = binomials
-    shifted, sizes = np.zeros_like(centers), np.zeros(centers.shape[1])
-    for p in range(len(left)):
-        factor = polynomial[where[p]] * times[p]
-        if factor == 0.0:
-            continue
-        for box in range(centers.shape[1]):
-            part = factor * centers[right[p], box] * halves[left[p], box]
-            shifted[left[p], box] += part
-            sizes[box] += abs(part)
-    return shifted, sizes
+    shifted = np.zeros((len(polynomials), *centers.shape))
+    for i in range(len(polynomials)):
+        for p in range(len(left)):
+            factor = polynomials[i, where[p]] * times[p]
+            if factor != 0.0:
+                total, part = shifted[i, left[p]], centers[right[p]]
+                for box in range(centers.shape[1]):
+                    total[box] += factor * part[box]
+    return shifted
 
 
 def top_in_balls(coefficients, remainder, center, half, exponents, balls):
@@ -157,17 +166,17 @@ def _top_in_balls(coefficients, remainder, center, half, exponents, which, const
     return bounds
 
 
-def blame_of(difference, rate):
+def blame_of(table, difference, remainder, rate):
     """Returns how much each v_i makes a bound large, (m, B): a guide for splitting.
 
-    The highest degree of the rate in it indicates what is beyond.
+    The highest degree of the rate (M, B) in it indicates what is beyond.
     """
-    exponents, degrees = difference.table.exponents, difference.table.degrees
-    sizes = np.abs(difference.coefficients)
+    exponents, degrees = table.exponents, table.degrees
+    sizes = np.abs(difference)
     m = exponents.shape[1]
     own = exponents[degrees >= 2].T @ sizes[degrees >= 2]
     # What is beyond the degree varies as the highest degree does.
-    top = degrees == difference.table.degree
-    highest = exponents[top].T @ np.abs(rate.coefficients[top])
+    top = degrees == table.degree
+    highest = exponents[top].T @ np.abs(rate[top])
     total = np.maximum(highest.sum(axis=0), 1e-300)
-    return own + SLOPE_BLAME * sizes[1 : m + 1] + highest / total * difference.remainder
+    return own + SLOPE_BLAME * sizes[1 : m + 1] + highest / total * remainder

@@ -27,7 +27,7 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
+from glider.verification.dynamics.taylor_code import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import (
     Exact,
