@@ -72,97 +72,83 @@ def top_in_balls(coefficients, remainder, center, half, exponents, balls):
 
     For any λ >= 0 the maximum of p in one ball is at most that of
         p(v) + λ (1 - |center + half v|²)
-    over the box; there, what is mixed in v or cubic counts by its size, and the others
-    are a sum of quadratic functions of one v_i each. So each ball has its own λ, the
-    best of a few, and coordinates in none need none.
+    over the box. There, what is mixed in v or cubic is at most its size times a mean of
+    squares v_i², and the rest a sum of quadratic functions of one v_i each. So each
+    ball has its own λ, the best of a few, and coordinates in none need none.
 
     Args:
         coefficients: (M, B) of polynomials in v with exponents (M, m).
         balls: which coordinates are those of a unit ball, for each ball.
     """
-    which = np.full(len(center), -1)
+    m, degrees = len(center), np.maximum(exponents.sum(axis=1), 1)
+    which = np.full(m, -1)
     for k, ball in enumerate(balls):
         which[ball] = k
+    sizes = np.abs(coefficients)
+    is_square = (exponents.max(axis=1) == 2) & (degrees == 2)
+    signed = np.where(is_square[:, None], coefficients, sizes)[1 + m :]
+    quadratic = (exponents[1 + m :] / degrees[1 + m :, None]).T @ signed
+    parts = coefficients[: 1 + m], quadratic, remainder, sizes.sum(axis=0)
     # Numba keeps compiled code when a constant of another module changes: arguments.
-    return _top_in_balls(
-        coefficients, remainder, center, half, exponents, which, (ROUNDING, WIDER)
-    )
+    return _top_in_balls(*parts, center, half, which, (ROUNDING, WIDER))
 
 
 @machine_code
-def _top_in_balls(coefficients, remainder, center, half, exponents, which, constants):
+def _top_in_balls(linear, quadratic, remainder, sizes, center, half, which, constants):
+    """Bounds linear[0] + Σ (linear[1 + i] v_i + quadratic[i] v_i²) + remainder."""
     rounding, wider = constants
-    count, boxes = coefficients.shape
-    m = len(center)
-    square = np.zeros(count, dtype=np.int64)
-    for k in range(1 + m, count):
-        for i in range(m):
-            if exponents[k, i] == 2 and exponents[k].sum() == 2:
-                square[k] = 1 + i
-    bounds = np.empty(boxes)
-    linear, quadratic = np.empty(m), np.zeros(m)
-    tries = np.empty(m + 3)
+    m, boxes = center.shape
+    bounds, tries = np.empty(boxes), np.empty(2 * m + 3)
     for box in range(boxes):
-        mixed = remainder[box]
-        for k in range(1 + m, count):
-            if square[k]:
-                quadratic[square[k] - 1] = coefficients[k, box]
-            else:
-                mixed += abs(coefficients[k, box])
-        known = mixed
-        for k in range(1 + m):
-            known += abs(coefficients[k, box])
+        known = sizes[box] + remainder[box]
         if not np.isfinite(known):  # min and max would drop a NaN.
             bounds[box] = np.inf
             continue
-        total = coefficients[0, box] + rounding * abs(coefficients[0, box])
+        total = linear[0, box]
         for i in range(m):
-            linear[i] = coefficients[1 + i, box]
             if which[i] < 0:
-                first, second = abs(linear[i]), quadratic[i]
-                total += first + second
+                first, second = abs(linear[1 + i, box]), quadratic[i, box]
                 if second < 0.0 and first < -2.0 * second:
-                    total += first * first / (-4.0 * second) - first - second
-                total += rounding * (first + abs(second))
+                    total += first * first / (-4.0 * second)
+                else:
+                    total += first + second
         for ball in range(which.max() + 1):
             room, across, along, flat = 1.0, 0.0, 1e-300, 0.0
+            tries[:] = 0.0
             for i in range(m):
-                tries[i] = 0.0
-                if which[i] != ball:
+                if which[i] != ball or half[i, box] <= 0.0:
                     continue
-                room -= center[i, box] ** 2
-                pull = 2.0 * center[i, box] * half[i, box]
+                slope, width = linear[1 + i, box], half[i, box]
+                pull = 2.0 * center[i, box] * width
                 if pull != 0.0:
-                    tries[i] = linear[i] / pull
-                across += linear[i] * pull
+                    tries[i] = slope / pull
+                tries[m + i] = quadratic[i, box] / width**2
+                across += slope * pull
                 along += pull * pull
-                if half[i, box] > 0.0:
-                    flat += (linear[i] / half[i, box]) ** 2
+                flat += (slope / width) ** 2
             # The last is the best of all where p is linear.
-            tries[m], tries[m + 1] = 0.0, across / along
-            tries[m + 2] = 0.5 * np.sqrt(flat)
+            tries[2 * m + 1], tries[2 * m + 2] = across / along, 0.5 * np.sqrt(flat)
+            for i in range(m):
+                if which[i] == ball:
+                    room -= center[i, box] ** 2
             least = np.inf
             for weight in tries:
                 if not (weight >= 0.0 and np.isfinite(weight)):
                     continue
-                value = weight * room
-                size = weight * (abs(room) + 1.0)
+                value = weight * room + rounding * weight * (abs(room) + 4.0 * m)
                 for i in range(m):
                     if which[i] != ball:
                         continue
                     pull = 2.0 * center[i, box] * half[i, box]
-                    first = linear[i] - weight * pull
-                    second = quadratic[i] - weight * half[i, box] ** 2
-                    if second < 0.0 and abs(first) < -2.0 * second:
+                    first = abs(linear[1 + i, box] - weight * pull)
+                    second = quadratic[i, box] - weight * half[i, box] ** 2
+                    if second < 0.0 and first < -2.0 * second:
                         value += first * first / (-4.0 * second)
                     else:
-                        value += second + abs(first)
-                    size += abs(linear[i]) + abs(quadratic[i]) + 4.0 * weight
-                value += rounding * size
+                        value += second + first
                 least = min(least, value)
             total += least
-        top = total + mixed
-        bounds[box] = top + (wider - 1.0) * (abs(total) + mixed)
+        bounds[box] = total + remainder[box] + rounding * (known + abs(total))
     return bounds
 
 
