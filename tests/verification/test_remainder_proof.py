@@ -288,7 +288,7 @@ def test_halving_loses_no_point_of_the_ball():
     for _ in range(8):
         blame = rng.uniform(size=center.shape)
         blame[0, ::3] = np.nan  # Unknown: the widest side.
-        center, half = halve(center, half, blame)
+        center, half, _ = halve(center, half, blame)
     inside = np.abs(points[:, :, None] - center[:, None]) <= half[:, None]
     assert np.all(inside.all(axis=0).any(axis=1))
     assert 100 < center.shape[1] < 2**8

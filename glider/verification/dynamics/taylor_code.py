@@ -325,7 +325,9 @@ def run(code, of, numbers, present, results, inputs, remainders, slots, table):
             model = values[into], sizes[into], bounds[into], there[into]
             i, j = of[k, 0], of[k, 1]
             if what == INPUT:
-                model[0][:count, :some] = inputs[i, :, here]
+                for row in range(count):
+                    if model[3][row]:
+                        model[0][row, :some] = inputs[i, row, here]
                 model[2][:some] = remainders[i, here]
                 _measure(model, degrees)
                 continue

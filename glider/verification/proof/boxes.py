@@ -24,10 +24,11 @@ def shifted(table, polynomials, center, half):
     These are coefficients (I, M, B) and remainders (I, B).
     """
     centers, halves, both = (
-        table.values(of.T).T for of in (center, half, np.abs(center) + half)
+        table.values(of.T).T.copy() for of in (center, half, np.abs(center) + half)
     )
-    found = _shift(polynomials, centers, table.left, table.right, _binomials(table))
-    found *= halves
+    found = _shift(
+        polynomials, centers, halves, table.left, table.right, *_binomials(table)
+    )
     return found, ROUNDING * WIDER * (np.abs(polynomials) @ both)
 
 
@@ -53,17 +54,17 @@ def _binomials(table: Monomials) -> tuple[np.ndarray, np.ndarray]:
 
 
 @machine_code
-def _shift(polynomials, centers, left, right, binomials):
-    """Returns coefficients (I, M, B) in half v."""
-    where, times = binomials
+def _shift(polynomials, centers, halves, left, right, where, times):
+    """Returns coefficients (I, M, B) in v, given monomials (M, B)."""
     shifted = np.zeros((len(polynomials), *centers.shape))
     for i in range(len(polynomials)):
         for p in range(len(left)):
             factor = polynomials[i, where[p]] * times[p]
-            if factor != 0.0:
-                total, part = shifted[i, left[p]], centers[right[p]]
-                for box in range(centers.shape[1]):
-                    total[box] += factor * part[box]
+            if factor == 0.0:
+                continue  # A loop under an if would not be vectorised.
+            total, part, width = shifted[i, left[p]], centers[right[p]], halves[left[p]]
+            for box in range(len(total)):
+                total[box] += factor * part[box] * width[box]
     return shifted
 
 
@@ -80,23 +81,43 @@ def top_in_balls(coefficients, remainder, center, half, exponents, balls):
         coefficients: (M, B) of polynomials in v with exponents (M, m).
         balls: which coordinates are those of a unit ball, for each ball.
     """
-    m, degrees = len(center), np.maximum(exponents.sum(axis=1), 1)
-    which = np.full(m, -1)
+    which = np.full(len(center), -1)
     for k, ball in enumerate(balls):
         which[ball] = k
-    sizes = np.abs(coefficients)
-    is_square = (exponents.max(axis=1) == 2) & (degrees == 2)
-    signed = np.where(is_square[:, None], coefficients, sizes)[1 + m :]
-    quadratic = (exponents[1 + m :] / degrees[1 + m :, None]).T @ signed
-    parts = coefficients[: 1 + m], quadratic, remainder, sizes.sum(axis=0)
+    parts = _by_variable(coefficients, exponents)
     # Numba keeps compiled code when a constant of another module changes: arguments.
-    return _top_in_balls(*parts, center, half, which, (ROUNDING, WIDER))
+    return _top_in_balls(*parts, remainder, center, half, which, ROUNDING)
 
 
 @machine_code
-def _top_in_balls(linear, quadratic, remainder, sizes, center, half, which, constants):
+def _by_variable(coefficients, exponents):
+    """Returns p up to degree 1, quadratic coefficients (m, B) above the rest, and sizes.
+
+    The sizes (B,) are sums of those of all coefficients.
+    """
+    count, m = exponents.shape
+    quadratic = np.zeros((m, coefficients.shape[1]))
+    sizes = np.zeros(coefficients.shape[1])
+    for k in range(count):
+        row, degree = coefficients[k], exponents[k].sum()
+        for box in range(len(sizes)):
+            sizes[box] += abs(row[box])
+        is_square = degree == 2 and exponents[k].max() == 2
+        for i in range(m):
+            if degree < 2 or exponents[k, i] == 0:
+                continue  # A loop under an if would not be vectorised.
+            share, total = exponents[k, i] / degree, quadratic[i]
+            if is_square:
+                total += row
+                continue
+            for box in range(len(sizes)):
+                total[box] += share * abs(row[box])
+    return coefficients[: 1 + m], quadratic, sizes
+
+
+@machine_code
+def _top_in_balls(linear, quadratic, sizes, remainder, center, half, which, rounding):
     """Bounds linear[0] + Σ (linear[1 + i] v_i + quadratic[i] v_i²) + remainder."""
-    rounding, wider = constants
     m, boxes = center.shape
     bounds, tries = np.empty(boxes), np.empty(2 * m + 3)
     for box in range(boxes):
@@ -157,12 +178,11 @@ def blame_of(table, difference, remainder, rate):
 
     The highest degree of the rate (M, B) in it indicates what is beyond.
     """
-    exponents, degrees = table.exponents, table.degrees
-    sizes = np.abs(difference)
+    exponents, sizes = table.exponents, np.abs(difference)
     m = exponents.shape[1]
-    own = exponents[degrees >= 2].T @ sizes[degrees >= 2]
+    own = exponents[1 + m :].T @ sizes[1 + m :]
     # What is beyond the degree varies as the highest degree does.
-    top = degrees == table.degree
+    top = table.of_degree(table.degree)
     highest = exponents[top].T @ np.abs(rate[top])
     total = np.maximum(highest.sum(axis=0), 1e-300)
     return own + SLOPE_BLAME * sizes[1 : m + 1] + highest / total * remainder
