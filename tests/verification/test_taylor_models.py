@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from glider.compiled.taylor import INPUT
 from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.jets import dependences, monomials
 from glider.verification.dynamics.nominal import nonlinear_parts
-from glider.verification.dynamics.taylor_code import INPUT
 from glider.verification.dynamics.taylor_models import Recording
 
 FORMULAS = {
@@ -28,7 +28,7 @@ TABLE = monomials(2, 3)
 
 
 def model(formula, center, half):
-    """Coefficients (M, B) and remainder (B,) of a formula of x and y on boxes (2, B)."""
+    """Coefficients (M, B) and remainders (B,) of a formula on boxes (2, B)."""
     recording = Recording(TABLE)
     result = formula(recording.add(INPUT, 0), recording.add(INPUT, 1))
     coefficients = np.zeros((2, len(TABLE.degrees), center.shape[1]))

@@ -9,9 +9,9 @@ Taylor models in time enclose d, so that no time in between is missed.
 
 import numpy as np
 
+from glider.compiled.taylor import INPUT, ROUNDING, WIDER
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import Nominal, open_loop_rates
-from glider.verification.dynamics.taylor_code import INPUT, ROUNDING, WIDER
 from glider.verification.dynamics.taylor_models import Recording, spread
 
 DEGREE = 5
@@ -58,7 +58,9 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     inputs[:, 0] = values
     inputs[0, 1] = np.repeat(steps * (0.5 / PIECES), PIECES)
     errors = ROUNDING * (1.0 + np.abs(inputs).sum(axis=1))
-    found, left = recording.program(defects, np.any(inputs != 0.0, axis=2)).run(inputs, errors)
+    found, left = recording.program(defects, np.any(inputs != 0.0, axis=2)).run(
+        inputs, errors
+    )
     sizes = (np.abs(found[:, 0]) + spread(found, left)) * WIDER
     sizes = sizes.reshape(len(sizes), len(steps), PIECES).max(axis=2)
     bounds = np.zeros_like(nominal.states[1:])

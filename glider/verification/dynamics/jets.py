@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.verification.dynamics.taylor_code import FUNCTIONS, series
+from glider.compiled.taylor import FUNCTIONS, series
 
 
 class Number(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):

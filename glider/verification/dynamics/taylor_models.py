@@ -7,7 +7,7 @@ a function has beyond the degree goes into `remainder`, and so does the rounding
 every operation (Makino and Berz 2003).
 
 A TaylorModel goes through the physics like a Jet does, but only records what is done: a
-Recording then does it for many boxes at once, in `taylor_code`.
+Recording then does it for many boxes at once, in `glider.compiled.taylor`.
 """
 
 import dataclasses
@@ -15,17 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from glider.verification.dynamics import taylor_code
+from glider.compiled import taylor
+from glider.compiled.taylor import CHANGE, FUNCTIONS, INPUT, PRODUCT, SUM, WIDER
 from glider.verification.dynamics.jets import Monomials, Number
-from glider.verification.dynamics.taylor_code import (
-    CHANGE,
-    FUNCTIONS,
-    INPUT,
-    PRODUCT,
-    SHIFTED,
-    SUM,
-    WIDER,
-)
 
 _RANGE = 1e-100, 1e100
 """Sizes of factors that are carried along, so that their products do not underflow."""
@@ -37,12 +29,14 @@ class Recording:
     def __init__(self, table: Monomials) -> None:
         """Starts with none."""
         self.table = table
-        # What, of which operations, and plain numbers f and g; the values are places.
+        # What, of which operations, and plain numbers; the values are places.
         self._places: dict[tuple, int] = {}
 
-    def add(self, what: int, *of: int, f: float = 1.0, g: float = 1.0) -> "TaylorModel":
+    def add(
+        self, what: int, *of: int, f: float = 1.0, g: float = 0.0, h: float = 0.0
+    ) -> "TaylorModel":
         """Returns the result of an operation, which may be there already."""
-        step = what, of, float(f), float(g)
+        step = what, of, float(f), float(g), float(h)
         return TaylorModel(self, self._places.setdefault(step, len(self._places)))
 
     def program(self, results: list["TaylorModel"], present: np.ndarray) -> "Program":
@@ -63,7 +57,7 @@ class Recording:
         slots, free, count = dict[int, int](), list[int](), 0
         code, operands = [], []
         for place in sorted(last):
-            what, of, f, g = steps[place]
+            what, of, *numbers = steps[place]
             if not free:
                 free.append(count)
                 count += 1
@@ -73,7 +67,7 @@ class Recording:
             elif what == PRODUCT:
                 there[place], pattern = products.add(*(there[i] for i in of))
             else:
-                there[place] = _present(what, [there[i] for i in of], f, g)
+                there[place] = _present(what, [there[i] for i in of], *numbers)
             code.append((what, slots[place], pattern))
             row = of if what == INPUT else tuple(slots[i] for i in of)
             operands.append(row + (self.table.degree + 1 - len(row)) * (0,))
@@ -82,7 +76,7 @@ class Recording:
         return Program(
             code=np.array(code),
             of=np.array(operands),
-            numbers=np.array([steps[place][-2:] for place in sorted(last)]),
+            numbers=np.array([steps[place][2:] for place in sorted(last)]),
             present=np.array([there[place] for place in sorted(last)]),
             results=np.array([slots[place] for place in wanted]),
             slots=count,
@@ -90,14 +84,15 @@ class Recording:
         )
 
 
-def _present(what, parts, f, g):
-    """Returns which coefficients (M,) an operation's result has, given its operands'."""
+def _present(what, parts, f, g, h):
+    """Returns which coefficients (M,) a result has, given those of its operands."""
     constant = np.arange(len(parts[0])) == 0
     if what == CHANGE:
         return parts[0] & ~constant
-    if what == SHIFTED:
-        return (parts[0] & (f != 0.0)) | (constant & (g != 0.0))
-    return np.any(parts, axis=0) | (constant & (what != SUM))
+    if what == SUM:
+        parts = parts[0] & (f != 0.0), parts[1] & (g != 0.0), constant & (h != 0.0)
+        return np.any(parts, axis=0)
+    return np.any(parts, axis=0) | constant
 
 
 class _Products:
@@ -130,7 +125,7 @@ class _Products:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Program:
-    """Operations on Taylor models, in order; fields are as in `taylor_code.run`."""
+    """Operations on Taylor models, in order; fields are as in `taylor.run`."""
 
     code: np.ndarray
     of: np.ndarray
@@ -147,7 +142,7 @@ class Program:
 
         Given are those of the inputs, (I, M, B) and (I, B).
         """
-        return taylor_code.run(
+        return taylor.run(
             self.code,
             self.of,
             self.numbers,
@@ -162,7 +157,7 @@ class Program:
 
 @dataclasses.dataclass(frozen=True)
 class TaylorModel(Number):
-    """A polynomial and a bound of its remainder: a factor times an operation's result."""
+    """A polynomial and a bound of its remainder: a factor times a result."""
 
     recording: Recording
     place: int  #: Which of its operations.
@@ -174,7 +169,7 @@ class TaylorModel(Number):
             return self.recording.add(SUM, a.place, b.place, f=a.factor, g=b.factor)
         if other == 0.0:
             return self
-        return self.recording.add(SHIFTED, self.place, f=self.factor, g=other)
+        return self._sum(self.factor, other)
 
     def times(self, other: Any) -> "TaylorModel":
         if isinstance(other, TaylorModel):
@@ -184,7 +179,7 @@ class TaylorModel(Number):
         factor = self.factor * float(other)
         if _RANGE[0] < abs(factor) < _RANGE[1]:
             return dataclasses.replace(self, factor=factor)
-        return self.recording.add(SHIFTED, self.exactly(), f=other, g=0.0)
+        return TaylorModel(self.recording, self.exactly())._sum(other, 0.0)
 
     def apply(self, function: np.ufunc) -> "TaylorModel":
         place, add = self.exactly(), self.recording.add
@@ -197,7 +192,10 @@ class TaylorModel(Number):
         """Returns the place of this model, its factor included."""
         if self.factor == 1.0:
             return self.place
-        return self.recording.add(SHIFTED, self.place, f=self.factor, g=0.0).place
+        return self._sum(self.factor, 0.0).place
+
+    def _sum(self, f, h):
+        return self.recording.add(SUM, self.place, self.place, f=f, h=h)
 
 
 def spread(coefficients: np.ndarray, remainders: np.ndarray) -> np.ndarray:

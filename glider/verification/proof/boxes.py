@@ -10,8 +10,8 @@ import math
 import numpy as np
 
 from glider.compiled.kernel import machine_code
+from glider.compiled.taylor import ROUNDING, WIDER
 from glider.verification.dynamics.jets import Monomials
-from glider.verification.dynamics.taylor_code import ROUNDING, WIDER
 
 SLOPE_BLAME = 0.2
 """Blame of a box's linear terms, which the ball bounds too, beside 1 for those
@@ -91,9 +91,9 @@ def top_in_balls(coefficients, remainder, center, half, exponents, balls):
 
 @machine_code
 def _by_variable(coefficients, exponents):
-    """Returns p up to degree 1, quadratic coefficients (m, B) above the rest, and sizes.
+    """Returns p up to degree 1, and Σ quadratic[i] v_i² (m, B) above its rest.
 
-    The sizes (B,) are sums of those of all coefficients.
+    Also the sums (B,) of the sizes of all coefficients.
     """
     count, m = exponents.shape
     quadratic = np.zeros((m, coefficients.shape[1]))

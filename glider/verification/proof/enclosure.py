@@ -25,6 +25,7 @@ import itertools
 
 import numpy as np
 
+from glider.compiled.taylor import INPUT, ROUNDING, WIDER
 from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.jets import monomials
@@ -34,11 +35,15 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.taylor_code import INPUT, ROUNDING, WIDER
 from glider.verification.dynamics.taylor_models import Recording, spread
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import DIFFERENCE, PUSHES
-from glider.verification.proof.boxes import blame_of, shifted, shifted_from, top_in_balls
+from glider.verification.proof.boxes import (
+    blame_of,
+    shifted,
+    shifted_from,
+    top_in_balls,
+)
 from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
@@ -132,7 +137,6 @@ class TaylorRemainder:
         (I,); the last are the limits.
         """
         m, d, n = len(self.basis), self.dimension, len(self.inputs) - 1
-        r = len(self.rows)
         unit = np.eye(1 + d, self.inputs.shape[1])
         factor = self.allowed.factor if self.allowed else np.zeros((0, 0))
         deviations = factor @ unit[1 + m : 1 + m + factor.shape[1]]

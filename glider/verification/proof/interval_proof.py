@@ -16,9 +16,9 @@ import dataclasses
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from glider.compiled.taylor import WIDER
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.nominal import ARRAYS, Nominal, nonlinear_parts
-from glider.verification.dynamics.taylor_code import WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import climb_sphere
 from glider.verification.funnel.remainder import rates_about

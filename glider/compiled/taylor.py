@@ -1,8 +1,8 @@
-"""Machine code of Taylor series and of operations on many Taylor models at once.
+"""Taylor series, and operations on Taylor models on many boxes at once.
 
-A model on each of B boxes is three arrays: coefficients (M, B) of its polynomials in v,
-|v_i| <= 1, the sums (D + 1, B) of their sizes by degree, and bounds (B,) of what the
-polynomials leave out. Functions are accurate to 100 units in the last place.
+A Taylor model (`glider.verification.dynamics.taylor_models`) on B boxes is coefficients
+(M, B) of polynomials in v, |v_i| <= 1, and bounds (B,) of what these leave out. NumPy's
+and LLVM's functions are assumed accurate to 100 units in the last place.
 """
 
 import numpy as np
@@ -26,8 +26,8 @@ FUNCTIONS = {
 
 _SQRT, _SIN, _COS, _EXP, _TANH, _ARCTAN, _RECIPROCAL = range(7)
 
-INPUT, SUM, SHIFTED, PRODUCT, CHANGE = range(7, 12)
-"""Codes of the other operations: f a + g b, f a + g, a b, and a less its center."""
+INPUT, SUM, PRODUCT, CHANGE = range(7, 11)
+"""Codes of the other operations: f a + g b + h, a b, and a less its center."""
 
 WIDTH = 64
 """Boxes that are handled at once, few enough for the processor's cache."""
@@ -119,9 +119,9 @@ def _tail(which, center, spread, terms):
     return bound * spread**count * WIDER
 
 
-# A model here is a tuple: coefficients (M + 1, WIDTH) with a last row of zeros, the sums
+# A model here is a tuple: coefficients (M + 1, WIDTH) with a last row of zeros, sums
 # (D + 1, WIDTH) of their sizes by degree, bounds (WIDTH,), and which rows (M,) there
-# are. Other rows are zero, whatever they hold.
+# are. Other rows stand for zeros, whatever they hold.
 
 
 @called_code
@@ -138,7 +138,7 @@ def _measure(into, degrees):
 
 @called_code
 def _round(bounds, a, factor):
-    """Adds a factor times a model's own bound and what its coefficients' rounding is."""
+    """Adds a factor times a model's bound and the rounding of its coefficients."""
     for box in range(WIDTH):
         bounds[box] += factor * a[2][box]
     for i in range(len(a[1])):
@@ -148,39 +148,24 @@ def _round(bounds, a, factor):
 
 
 @called_code
-def _add(into, a, b, f, g, degrees):
-    """Writes f a + g b."""
-    zero, sizes = len(degrees), into[1]
+def _add(into, a, b, numbers, degrees):
+    """Writes f a + g b + h."""
+    (f, g, h), sizes = numbers, into[1]
     sizes[:] = 0.0
     for k in range(len(degrees)):
         if not into[3][k]:
             continue
         row, size = into[0][k], sizes[degrees[k]]
-        x, y = a[0][k if a[3][k] else zero], b[0][k if b[3][k] else zero]
+        x, y = a[0][k if a[3][k] else -1], b[0][k if b[3][k] else -1]
         for box in range(WIDTH):
             row[box] = f * x[box] + g * y[box]
             size[box] += abs(row[box])
-    into[2][:] = 0.0
+    if h != 0.0:
+        into[0][0] += h
+        sizes[0] = np.abs(into[0][0])
+    into[2][:] = ROUNDING * abs(h)
     _round(into[2], a, abs(f))
     _round(into[2], b, abs(g))
-    for box in range(WIDTH):
-        into[2][box] *= WIDER
-
-
-@called_code
-def _shift(into, a, f, g, degrees):
-    """Writes f a + g, with a plain number g."""
-    for k in range(len(degrees)):
-        if not into[3][k]:
-            continue
-        row, x = into[0][k], a[0][k if a[3][k] else len(degrees)]
-        for box in range(WIDTH):
-            row[box] = f * x[box]
-    if g != 0.0:
-        into[0][0] += g
-    _measure(into, degrees)
-    into[2][:] = ROUNDING * abs(g)
-    _round(into[2], a, abs(f))
     for box in range(WIDTH):
         into[2][box] *= WIDER
 
@@ -230,25 +215,23 @@ def _apply(which, into, model, powers, every, degrees):
         center, reach = model[0][0, box], spread[box] * WIDER
         _write_series(which, center, terms[box])
         tails[box] = _tail(which, center, reach, terms[box])
-    bounds, shares = into[2], np.empty(WIDTH)
+    bounds = into[2]
     for k in range(len(degrees)):
         if into[3][k]:
             into[0][k] = 0.0
     into[0][0] = terms[:, 0]
     bounds[:] = tails + ROUNDING * (1.0 + np.abs(terms[:, 0]))
     for j in range(len(powers)):
-        n = powers[j]
-        values, sizes, lost, present = every[0][n], every[1][n], every[2][n], every[3][n]
-        term = terms[:, j + 1].copy()
+        n, term = powers[j], terms[:, j + 1].copy()
+        lost, shares = every[2][n], every[2][n].copy()
         for k in range(len(degrees)):
-            if not present[k]:
+            if not every[3][n, k]:
                 continue
-            row, x = into[0][k], values[k]
+            row, x = into[0][k], every[0][n, k]
             for box in range(WIDTH):
                 row[box] += term[box] * x[box]
-        shares[:] = lost
-        for i in range(len(sizes)):
-            shares += sizes[i]
+        for i in range(len(into[1])):
+            shares += every[1][n, i]
         for box in range(WIDTH):
             # The term itself is known up to rounding.
             bounds[box] += abs(term[box]) * lost[box]
@@ -298,7 +281,7 @@ def run(code, of, numbers, present, results, inputs, remainders, slots, table):
         code: (N, 3) of each operation: what, into which slot, and which starts are
             those of its products.
         of: (N, D + 1) slots of its operands, or the number of its input.
-        numbers: (N, 2) plain numbers f and g.
+        numbers: (N, 3) plain numbers f, g and h.
         present: (N, M) which coefficients of its result may not be zero.
         results: (R,) slots where the results are.
         inputs, remainders: (I, M, B) and (I, B) of models.
@@ -320,7 +303,7 @@ def run(code, of, numbers, present, results, inputs, remainders, slots, table):
         some = min(WIDTH, boxes - first)  # In the other columns is what was there.
         here = slice(first, first + some)
         for k in range(len(code)):
-            (what, into, pattern), (f, g) = code[k], numbers[k]
+            what, into, pattern = code[k]
             there[into] = present[k]
             model = values[into], sizes[into], bounds[into], there[into]
             i, j = of[k, 0], of[k, 1]
@@ -334,11 +317,9 @@ def run(code, of, numbers, present, results, inputs, remainders, slots, table):
             a = values[i], sizes[i], bounds[i], there[i]
             b = values[j], sizes[j], bounds[j], there[j]
             if what == SUM:
-                _add(model, a, b, f, g, degrees)
+                _add(model, a, b, numbers[k], degrees)
             elif what == PRODUCT:
                 _multiply(model, a, b, starts[pattern], table)
-            elif what == SHIFTED:
-                _shift(model, a, f, g, degrees)
             elif what == CHANGE:
                 model[0][:], model[1][:], model[2][:] = a[0], a[1], a[2]
                 model[0][0], model[1][0] = 0.0, 0.0
