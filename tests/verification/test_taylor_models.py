@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from glider.compiled.taylor import INPUT
+from glider.compiled.taylor import FUNCTIONS, INPUT, PRODUCT
 from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.jets import dependences, monomials
@@ -86,6 +86,49 @@ def test_what_a_quotient_by_zero_goes_into_is_never_bounded():
     ):
         _, remainder = model(unknown, np.zeros((2, 1)), np.ones((2, 1)))
         assert not np.isfinite(remainder[0])
+
+
+def test_many_boxes_at_once_are_bounded_as_one_by_one():
+    def formula(x, y):
+        """With numbers met twice, factors, zeros, and models needed late and early."""
+        root, early = np.sqrt(x * x + y * y + 1.0), 3.0 * x
+        zero = 0.0 * np.sin(x) * y
+        turned = (root - 2.0 * y) * (0.5 * x) * (-4.0 * np.cos(y)) + zero
+        return -(turned - early) / (root + 0.0) + 1.5 * (y - 0.25 * x * x * y)
+
+    center, half = boxes(0.3, count=150)  # Of 64, 64 and 22.
+    together, bounds = model(formula, center, half)
+    for k in (0, 63, 64, 127, 128, 149):
+        alone, bound = model(formula, center[:, k : k + 1], half[:, k : k + 1])
+        assert together[:, k] == pytest.approx(alone[:, 0], rel=1e-12, abs=1e-15)
+        assert bounds[k] == pytest.approx(bound[0], rel=1e-9)
+    v = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 200))
+    truth = formula(*(center[:, :, None] + half[:, :, None] * v[:, None]))
+    off = np.abs(truth - together.T @ TABLE.values(v.T).T)
+    assert np.all(off <= bounds[:, None] + 1e-14)
+    assert np.median(off.max(axis=1) / bounds) > 0.05
+
+
+def test_a_coefficient_that_may_not_be_zero_is_kept_and_others_are_not_computed():
+    recording = Recording(TABLE)
+    x, y = recording.add(INPUT, 0), recording.add(INPUT, 1)
+    present = np.zeros((2, len(TABLE.degrees)), dtype=bool)
+    present[0, :2], present[1, [0, 2]] = True, True  # Constants and slopes.
+    program = recording.program([x * y, x * y - y * x, np.sin(2.0 * x)], present)
+    places = [TABLE.place(e) for e in ([0, 0], [1, 0], [0, 1], [1, 1])]
+    product = program.present[program.code[:, 0] == PRODUCT][0]
+    assert np.flatnonzero(product).tolist() == sorted(places)
+    of_sine = program.present[program.code[:, 0] == FUNCTIONS[np.sin]][0]
+    assert not of_sine[TABLE.exponents[:, 1] > 0].any()
+    assert of_sine[TABLE.exponents[:, 1] == 0].all()
+
+
+def test_small_factors_do_not_vanish():
+    found, left = model(
+        lambda x, y: ((1e-90 * x) * (1e-90 * y)) * 1e180 - x * y, *boxes(0.1, count=5)
+    )
+    assert np.all(np.abs(found).max(axis=0) <= left)
+    assert np.all(left < 0.1)
 
 
 def test_dependence_tells_what_is_nonlinear_from_what_is_linear():

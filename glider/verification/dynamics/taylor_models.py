@@ -47,16 +47,26 @@ class Recording:
             present: (I, M) which coefficients of each input may not be zero.
         """
         wanted = [result.exactly() for result in results]
-        steps, last = list(self._places), dict.fromkeys(wanted, len(self._places))
-        for place in range(len(steps) - 1, -1, -1):
-            what, of, *_ = steps[place]
-            if place in last and what != INPUT:
-                for operand in of:  # The last that needs it is met first.
-                    last.setdefault(operand, place)
+        steps, order = list(self._places), dict[int, None]()
+
+        def operands(place):
+            return () if steps[place][0] == INPUT else steps[place][1]
+
+        def visit(place):
+            """Appends a place, after all that it depends on."""
+            if place not in order:
+                for i in operands(place):
+                    visit(i)
+                order[place] = None
+
+        for place in wanted:
+            visit(place)
+        last = {i: place for place in order for i in operands(place)}
+        last |= dict.fromkeys(wanted, -1)
         products, there = _Products(self.table), dict[int, np.ndarray]()
         slots, free, count = dict[int, int](), list[int](), 0
-        code, operands = [], []
-        for place in sorted(last):
+        code, rows = [], []
+        for place in order:
             what, of, *numbers = steps[place]
             if not free:
                 free.append(count)
@@ -70,14 +80,14 @@ class Recording:
                 there[place] = _present(what, [there[i] for i in of], *numbers)
             code.append((what, slots[place], pattern))
             row = of if what == INPUT else tuple(slots[i] for i in of)
-            operands.append(row + (self.table.degree + 1 - len(row)) * (0,))
-            if what != INPUT:  # Slots that nothing needs any more.
-                free += [slots[i] for i in set(of) if last[i] == place]
+            rows.append(row + (self.table.degree + 1 - len(row)) * (0,))
+            # Slots that nothing needs any more.
+            free += [slots[i] for i in set(operands(place)) if last[i] == place]
         return Program(
             code=np.array(code),
-            of=np.array(operands),
-            numbers=np.array([steps[place][2:] for place in sorted(last)]),
-            present=np.array([there[place] for place in sorted(last)]),
+            of=np.array(rows),
+            numbers=np.array([steps[place][2:] for place in order]),
+            present=np.array([there[place] for place in order]),
             results=np.array([slots[place] for place in wanted]),
             slots=count,
             products=products.arrays(),

@@ -159,7 +159,7 @@ class TaylorRemainder:
         results = []
         for row, highest, polynomial, limit in zip(self.rows, *others, strict=True):
             difference = rates[row] - polynomial - time * highest
-            results += [difference - limit, -(difference + limit), rates[row]]
+            results += [difference - limit, -difference - limit, rates[row]]
         polynomials = np.concatenate(groups)
         program = recording.program(results, shifted_from(table, polynomials))
         return program, polynomials, np.concatenate(lacks)
