@@ -140,6 +140,17 @@ def test_the_nominals_defect_is_part_of_it(pieces):
     assert bounds[0] > 2.0
 
 
+def test_what_the_polynomials_lack_is_part_of_it(pieces):
+    remainder = remainder_on(pieces[EARLY])
+    box = np.zeros((7, 1)), np.full((7, 1), 1e-3)
+    before = remainder.bounds(*box)[0]
+    beta = pieces[EARLY].beta.max(axis=0)[remainder.rows]
+    lacking = dataclasses.replace(remainder, rounding=beta)
+    assert np.all(lacking.bounds(*box)[0] > before + 0.9)
+    lacking = dataclasses.replace(remainder, beyond=np.full(8, 0.1))
+    assert np.all(lacking.bounds(*box)[0] > before + 0.5)
+
+
 def bound_in_balls(coefficients, *others):
     """Bounds (B,) of |p(v)| + remainder on the parts of boxes in unit balls."""
     both = [top_in_balls(c, *others) for c in (coefficients, -coefficients)]

@@ -26,16 +26,21 @@ FORMULAS = {
 
 TABLE = monomials(2, 3)
 
+POINT = np.full((2, 1), 0.5), np.full((2, 1), 0.1)
 
-def model(formula, center, half):
-    """Coefficients (M, B) and remainders (B,) of a formula on boxes (2, B)."""
+
+def model(formula, center, half, lost=0.0):
+    """Coefficients (M, B) and remainders (B,) of a formula on boxes (2, B).
+
+    Its inputs may be off by what is lost.
+    """
     recording = Recording(TABLE)
     result = formula(recording.add(INPUT, 0), recording.add(INPUT, 1))
     coefficients = np.zeros((2, len(TABLE.degrees), center.shape[1]))
     for i in range(2):
         coefficients[i, 0], coefficients[i, 1 + i] = center[i], half[i]
     program = recording.program([result], np.any(coefficients != 0.0, axis=2))
-    found, left = program.run(coefficients, np.zeros(center.shape))
+    found, left = program.run(coefficients, np.full(center.shape, lost))
     return found[0], left[0]
 
 
@@ -107,6 +112,40 @@ def test_many_boxes_at_once_are_bounded_as_one_by_one():
     off = np.abs(truth - together.T @ TABLE.values(v.T).T)
     assert np.all(off <= bounds[:, None] + 1e-14)
     assert np.median(off.max(axis=1) / bounds) > 0.05
+
+
+@pytest.mark.parametrize("name", [*FORMULAS, "reversed"])
+def test_what_the_inputs_leave_out_is_in_the_remainder(name):
+    formula = FORMULAS.get(name, lambda x, y: (y + 2.0) * (x + 3.0) * np.cos(y) * x)
+    center, half = boxes(0.01)
+    lost = 0.05
+    found, bounds = model(formula, center, half, lost)
+    rng = np.random.default_rng(2)
+    v = rng.uniform(-1.0, 1.0, (2, 50))
+    for off in (
+        [lost, lost],
+        [lost, -lost],
+        [-lost, lost],
+        [-lost, -lost],
+        [lost, 0.0],
+    ):
+        points = center[:, :, None] + half[:, :, None] * v[:, None]
+        truth = formula(*(points + np.array(off)[:, None, None]))
+        polynomial = found.T @ TABLE.values(v.T).T
+        assert np.all(np.abs(truth - polynomial) <= bounds[:, None] + 1e-14)
+
+
+def test_a_result_that_others_depend_on_stays():
+    recording = Recording(TABLE)
+    x, y = recording.add(INPUT, 0), recording.add(INPUT, 1)
+    product = x * y
+    late = np.sin(product + 1.0) * np.cos(x) - np.sqrt(y + 3.0)
+    coefficients = np.zeros((2, len(TABLE.degrees), 1))
+    coefficients[:, 0], coefficients[0, 1], coefficients[1, 2] = 0.5, 0.1, 0.1
+    program = recording.program([product, late, x], np.full((2, 10), True))
+    found, _ = program.run(coefficients, np.zeros((2, 1)))
+    assert found[0] == pytest.approx(model(lambda x, y: x * y, *POINT)[0])
+    np.testing.assert_array_equal(found[2], coefficients[0])
 
 
 def test_a_coefficient_that_may_not_be_zero_is_kept_and_others_are_not_computed():
