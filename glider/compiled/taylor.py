@@ -16,7 +16,7 @@ WIDER = 1.0 + 1e-12
 """Factor that covers the rounding of the bounds themselves: they are sums of a
 few hundred terms that are not negative, with an error below 1e-13."""
 
-FUNCTIONS = {
+FUNCTIONS: dict[np.ufunc, int] = {
     function: code
     for code, function in enumerate(
         (np.sqrt, np.sin, np.cos, np.exp, np.tanh, np.arctan, np.reciprocal)

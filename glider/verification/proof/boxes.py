@@ -84,9 +84,11 @@ def top_in_balls(coefficients, remainder, center, half, exponents, balls):
     which = np.full(len(center), -1)
     for k, ball in enumerate(balls):
         which[ball] = k
-    parts = _by_variable(coefficients, exponents)
+    linear, quadratic, sizes = _by_variable(coefficients, exponents)
     # Numba keeps compiled code when a constant of another module changes: arguments.
-    return _top_in_balls(*parts, remainder, center, half, which, ROUNDING)
+    return _top_in_balls(
+        linear, quadratic, sizes, remainder, center, half, which, ROUNDING
+    )
 
 
 @machine_code
