@@ -89,19 +89,23 @@ def series(function: np.ufunc, points: np.ndarray, degree: int) -> np.ndarray:
 
 
 @called_code
-def _tail(which, center, spread, terms):
+def _tail(which, center, below, spread, terms):
     """Bounds what a function has beyond its series' terms, within spread of center.
 
-    By the derivative that follows, |g⁽ᵏ⁾ / k!|, but for a root and a reciprocal.
+    By the derivative that follows, |g⁽ᵏ⁾ / k!|, but for a reciprocal and a root, whose
+    argument is not farther below its center than that.
     """
     count = len(terms)
-    if which == _SQRT:  # Its terms agree in sign at -spread, where it is largest.
-        low, polynomial, power = center - spread * WIDER, 0.0, 1.0
-        for k in range(count):
-            polynomial += terms[k] * power
-            power *= -spread
-        tail = polynomial - np.sqrt(low) + ROUNDING * np.sqrt(center)
-        return tail if low >= 0.0 else np.inf
+    if which == _SQRT:  # It grows with the distance, upward and downward.
+        tail, high = 0.0, np.sqrt(center + spread)
+        for step in (-below, spread):
+            polynomial, power = 0.0, 1.0
+            for k in range(count):
+                polynomial += terms[k] * power
+                power *= step
+            gap = abs(polynomial - np.sqrt(center + step))
+            tail = max(tail, gap * WIDER + ROUNDING * high)
+        return tail if below <= center else np.inf
     if which == _RECIPROCAL:  # 1 / (a + h) = Σ (-h)ᵏ / aᵏ⁺¹, a geometric series.
         size = abs(center)
         share = spread / size
@@ -202,19 +206,38 @@ def _multiply(into, a, b, starts, table):
 
 
 @called_code
+def _reach(model, degrees):
+    """Returns how far below and above its center a model's values are, (WIDTH,) each.
+
+    Squares v_i² are not negative; that of v₁ follows the m linear terms.
+    """
+    above, m = model[2].copy(), np.count_nonzero(degrees == 1)
+    for i in range(1, len(model[1])):
+        above += model[1][i]
+    below, k = above * WIDER, 1 + m
+    for i in range(m):
+        if model[3][k]:
+            below -= np.maximum(model[0][k], 0.0)
+        k += m - i
+    return below * WIDER, above * WIDER
+
+
+@called_code
 def _apply(which, into, model, powers, every, degrees):
     """Writes a function of a model: its series in powers of the change from the center.
 
     The powers are slots of every model, as many as the degree, from the first on.
     """
     terms, tails = np.empty((WIDTH, len(powers) + 1)), np.empty(WIDTH)
-    spread = model[2].copy()
-    for i in range(1, len(model[1])):
-        spread += model[1][i]
+    below, above = _reach(model, degrees)
     for box in range(WIDTH):
-        center, reach = model[0][0, box], spread[box] * WIDER
-        _write_series(which, center, terms[box])
-        tails[box] = _tail(which, center, reach, terms[box])
+        center, term = model[0][0, box], terms[box]
+        _write_series(which, center, term)
+        tails[box] = _tail(which, center, below[box], above[box], term)
+        if which == _SQRT and len(powers) % 2 == 1 and np.isfinite(tails[box]):
+            # Up to an odd degree its polynomial is never below it.
+            tails[box] = 0.5 * tails[box] + ROUNDING * term[0]
+            term[0] -= tails[box]
     bounds = into[2]
     for k in range(len(degrees)):
         if into[3][k]:
@@ -240,11 +263,11 @@ def _apply(which, into, model, powers, every, degrees):
         bounds[box] *= WIDER
     _measure(into, degrees)
     if which == _SQRT:
-        _straighten(into, model)
+        _straighten(into, model, below, above)
 
 
 @called_code
-def _straighten(root, square):
+def _straighten(root, square, below, above):
     """Replaces roots by straight lines where these leave out less, as near zero.
 
     Over [a, b] the root lies above its chord, of slope 1 / (√a + √b), by at most
@@ -252,9 +275,8 @@ def _straighten(root, square):
     """
     for box in range(WIDTH):
         center, change = square[0][0, box], square[1][1:, box].sum()
-        spread = (change + square[2][box]) * WIDER * WIDER
-        low = max(center - spread, 0.0)
-        first, last = np.sqrt(low), np.sqrt(center + spread)
+        low = max(center - below[box] * WIDER, 0.0)
+        first, last = np.sqrt(low), np.sqrt(center + above[box] * WIDER)
         slope = 1.0 / (first + last)
         gap = 0.125 * (last - first) ** 2 * slope
         middle = (center - low) * slope + (first + gap)

@@ -15,6 +15,7 @@ FORMULAS = {
     "product": lambda x, y: x * y * (2.0 - x) * (x + y) * y,
     "quotient": lambda x, y: (1.0 + y) / (x * x + 2.0) + 1.0 / (x + 3.0) - x / 2.0,
     "sqrt": lambda x, y: np.sqrt(x * x + y * y + 1e-8),
+    "bent root": lambda x, y: np.sqrt(7.0 - x * x + 0.5 * y - 0.3 * y * y),
     "sin": lambda x, y: np.sin(x) - np.cos(y),
     "sin, cos": lambda x, y: np.sin(2.0 * x + y) * np.cos(x - 3.0 * y),
     "growth": lambda x, y: np.exp(x),

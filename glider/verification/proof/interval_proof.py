@@ -57,7 +57,7 @@ fourth power, but halves of an interval, which are tighter, take boxes of their 
 38 intervals with held commands a fifth to a quarter of those with 1.05."""
 
 BATCH = 256
-"""Boxes that are bounded at once; more do not fit the cache."""
+"""Boxes that are bounded at once; more are no faster."""
 
 FAR = 2.0
 """Bound of a box above which it is halved along two axes: its halves would not do."""
