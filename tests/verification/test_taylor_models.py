@@ -83,6 +83,28 @@ def test_a_root_near_zero_is_known_to_an_eighth_of_its_largest():
     assert remainder[0] <= 2.0 * np.sqrt(2.0) / 8.0 * 1.5
 
 
+def test_a_root_is_enclosed_where_squares_count_in_one_direction():
+    table, count, rng = monomials(4, 3), 300, np.random.default_rng(3)
+    square = (table.degrees == 2) & (table.exponents.max(axis=1) == 2)
+    coefficients = 0.2 * rng.normal(size=(1, len(table.degrees), count))
+    coefficients[0, square] = rng.uniform(-0.3, 1.5, (4, count))
+    least = np.where(square[:, None], np.minimum(coefficients[0], 0.0), coefficients[0])
+    coefficients[0, 0] = 0.5 + np.abs(least[1:]).sum(axis=0)
+    coefficients[0, 1:, ::3] = 0.0
+    coefficients[0, square, ::3] = 1.0  # Nothing is below the center.
+    recording = Recording(table)
+    root = recording.program(
+        [np.sqrt(recording.add(INPUT, 0))], np.full((1, len(table.degrees)), True)
+    )
+    found, bounds = root.run(coefficients, np.zeros((1, count)))
+    v = rng.uniform(-1.0, 1.0, (3000, 4))
+    v[::2] = np.sign(v[::2])
+    values = table.values(v)
+    off = np.abs(np.sqrt(values @ coefficients[0]) - values @ found[0])
+    assert np.all(off <= bounds[0] + 1e-14)
+    assert np.median(off.max(axis=0) / bounds[0]) > 0.3
+
+
 def test_what_a_quotient_by_zero_goes_into_is_never_bounded():
     for unknown in (
         lambda x, y: 1.0 / x,
