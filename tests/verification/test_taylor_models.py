@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from glider.compiled import taylor
 from glider.compiled.taylor import FUNCTIONS, INPUT, PRODUCT
 from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
@@ -103,6 +104,38 @@ def test_a_root_is_enclosed_where_squares_count_in_one_direction():
     off = np.abs(np.sqrt(values @ coefficients[0]) - values @ found[0])
     assert np.all(off <= bounds[0] + 1e-14)
     assert np.median(off.max(axis=0) / bounds[0]) > 0.3
+
+
+def test_values_reach_no_farther_below_and_above_the_center():
+    table, rng = monomials(4, 3), np.random.default_rng(5)
+    coefficients = rng.normal(size=(len(table.degrees), taylor.WIDTH))
+    coefficients[:, ::2] = np.abs(coefficients[:, ::2])
+    sizes = np.array(
+        [np.abs(coefficients[table.degrees == i]).sum(0) for i in range(4)]
+    )
+    lost, present = np.full(taylor.WIDTH, 0.1), np.full(len(table.degrees), True)
+    model = coefficients, sizes, lost, present
+    below, above = taylor._reach.py_func(model, table.degrees)
+    v = np.sign(rng.normal(size=(5000, 4))) * rng.uniform(size=(5000, 4)) ** 0.3
+    change = table.values(v) @ coefficients - coefficients[0]
+    assert np.all(change.max(axis=0) + lost <= above)
+    assert np.all(change.min(axis=0) - lost >= -below)
+    squares = table.exponents[table.degrees == 2].max(axis=1) == 2
+    expected = np.maximum(coefficients[table.degrees == 2][squares], 0.0).sum(axis=0)
+    assert above - below == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 4, 6])
+def test_the_tail_of_a_root_holds_in_both_directions(count):
+    terms = taylor.series(np.sqrt, 2.0, count - 1)
+    for below, above in ((0.1, 3.0), (1.9, 2.0), (0.0, 0.5), (2.0, 2.0)):
+        tail = taylor._tail.py_func(FUNCTIONS[np.sqrt], 2.0, below, above, terms)
+        steps = np.linspace(-below, above, 1000)
+        off = np.polynomial.polynomial.polyval(steps, terms) - np.sqrt(2.0 + steps)
+        assert np.abs(off).max() <= tail <= np.abs(off).max() * 1.001 + 1e-12
+        if count % 2 == 0:
+            assert np.all(off >= -1e-15)
+    assert taylor._tail.py_func(FUNCTIONS[np.sqrt], 2.0, 2.1, 3.0, terms) == np.inf
 
 
 def test_what_a_quotient_by_zero_goes_into_is_never_bounded():
