@@ -41,7 +41,7 @@ from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized, sphere
 
 BUDGET = 400_000
-"""Boxes of one interval until the search gives up; shipped funnels take 110,000."""
+"""Boxes of one interval until the search gives up; shipped funnels take 90,000."""
 
 HALVINGS = 4
 """Times that an interval is halved for a ball that is tight enough."""
@@ -49,7 +49,7 @@ HALVINGS = 4
 PATIENCE = 150_000
 """Boxes that a ball gets, until each half of its time gets its own. Where R
 comes near β, a ball that is 2 % wider than the sets may take any number of boxes. In a
-wind some balls take 110,000, and each half takes as many."""
+wind some balls take many, and each half takes as many."""
 
 STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
