@@ -6,7 +6,7 @@
 # make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
 # make tables      measures the tables of README and docs again; over an hour
-# make proofs      proves of the shipped funnels that no flight leaves; over an hour
+# make proofs      proves of the shipped funnels that no flight leaves; a quarter of an hour
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo
 # make distclean   ... and every environment that make or .ci/run has set up

@@ -11,5 +11,6 @@ log. theta: the vector of numbers that they take, of any model. actuators: an el
 behind actuators. ekf, riccati, sequence_costs: the
 loops of the filter, the feedback and the sampling planners. collocation: a glider
 along a collocated path. stages, barrier, interior_point: the solver of direct
-collocation, compiled once for all gliders.
+collocation, compiled once for all gliders. taylor: series of functions, and Taylor
+models on many boxes.
 """

@@ -8,12 +8,7 @@ from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from glider.physics.compose import compose
 from glider.physics.effects import ATTACHED_LIFT, NO_FIELD, SERVO_LAG
 from glider.physics.parameters import Theta
-from glider.verification.dynamics.jets import (
-    Lazy,
-    coefficients_of,
-    monomials,
-    variables,
-)
+from glider.verification.dynamics.jets import coefficients_of, monomials, variables
 from tests.helpers.physics import PARAMETERS, random_states
 
 POINT = np.array([0.7, -0.4])
@@ -93,18 +88,3 @@ def test_the_error_falls_with_the_order_of_the_expansion(order):
         true = compose().derivatives(0.0, x + step, 1.5, 0.2, 0.1, theta)
         errors.append(np.linalg.norm(true - coefficients @ powers))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order + 1, abs=0.5)
-
-
-def test_a_lazy_number_computes_what_is_asked_for_and_once():
-    calls = []
-
-    def given(value):
-        return Lazy(lambda: calls.append(value) or variables(np.array([value]), 3)[0])
-
-    x, unused = given(0.3), given(0.7)
-    result, _ = np.sin(x) * x - 2.0 / x, np.sqrt(unused) * x
-    assert calls == []
-    jet = variables(np.array([0.3]), 3)[0]
-    expected = np.sin(jet) * jet - 2.0 / jet
-    assert result.value.coefficients == pytest.approx(expected.coefficients, rel=1e-14)
-    assert calls == [0.3]

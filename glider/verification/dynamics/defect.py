@@ -9,9 +9,10 @@ Taylor models in time enclose d, so that no time in between is missed.
 
 import numpy as np
 
+from glider.compiled.taylor import INPUT, ROUNDING, WIDER
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import Nominal, open_loop_rates
-from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
+from glider.verification.dynamics.taylor_models import Recording, spread
 
 DEGREE = 5
 """Degree in time; of more, the bounds of the shipped funnels are no lower."""
@@ -32,12 +33,18 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     curve = nominal.path.c  # (4, F, n), powers of t - t_k, highest first.
     share = (np.arange(PIECES) + 0.5) / PIECES
     steps = np.diff(nominal.times)[nominal.flows]
-    center, half = steps[:, None] * share, steps[:, None] * (0.5 / PIECES)
-    half = np.broadcast_to(half, center.shape)
+    table = monomials(1, DEGREE)
+    recording = Recording(table)
+    time = recording.add(INPUT, 0)
+    values = [(steps[:, None] * share).ravel()]  # Of each input, in the middle.
 
     def model(powers):
-        """Returns Σ powers[j] (t - t_k)ʲ, each (T - 1), as one Taylor model."""
-        return _on_pieces([power[:, None] for power in powers], center, half)
+        """Returns Σ powers[j] (t - t_k)ʲ, each (F,), as one Taylor model."""
+        total = 0.0
+        for power in powers[::-1]:
+            total = total * time + recording.add(INPUT, len(values))
+            values.append(np.repeat(power, PIECES))
+        return total
 
     states, slopes = [], []
     for a3, a2, a1, a0 in np.moveaxis(curve, 2, 0):
@@ -46,13 +53,18 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     u = nominal.inputs[nominal.flows]
     slope = np.diff(nominal.inputs)[nominal.flows] / steps
     rates = open_loop_rates(nominal.model, states, model([u, slope]))
-    sizes = []
-    for rate, slope in zip(rates, slopes, strict=True):
-        defect = slope.times(-1.0).plus(rate)
-        size = np.abs(defect.coefficients[0]) + defect.spread()
-        sizes.append(size.reshape(len(steps), PIECES).max(axis=1) * WIDER)
+    defects = [rate - slope for rate, slope in zip(rates, slopes, strict=True)]
+    inputs = np.zeros((len(values), len(table.degrees), len(values[0])))
+    inputs[:, 0] = values
+    inputs[0, 1] = np.repeat(steps * (0.5 / PIECES), PIECES)
+    errors = ROUNDING * (1.0 + np.abs(inputs).sum(axis=1))
+    found, left = recording.program(defects, np.any(inputs != 0.0, axis=2)).run(
+        inputs, errors
+    )
+    sizes = (np.abs(found[:, 0]) + spread(found, left)) * WIDER
+    sizes = sizes.reshape(len(sizes), len(steps), PIECES).max(axis=2)
     bounds = np.zeros_like(nominal.states[1:])
-    bounds[nominal.flows] = np.array(sizes).T
+    bounds[nominal.flows] = sizes.T
     return np.where(np.isfinite(bounds), bounds, np.inf)
 
 
@@ -68,16 +80,3 @@ def defect_growth(S: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     square = np.einsum("ti,tij,tj->t", around, np.abs(S), around)
     growth = 2.0 * np.sqrt(square) * WIDER
     return np.where(np.isfinite(growth), growth, np.inf)
-
-
-def _on_pieces(powers, center, half):
-    """Returns Σ powers[j] (center + half s)ʲ, |s| <= 1, on all pieces in a row."""
-    table = monomials(1, DEGREE)
-    shape = center.shape
-    flat = np.zeros((len(table.degrees), center.size))
-    flat[0], flat[1] = center.ravel(), half.ravel()
-    time = TaylorModel(table, flat, ROUNDING * (np.abs(flat[0]) + flat[1]))
-    total = time.constant(np.broadcast_to(powers[-1], shape).ravel())
-    for power in powers[-2::-1]:
-        total = total.times(time).plus(np.broadcast_to(power, shape).ravel())
-    return total

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from glider.compiled.taylor import FUNCTIONS, series
+
 
 class Number(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):
     """A kind of number that meets floats, arrays and its own kind in formulas.
@@ -33,7 +35,7 @@ class Number(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):
 
     @abc.abstractmethod
     def apply(self, function: np.ufunc) -> "Number":
-        """Returns one of FUNCTIONS of this number."""
+        """Returns one of `FUNCTIONS` of this number."""
 
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
         """Lets operators and NumPy's numbers, arrays and functions meet this kind."""
@@ -44,10 +46,6 @@ class Number(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):
         if ufunc in _OPERATIONS:
             return _OPERATIONS[ufunc](*inputs)
         return NotImplemented
-
-
-FUNCTIONS = (np.sqrt, np.sin, np.cos, np.exp, np.tanh, np.arctan, np.reciprocal)
-"""Functions that `Number.apply` is asked for; np.reciprocal stands for division."""
 
 
 def _sum(a, b):
@@ -70,35 +68,6 @@ _OPERATIONS: dict[np.ufunc, Callable] = {
     np.true_divide: _quotient,
     np.negative: lambda a: a.times(-1.0),
 }
-
-
-class Lazy(Number):
-    """A number that is computed once its value is asked for.
-
-    The physics computes much that the nominal glider does not use.
-    """
-
-    def __init__(self, compute: Callable[[], Any]):
-        """Takes what computes the value, a number of another kind."""
-        self._compute = compute
-
-    @functools.cached_property
-    def value(self) -> Any:
-        """Value."""
-        return self._compute()
-
-    def plus(self, other: Any) -> "Lazy":
-        return Lazy(lambda: self.value.plus(_value(other)))
-
-    def times(self, other: Any) -> "Lazy":
-        return Lazy(lambda: self.value.times(_value(other)))
-
-    def apply(self, function: np.ufunc) -> "Lazy":
-        return Lazy(lambda: self.value.apply(function))
-
-
-def _value(number):
-    return number.value if isinstance(number, Lazy) else number
 
 
 @dataclasses.dataclass(frozen=True)
@@ -236,7 +205,7 @@ class Jet(Number):
         return Jet(table, np.add.reduceat(products, table.starts, axis=0))
 
     def apply(self, function: np.ufunc) -> "Jet":
-        terms = SERIES[function](self.coefficients[0], self.table.degree)
+        terms = series(function, self.coefficients[0], self.table.degree)
         change = Jet(self.table, self.coefficients.copy())
         change.coefficients[0] = 0.0
         total = _constant(self, terms[-1])
@@ -269,65 +238,3 @@ def _constant(like, value):
     coefficients = np.zeros_like(like.coefficients)
     coefficients[0] = value
     return Jet(like.table, coefficients)
-
-
-def _reciprocal(a, degree):
-    return [(-1.0) ** k / a ** (k + 1) for k in range(degree + 1)]
-
-
-def _sqrt(a, degree):
-    terms = [np.sqrt(a)]
-    for k in range(1, degree + 1):
-        terms.append(terms[-1] * (1.5 - k) / (k * a))
-    return terms
-
-
-def _exp(a, degree):
-    terms = [np.exp(a)]
-    for k in range(1, degree + 1):
-        terms.append(terms[-1] / k)
-    return terms
-
-
-def _trigonometric(first, second):
-    """Returns the series of sin or cos, given the function and its derivative."""
-
-    def series(a, degree):
-        cycle = [first(a), second(a), -first(a), -second(a)]
-        terms, factorial = [], 1.0
-        for k in range(degree + 1):
-            factorial *= max(k, 1)
-            terms.append(cycle[k % 4] / factorial)
-        return terms
-
-    return series
-
-
-def _tanh(a, degree):
-    """Solves y' = 1 - y²."""
-    terms = [np.tanh(a)]
-    for k in range(degree):
-        square = sum(terms[i] * terms[k - i] for i in range(k + 1))
-        terms.append(((1.0 if k == 0 else 0.0) - square) / (k + 1))
-    return terms
-
-
-def _arctan(a, degree):
-    """Solves (1 + a² + 2 a h + h²) y' = 1."""
-    slope = [1.0 / (1.0 + a * a)]
-    for k in range(1, degree):
-        before = slope[k - 2] if k > 1 else 0.0
-        slope.append(-(2.0 * a * slope[k - 1] + before) * slope[0])
-    return [np.arctan(a), *(s / (k + 1) for k, s in enumerate(slope[:degree]))]
-
-
-SERIES: dict[np.ufunc, Callable[[np.ndarray, int], list]] = {
-    np.reciprocal: _reciprocal,
-    np.sqrt: _sqrt,
-    np.exp: _exp,
-    np.sin: _trigonometric(np.sin, np.cos),
-    np.cos: _trigonometric(np.cos, lambda a: -np.sin(a)),
-    np.tanh: _tanh,
-    np.arctan: _arctan,
-}
-"""Taylor coefficients of a function, given where to expand it and up to what degree."""

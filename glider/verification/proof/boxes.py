@@ -10,23 +10,34 @@ import math
 import numpy as np
 
 from glider.compiled.kernel import machine_code
+from glider.compiled.taylor import ROUNDING, WIDER
 from glider.verification.dynamics.jets import Monomials
-from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
 
 SLOPE_BLAME = 0.2
 """Blame of a box's linear terms, which the ball bounds too, beside 1 for those
 of higher degree."""
 
 
-def shifted(table, polynomial, centers, halves):
-    """Returns the Taylor model of a polynomial (M,) in w = center + half v.
+def shifted(table, polynomials, center, half):
+    """Returns polynomials (I, M) in w = center + half v, as models on boxes (m, B).
 
-    Given are the monomials (M, B) of centers and half-widths.
+    These are coefficients (I, M, B) and remainders (I, B).
     """
-    coefficients, sizes = _shift(
-        polynomial, centers, halves, table.left, table.right, _binomials(table)
+    centers, halves, both = (
+        table.values(of.T).T.copy() for of in (center, half, np.abs(center) + half)
     )
-    return TaylorModel(table, coefficients, ROUNDING * sizes * WIDER)
+    found = _shift(
+        polynomials, centers, halves, table.left, table.right, *_binomials(table)
+    )
+    return found, ROUNDING * WIDER * (np.abs(polynomials) @ both)
+
+
+def shifted_from(table, polynomials):
+    """Returns which coefficients (I, M) there are where polynomials are shifted."""
+    present = np.zeros(polynomials.shape, dtype=bool)
+    rows, products = np.nonzero(polynomials[:, _binomials(table)[0]])
+    present[rows, table.left[products]] = True
+    return present
 
 
 @functools.lru_cache(maxsize=16)
@@ -43,19 +54,18 @@ def _binomials(table: Monomials) -> tuple[np.ndarray, np.ndarray]:
 
 
 @machine_code
-def _shift(polynomial, centers, halves, left, right, binomials):
-    """Returns coefficients (M, B) in v, and the sum of the sizes of all terms (B,)."""
-    where, times = binomials
-    shifted, sizes = np.zeros_like(centers), np.zeros(centers.shape[1])
-    for p in range(len(left)):
-        factor = polynomial[where[p]] * times[p]
-        if factor == 0.0:
-            continue
-        for box in range(centers.shape[1]):
-            part = factor * centers[right[p], box] * halves[left[p], box]
-            shifted[left[p], box] += part
-            sizes[box] += abs(part)
-    return shifted, sizes
+def _shift(polynomials, centers, halves, left, right, where, times):
+    """Returns coefficients (I, M, B) in v, given monomials (M, B)."""
+    shifted = np.zeros((len(polynomials), *centers.shape))
+    for i in range(len(polynomials)):
+        for p in range(len(left)):
+            factor = polynomials[i, where[p]] * times[p]
+            if factor == 0.0:
+                continue  # A loop under an if would not be vectorised.
+            total, part, width = shifted[i, left[p]], centers[right[p]], halves[left[p]]
+            for box in range(len(total)):
+                total[box] += factor * part[box] * width[box]
+    return shifted
 
 
 def top_in_balls(coefficients, remainder, center, half, exponents, balls):
@@ -63,9 +73,9 @@ def top_in_balls(coefficients, remainder, center, half, exponents, balls):
 
     For any λ >= 0 the maximum of p in one ball is at most that of
         p(v) + λ (1 - |center + half v|²)
-    over the box; there, what is mixed in v or cubic counts by its size, and the others
-    are a sum of quadratic functions of one v_i each. So each ball has its own λ, the
-    best of a few, and coordinates in none need none.
+    over the box. There, what is mixed in v or cubic is at most its size times a mean of
+    squares v_i², and the rest a sum of quadratic functions of one v_i each. So each
+    ball has its own λ, the best of a few, and coordinates in none need none.
 
     Args:
         coefficients: (M, B) of polynomials in v with exponents (M, m).
@@ -74,100 +84,107 @@ def top_in_balls(coefficients, remainder, center, half, exponents, balls):
     which = np.full(len(center), -1)
     for k, ball in enumerate(balls):
         which[ball] = k
+    linear, quadratic, sizes = _by_variable(coefficients, exponents)
     # Numba keeps compiled code when a constant of another module changes: arguments.
     return _top_in_balls(
-        coefficients, remainder, center, half, exponents, which, (ROUNDING, WIDER)
+        linear, quadratic, sizes, remainder, center, half, which, ROUNDING
     )
 
 
 @machine_code
-def _top_in_balls(coefficients, remainder, center, half, exponents, which, constants):
-    rounding, wider = constants
-    count, boxes = coefficients.shape
-    m = len(center)
-    square = np.zeros(count, dtype=np.int64)
-    for k in range(1 + m, count):
+def _by_variable(coefficients, exponents):
+    """Returns p up to degree 1, and Σ quadratic[i] v_i² (m, B) above its rest.
+
+    Also the sums (B,) of the sizes of all coefficients.
+    """
+    count, m = exponents.shape
+    quadratic = np.zeros((m, coefficients.shape[1]))
+    sizes = np.zeros(coefficients.shape[1])
+    for k in range(count):
+        row, degree = coefficients[k], exponents[k].sum()
+        for box in range(len(sizes)):
+            sizes[box] += abs(row[box])
+        is_square = degree == 2 and exponents[k].max() == 2
         for i in range(m):
-            if exponents[k, i] == 2 and exponents[k].sum() == 2:
-                square[k] = 1 + i
-    bounds = np.empty(boxes)
-    linear, quadratic = np.empty(m), np.zeros(m)
-    tries = np.empty(m + 3)
+            if degree < 2 or exponents[k, i] == 0:
+                continue  # A loop under an if would not be vectorised.
+            share, total = exponents[k, i] / degree, quadratic[i]
+            if is_square:
+                total += row
+                continue
+            for box in range(len(sizes)):
+                total[box] += share * abs(row[box])
+    return coefficients[: 1 + m], quadratic, sizes
+
+
+@machine_code
+def _top_in_balls(linear, quadratic, sizes, remainder, center, half, which, rounding):
+    """Bounds linear[0] + Σ (linear[1 + i] v_i + quadratic[i] v_i²) + remainder."""
+    m, boxes = center.shape
+    bounds, tries = np.empty(boxes), np.empty(2 * m + 3)
     for box in range(boxes):
-        mixed = remainder[box]
-        for k in range(1 + m, count):
-            if square[k]:
-                quadratic[square[k] - 1] = coefficients[k, box]
-            else:
-                mixed += abs(coefficients[k, box])
-        known = mixed
-        for k in range(1 + m):
-            known += abs(coefficients[k, box])
+        known = sizes[box] + remainder[box]
         if not np.isfinite(known):  # min and max would drop a NaN.
             bounds[box] = np.inf
             continue
-        total = coefficients[0, box] + rounding * abs(coefficients[0, box])
+        total = linear[0, box]
         for i in range(m):
-            linear[i] = coefficients[1 + i, box]
             if which[i] < 0:
-                first, second = abs(linear[i]), quadratic[i]
-                total += first + second
+                first, second = abs(linear[1 + i, box]), quadratic[i, box]
                 if second < 0.0 and first < -2.0 * second:
-                    total += first * first / (-4.0 * second) - first - second
-                total += rounding * (first + abs(second))
+                    total += first * first / (-4.0 * second)
+                else:
+                    total += first + second
         for ball in range(which.max() + 1):
             room, across, along, flat = 1.0, 0.0, 1e-300, 0.0
+            tries[:] = 0.0
             for i in range(m):
-                tries[i] = 0.0
-                if which[i] != ball:
+                if which[i] != ball or half[i, box] <= 0.0:
                     continue
-                room -= center[i, box] ** 2
-                pull = 2.0 * center[i, box] * half[i, box]
+                slope, width = linear[1 + i, box], half[i, box]
+                pull = 2.0 * center[i, box] * width
                 if pull != 0.0:
-                    tries[i] = linear[i] / pull
-                across += linear[i] * pull
+                    tries[i] = slope / pull
+                tries[m + i] = quadratic[i, box] / width**2
+                across += slope * pull
                 along += pull * pull
-                if half[i, box] > 0.0:
-                    flat += (linear[i] / half[i, box]) ** 2
+                flat += (slope / width) ** 2
             # The last is the best of all where p is linear.
-            tries[m], tries[m + 1] = 0.0, across / along
-            tries[m + 2] = 0.5 * np.sqrt(flat)
+            tries[2 * m + 1], tries[2 * m + 2] = across / along, 0.5 * np.sqrt(flat)
+            for i in range(m):
+                if which[i] == ball:
+                    room -= center[i, box] ** 2
             least = np.inf
             for weight in tries:
                 if not (weight >= 0.0 and np.isfinite(weight)):
                     continue
-                value = weight * room
-                size = weight * (abs(room) + 1.0)
+                value = weight * room + rounding * weight * (abs(room) + 4.0 * m)
                 for i in range(m):
                     if which[i] != ball:
                         continue
                     pull = 2.0 * center[i, box] * half[i, box]
-                    first = linear[i] - weight * pull
-                    second = quadratic[i] - weight * half[i, box] ** 2
-                    if second < 0.0 and abs(first) < -2.0 * second:
+                    first = abs(linear[1 + i, box] - weight * pull)
+                    second = quadratic[i, box] - weight * half[i, box] ** 2
+                    if second < 0.0 and first < -2.0 * second:
                         value += first * first / (-4.0 * second)
                     else:
-                        value += second + abs(first)
-                    size += abs(linear[i]) + abs(quadratic[i]) + 4.0 * weight
-                value += rounding * size
+                        value += second + first
                 least = min(least, value)
             total += least
-        top = total + mixed
-        bounds[box] = top + (wider - 1.0) * (abs(total) + mixed)
+        bounds[box] = total + remainder[box] + rounding * (known + abs(total))
     return bounds
 
 
-def blame_of(difference, rate):
+def blame_of(table, difference, remainder, rate):
     """Returns how much each v_i makes a bound large, (m, B): a guide for splitting.
 
-    The highest degree of the rate in it indicates what is beyond.
+    The highest degree of the rate (M, B) in it indicates what is beyond.
     """
-    exponents, degrees = difference.table.exponents, difference.table.degrees
-    sizes = np.abs(difference.coefficients)
+    exponents, sizes = table.exponents, np.abs(difference)
     m = exponents.shape[1]
-    own = exponents[degrees >= 2].T @ sizes[degrees >= 2]
+    own = exponents[1 + m :].T @ sizes[1 + m :]
     # What is beyond the degree varies as the highest degree does.
-    top = degrees == difference.table.degree
-    highest = exponents[top].T @ np.abs(rate.coefficients[top])
+    top = table.of_degree(table.degree)
+    highest = exponents[top].T @ np.abs(rate[top])
     total = np.maximum(highest.sum(axis=0), 1e-300)
-    return own + SLOPE_BLAME * sizes[1 : m + 1] + highest / total * difference.remainder
+    return own + SLOPE_BLAME * sizes[1 : m + 1] + highest / total * remainder

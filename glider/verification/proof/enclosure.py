@@ -20,24 +20,30 @@ zero.
 """
 
 import dataclasses
+import functools
 import itertools
-from typing import Any
 
 import numpy as np
 
+from glider.compiled.taylor import INPUT, ROUNDING, WIDER
 from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.jets import Lazy, monomials
+from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import (
     ORDER,
     nonlinear_parts,
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
+from glider.verification.dynamics.taylor_models import Recording, spread
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import DIFFERENCE, PUSHES
-from glider.verification.proof.boxes import blame_of, shifted, top_in_balls
+from glider.verification.proof.boxes import (
+    blame_of,
+    shifted,
+    shifted_from,
+    top_in_balls,
+)
 from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
@@ -96,50 +102,67 @@ class TaylorRemainder:
             reached in their centers, if in the balls, (r, B); how much each
             coordinate is to blame for the bounds, (r, d, B).
         """
-        m, d = len(self.basis), self.dimension
-        table = monomials(d, ORDER)
-        powers = table.values(center.T).T, table.values(half.T).T
-
-        def on_boxes(polynomial):
-            return shifted(table, polynomial, *powers)
-
-        unit = np.eye(1 + d, len(table.degrees))
-        inputs = list(map(on_boxes, self.inputs))
-        for value, lacks in zip(inputs, self.beyond, strict=True):
-            value.remainder = (value.remainder + lacks) * WIDER
-        *states, command = map(_lazy, inputs)
-        theta = None
-        if self.allowed:
-            factor = self.allowed.factor
-            own = unit[1 + m : 1 + m + factor.shape[1]]
-            deviations = [_lazy(on_boxes(row @ own)) for row in factor]
-            theta = theta_at(self.model, self.allowed.names, deviations)
-        wind: list[Any] = [0.0, 0.0]
-        if self.pushes[1] > 0.0:
-            wind = [_lazy(on_boxes(self.pushes[1] * unit[k])) for k in (d - 2, d - 1)]
-        rates = open_loop_rates(self.model, states, command, theta, wind)
-        time = on_boxes(unit[d])
+        table = monomials(self.dimension, ORDER)
+        program, polynomials, lacks = self._program
+        inputs, left = shifted(table, polynomials, center, half)
+        left = (left + lacks[:, None]) * WIDER
+        limits = inputs[-len(self.rows) :]
+        found, left = program.run(inputs, left)
         inside = [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls]
         within = np.all(inside, axis=0)
         boxes = center, half, table.exponents, self.balls
         most, least, blame = [], [], []
-        for i, row in enumerate(self.rows):
-            rate = rates[row].value
-            difference = rate - on_boxes(self.polynomials[i])
-            difference = difference - time * on_boxes(self.highest[i])
-            difference.remainder = (difference.remainder + self.rounding[i]) * WIDER
-            limit = on_boxes(self.limits[i])
-            excess, worse = _excess(difference, limit, boxes)
-            high = limit.coefficients[0] + limit.spread()
-            low = limit.coefficients[0] - limit.spread()
+        parts = (np.split(both, len(self.rows)) for both in (found, left))
+        for limit, one, lost in zip(limits, *parts, strict=True):
+            # Of |R| - β either sign, and the rate.
+            tops = [top_in_balls(one[i], lost[i], *boxes) for i in (0, 1)]
+            excess = np.maximum(*tops)
+            worse = np.where(one[0, 0] >= one[1, 0], one[0], one[1])
+            reach = spread(limit, lost[0])
+            high, low = limit[0] + reach, limit[0] - reach
             # |R| / β <= 1 + (|R| - β) / β, with the worst β on the box.
-            seen = np.abs(difference.coefficients[0]) - difference.remainder
+            seen = np.maximum(one[0, 0], one[1, 0]) + limit[0] - 2.0 * lost[0]
             with np.errstate(divide="ignore", invalid="ignore"):
                 above = WIDER + excess / np.maximum(low, 0.0)
                 most.append(np.where(excess > 0.0, above, 1.0 + excess / high))
                 least.append(np.where(within, seen / high, 0.0))
-                blame.append(blame_of(worse, rate) / limit.coefficients[0])
+                blame.append(blame_of(table, worse, lost[0], one[2]) / limit[0])
         return np.array(most), np.array(least), np.array(blame)
+
+    @functools.cached_property
+    def _program(self):
+        """What computes |R| - β on a box, of either sign, and the rates, for each row.
+
+        Returned with the polynomials (I, M) that are its inputs and what these lack,
+        (I,); the last are the limits.
+        """
+        m, d, n = len(self.basis), self.dimension, len(self.inputs) - 1
+        unit = np.eye(1 + d, self.inputs.shape[1])
+        factor = self.allowed.factor if self.allowed else np.zeros((0, 0))
+        deviations = factor @ unit[1 + m : 1 + m + factor.shape[1]]
+        air = self.pushes[1] * unit[[d - 2, d - 1]]
+        groups = [self.inputs, deviations, air, unit[[d]]]
+        groups += [self.highest, self.polynomials, self.limits]
+        lacks = [np.zeros(len(group)) for group in groups]
+        lacks[0], lacks[-2] = self.beyond, self.rounding
+        table = monomials(d, ORDER)
+        recording = Recording(table)
+        models = (recording.add(INPUT, i) for i in itertools.count())
+        inputs, deviated, wind, (time,), *others = (
+            list(itertools.islice(models, len(group))) for group in groups
+        )
+        theta = None
+        if self.allowed:
+            theta = theta_at(self.model, self.allowed.names, deviated)
+        air = wind if self.pushes[1] > 0.0 else [0.0, 0.0]
+        rates = open_loop_rates(self.model, inputs[:n], inputs[n], theta, air)
+        results = []
+        for row, highest, polynomial, limit in zip(self.rows, *others, strict=True):
+            difference = rates[row] - polynomial - time * highest
+            results += [difference - limit, -difference - limit, rates[row]]
+        polynomials = np.concatenate(groups)
+        program = recording.program(results, shifted_from(table, polynomials))
+        return program, polynomials, np.concatenate(lacks)
 
 
 def make_remainder(
@@ -228,23 +251,6 @@ def _turned_slopes(slopes, which, basis):
 def _acting(pushes):
     """Returns which of the command's error and both axes of the wind are not zero."""
     return [k for k, bound in enumerate(pushes[PUSHES]) if bound > 0.0]
-
-
-def _excess(difference, limit, boxes):
-    """Returns bounds (B,) of |difference| - limit, and the larger of both models.
-
-    Where a bound is not positive, the limit is not negative on the box.
-    """
-    both = [sign * difference - limit for sign in (1.0, -1.0)]
-    tops = [top_in_balls(b.coefficients, b.remainder, *boxes) for b in both]
-    first = both[0].coefficients[0] >= both[1].coefficients[0]
-    coefficients = np.where(first, *(b.coefficients for b in both))
-    worse = TaylorModel(limit.table, coefficients, both[0].remainder)
-    return np.maximum(*tops), worse
-
-
-def _lazy(number):
-    return Lazy(lambda: number)
 
 
 def _limits(piece, basis, table):

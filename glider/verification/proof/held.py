@@ -19,8 +19,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from glider.compiled.taylor import WIDER
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.clock import form_size, hold_slopes, hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import covers, make_interval, tight_cover

@@ -18,6 +18,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from glider.compiled.taylor import ROUNDING, WIDER
 from glider.physics.confidence import theta_at
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
@@ -27,7 +28,6 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import (
     Exact,

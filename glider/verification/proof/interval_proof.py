@@ -16,9 +16,9 @@ import dataclasses
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from glider.compiled.taylor import WIDER
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.nominal import ARRAYS, Nominal, nonlinear_parts
-from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import climb_sphere
 from glider.verification.funnel.remainder import rates_about
@@ -41,7 +41,7 @@ from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized, sphere
 
 BUDGET = 400_000
-"""Boxes of one interval until the search gives up; shipped funnels take 110,000."""
+"""Boxes of one interval until the search gives up; shipped funnels take 90,000."""
 
 HALVINGS = 4
 """Times that an interval is halved for a ball that is tight enough."""
@@ -49,7 +49,7 @@ HALVINGS = 4
 PATIENCE = 150_000
 """Boxes that a ball gets, until each half of its time gets its own. Where R
 comes near β, a ball that is 2 % wider than the sets may take any number of boxes. In a
-wind some balls take 110,000, and each half takes as many."""
+wind some balls take many, and each half takes as many."""
 
 STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
@@ -57,7 +57,13 @@ fourth power, but halves of an interval, which are tighter, take boxes of their 
 38 intervals with held commands a fifth to a quarter of those with 1.05."""
 
 BATCH = 256
-"""Boxes that are bounded at once; more do not fit the cache."""
+"""Boxes that are bounded at once; more are no faster."""
+
+FAR = 2.0
+"""Bound of a box above which it is halved along two axes: its halves would not do."""
+
+LEFT = 0.4
+"""Share of its blame that is left to an axis along which a box was halved."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -207,10 +213,11 @@ def prove_remainder(
     """
     basis, stretch = tight_cover(interval)
     found = _bounded(False, boxes=0, ratio=0.0)
-    remainder = make_remainder(piece, basis, span)  # It turns the basis.
-    if (stretch <= STRETCH or not halvings) and covers(interval, remainder.basis):
-        most = min(PATIENCE, budget) if halvings else budget
-        found = bound_remainder(remainder, most)
+    if stretch <= STRETCH or not halvings:
+        remainder = make_remainder(piece, basis, span)  # It turns the basis.
+        if covers(interval, remainder.basis):
+            most = min(PATIENCE, budget) if halvings else budget
+            found = bound_remainder(remainder, most)
     if found.proven or not halvings:
         return found
     boxes, ratio = found.boxes, 0.0
@@ -231,7 +238,7 @@ def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> Interva
     first, last = remainder.span
     center[-1], half[-1] = 0.5 * (first + last), 0.5 * (last - first)
     while ratio <= 1.0 and center.shape[1] > 0 and boxes < budget:
-        here, width = center[:, -BATCH:], half[:, -BATCH:]
+        here, width = center[:, -BATCH:].copy(), half[:, -BATCH:].copy()
         center, half = center[:, :-BATCH], half[:, :-BATCH]
         boxes += here.shape[1]
         bounds, reached, blame = remainder.bounds(here, width)
@@ -240,11 +247,15 @@ def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> Interva
         split = bad.any(axis=0)
         # Each rate that is not yet bounded has its say in the axis.
         blame = np.where(bad[:, None], blame, 0.0).sum(axis=0)
-        halves = halve(
-            here[:, split], width[:, split], blame[:, split], remainder.balls
+        here, width, blame = here[:, split], width[:, split], blame[:, split]
+        new, smaller, of = halve(here, width, blame, remainder.balls)
+        again = ~(bounds.max(axis=0)[split][of] <= FAR)
+        left = np.where(smaller < width[:, of], LEFT, 1.0) * blame[:, of]
+        newer, smallest, _ = halve(
+            new[:, again], smaller[:, again], left[:, again], remainder.balls
         )
-        center = np.concatenate([center, halves[0]], axis=1)
-        half = np.concatenate([half, halves[1]], axis=1)
+        center = np.concatenate([center, new[:, ~again], newer], axis=1)
+        half = np.concatenate([half, smaller[:, ~again], smallest], axis=1)
     return _bounded(ratio <= 1.0 and center.shape[1] == 0, boxes, ratio)
 
 
@@ -259,10 +270,11 @@ def _bounded(proven, boxes, ratio):
 
 
 def halve(center, half, blame, balls=(slice(0, -1),)):
-    """Returns both halves of boxes along an axis each, without what misses the ball.
+    """Returns both halves of boxes along an axis each, and which box each is a half of.
 
     Boxes are (m + 1, B), the last coordinate time; the axis is where the blame is
-    largest. Balls have the coordinates that are those of a unit ball each.
+    largest. Balls have the coordinates that are those of a unit ball each; halves
+    that miss one are left out.
     """
     # Where nothing is known yet, the widest.
     axis = np.where(np.isfinite(blame).all(axis=0), blame, half).argmax(axis=0)
@@ -278,4 +290,4 @@ def halve(center, half, blame, balls=(slice(0, -1),)):
     nearest = np.maximum(np.abs(center) - half, 0.0) ** 2
     squares = np.array([nearest[ball].sum(axis=0) for ball in balls])
     touches = np.all(squares <= 1.0 + 1e-12, axis=0)
-    return center[:, touches], half[:, touches]
+    return center[:, touches], half[:, touches], np.tile(boxes, 2)[touches]
