@@ -85,7 +85,7 @@ def series(function: np.ufunc, points: np.ndarray, degree: int) -> np.ndarray:
     """Returns Taylor coefficients (degree + 1, ...) of one of FUNCTIONS at points."""
     points = np.asarray(points, dtype=float)
     terms = _series(FUNCTIONS[function], points.ravel(), degree)
-    return terms.reshape(-1, *points.shape)
+    return terms.reshape(degree + 1, *points.shape)
 
 
 @called_code
@@ -125,7 +125,7 @@ def _tail(which, center, below, spread, terms):
 
 # A model here is a tuple: coefficients (M + 1, WIDTH) with a last row of zeros, sums
 # (D + 1, WIDTH) of their sizes by degree, bounds (WIDTH,), and which rows (M,) there
-# are. Other rows stand for zeros, whatever they hold.
+# are. Other rows but the first stand for zeros, whatever they hold.
 
 
 @called_code
@@ -270,7 +270,8 @@ def _apply(which, into, model, powers, every, degrees):
 def _straighten(root, square, below, above):
     """Replaces roots by straight lines where these leave out less, as near zero.
 
-    Over [a, b] the root lies above its chord, of slope 1 / (√a + √b), by at most
+    Their arguments are nowhere negative, whatever their polynomials are. Over [a, b]
+    the root lies above its chord, of slope 1 / (√a + √b), by at most
     (√b - √a)² / (4 (√a + √b)).
     """
     for box in range(WIDTH):
@@ -327,6 +328,8 @@ def run(code, of, numbers, present, results, inputs, remainders, slots, table):
         for k in range(len(code)):
             what, into, pattern = code[k]
             there[into] = present[k]
+            if not present[k, 0]:
+                values[into, 0] = 0.0  # Functions read their centers there.
             model = values[into], sizes[into], bounds[into], there[into]
             i, j = of[k, 0], of[k, 1]
             if what == INPUT:

@@ -218,6 +218,27 @@ def test_a_coefficient_that_may_not_be_zero_is_kept_and_others_are_not_computed(
     assert of_sine[TABLE.exponents[:, 1] == 0].all()
 
 
+@pytest.mark.parametrize(
+    "formula",
+    [
+        lambda x, y: np.tanh(0.0 * (((x + 3.0) * (y + 1.0)) * (y + 1.0))) + y,
+        lambda x, y: np.cos(x * ((y + 2.0) * (y + 3.0))),
+        lambda x, y: np.exp(0.0 * (np.sin(y) * (y + 2.0))) * y,
+    ],
+)
+def test_a_function_of_what_is_known_to_be_zero(formula):
+    """Its slot held something else before."""
+    recording = Recording(TABLE)
+    coefficients = np.zeros((2, len(TABLE.degrees), 1))
+    coefficients[1, 0], coefficients[1, 2] = 0.5, 0.1  # The first is zero.
+    result = formula(recording.add(INPUT, 0), recording.add(INPUT, 1))
+    program = recording.program([result], np.any(coefficients != 0.0, axis=2))
+    [found], [bound] = program.run(coefficients, np.zeros((2, 1)))
+    v = np.random.default_rng(3).uniform(-1.0, 1.0, (50, 2))
+    truth = formula(0.0, 0.5 + 0.1 * v[:, 1])
+    assert np.all(np.abs(truth - TABLE.values(v) @ found[:, 0]) <= bound[0] + 1e-15)
+
+
 def test_small_factors_do_not_vanish():
     found, left = model(
         lambda x, y: ((1e-90 * x) * (1e-90 * y)) * 1e180 - x * y, *boxes(0.1, count=5)

@@ -165,7 +165,7 @@ class Program:
         )
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class TaylorModel(Number):
     """A polynomial and a bound of its remainder: a factor times a result."""
 
