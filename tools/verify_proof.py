@@ -5,9 +5,9 @@
     python tools/verify_proof.py proof.json.gz
 
 This file needs python-flint and nothing else: not the package `glider`, not NumPy. It
-has its own text of the physics, its own Taylor arithmetic (balls of Arb) and its own
-covering, so that an error would have to be made twice, in different ways. The theorem
-and its proof are in docs/certificate.md; the notation is the same. Checked are
+has its own text of the physics, its own Taylor models and its own covering, so that an
+error would have to be made twice, in different ways. The theorem and its proof are in
+docs/certificate.md; the notation is the same. Checked are
 
  1. the ends: the flight starts at the launch, the last set lies in the goal, and the
     goal within the hook's reach of the wire;
@@ -16,11 +16,11 @@ and its proof are in docs/certificate.md; the notation is the same. Checked are
     in the linear rates is within the slack; V falls on V = 1, by the Gram matrices.
     The flight, S, the feedback and the bounds are polynomials between values at the
     knots, which the intervals share: they are continuous there;
- 3. on each ball, with Arb: |R_k| <= beta_k (1 + e'F e). f - P is expanded to degree 8
-    about the center of the ball, the rest is bounded. Boxes cover the ball; on each the
-    polynomial is bounded. Where the rest is too large, as near the wire, where sets
-    contain states in which the tail is at rest, this program leaves the interval open
-    and says so: the rest of it is verified there, but not this.
+ 3. on each ball: |R_k| <= beta_k (1 + e'F e). Boxes cover it. On each, f is enclosed by
+    a cubic polynomial and what it leaves out, in doubles with bounds of their rounding;
+    P and the right side are polynomials already, and are shifted in integers. A box on
+    which the bound is not seen to hold is halved; where boxes become too many or too
+    small, this program names the interval and says that this is open there.
 
 The file is JSON lines in gzip: a header, the knots, and a line for each interval. Of
 the prover it takes Gram matrices and balls, which need not be trusted.
@@ -36,25 +36,27 @@ import random
 import sys
 import time
 import zlib
-from fractions import Fraction
+from operator import add
 
 from flint import arb, ctx, fmpq, fmpq_mpoly_ctx, fmpq_poly, fmpz_mat
 
 FORMAT = "drake-glider proof 1"
-ROUNDING = Fraction(1, 10**6)  # With which launch and wire are compared [m, ...].
-GOAL_ROUNDING = Fraction(1, 10**9)  # Relative, of S at the end.
+ROUNDING = fmpq(1, 10**6)  # With which launch and wire are compared [m, ...].
+GOAL_ROUNDING = fmpq(1, 10**9)  # Relative, of S at the end.
 STOPPING_TIME = 0.005  # Of the servo before its stops [s].
 SPEED_SMOOTHING = 1e-8  # In the physics: |v| is the root of v'v and this [m^2/s^2].
 BASIS_BITS, GRAM_BITS = 30, 36  # Binary places of a file's integers.
 LEFT = 16  # Units of these that may be left of a coefficient.
 HALVINGS = 6  # Times that an interval is halved where a matrix is not seen definite.
-KEPT = (0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1), (0, 2)  # In v and time.
-ROUNDING_SHARE = 1e-13  # Of the sizes of all terms of a sum of 100 products.
+# Degrees in v and in time that are kept.
+KEPT = (0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1), (0, 2)
+ROUNDOFF = 1e-13  # Bounds the rounding of a sum of 100 products, relative to its terms.
 WIDER = 1.0 + 1e-12  # Covers the rounding of bounds, sums of what is not negative.
-CLOSEST = 0.85  # Share of a speed that it may vary by in a power series.
+CLOSEST = 0.85  # Share of a speed that it may vary by for a power series.
 MOST_BOXES = 200_000  # For one ball.
-BITS, GRID = 40, 10  # Binary places in the covering.
-MARGIN = 1e-6  # Share of beta left for doubles in the lower bounds.
+BITS, GRID = 40, 10  # Binary places of coefficients and of boxes.
+LARGEST = 10**6  # Of what is subtracted from f, in units of beta: for the next number,
+MARGIN = 1e-6  # the share of beta left for doubles in the lower bounds.
 N, M = 7, 6  # States; variables of f: pitch, elevator, their rates, speeds.
 STATES = ("x", "z", "pitch", "elevator", "xdot", "zdot", "pitchdot")
 NUMBERS = (
@@ -182,7 +184,10 @@ class Glider:
         self.rate = rational(given.get("elevator_rate_limit"))
         self.wind = array(header.get("wind"), (2,))
         self.doubles = {name: to_float(getattr(self, name)) for name in NUMBERS}
-        self.doubles |= dict(zip(("wind_x", "wind_z"), map(to_float, self.wind)))
+        self.doubles |= {
+            "wind_x": to_float(self.wind[0]),
+            "wind_z": to_float(self.wind[1]),
+        }
         good = self.mass > 0 and self.pitch_inertia > 0
         need(good, "mass and inertia must be positive.")
 
@@ -515,25 +520,26 @@ class Monomials:
             for i, g in enumerate(grades)
             if g in ((2, 0), (3, 0)) and i not in self.squares
         ]
-        self.multiply = self._compile()
+        self.multiply, self.dot = self._compile("ab"), self._compile("ab", "cd")
 
-    def _compile(self):
-        """Returns a function of the coefficients of two polynomials: their product."""
+    def _compile(self, *pairs):
+        """Returns a function of polynomials' coefficients: a sum of their products.
+
+        It is written out, term by term, which takes a fifth of the time of a loop.
+        """
         sums = [[] for _ in self.exponents]
         for (i, a), (j, b) in itertools.product(enumerate(self.exponents), repeat=2):
             total = tuple(map(sum, zip(a, b, strict=True)))
             if total in self.place:
-                sums[self.place[total]].append(f"a{i}*b{j}")
-        names = [
-            ", ".join(f"{x}{i}" for i in range(len(self.exponents))) for x in "ab"
-        ]
+                for x, y in pairs:
+                    sums[self.place[total]].append(f"{x}{i}*{y}{j}")
+        lines = [f"def compiled({', '.join(map(', '.join, pairs))}):"]
+        for x in itertools.chain(*pairs):
+            lines.append(" " + ",".join(f"{x}{i}" for i in range(len(sums))) + f"={x}")
+        lines.append(" return [" + ",".join(map("+".join, sums)) + "]")
         found = {}
-        rows = ", ".join(map(" + ".join, sums))
-        exec(
-            f"def multiply(a, b):\n {names[0]}, = a\n {names[1]}, = b\n return [{rows}]",
-            found,
-        )
-        return found["multiply"]
+        exec("\n".join(lines), found)
+        return found["compiled"]
 
 
 def exponents_of(degree):
@@ -566,7 +572,7 @@ class Jet:
     """On a box: |f - sum of coefficients times monomials| <= rest.
 
     All of it is bounded: what a product has beyond the grades, and the rounding, which
-    is below ROUNDING_SHARE times the sum of the sizes of all terms.
+    is below ROUNDOFF times the sum of the sizes of all terms.
     """
 
     __slots__ = ("_sizes", "coefficients", "rest", "scale")
@@ -574,7 +580,7 @@ class Jet:
     def __init__(self, coefficients, rest, scale):
         """Takes coefficients with a rounding of the scale, and the rest else."""
         self.coefficients, self.scale = coefficients, scale
-        self.rest = (rest + ROUNDING_SHARE * scale) * WIDER
+        self.rest = (rest + ROUNDOFF * scale) * WIDER
         self._sizes = None
 
     def sizes(self):
@@ -591,7 +597,7 @@ class Jet:
     def __add__(self, other):
         """Adds a Jet or a number."""
         if isinstance(other, Jet):
-            total = list(map(float.__add__, self.coefficients, other.coefficients))
+            total = list(map(add, self.coefficients, other.coefficients))
             return Jet(total, self.rest + other.rest, self.scale + other.scale)
         total = self.coefficients.copy()
         total[0] += other
@@ -604,11 +610,23 @@ class Jet:
             product = [c * other for c in self.coefficients]
             return Jet(product, self.rest * size, self.scale * size)
         product = monomials().multiply(self.coefficients, other.coefficients)
-        mine, theirs = self.sizes(), other.sizes()
-        rest = (sum(mine) + self.rest) * other.rest + self.rest * sum(theirs)
-        for i, j in BEYOND:
-            rest += mine[i] * theirs[j]
-        return Jet(product, rest, self.scale * other.scale)
+        return Jet(product, lost_of(self, other), self.scale * other.scale)
+
+
+def lost_of(a, b):
+    """Returns a bound of what a product lacks."""
+    mine, theirs = a.sizes(), b.sizes()
+    rest = (sum(mine) + a.rest) * b.rest + a.rest * sum(theirs)
+    for i, j in BEYOND:
+        rest += mine[i] * theirs[j]
+    return rest
+
+
+def dot_jets(a, b, c, d):
+    """Returns a b + c d."""
+    coefficients = monomials().dot(*(jet.coefficients for jet in (a, b, c, d)))
+    scale = a.scale * b.scale + c.scale * d.scale
+    return Jet(coefficients, lost_of(a, b) + lost_of(c, d), scale)
 
 
 def constant(value, rest=0.0):
@@ -624,11 +642,16 @@ def sine_and_cosine(jet):
     change = Jet([0.0, *jet.coefficients[1:]], jet.rest, jet.scale)
     square = change * change
     cube, tail = square * change, change.spread() ** 4 / 24.0
-    sine, cosine = math.sin(center), math.cos(center)
-    return [
-        change * b + square * (-0.5 * a) + cube * (-b / 6.0) + constant(a, tail)
-        for a, b in ((sine, cosine), (cosine, -sine))
-    ]
+    sine, cosine, found = math.sin(center), math.cos(center), []
+    jets, scale = (change, square, cube), 1.0 + change.scale + square.scale + cube.scale
+    for a, b in ((sine, cosine), (cosine, -sine)):
+        half, sixth = -0.5 * a, b / -6.0
+        rows = zip(*(jet.coefficients for jet in jets), strict=True)
+        coefficients = [b * x + half * y + sixth * z for x, y, z in rows]
+        coefficients[0] += a
+        rest = abs(b) * change.rest + abs(half) * square.rest + abs(sixth) * cube.rest
+        found.append(Jet(coefficients, rest + tail, scale))
+    return found
 
 
 def length(x, z, smoothing):
@@ -643,7 +666,7 @@ def length(x, z, smoothing):
     lost = math.hypot(x.rest, z.rest) * WIDER
     first = math.sqrt(x.coefficients[0] ** 2 + z.coefficients[0] ** 2 + smoothing)
     r = list(map(math.hypot, x.sizes(), z.sizes()))
-    r[0], square = 0.0, x * x + z * z + smoothing
+    r[0], square = 0.0, dot_jets(x, x, z, z) + smoothing
     total = sum(r)
     if not total < CLOSEST * first:
         # Above its chord, of slope 1 / top, it is by a quarter of its top at most.
@@ -655,12 +678,13 @@ def length(x, z, smoothing):
     second = multiply(half, half)
     third = multiply(second, half)
     a, b = 1.0 / (2.0 * first), 1.0 / (2.0 * first * first)
-    coefficients = [h - a * s + b * t for h, s, t in zip(half, second, third)]
+    rows = zip(half, second, third, strict=True)
+    coefficients = [h - a * s + b * t for h, s, t in rows]
     coefficients[0] = first
     # 2 - sqrt(1 - r) = 1 + r/2 + r^2/8 + r^3/16 + ...
     r = [value / first for value in r]
-    r2 = graded(r, r)
-    root = [x / 2 + y / 8 + z / 16 for x, y, z in zip(r, r2, graded(r2, r))]
+    powers = r, graded(r, r), graded(graded(r, r), r)
+    root = [x / 2 + y / 8 + z / 16 for x, y, z in zip(*powers, strict=True)]
     root[0] = 1.0
     whole = (2.0 - math.sqrt(1.0 - sum(r) * WIDER)) ** 2
     rest = first * max(whole - sum(graded(root, root)), 0.0) + lost
@@ -687,22 +711,24 @@ def accelerations(glider, pitch, elevator, xdot, zdot, pitchdot, rate):
     air = xdot + -g["wind_x"], zdot + -g["wind_z"]
 
     def force(velocity, normal, area):
-        across = velocity[0] * normal[0] + velocity[1] * normal[1]
+        across = dot_jets(velocity[0], normal[0], velocity[1], normal[1])
         return across * length(*velocity, SPEED_SMOOTHING) * (-g["air_density"] * area)
 
-    wing_air = air
+    wing_air, lift = air, pitchdot * -g["wing_offset"]
     if g["wing_offset"]:
-        lift = pitchdot * -g["wing_offset"]
         wing_air = air[0] + lift * s, air[1] + lift * c
     wing = force(wing_air, (s, c), g["wing_area"])
     hinge, turn = pitchdot * g["hinge_offset"], (pitchdot + rate) * g["elevator_offset"]
-    tail_air = air[0] + hinge * s + turn * s_tail, air[1] + hinge * c + turn * c_tail
+    tail_air = (
+        air[0] + dot_jets(hinge, s, turn, s_tail),
+        air[1] + dot_jets(hinge, c, turn, c_tail),
+    )
     tail = force(tail_air, (s_tail, c_tail), g["elevator_area"])
-    arm = (s * s_tail + c * c_tail) * g["hinge_offset"] + g["elevator_offset"]
+    arm = dot_jets(s, s_tail, c, c_tail) * g["hinge_offset"] + g["elevator_offset"]
     moment = arm * tail + wing * -g["wing_offset"]
     return [
-        (wing * s + tail * s_tail) * (1.0 / g["mass"]),
-        (wing * c + tail * c_tail) * (1.0 / g["mass"]) + -g["gravity"],
+        dot_jets(wing, s, tail, s_tail) * (1.0 / g["mass"]),
+        dot_jets(wing, c, tail, c_tail) * (1.0 / g["mass"]) + -g["gravity"],
         moment * (1.0 / g["pitch_inertia"]),
     ]
 
@@ -717,9 +743,9 @@ def taylor_of(glider, state, command):
         jet = constant(to_float(value))
         jet.coefficients[1 + i] = tiny
         inputs.append(jet)
-    degrees = [len(axes) for axes in monomials().axes[1 : monomials().low]]
+    scales = [tiny ** len(axes) for axes in monomials().axes[: monomials().low]]
     return [
-        [rational(c / tiny**d) for c, d in zip(jet.coefficients[1:], degrees)]
+        [rational(jet.coefficients[i] / x) for i, x in enumerate(scales) if i]
         for jet in accelerations(glider, *inputs)
     ]
 
@@ -730,23 +756,23 @@ def to_float(value):
 
 
 class Remainder:
-    """R and its bound on a ball, for a part of an interval: |R_k| <= beta_k (1 + e'F e).
+    """|R_k| <= beta_k (1 + e'F e), on a ball and for a part of an interval.
 
-    A box is w = c + h v, |v_i| <= 1, at all times s of the part, -1 to 1. There f is
-    a Taylor model, and what is subtracted from it, and the bound, are polynomials that
-    are shifted to c: exactly, but for the squares of v times s, and for what depends on
-    the square of s and on w, which are bounded.
+    A box is w = c + h v, |v_i| <= 1, at all times s of the part, -1 to 1. There f is a
+    Jet. What is subtracted from it, x0' + P, and the right side are polynomials, which
+    are shifted to c. Of these, terms that no Jet has are bounded.
     """
 
     def __init__(self, interval, glider, span, basis):
-        """Expands all that is a polynomial, in units of beta."""
+        """Expands what is a polynomial, in units of beta in the middle."""
         middle, half = (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
 
         def timed(poly):
             return poly(fmpq_poly([middle, half]))
 
         def ring(poly):
-            return sum((c * s**k for k, c in enumerate(timed(poly).coeffs())), RING_ZERO)
+            powers = enumerate(timed(poly).coeffs())
+            return sum((c * s**k for k, c in powers), RING_ZERO)
 
         w, s = RING.gens()[:M], RING.gens()[N]
         y = [sum(b * v for b, v in zip(row, w, strict=True)) for row in basis]
@@ -773,10 +799,9 @@ class Remainder:
     def _tabulate(self, polynomials):
         """Makes the table of the shift, of integers of BITS places."""
         low, exponents = monomials().low, monomials().exponents
-        columns, self.lost, self.squares, self.late = [], [], [], []  # Of each polynomial.
+        columns, self.lost, self.squares, self.late = [], [], [], []
         for p in polynomials:
-            parts, lost = [[fmpq(0)] * low, [fmpq(0)] * low], fmpq(0)
-            square = fmpq(0)
+            parts, lost, square = [[fmpq(0)] * low, [fmpq(0)] * low], fmpq(0), fmpq(0)
             for e, c in p.to_dict().items():
                 place, k = monomials().place[(*map(int, e[:M]), 0)], int(e[N])
                 if k < 2:
@@ -785,7 +810,9 @@ class Remainder:
                     square = c
                 else:
                     lost += abs(c)
-            self.lost.append(to_float(lost) + 200.0 * 2.0**-BITS)
+            size = sum(map(abs, itertools.chain(*parts)), square)
+            need(abs(size) < LARGEST, "a bound of R is far too small.")
+            self.lost.append(to_float(lost) + 2.0 * low * 2.0**-BITS)
             self.squares.append(to_float(square))
             whole = [[int((c * 2**BITS).floor()) for c in part] for part in parts]
             # For each v^e: the coefficients of the monomials of c.
@@ -798,7 +825,11 @@ class Remainder:
     @staticmethod
     def _shift(part, e):
         """Returns the coefficients of c^f of the derivative by e, divided by e!."""
-        low, exponents, place = monomials().low, monomials().exponents, monomials().place
+        low, exponents, place = (
+            monomials().low,
+            monomials().exponents,
+            monomials().place,
+        )
         found = [0] * low
         for j, f in enumerate(exponents[:low]):
             total = tuple(map(sum, zip(e, f, strict=True)))
@@ -852,8 +883,8 @@ class Remainder:
         return accelerations(self.glider, *inputs)
 
     def _examine(self, c, h, claims, values):
-        """Returns which claims are left on a box, and how much each axis is to blame."""
-        unit, low = 1 << GRID, monomials().low
+        """Returns which claims are left on a box, and how far axes are to blame."""
+        unit = 1 << GRID
         w, step = [x / unit for x in c], [y / unit for y in h]
         out = sum(x * x for x in w) - 1.0
         pull = [2.0 * a * b for a, b in zip(w, step, strict=True)]
@@ -919,16 +950,16 @@ def blame_of(a, rest, rate):
 
     What is beyond the degree varies as the highest degree does.
     """
-    low, axes, cubes = monomials().low, monomials().axes, monomials().cubes
-    blame = [0.2 * abs(a[1 + i]) for i in range(M)]
-    for i in range(1 + M, low):
+    axes, cubes, squares = monomials().axes, monomials().cubes, monomials().squares
+    blame = [0.4 * abs(a[1 + i]) + 0.6 * abs(a[squares[i]]) for i in range(M)]
+    for i in monomials().mixed:
         for axis in axes[i]:
             blame[axis] += abs(a[i])
     highest = [1e-300] * M
     for i in cubes:
         for axis in axes[i]:
             highest[axis] += abs(rate[i])
-    share = rest / sum(highest)
+    share = 3.0 * rest / sum(highest)
     return [own + share * high for own, high in zip(blame, highest, strict=True)]
 
 
@@ -942,7 +973,7 @@ def is_positive(a, rest, pull, squares, out):
 
     def apart(factor):
         value = base - mixed + factor * out
-        for first, p, second, q in zip(linear, pull, square, squares):
+        for first, p, second, q in zip(linear, pull, square, squares, strict=True):
             slope, bend = abs(first + factor * p), second + factor * q
             value += (
                 bend - slope if 2.0 * bend <= slope else -slope * slope / (4.0 * bend)
@@ -958,16 +989,19 @@ def is_positive(a, rest, pull, squares, out):
         if max(at_x, at_y) > 0.0:
             return True
         first, last = (first, y) if at_x > at_y else (x, last)
-    base -= sum([abs(a[i]) for i in monomials().cubes])
+    cubic = sum([abs(a[i]) for i in monomials().cubes])
+    if max(at_x, at_y) + mixed <= cubic:
+        return False  # Hopeless, though all that is mixed and square were nothing.
+    base -= cubic
     A = [[0.0] * M for _ in range(M)]
     for i in monomials().mixed:
         if len(monomials().axes[i]) == 2:
             j, k = monomials().axes[i]
             A[j][k] = A[k][j] = 0.5 * a[i]
-    for factor in (first, 1.2 * first, first + 0.3, first + 0.8):
+    for factor in (first, first + 0.3):
         for i in range(M):
             A[i][i] = square[i] + factor * squares[i]
-        g = [slope + factor * p for slope, p in zip(linear, pull)]
+        g = [slope + factor * p for slope, p in zip(linear, pull, strict=True)]
         if base + factor * out + convex_bound(A, g) > 0.0:
             return True
     return False
@@ -1101,19 +1135,18 @@ def check_ends(header, knots):
     launch, goal = (array(header.get(name), (N,)) for name in ("launch", "goal"))
     wire, reach = array(header.get("wire"), (2,)), rational(header.get("reach"))
     first, last = knots["states"][0], knots["states"][-1]
-    rounding, relative = to_fmpq(ROUNDING), to_fmpq(GOAL_ROUNDING)
-    starts = all(abs(a - b) <= rounding for a, b in zip(first, launch, strict=True))
+    starts = all(abs(a - b) <= ROUNDING for a, b in zip(first, launch, strict=True))
     need(starts, "the flight does not start at the launch.")
     need(all(axis > 0 for axis in goal), "an axis of the goal is not positive.")
     left = [
         [
-            entry - (1 - relative) / goal[i] ** 2 * (i == j)
+            entry - (1 - GOAL_ROUNDING) / goal[i] ** 2 * (i == j)
             for j, entry in enumerate(row)
         ]
         for i, row in enumerate(knots["S"][-1])
     ]
     need(is_definite(left), "the last set is not within the goal.")
-    room = reach + rounding - max(goal[:2])
+    room = reach + ROUNDING - max(goal[:2])
     away = sum((a - b) ** 2 for a, b in zip(last[:2], wire, strict=True))
     near = room > 0 and away <= room**2
     need(near, "the goal is not within the hook's reach of the wire.")
