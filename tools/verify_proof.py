@@ -838,10 +838,9 @@ class Remainder:
                 found[j] = part[i] * math.prod(map(math.comb, total, e))
         return found
 
-    def count_boxes(self):
-        """Returns the number of boxes of a proof; Fault where there is none."""
-        unit, claims = 1 << GRID, [(k, sign) for k in range(3) for sign in (1.0, -1.0)]
-        stack = [((0,) * M, (unit,) * M, claims)]
+    def cover(self, stack):
+        """Bounds R on boxes (c, h, claims); returns those where time is too long."""
+        unit, late = 1 << GRID, []
         while stack:
             batch, stack = stack[-64:], stack[:-64]
             self.boxes += len(batch)
@@ -852,7 +851,10 @@ class Remainder:
                 left, blame = self._examine(c, h, claims, values)
                 if not left:
                     continue
-                axis = max(range(M), key=lambda i: blame[i] if h[i] > 1 else -1.0)
+                axis = max(range(M + 1), key=blame.__getitem__)
+                if axis == M:
+                    late.append((c, h, left))
+                    continue
                 if h[axis] == 1:
                     raise OpenFault("R was not bounded on a small box.")
                 half = tuple(v // 2 if i == axis else v for i, v in enumerate(h))
@@ -864,7 +866,7 @@ class Remainder:
                     )
                     if sum(x * x for x in near) < unit * unit:
                         stack.append((tuple(moved), half, left))
-        return self.boxes
+        return late
 
     def _rates(self, w, step):
         """Returns the accelerations on a box."""
@@ -890,7 +892,7 @@ class Remainder:
         pull = [2.0 * a * b for a, b in zip(w, step, strict=True)]
         bends = [b * b for b in step]
         sizes = step_sizes(h)
-        rates, left, blame, known = self._rates(w, step), [], [0.0] * M, {}
+        rates, left, blame, known = self._rates(w, step), [], None, {}
         for k, sign in claims:
             if k not in known:
                 known[k] = self._parts(k, rates[k], values, sizes)
@@ -946,19 +948,21 @@ def step_sizes(h):
 
 
 def blame_of(a, rest, rate):
-    """Returns how much each axis is to blame that a bound is not seen to be positive.
+    """Returns how much axes and time are to blame that a bound is not seen to hold.
 
     What is beyond the degree varies as the highest degree does.
     """
-    axes, cubes, squares = monomials().axes, monomials().cubes, monomials().squares
+    axes, squares, low = monomials().axes, monomials().squares, monomials().low
     blame = [0.4 * abs(a[1 + i]) + 0.6 * abs(a[squares[i]]) for i in range(M)]
     for i in monomials().mixed:
         for axis in axes[i]:
             blame[axis] += abs(a[i])
+    blame.append(sum(map(abs, a[low:])))
     highest = [1e-300] * M
-    for i in cubes:
+    for i in monomials().cubes:
         for axis in axes[i]:
             highest[axis] += abs(rate[i])
+    highest.append(sum(map(abs, rate[low + 1 + M :])))
     share = 3.0 * rest / sum(highest)
     return [own + share * high for own, high in zip(blame, highest, strict=True)]
 
@@ -1044,9 +1048,20 @@ def convex_bound(A, g):
     return value
 
 
-def bound_remainder(interval, glider, span, basis):
+def bound_remainder(interval, glider, span, basis, boxes=None, halvings=HALVINGS):
     """Returns the number of boxes on which R was bounded; Fault where it was not."""
-    return Remainder(interval, glider, span, basis).count_boxes()
+    if boxes is None:
+        claims = list(itertools.product(range(3), (1.0, -1.0)))
+        boxes = [((0,) * M, (1 << GRID,) * M, claims)]
+    remainder = Remainder(interval, glider, span, basis)
+    late, count = remainder.cover(boxes), remainder.boxes
+    if late and not halvings:
+        raise OpenFault("R was not bounded on a short interval.")
+    middle = (span[0] + span[1]) / 2
+    for half in (span[0], middle), (middle, span[1]):
+        if late:
+            count += bound_remainder(interval, glider, half, basis, late, halvings - 1)
+    return count
 
 
 def main():

@@ -156,7 +156,7 @@ def test_functions_of_polynomials_are_enclosed(verifier, name):
     rng, shares = np.random.default_rng(1), []
     exponents = np.array(verifier.monomials().exponents)
     size = {"length": 0.3, "near rest": 3.0}.get(name, 0.7)
-    for _ in range(100):
+    for _ in range(40):
         a, b = rng.normal(size=(2, len(exponents)))
         # Few terms, which are largest together; in half of the cases linear.
         few = rng.integers(1, rng.choice([7, len(exponents)]), size=3)
