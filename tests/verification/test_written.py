@@ -151,6 +151,30 @@ def test_boxes_enclose_the_physics_of_the_package(verifier, late, proven, half):
     assert max(nearest) > 0.05, "the bounds are not tight enough to be tested"
 
 
+def test_boxes_that_are_left_are_bounded_in_both_halves_of_the_time(
+    verifier, monkeypatch
+):
+    seen = []
+
+    class Remainder:
+        boxes = 1
+
+        def __init__(self, interval, glider, span, basis):
+            self.span = span
+
+        def cover(self, boxes):
+            seen.append((self.span, boxes))
+            return ["late"] if self.span[1] - self.span[0] > 0.25 else []
+
+    monkeypatch.setattr(verifier, "Remainder", Remainder)
+    assert verifier.bound_remainder(None, None, (0.0, 1.0), None, ["all"]) == 7
+    ends = [span for span, boxes in seen if span[1] - span[0] == 0.25]
+    assert ends == [(0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.0)]
+    assert [boxes for _, boxes in seen] == [["all"]] + 6 * [["late"]]
+    with pytest.raises(verifier.OpenFault):
+        verifier.bound_remainder(None, None, (0.0, 1.0), None, ["all"], 1)
+
+
 @pytest.mark.parametrize("name", ["length", "near rest", "sine", "cosine", "product"])
 def test_functions_of_polynomials_are_enclosed(verifier, name):
     rng, shares = np.random.default_rng(1), []
