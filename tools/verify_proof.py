@@ -47,8 +47,8 @@ STOPPING_TIME = 0.005  # Of the servo before its stops [s].
 SPEED_SMOOTHING = 1e-8  # In the physics: |v| is the root of v'v and this [m^2/s^2].
 BASIS_BITS, GRAM_BITS = 30, 36  # Binary places of a file's integers.
 LEFT = 16  # Units of these that may be left of a coefficient.
-HALVINGS = 6  # Times that an interval is halved where a matrix is not seen definite.
-# Degrees in v and in time that are kept.
+HALVINGS = 6  # Times that an interval is halved for a matrix, or for R.
+# Degrees in v and in time that a Jet keeps.
 KEPT = (0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1), (0, 2)
 ROUNDOFF = 1e-13  # Bounds the rounding of a sum of 100 products, relative to its terms.
 WIDER = 1.0 + 1e-12  # Covers the rounding of bounds, sums of what is not negative.
@@ -810,8 +810,8 @@ class Remainder:
                     square = c
                 else:
                     lost += abs(c)
-            size = sum(map(abs, itertools.chain(*parts)), square)
-            need(abs(size) < LARGEST, "a bound of R is far too small.")
+            size = sum(map(abs, itertools.chain(*parts)), abs(square))
+            need(size < LARGEST, "a bound of R is far too small.")
             self.lost.append(to_float(lost) + 2.0 * low * 2.0**-BITS)
             self.squares.append(to_float(square))
             whole = [[int((c * 2**BITS).floor()) for c in part] for part in parts]
