@@ -5,9 +5,9 @@
     python tools/verify_proof.py proof.json.gz
 
 This file needs python-flint and nothing else: not the package `glider`, not NumPy. It
-has its own text of the physics, its own Taylor arithmetic (balls of Arb) and its own
-covering, so that an error would have to be made twice, in different ways. The theorem
-and its proof are in docs/certificate.md; the notation is the same. Checked are
+has its own text of the physics, its own Taylor models and its own covering, so that an
+error would have to be made twice, in different ways. The theorem and its proof are in
+docs/certificate.md; the notation is the same. Checked are
 
  1. the ends: the flight starts at the launch, the last set lies in the goal, and the
     goal within the hook's reach of the wire;
@@ -16,11 +16,11 @@ and its proof are in docs/certificate.md; the notation is the same. Checked are
     in the linear rates is within the slack; V falls on V = 1, by the Gram matrices.
     The flight, S, the feedback and the bounds are polynomials between values at the
     knots, which the intervals share: they are continuous there;
- 3. on each ball, with Arb: |R_k| <= beta_k (1 + e'F e). f - P is expanded to degree 8
-    about the center of the ball, the rest is bounded. Boxes cover the ball; on each the
-    polynomial is bounded. Where the rest is too large, as near the wire, where sets
-    contain states in which the tail is at rest, this program leaves the interval open
-    and says so: the rest of it is verified there, but not this.
+ 3. on each ball: |R_k| <= beta_k (1 + e'F e). Boxes cover it. On each, f is enclosed by
+    a cubic polynomial and what it leaves out, in doubles with bounds of their rounding;
+    P and the right side are polynomials already, and are shifted in integers. A box on
+    which the bound is not seen to hold is halved; where boxes become too many or too
+    small, this program names the interval and says that this is open there.
 
 The file is JSON lines in gzip: a header, the knots, and a line for each interval. Of
 the prover it takes Gram matrices and balls, which need not be trusted.
@@ -36,24 +36,27 @@ import random
 import sys
 import time
 import zlib
-from fractions import Fraction
+from operator import add
 
 from flint import arb, ctx, fmpq, fmpq_mpoly_ctx, fmpq_poly, fmpz_mat
 
 FORMAT = "drake-glider proof 1"
-ROUNDING = Fraction(1, 10**6)  # With which launch and wire are compared [m, ...].
-GOAL_ROUNDING = Fraction(1, 10**9)  # Relative, of S at the end.
+ROUNDING = fmpq(1, 10**6)  # With which launch and wire are compared [m, ...].
+GOAL_ROUNDING = fmpq(1, 10**9)  # Relative, of S at the end.
 STOPPING_TIME = 0.005  # Of the servo before its stops [s].
 SPEED_SMOOTHING = 1e-8  # In the physics: |v| is the root of v'v and this [m^2/s^2].
 BASIS_BITS, GRAM_BITS = 30, 36  # Binary places of a file's integers.
 LEFT = 16  # Units of these that may be left of a coefficient.
-HALVINGS = 6  # Times that an interval is halved where a matrix is not seen definite.
-ORDER = 8  # Degree of the expansions; time counts twice.
-LARGEST_REST = 0.02  # Share of beta that the rest of an expansion may have.
-SMALL = 5e-4  # Share of beta that terms have together which are only bounded.
-MOST_BOXES = 60_000  # For one inequality.
-BITS, GRID, MONOMIAL_BITS = 40, 8, 40  # Binary places in the covering.
-MARGIN = 1e-6  # Share of beta left for doubles and the binary places in the covering.
+HALVINGS = 6  # Times that an interval is halved for a matrix, or for R.
+# Degrees in v and in time that a Jet keeps.
+KEPT = (0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1), (0, 2)
+ROUNDOFF = 1e-13  # Bounds the rounding of a sum of 100 products, relative to its terms.
+WIDER = 1.0 + 1e-12  # Covers the rounding of bounds, sums of what is not negative.
+CLOSEST = 0.85  # Share of a speed that it may vary by for a power series.
+MOST_BOXES = 200_000  # For one ball.
+BITS, GRID = 40, 10  # Binary places of coefficients and of boxes.
+LARGEST = 10**6  # Of what is subtracted from f, in units of beta: for the next number,
+MARGIN = 1e-6  # the share of beta left for doubles in the lower bounds.
 N, M = 7, 6  # States; variables of f: pitch, elevator, their rates, speeds.
 STATES = ("x", "z", "pitch", "elevator", "xdot", "zdot", "pitchdot")
 NUMBERS = (
@@ -180,6 +183,11 @@ class Glider:
         self.low, self.high = array(given.get("elevator_limits"), (2,))
         self.rate = rational(given.get("elevator_rate_limit"))
         self.wind = array(header.get("wind"), (2,))
+        self.doubles = {name: to_float(getattr(self, name)) for name in NUMBERS}
+        self.doubles |= {
+            "wind_x": to_float(self.wind[0]),
+            "wind_z": to_float(self.wind[1]),
+        }
         good = self.mass > 0 and self.pitch_inertia > 0
         need(good, "mass and inertia must be positive.")
 
@@ -487,31 +495,51 @@ def by_monomial(form):
     }
 
 
-# Taylor expansions: polynomials in v (M numbers) and time s, -1 to 1, and their rest.
+# Taylor models on boxes, in doubles: polynomials in v, |v_i| <= 1, and in time.
 
 
-class Space:
-    """Monomials up to a degree, in which time counts twice; tables of products."""
+class Monomials:
+    """The monomials of M variables and time that are kept, and their products."""
 
-    def __init__(self, order):
+    def __init__(self):
         """Makes the tables."""
-        self.order = order
         self.exponents = [
-            (*exponents, k)
-            for degree in range(order + 1)
-            for k in range(degree // 2 + 1)
-            for exponents in exponents_of(degree - 2 * k)
+            (*exponents, k) for degree, k in KEPT for exponents in exponents_of(degree)
         ]
-        self.degrees = [sum(e) + e[M] for e in self.exponents]
-        self.place = {e: i for i, e in enumerate(self.exponents)}
-        self.products = [
-            [
-                (j, self.place[tuple(map(sum, zip(a, b, strict=True)))])
-                for j, b in enumerate(self.exponents)
-                if self.degrees[i] + self.degrees[j] <= order
-            ]
-            for i, a in enumerate(self.exponents)
+        place = self.place = {e: i for i, e in enumerate(self.exponents)}
+        grades = [(sum(e[:M]), e[M]) for e in self.exponents]
+        self.slices = [
+            slice(grades.index(g), grades.index(g) + grades.count(g)) for g in KEPT
         ]
+        self.low = grades.index((0, 1))  # Those without time.
+        self.axes = [[i for i in range(M) for _ in range(e[i])] for e in self.exponents]
+        self.squares = [place[(*e, 0)] for e in exponents_of(2) if max(e) == 2]
+        self.cubes = [i for i, g in enumerate(grades) if g == (3, 0)]
+        self.mixed = [
+            i
+            for i, g in enumerate(grades)
+            if g in ((2, 0), (3, 0)) and i not in self.squares
+        ]
+        self.multiply, self.dot = self._compile("ab"), self._compile("ab", "cd")
+
+    def _compile(self, *pairs):
+        """Returns a function of polynomials' coefficients: a sum of their products.
+
+        It is written out, term by term, which takes a fifth of the time of a loop.
+        """
+        sums = [[] for _ in self.exponents]
+        for (i, a), (j, b) in itertools.product(enumerate(self.exponents), repeat=2):
+            total = tuple(map(sum, zip(a, b, strict=True)))
+            if total in self.place:
+                for x, y in pairs:
+                    sums[self.place[total]].append(f"{x}{i}*{y}{j}")
+        lines = [f"def compiled({', '.join(map(', '.join, pairs))}):"]
+        for x in itertools.chain(*pairs):
+            lines.append(" " + ",".join(f"{x}{i}" for i in range(len(sums))) + f"={x}")
+        lines.append(" return [" + ",".join(map("+".join, sums)) + "]")
+        found = {}
+        exec("\n".join(lines), found)
+        return found["compiled"]
 
 
 def exponents_of(degree):
@@ -522,155 +550,153 @@ def exponents_of(degree):
     ]
 
 
-def bombieri(exponents):
-    """Returns a factor: the root of the sum of c^2 times it bounds a form on a ball."""
-    total = math.factorial(sum(exponents))
-    return fmpq(math.prod(map(math.factorial, exponents)), total)
+@functools.cache
+def monomials():
+    """Returns the tables, made once."""
+    return Monomials()
 
 
-class Ball:
-    """What Jets on |v| <= 1 share: their monomials and norms."""
-
-    def __init__(self, space):
-        """Makes the table of norms."""
-        self.space = space
-        self.kinds = [(sum(e[:M]), e[M]) for e in space.exponents]
-        self.weights = [arb(bombieri(e[:M])) for e in space.exponents]
-
-    def jet(self, terms):
-        """Returns a Jet, given coefficients by exponents."""
-        coefficients = [None] * len(self.space.exponents)
-        for exponents, value in terms.items():
-            coefficients[self.space.place[exponents]] = arb(value)
-        return Jet(self, coefficients)
-
-    def in_time(self, poly):
-        """Returns the Jet of a polynomial in s."""
-        return self.jet({(0,) * M + (k,): c for k, c in enumerate(poly.coeffs())})
-
-    def linear(self, row):
-        """Returns the Jet of a linear form of v."""
-        return self.jet(
-            {tuple(int(i == j) for j in range(M + 1)): c for i, c in enumerate(row)}
-        )
-
-
-def to_fmpq(value):
-    """Returns a Fraction as FLINT has it."""
-    return fmpq(value.numerator, value.denominator)
+BEYOND = [  # Pairs of grades whose products are not kept.
+    (i, j)
+    for (i, a), (j, b) in itertools.product(enumerate(KEPT), repeat=2)
+    if (a[0] + b[0], a[1] + b[1]) not in KEPT
+]
+WITHIN = [  # Where those go that are.
+    (i, j, KEPT.index((a[0] + b[0], a[1] + b[1])))
+    for (i, a), (j, b) in itertools.product(enumerate(KEPT), repeat=2)
+    if (a[0] + b[0], a[1] + b[1]) in KEPT
+]
 
 
 class Jet:
-    """On a ball: |f - sum of coefficients times monomials| <= rest."""
+    """On a box: |f - sum of coefficients times monomials| <= rest.
 
-    def __init__(self, ball, coefficients, rest=None):
-        """Takes coefficients, None for zero, and a bound."""
-        self.ball, self.coefficients = ball, coefficients
-        self.rest = arb(0) if rest is None else arb(rest.abs_upper())
+    All of it is bounded: what a product has beyond the grades, and the rounding, which
+    is below ROUNDOFF times the sum of the sizes of all terms.
+    """
+
+    __slots__ = ("_sizes", "coefficients", "rest", "scale")
+
+    def __init__(self, coefficients, rest, scale):
+        """Takes coefficients with a rounding of the scale, and the rest else."""
+        self.coefficients, self.scale = coefficients, scale
+        self.rest = (rest + ROUNDOFF * scale) * WIDER
+        self._sizes = None
 
     def sizes(self):
-        """Returns bounds of the parts of each degree."""
-        squares = {}
-        ball, degrees = self.ball, self.ball.space.degrees
-        table = self.coefficients, ball.weights, ball.kinds, degrees
-        for c, weight, kind, degree in zip(*table, strict=True):
-            if c is not None:
-                key = degree, kind
-                squares[key] = squares.get(key, 0) + c * c * weight
-        found = [arb(0)] * (self.ball.space.order + 1)
-        for (degree, _), square in squares.items():
-            found[degree] += arb(square.abs_upper()).sqrt()
-        return found
+        """Returns bounds of the parts of each grade."""
+        if self._sizes is None:
+            c = self.coefficients
+            self._sizes = [sum(map(abs, c[s])) * WIDER for s in monomials().slices]
+        return self._sizes
 
-    def size(self):
-        """Returns a bound of |f|."""
-        return sum(self.sizes(), self.rest)
+    def spread(self):
+        """Returns how far f is from its value in the center at most."""
+        return (sum(self.sizes()[1:]) + self.rest) * WIDER
 
     def __add__(self, other):
         """Adds a Jet or a number."""
-        if not isinstance(other, Jet):
-            coefficients = list(self.coefficients)
-            coefficients[0] = (
-                other if coefficients[0] is None else coefficients[0] + other
-            )
-            return Jet(self.ball, coefficients, self.rest)
-        pairs = zip(self.coefficients, other.coefficients, strict=True)
-        coefficients = [b if a is None else a if b is None else a + b for a, b in pairs]
-        return Jet(self.ball, coefficients, self.rest + other.rest)
-
-    def __sub__(self, other):
-        """Subtracts a Jet."""
-        return self + other * arb(-1)
+        if isinstance(other, Jet):
+            total = list(map(add, self.coefficients, other.coefficients))
+            return Jet(total, self.rest + other.rest, self.scale + other.scale)
+        total = self.coefficients.copy()
+        total[0] += other
+        return Jet(total, self.rest, self.scale + abs(other))
 
     def __mul__(self, other):
         """Multiplies by a Jet or a number."""
         if not isinstance(other, Jet):
-            coefficients = [c if c is None else c * other for c in self.coefficients]
-            return Jet(self.ball, coefficients, self.rest * other)
-        space = self.ball.space
-        found = [None] * len(self.coefficients)
-        for a, row in zip(self.coefficients, space.products, strict=True):
-            if a is None:
-                continue
-            for j, k in row:
-                b = other.coefficients[j]
-                if b is not None:
-                    found[k] = a * b if found[k] is None else found[k] + a * b
-        mine, theirs = self.sizes(), other.sizes()
-        rest = beyond(mine, theirs, space.order) + self.rest * other.rest
-        rest += self.rest * sum(theirs) + other.rest * sum(mine)
-        return Jet(self.ball, found, rest)
+            size = abs(other)
+            product = [c * other for c in self.coefficients]
+            return Jet(product, self.rest * size, self.scale * size)
+        product = monomials().multiply(self.coefficients, other.coefficients)
+        return Jet(product, lost_of(self, other), self.scale * other.scale)
 
 
-def beyond(mine, theirs, order):
-    """Returns a bound of what a product has beyond the order."""
-    pairs = itertools.product(enumerate(mine), enumerate(theirs))
-    return sum((a * b for (i, a), (j, b) in pairs if i + j > order), arb(0))
+def lost_of(a, b):
+    """Returns a bound of what a product lacks."""
+    mine, theirs = a.sizes(), b.sizes()
+    rest = (sum(mine) + a.rest) * b.rest + a.rest * sum(theirs)
+    for i, j in BEYOND:
+        rest += mine[i] * theirs[j]
+    return rest
+
+
+def dot_jets(a, b, c, d):
+    """Returns a b + c d."""
+    coefficients = monomials().dot(*(jet.coefficients for jet in (a, b, c, d)))
+    scale = a.scale * b.scale + c.scale * d.scale
+    return Jet(coefficients, lost_of(a, b) + lost_of(c, d), scale)
+
+
+def constant(value, rest=0.0):
+    """Returns the Jet of a number that was computed."""
+    coefficients = [0.0] * len(monomials().exponents)
+    coefficients[0] = value
+    return Jet(coefficients, rest, abs(value))
 
 
 def sine_and_cosine(jet):
     """Returns both, by Taylor's series about the center."""
-    order, center = jet.ball.space.order, jet.coefficients[0]
-    change = Jet(jet.ball, [None, *jet.coefficients[1:]], jet.rest)
-    sine, cosine = center.sin(), center.cos()
-    values = sine, cosine, -sine, -cosine
-    power, found = change, [jet.ball.jet({}) + sine, jet.ball.jet({}) + cosine]
-    for k in range(1, order + 1):
-        for turn in (0, 1):
-            found[turn] += power * (values[(k + turn) % 4] / math.factorial(k))
-        power = power * change if k < order else power
-    tail = change.size() ** (order + 1) / math.factorial(order + 1)
-    return [Jet(jet.ball, part.coefficients, part.rest + tail) for part in found]
+    center = jet.coefficients[0]
+    change = Jet([0.0, *jet.coefficients[1:]], jet.rest, jet.scale)
+    square = change * change
+    cube, tail = square * change, change.spread() ** 4 / 24.0
+    sine, cosine, found = math.sin(center), math.cos(center), []
+    jets, scale = (change, square, cube), 1.0 + change.scale + square.scale + cube.scale
+    for a, b in ((sine, cosine), (cosine, -sine)):
+        half, sixth = -0.5 * a, b / -6.0
+        rows = zip(*(jet.coefficients for jet in jets), strict=True)
+        coefficients = [b * x + half * y + sixth * z for x, y, z in rows]
+        coefficients[0] += a
+        rest = abs(b) * change.rest + abs(half) * square.rest + abs(sixth) * cube.rest
+        found.append(Jet(coefficients, rest + tail, scale))
+    return found
 
 
 def length(x, z, smoothing):
-    """Returns the root g of Q = x^2 + z^2 + smoothing.
+    """Returns the root of x^2 + z^2 + smoothing, the length of a vector a + u in space.
 
-    By degrees, g_d = (Q_d - sum of g_i g_(d - i)) / (2 g_0). With D = Q - (sum of g)^2
-    and |v| >= low on the ball, |sqrt(Q) - sum of g| = |D| / (sqrt(Q) + sum of g)
-    <= |D| / low, if |D| < low^2: the sum has no zero then. Else the rest is infinite.
+    It is a sum of forms of u, of degree k = 0, 1, ... each. In the plane of a and u it
+    is |a| |1 + u / a| in complex numbers: with |u| <= r |a| the forms are at most those
+    of |a| (2 - sqrt(1 - r))^2, and as many different vectors in place of u change
+    nothing (Banach). So with r the sum of the bounds of the parts of u, this bounds
+    what the grades that are kept, and those parts of it, leave out.
     """
-    square = x * x + z * z + smoothing
-    space, ball = square.ball.space, square.ball
-    found = [None] * len(square.coefficients)
-    first = found[0] = square.coefficients[0].sqrt()
-    places = [[] for _ in range(space.order + 1)]
-    for i, degree in enumerate(space.degrees):
-        places[degree].append(i)
-    for degree in range(1, space.order + 1):
-        missing = {i: square.coefficients[i] or arb(0) for i in places[degree]}
-        for i in itertools.chain(*places[1:degree]):
-            for j, k in space.products[i]:
-                if k in missing and j and found[i] is not None and found[j] is not None:
-                    missing[k] -= found[i] * found[j]
-        for i, value in missing.items():
-            found[i] = value / (2 * first)
-    sizes = Jet(ball, found).sizes()
-    lost = square.rest + beyond(sizes, sizes, space.order)
-    along = x * (x.coefficients[0] / first) + z * (z.coefficients[0] / first)
-    low = along.coefficients[0] - sum(along.sizes()[1:], along.rest)
-    good = low > 0 and lost < low * low
-    return Jet(ball, found, lost / low if good else arb("inf"))
+    lost = math.hypot(x.rest, z.rest) * WIDER
+    first = math.sqrt(x.coefficients[0] ** 2 + z.coefficients[0] ** 2 + smoothing)
+    r = list(map(math.hypot, x.sizes(), z.sizes()))
+    r[0], square = 0.0, dot_jets(x, x, z, z) + smoothing
+    total = sum(r)
+    if not total < CLOSEST * first:
+        # Above its chord, of slope 1 / top, it is by a quarter of its top at most.
+        top = (first + total + lost) * WIDER
+        chord = square * (1.0 / top) + 0.125 * top
+        return Jet(chord.coefficients, chord.rest + 0.125 * top, chord.scale)
+    half = [c / (2.0 * first) for c in square.coefficients]
+    half[0], multiply = 0.0, monomials().multiply
+    second = multiply(half, half)
+    third = multiply(second, half)
+    a, b = 1.0 / (2.0 * first), 1.0 / (2.0 * first * first)
+    rows = zip(half, second, third, strict=True)
+    coefficients = [h - a * s + b * t for h, s, t in rows]
+    coefficients[0] = first
+    # 2 - sqrt(1 - r) = 1 + r/2 + r^2/8 + r^3/16 + ...
+    r = [value / first for value in r]
+    powers = r, graded(r, r), graded(graded(r, r), r)
+    root = [x / 2 + y / 8 + z / 16 for x, y, z in zip(*powers, strict=True)]
+    root[0] = 1.0
+    whole = (2.0 - math.sqrt(1.0 - sum(r) * WIDER)) ** 2
+    rest = first * max(whole - sum(graded(root, root)), 0.0) + lost
+    return Jet(coefficients, rest, 8.0 * first * whole)
+
+
+def graded(a, b):
+    """Returns what the grades of a product are at most, given those of its factors."""
+    found = [0.0] * len(KEPT)
+    for i, j, k in WITHIN:
+        found[k] += a[i] * b[j]
+    return found
 
 
 def accelerations(glider, pitch, elevator, xdot, zdot, pitchdot, rate):
@@ -679,35 +705,32 @@ def accelerations(glider, pitch, elevator, xdot, zdot, pitchdot, rate):
     Flat plates: the force is -rho S (n v) |v| along the normal n = (sin, cos) of a
     plate that moves with v through the air.
     """
-    g = {name: arb(getattr(glider, name)) for name in NUMBERS}
-    smoothing = arb(rational(SPEED_SMOOTHING))
+    g = glider.doubles
     s, c = sine_and_cosine(pitch)
     s_tail, c_tail = sine_and_cosine(pitch + elevator)
-    air = xdot + -arb(glider.wind[0]), zdot + -arb(glider.wind[1])
+    air = xdot + -g["wind_x"], zdot + -g["wind_z"]
 
     def force(velocity, normal, area):
-        across = velocity[0] * normal[0] + velocity[1] * normal[1]
-        return across * length(*velocity, smoothing) * (-g["air_density"] * area)
+        across = dot_jets(velocity[0], normal[0], velocity[1], normal[1])
+        return across * length(*velocity, SPEED_SMOOTHING) * (-g["air_density"] * area)
 
-    lift = pitchdot * -g["wing_offset"]
-    wing_air = air[0] + lift * s, air[1] + lift * c
+    wing_air, lift = air, pitchdot * -g["wing_offset"]
+    if g["wing_offset"]:
+        wing_air = air[0] + lift * s, air[1] + lift * c
     wing = force(wing_air, (s, c), g["wing_area"])
     hinge, turn = pitchdot * g["hinge_offset"], (pitchdot + rate) * g["elevator_offset"]
-    tail_air = air[0] + hinge * s + turn * s_tail, air[1] + hinge * c + turn * c_tail
+    tail_air = (
+        air[0] + dot_jets(hinge, s, turn, s_tail),
+        air[1] + dot_jets(hinge, c, turn, c_tail),
+    )
     tail = force(tail_air, (s_tail, c_tail), g["elevator_area"])
-    arm = (s * s_tail + c * c_tail) * g["hinge_offset"] + g["elevator_offset"]
-    moment = arm * tail - wing * g["wing_offset"]
+    arm = dot_jets(s, s_tail, c, c_tail) * g["hinge_offset"] + g["elevator_offset"]
+    moment = arm * tail + wing * -g["wing_offset"]
     return [
-        (wing * s + tail * s_tail) * (1 / g["mass"]),
-        (wing * c + tail * c_tail) * (1 / g["mass"]) + -g["gravity"],
-        moment * (1 / g["pitch_inertia"]),
+        dot_jets(wing, s, tail, s_tail) * (1.0 / g["mass"]),
+        dot_jets(wing, c, tail, c_tail) * (1.0 / g["mass"]) + -g["gravity"],
+        moment * (1.0 / g["pitch_inertia"]),
     ]
-
-
-@functools.cache
-def whole_ball():
-    """Returns what the expansions share, made once."""
-    return Ball(Space(ORDER))
 
 
 def taylor_of(glider, state, command):
@@ -715,159 +738,123 @@ def taylor_of(glider, state, command):
 
     Any would do for P, as long as both the Gram matrices and R are of the same.
     """
-    tiny = 40  # The expansion is of 2^-40 y, so that its rest is nothing.
-    ball = Ball(Space(3))
-    inputs = [
-        ball.linear([fmpq(int(i == j), 1 << tiny) for j in range(M)]) + arb(value)
-        for i, value in enumerate([*state[2:], command])
+    inputs, tiny = [], 2.0**-30  # The expansion is of tiny y, so that it converges.
+    for i, value in enumerate([*state[2:], command]):
+        jet = constant(to_float(value))
+        jet.coefficients[1 + i] = tiny
+        inputs.append(jet)
+    scales = [tiny ** len(axes) for axes in monomials().axes[: monomials().low]]
+    return [
+        [rational(jet.coefficients[i] / x) for i, x in enumerate(scales) if i]
+        for jet in accelerations(glider, *inputs)
     ]
-    found = []
-    for jet in accelerations(glider, *inputs):
-        row = []
-        for degree in (1, 2, 3):
-            for exponents in exponents_of(degree):
-                c = jet.coefficients[ball.space.place[(*exponents, 0)]]
-                row.append(
-                    rational(float((c or arb(0)).mid()) * 2.0 ** (tiny * degree))
-                )
-        found.append(row)
-    return found
 
 
-def remainders(interval, glider, span, basis):
-    """Returns R and its bound for each acceleration."""
-    ball, middle, half = whole_ball(), (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
-
-    def timed(poly):
-        return ball.in_time(poly(fmpq_poly([middle, half])))
-
-    y = [ball.linear(row) for row in basis]
-    center = [*map(timed, interval.x0[2:]), timed(interval.u0)]
-    rates = accelerations(glider, *(a + b for a, b in zip(center, y, strict=True)))
-    powers = monomials_of(y)
-    factor = ball.jet({(0,) * (M + 1): 1})
-    for i, j in itertools.product(range(5), repeat=2):
-        F = interval.F[2 + i][2 + j]
-        if F != 0:
-            factor = factor + timed(F) * (y[i] * y[j])
-    pairs = []
-    s = ball.in_time(fmpq_poly([0, 1]))
-    for k, rate in enumerate(rates):
-        mean, change = ball.jet({}), ball.jet({})
-        for (_, value), line_ in zip(powers, interval.P[k], strict=True):
-            here = line_(fmpq_poly([middle, half]))
-            mean = mean + value * arb(here[0])
-            change = change + value * arb(here[1])
-        slope = timed(interval.x0[4 + k].derivative() / interval.h)
-        pairs.append(
-            (rate - slope - mean - s * change, timed(interval.beta[4 + k]) * factor)
-        )
-    return pairs
+def to_float(value):
+    """Returns a fraction rounded."""
+    return int(value.p) / int(value.q)
 
 
-# The covering.
+class Remainder:
+    """|R_k| <= beta_k (1 + e'F e), on a ball and for a part of an interval.
 
-
-class Shifts:
-    """Tables of how a polynomial of M variables is shifted to another center."""
-
-    def __init__(self):
-        """Makes the tables."""
-        self.exponents = [e for d in range(ORDER + 1) for e in exponents_of(d)]
-        place = self.place = {e: i for i, e in enumerate(self.exponents)}
-        self.degrees = list(map(sum, self.exponents))
-        self.low = [i for i, d in enumerate(self.degrees) if d <= 3]
-        self.fourth = [i for i, d in enumerate(self.degrees) if d == 4]
-        self.parents = []
-        for e in self.exponents[1:]:
-            axis = next(i for i in range(M) if e[i])
-            parent = tuple(p - (i == axis) for i, p in enumerate(e))
-            self.parents.append((place[parent], axis))
-        self.rows = [
-            [
-                (j, place[total], math.prod(map(math.comb, total, e)))
-                for j, f in enumerate(self.exponents)
-                for total in [tuple(map(sum, zip(e, f, strict=True)))]
-                if total in place
-            ]
-            for e in self.exponents[: self.fourth[-1] + 1]
-        ]
-        self.weights = [float(arb(bombieri(e)).upper()) for e in self.exponents]
-        self.axes = [[i for i in range(M) for _ in range(e[i])] for e in self.exponents]
-        self.squares = [place[tuple(2 * (i == j) for j in range(M))] for i in range(M)]
-        self.mixed = [
-            i
-            for i in self.low
-            if self.degrees[i] == 3 or (self.degrees[i] == 2 and i not in self.squares)
-        ]
-        self.cubes = [i for i in self.low if self.degrees[i] == 3]
-
-    def steps(self, used):
-        """Returns (monomial, parent, axis), all that lead to some monomials."""
-        needed = set(used)
-        for i in reversed(range(1, len(self.exponents))):
-            if i in needed:
-                needed.add(self.parents[i - 1][0])
-        return [(i, *self.parents[i - 1]) for i in sorted(needed) if i]
-
-
-@functools.cache
-def shifts():
-    """Returns the tables, made once."""
-    return Shifts()
-
-
-class Positive:
-    """The claim that polynomials in v are positive on the unit ball.
-
-    On a box v = c + h x, |x_i| <= 1, each is shifted to c: degree 0 to 3
-    exactly, the fourth and higher by a bound of its derivatives. For any number l >= 0
-    it is at least p + l (|v|^2 - 1) in the ball, and that is bounded in two ways: each
-    x_i apart, with what is mixed by its size; or as a convex function, by its tangent.
+    A box is w = c + h v, |v_i| <= 1, at all times s of the part, -1 to 1. There f is a
+    Jet. What is subtracted from it, x0' + P, and the right side are polynomials, which
+    are shifted to c. Of these, terms that no Jet has are bounded.
     """
 
-    def __init__(self, polynomials):
-        """Takes integer coefficients of BITS places."""
-        parts = [
-            [
-                {j: p[k] * factor for j, k, factor in row if p[k]}
-                for row in shifts().rows[: len(shifts().low)]
-            ]
-            for p in polynomials
-        ]
-        rows = [row for part in parts for row in part]
-        used = sorted(set().union(*rows))
-        table = [[row.get(j, 0) for row in rows] for j in used]
-        self.used, self.table = used, fmpz_mat(table)
-        self.steps = shifts().steps(used)
-        self.fourth = [
-            [self._derivative(p, i) for i in shifts().fourth] for p in polynomials
-        ]
-        self.count, self.cache = len(polynomials), {}
+    def __init__(self, interval, glider, span, basis):
+        """Expands what is a polynomial, in units of beta in the middle."""
+        middle, half = (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
 
-    def _derivative(self, p, row):
-        squares = [0.0] * (ORDER - 3)
-        for j, k, factor in shifts().rows[row]:
-            value = p[k] * factor / 2**BITS
-            squares[shifts().degrees[j]] += value * value * shifts().weights[j]
-        return [math.sqrt(square) * (1 + 1e-9) for square in squares]
+        def timed(poly):
+            return poly(fmpq_poly([middle, half]))
 
-    def count_boxes(self):
-        """Returns the number of boxes of a proof; Fault where there is none."""
-        unit, boxes = 1 << GRID, 0
-        stack = [((0,) * M, (unit,) * M)]
+        def ring(poly):
+            powers = enumerate(timed(poly).coeffs())
+            return sum((c * s**k for k, c in powers), RING_ZERO)
+
+        w, s = RING.gens()[:M], RING.gens()[N]
+        y = [sum(b * v for b, v in zip(row, w, strict=True)) for row in basis]
+        F = [[ring(p) for p in row[2:]] for row in interval.F[2:]]
+        factor = 1 + dot(y[:-1], dot_rows(F, y[:-1]))
+        powers = monomials_of(y)
+        self.glider, self.boxes = glider, 0
+        self.basis = each(to_float, basis)
+        self.path = [
+            [*map(to_float, timed(p).coeffs()), 0.0, 0.0, 0.0][:4]
+            for p in (*interval.x0[2:], interval.u0)
+        ]
+        self.units, polynomials = [], []
+        for k, P in enumerate(interval.P, 4):
+            unit = interval.beta[k](middle)
+            need(unit > 0, "a bound of R is zero.")
+            known = ring(interval.x0[k].derivative() / interval.h)
+            for (_, value), line_ in zip(powers, P, strict=True):
+                known += ring(line_) * value
+            self.units.append(1.0 / to_float(unit))
+            polynomials += [known / unit, ring(interval.beta[k]) * factor / unit]
+        self._tabulate(polynomials)
+
+    def _tabulate(self, polynomials):
+        """Makes the table of the shift, of integers of BITS places."""
+        low, exponents = monomials().low, monomials().exponents
+        columns, self.lost, self.squares, self.late = [], [], [], []
+        for p in polynomials:
+            parts, lost, square = [[fmpq(0)] * low, [fmpq(0)] * low], fmpq(0), fmpq(0)
+            for e, c in p.to_dict().items():
+                place, k = monomials().place[(*map(int, e[:M]), 0)], int(e[N])
+                if k < 2:
+                    parts[k][place] = c
+                elif k == 2 and place == 0:
+                    square = c
+                else:
+                    lost += abs(c)
+            size = sum(map(abs, itertools.chain(*parts)), abs(square))
+            need(size < LARGEST, "a bound of R is far too small.")
+            self.lost.append(to_float(lost) + 2.0 * low * 2.0**-BITS)
+            self.squares.append(to_float(square))
+            whole = [[int((c * 2**BITS).floor()) for c in part] for part in parts]
+            # For each v^e: the coefficients of the monomials of c.
+            for part, stop in zip(whole, (low, len(exponents) - 1 - low), strict=True):
+                for e in exponents[:stop]:
+                    columns.append(self._shift(part, e))
+            self.late.append([abs(whole[1][i]) * 2.0**-BITS for i in monomials().cubes])
+        self.table = fmpz_mat([list(row) for row in zip(*columns, strict=True)])
+
+    @staticmethod
+    def _shift(part, e):
+        """Returns the coefficients of c^f of the derivative by e, divided by e!."""
+        low, exponents, place = (
+            monomials().low,
+            monomials().exponents,
+            monomials().place,
+        )
+        found = [0] * low
+        for j, f in enumerate(exponents[:low]):
+            total = tuple(map(sum, zip(e, f, strict=True)))
+            i = place.get(total)
+            if i is not None and part[i]:
+                found[j] = part[i] * math.prod(map(math.comb, total, e))
+        return found
+
+    def cover(self, stack):
+        """Bounds R on boxes (c, h, claims); returns those where time is too long."""
+        unit, late = 1 << GRID, []
         while stack:
-            batch, stack = stack[-128:], stack[:-128]
-            boxes += len(batch)
-            if boxes > MOST_BOXES:
+            batch, stack = stack[-64:], stack[:-64]
+            self.boxes += len(batch)
+            if self.boxes > MOST_BOXES:
                 raise OpenFault(f"R was not bounded on {MOST_BOXES:,} boxes.")
-            monomials = fmpz_mat([self._monomials(c) for c, _ in batch])
-            table = (monomials * self.table).tolist()
-            for (c, h), values in zip(batch, table, strict=True):
-                blame = self._blame(c, h, values)
-                if blame is None:
+            table = fmpz_mat([cubic_monomials(c) for c, _, _ in batch]) * self.table
+            for (c, h, claims), values in zip(batch, table.tolist(), strict=True):
+                left, blame = self._examine(c, h, claims, values)
+                if not left:
                     continue
-                axis = max(range(M), key=lambda i: blame[i] if h[i] > 1 else -1.0)
+                axis = max(range(M + 1), key=blame.__getitem__)
+                if axis == M:
+                    late.append((c, h, left))
+                    continue
                 if h[axis] == 1:
                     raise OpenFault("R was not bounded on a small box.")
                 half = tuple(v // 2 if i == axis else v for i, v in enumerate(h))
@@ -877,74 +864,119 @@ class Positive:
                     near = (
                         max(abs(x) - y, 0) for x, y in zip(moved, half, strict=True)
                     )
-                    if sum(x * x for x in near) <= unit * unit:
-                        stack.append((tuple(moved), half))
-        return boxes
+                    if sum(x * x for x in near) < unit * unit:
+                        stack.append((tuple(moved), half, left))
+        return late
 
-    def _monomials(self, center):
-        """Returns the monomials of integers of GRID places, of MONOMIAL_BITS places."""
-        found = {0: 1}
-        for i, parent, axis in self.steps:
-            found[i] = found[parent] * center[axis]
-        degrees = shifts().degrees
-        places = (MONOMIAL_BITS - GRID * degrees[i] for i in self.used)
-        return [
-            found[i] << place if place >= 0 else found[i] >> -place
-            for i, place in zip(self.used, places, strict=True)
-        ]
+    def _rates(self, w, step):
+        """Returns the accelerations on a box."""
+        inputs, low = [], monomials().low
+        none = [0.0] * (len(monomials().exponents) - 1 - M)
+        for row, (first, slope, bend, beyond) in zip(
+            self.basis, self.path, strict=True
+        ):
+            parts = list(map(float.__mul__, row, w))
+            own = list(map(float.__mul__, row, step))
+            coefficients = [first + sum(parts), *own, *none]
+            coefficients[low], coefficients[-1] = slope, bend
+            size = abs(first) + abs(slope) + abs(bend)
+            size += sum(map(abs, parts)) + sum(map(abs, own))
+            inputs.append(Jet(coefficients, abs(beyond), size))
+        return accelerations(self.glider, *inputs)
 
-    def _blame(self, c, h, values):
-        """Returns how much each axis is to blame on a box; None if nothing is."""
-        unit, low = 1 << GRID, len(shifts().low)
-        if h not in self.cache:
-            sizes = [
-                math.prod((v / unit) ** p for v, p in zip(h, e, strict=True))
-                for e in shifts().exponents[: shifts().fourth[-1] + 1]
-            ]
-            fourth = [
-                [
-                    sum(
-                        sizes[i] * f[d]
-                        for i, f in zip(shifts().fourth, all_, strict=True)
-                    )
-                    for d in range(ORDER - 3)
-                ]
-                for all_ in self.fourth
-            ]
-            scale = 2.0 ** -(BITS + MONOMIAL_BITS)
-            self.cache[h] = [size * scale for size in sizes[:low]], fourth
-        sizes, fourth = self.cache[h]
+    def _examine(self, c, h, claims, values):
+        """Returns which claims are left on a box, and how far axes are to blame."""
+        unit = 1 << GRID
         w, step = [x / unit for x in c], [y / unit for y in h]
         out = sum(x * x for x in w) - 1.0
-        reach = max(1.0, math.sqrt(out + 1.0))
         pull = [2.0 * a * b for a, b in zip(w, step, strict=True)]
-        squares = [b * b for b in step]
-        for k in range(self.count):
-            own = values[k * low : (k + 1) * low]
-            a = [float(v) * s for v, s in zip(own, sizes, strict=True)]
-            rest = sum(f * reach**d for d, f in enumerate(fourth[k])) + MARGIN
-            need(out > 0.0 or a[0] > 0.0, "R exceeds its bound.")
-            if not _is_positive(a, rest, pull, squares, out):
-                break
-        else:
-            return None
-        blame = [
-            0.2 * abs(a[1 + i]) + 0.6 * abs(a[shifts().squares[i]]) for i in range(M)
-        ]
-        for i in shifts().mixed:
-            for axis in shifts().axes[i]:
-                blame[axis] += abs(a[i])
-        return blame
+        bends = [b * b for b in step]
+        sizes = step_sizes(h)
+        rates, left, blame, known = self._rates(w, step), [], None, {}
+        for k, sign in claims:
+            if k not in known:
+                known[k] = self._parts(k, rates[k], values, sizes)
+            difference, rest, limit = known[k]
+            a = [b - sign * d for b, d in zip(limit, difference, strict=True)]
+            surely = a[0] + rest <= 0.0 >= out
+            need(not surely, "R exceeds its bound.")
+            if is_positive(a, rest, pull, bends, out):
+                continue
+            if not left:
+                blame = blame_of(a, rest, rates[k].coefficients)
+            left.append((k, sign))
+        return left, blame
+
+    def _parts(self, k, rate, values, sizes):
+        """Returns R, what it may be off, and its bound, in units of beta."""
+        width, cubes = len(sizes), monomials().cubes
+        unit, found, rest = self.units[k], [], MARGIN + rate.rest * self.units[k]
+        for p in (2 * k, 2 * k + 1):
+            own = values[p * width : (p + 1) * width]
+            own = [float(v) * x for v, x in zip(own, sizes, strict=True)]
+            found.append([*own, self.squares[p]])
+            rest += self.lost[p]
+            for i, size in zip(cubes, self.late[p], strict=True):
+                rest += size * sizes[i] * SCALE
+        known, limit = found
+        rates = rate.coefficients
+        return [f * unit - d for f, d in zip(rates, known, strict=True)], rest, limit
 
 
-def _is_positive(a, rest, pull, squares, out):
+SCALE = 2.0 ** (BITS + 3 * GRID)
+
+
+def cubic_monomials(center):
+    """Returns monomials of integers of GRID places, as integers of 3 GRID places."""
+    found = [1 << 3 * GRID]
+    for axes in monomials().axes[1 : monomials().low]:
+        value = 1 << GRID * (3 - len(axes))
+        for axis in axes:
+            value *= center[axis]
+        found.append(value)
+    return found
+
+
+@functools.lru_cache(maxsize=4096)
+def step_sizes(h):
+    """Returns the sizes of monomials of half-widths, in units of the table's."""
+    exponents, low = monomials().exponents, monomials().low
+    return [
+        math.prod((v / (1 << GRID)) ** p for v, p in zip(h, e, strict=False)) / SCALE
+        for e in (*exponents[:low], *exponents[low:-1])
+    ]
+
+
+def blame_of(a, rest, rate):
+    """Returns how much axes and time are to blame that a bound is not seen to hold.
+
+    What is beyond the degree varies as the highest degree does.
+    """
+    axes, squares, low = monomials().axes, monomials().squares, monomials().low
+    blame = [0.4 * abs(a[1 + i]) + 0.6 * abs(a[squares[i]]) for i in range(M)]
+    for i in monomials().mixed:
+        for axis in axes[i]:
+            blame[axis] += abs(a[i])
+    blame.append(sum(map(abs, a[low:])))
+    highest = [1e-300] * M
+    for i in monomials().cubes:
+        for axis in axes[i]:
+            highest[axis] += abs(rate[i])
+    highest.append(sum(map(abs, rate[low + 1 + M :])))
+    share = 3.0 * rest / sum(highest)
+    return [own + share * high for own, high in zip(blame, highest, strict=True)]
+
+
+def is_positive(a, rest, pull, squares, out):
     """Determines whether a polynomial is positive where a box meets the ball."""
-    base = a[0] - sum(abs(a[i]) for i in shifts().mixed) - rest
+    low = monomials().low
+    base = a[0] - rest - sum(map(abs, a[low:]))
+    mixed = sum([abs(a[i]) for i in monomials().mixed])
     linear = a[1 : 1 + M]
-    square = [a[i] for i in shifts().squares]
+    square = [a[i] for i in monomials().squares]
 
     def apart(factor):
-        value = base + factor * out
+        value = base - mixed + factor * out
         for first, p, second, q in zip(linear, pull, square, squares, strict=True):
             slope, bend = abs(first + factor * p), second + factor * q
             value += (
@@ -952,25 +984,28 @@ def _is_positive(a, rest, pull, squares, out):
             )
         return value
 
-    low, high = 0.0, 4.0
     if apart(0.0) > 0.0:
         return True
+    first, last = 0.0, 4.0
     for _ in range(7):  # It is concave.
-        x, y = low + 0.38 * (high - low), low + 0.62 * (high - low)
+        x, y = first + 0.38 * (last - first), first + 0.62 * (last - first)
         at_x, at_y = apart(x), apart(y)
         if max(at_x, at_y) > 0.0:
             return True
-        low, high = (low, y) if at_x > at_y else (x, high)
-    base = a[0] - sum(abs(a[i]) for i in shifts().cubes) - rest
+        first, last = (first, y) if at_x > at_y else (x, last)
+    cubic = sum([abs(a[i]) for i in monomials().cubes])
+    if max(at_x, at_y) + mixed <= cubic:
+        return False  # Hopeless, though all that is mixed and square were nothing.
+    base -= cubic
     A = [[0.0] * M for _ in range(M)]
-    for i in shifts().mixed:
-        if shifts().degrees[i] == 2:
-            j, k = shifts().axes[i]
+    for i in monomials().mixed:
+        if len(monomials().axes[i]) == 2:
+            j, k = monomials().axes[i]
             A[j][k] = A[k][j] = 0.5 * a[i]
-    for factor in (low, 1.2 * low, low + 0.3, low + 0.8):
+    for factor in (first, first + 0.3):
         for i in range(M):
             A[i][i] = square[i] + factor * squares[i]
-        g = [first + factor * p for first, p in zip(linear, pull, strict=True)]
+        g = [slope + factor * p for slope, p in zip(linear, pull, strict=True)]
         if base + factor * out + convex_bound(A, g) > 0.0:
             return True
     return False
@@ -1013,58 +1048,20 @@ def convex_bound(A, g):
     return value
 
 
-def claim(bound, remainder, sign, scale):
-    """Returns integer polynomials at both ends of the time, positive if R is bounded.
-
-    Between the ends a polynomial differs from the straight line by its parts of s^2 and
-    higher at most. The smallest terms are bounded by their sizes.
-    """
-    jet = (bound - remainder * arb(sign)) * (1 / scale)
-    place, later = shifts().place, Jet(jet.ball, [None] * len(jet.coefficients))
-    ends, lost = [[0] * len(place), [0] * len(place)], jet.rest
-    for i, (c, e) in enumerate(
-        zip(jet.coefficients, whole_ball().space.exponents, strict=True)
-    ):
-        if c is None:
-            continue
-        if e[M] > 1:
-            later.coefficients[i] = c
-        whole = int((c.mid() * 2**BITS).floor().unique_fmpz())
-        lost += c.rad() + arb(2) ** -BITS
-        for end, s in zip(ends, (-1, 1), strict=True):
-            end[place[e[:M]]] += whole * s ** e[M]
-    lost = (lost + later.size()) * 2**BITS
-    lost = int(lost.upper().ceil().unique_fmpz())
-    sizes = [max(map(abs, pair)) for pair in zip(*ends, strict=True)]
-    left = int(SMALL * 2**BITS)
-    for i in sorted(range(len(sizes)), key=sizes.__getitem__):
-        left -= sizes[i]
-        if left < 0:
-            break
-        lost += sizes[i]
-        for end in ends:
-            end[i] = 0
-    for end in ends:
-        end[0] -= lost
-    return ends
-
-
-def bound_remainder(interval, glider, span, basis):
+def bound_remainder(interval, glider, span, basis, boxes=None, halvings=HALVINGS):
     """Returns the number of boxes on which R was bounded; Fault where it was not."""
+    if boxes is None:
+        claims = list(itertools.product(range(3), (1.0, -1.0)))
+        boxes = [((0,) * M, (1 << GRID,) * M, claims)]
+    remainder = Remainder(interval, glider, span, basis)
+    late, count = remainder.cover(boxes), remainder.boxes
+    if late and not halvings:
+        raise OpenFault("R was not bounded on a short interval.")
     middle = (span[0] + span[1]) / 2
-    scales = [arb(beta(middle)) for beta in interval.beta[4:]]
-    need(all(scale > 0 for scale in scales), "a bound of R is zero.")
-    pairs = remainders(interval, glider, span, basis)
-    for (r, _), scale in zip(pairs, scales, strict=True):
-        if not r.rest <= LARGEST_REST * scale:
-            raise OpenFault(
-                "the sets are too wide for an expansion about their center."
-            )
-    return sum(
-        Positive(claim(bound, r, sign, scale)).count_boxes()
-        for (r, bound), scale in zip(pairs, scales, strict=True)
-        for sign in (1, -1)
-    )
+    for half in (span[0], middle), (middle, span[1]):
+        if late:
+            count += bound_remainder(interval, glider, half, basis, late, halvings - 1)
+    return count
 
 
 def main():
@@ -1153,19 +1150,18 @@ def check_ends(header, knots):
     launch, goal = (array(header.get(name), (N,)) for name in ("launch", "goal"))
     wire, reach = array(header.get("wire"), (2,)), rational(header.get("reach"))
     first, last = knots["states"][0], knots["states"][-1]
-    rounding, relative = to_fmpq(ROUNDING), to_fmpq(GOAL_ROUNDING)
-    starts = all(abs(a - b) <= rounding for a, b in zip(first, launch, strict=True))
+    starts = all(abs(a - b) <= ROUNDING for a, b in zip(first, launch, strict=True))
     need(starts, "the flight does not start at the launch.")
     need(all(axis > 0 for axis in goal), "an axis of the goal is not positive.")
     left = [
         [
-            entry - (1 - relative) / goal[i] ** 2 * (i == j)
+            entry - (1 - GOAL_ROUNDING) / goal[i] ** 2 * (i == j)
             for j, entry in enumerate(row)
         ]
         for i, row in enumerate(knots["S"][-1])
     ]
     need(is_definite(left), "the last set is not within the goal.")
-    room = reach + rounding - max(goal[:2])
+    room = reach + ROUNDING - max(goal[:2])
     away = sum((a - b) ** 2 for a, b in zip(last[:2], wire, strict=True))
     near = room > 0 and away <= room**2
     need(near, "the goal is not within the hook's reach of the wire.")

@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from glider.__main__ import main
@@ -15,6 +16,7 @@ from glider.errors import InputError
 from glider.paths import PACKAGE, models_path
 from glider.physics.effects import KINDS, Effect
 from glider.planning.problem import PerchingProblem
+from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.funnel.funnel import save_funnel
 from glider.verification.proof import check, exact_check, written
 
@@ -30,20 +32,17 @@ def verifier():
     return module
 
 
-@pytest.fixture(scope="module")
-def piece(proven):
-    """A funnel of one interval."""
-    piece = proven.between(75, 76)
+def alone(funnel, k):
+    """Returns a funnel of one interval."""
+    piece = funnel.between(k, k + 1)
     times = piece.nominal.times - piece.nominal.times[0]
     return dataclasses.replace(
         piece, nominal=dataclasses.replace(piece.nominal, times=times)
     )
 
 
-@pytest.fixture(scope="module")
-def lines(piece, tmp_path_factory):
-    """A proof of one interval, from where it begins to where it ends."""
-    path = tmp_path_factory.mktemp("proof") / "proof.json.gz"
+def proof_of(piece, path):
+    """Returns the lines of a proof, from where its flight begins to where it ends."""
     written.write_proof(path, piece, PerchingProblem())
     text = gzip.decompress(path.read_bytes()).decode()
     found = [json.loads(line) for line in text.splitlines()]
@@ -51,6 +50,23 @@ def lines(piece, tmp_path_factory):
     found[0] |= {"launch": first.tolist(), "goal": [9.0] * 7, "reach": 10.0}
     found[0]["wire"] = last[:2].tolist()
     return found
+
+
+@pytest.fixture(scope="module")
+def piece(proven):
+    return alone(proven, 75)
+
+
+@pytest.fixture(scope="module")
+def lines(piece, tmp_path_factory):
+    return proof_of(piece, tmp_path_factory.mktemp("proof") / "proof.json.gz")
+
+
+@pytest.fixture(scope="module")
+def late(proven, tmp_path_factory):
+    """Where the sets contain states in which the tail is nearly at rest in the air."""
+    path = tmp_path_factory.mktemp("late") / "proof.json.gz"
+    return proof_of(alone(proven, 150), path)
 
 
 def save(path, lines):
@@ -82,6 +98,110 @@ def test_a_proven_interval_is_verified(run, lines):
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Proven: every flight that starts in the inlet stays" in done.stdout
     assert "mass 0.08" in done.stdout
+
+
+def test_a_late_interval_is_verified(run, late):
+    done = run(late)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_bounds_that_r_exceeds_are_refused(run, proven, tmp_path):
+    """The largest |R| found there is 0.93 of the bound; Gram matrices are for 0.7."""
+    piece = alone(proven, 150)
+    forged = dataclasses.replace(piece, beta=0.7 * piece.beta)
+    done = run(proof_of(forged, tmp_path / "proof.json.gz"))
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "R exceeds its bound" in done.stdout
+
+
+def remainder(verifier, lines):
+    """Returns the last ball of a proof of one interval, and its bound of R."""
+    header, knots, given = lines
+    glider = verifier.Glider(header)
+    knots = {
+        name: verifier.array(knots[name], (2, *shape))
+        for name, shape in verifier.KNOTS.items()
+    }
+    ends = zip(knots["states"], knots["inputs"], strict=True)
+    P = [verifier.taylor_of(glider, *end) for end in ends]
+    span, ball = list(verifier.tile(given["balls"], "balls"))[-1]
+    basis = verifier.array(ball["basis"], (6, 6))
+    return verifier.Remainder(verifier.Interval(knots, 0, P), glider, span, basis)
+
+
+@pytest.mark.parametrize("half", [0.5, 0.125, 0.03125])
+def test_boxes_enclose_the_physics_of_the_package(verifier, late, proven, half):
+    """In the middle of the time, in boxes on all sides, near rest too."""
+    bound, model = remainder(verifier, late), proven.nominal.model
+    rng = np.random.default_rng(0)
+    exponents = np.array(verifier.monomials().exponents)
+    nearest = []
+    for center in rng.uniform(-0.6, 0.6, size=(60, 6)):
+        found = bound._rates(list(center), [half] * 6)
+        for v in rng.choice([-1.0, -0.3, 0.7, 1.0], size=(20, 6)):
+            s = rng.choice([-1.0, 0.0, 1.0])
+            y = np.array(bound.path) @ s ** np.arange(4)
+            y += np.array(bound.basis) @ (center + half * v)
+            rates = open_loop_rates(model, [0.0, 0.0, *y[:-1]], y[-1])
+            values = np.prod(np.append(v, s) ** exponents, axis=1)
+            for true, jet in zip(rates[4:], found, strict=True):
+                off = abs(values @ jet.coefficients - true)
+                assert off <= jet.rest + 1e-9
+                nearest.append(off / jet.rest)
+    assert max(nearest) > 0.05, "the bounds are not tight enough to be tested"
+
+
+def test_boxes_that_are_left_are_bounded_in_both_halves_of_the_time(
+    verifier, monkeypatch
+):
+    seen = []
+
+    class Remainder:
+        boxes = 1
+
+        def __init__(self, interval, glider, span, basis):
+            self.span = span
+
+        def cover(self, boxes):
+            seen.append((self.span, boxes))
+            return ["late"] if self.span[1] - self.span[0] > 0.25 else []
+
+    monkeypatch.setattr(verifier, "Remainder", Remainder)
+    assert verifier.bound_remainder(None, None, (0.0, 1.0), None, ["all"]) == 7
+    ends = [span for span, boxes in seen if span[1] - span[0] == 0.25]
+    assert ends == [(0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.0)]
+    assert [boxes for _, boxes in seen] == [["all"]] + 6 * [["late"]]
+    with pytest.raises(verifier.OpenFault):
+        verifier.bound_remainder(None, None, (0.0, 1.0), None, ["all"], 1)
+
+
+@pytest.mark.parametrize("name", ["length", "near rest", "sine", "cosine", "product"])
+def test_functions_of_polynomials_are_enclosed(verifier, name):
+    rng, shares = np.random.default_rng(1), []
+    exponents = np.array(verifier.monomials().exponents)
+    size = {"length": 0.3, "near rest": 3.0}.get(name, 0.7)
+    for _ in range(40):
+        a, b = rng.normal(size=(2, len(exponents)))
+        # Few terms, which are largest together; in half of the cases linear.
+        few = rng.integers(1, rng.choice([7, len(exponents)]), size=3)
+        for c in (a, b):
+            c[np.setdiff1d(np.arange(1, len(c)), few)] = 0.0
+            c[1:] *= rng.uniform(0.1, 1.0) * size / np.abs(c[1:]).sum()
+            c[0] = 1.0 if name == "length" else c[0]
+        jets = [verifier.Jet(list(c), 0.0, 10.0) for c in (a, b)]
+        v = rng.choice([-1.0, 1.0], size=(200, 7))
+        x, y = np.array([a, b]) @ np.prod(v[:, None] ** exponents, axis=2).T
+        if name == "product":
+            found, true = jets[0] * jets[1], x * y
+        elif name in ("sine", "cosine"):
+            found = verifier.sine_and_cosine(jets[0])[name == "cosine"]
+            true = np.cos(x) if name == "cosine" else np.sin(x)
+        else:
+            found, true = verifier.length(*jets, 1e-8), np.sqrt(x * x + y * y + 1e-8)
+        value = np.prod(v[:, None] ** exponents, axis=2) @ found.coefficients
+        shares.append(np.abs(value - true).max() / found.rest)
+    assert max(shares) <= 1.0
+    assert max(shares) > 0.3, "the bound is too wide for a test"
 
 
 def test_it_is_independent_of_the_package():
