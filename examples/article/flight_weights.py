@@ -11,8 +11,13 @@ import numpy as np
 from coefficients import RIDGE, basis_values
 from glider.errors import InputError
 from glider.physics.compose import compose
-from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, NO_FIELD, Field
-from glider.physics.effects.field import COEFFICIENTS, FieldData, field_variables
+from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
+from glider.physics.effects.field import (
+    COEFFICIENTS,
+    FieldData,
+    field_variables,
+    make_field,
+)
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 
@@ -95,10 +100,7 @@ def weight_equations(
 
 def _constant(coefficient: str) -> Field:
     """Returns a field that adds one to a coefficient everywhere."""
-    weights = np.zeros((1, len(FIELD_TERMS)))
-    weights[0, FIELD_TERMS.index(coefficient)] = 1.0
-    blank = np.zeros((1, len(FIELD_VARIABLES)))
-    return Field(blank, blank, weights)
+    return make_field(FieldData(constant=True, weights={coefficient: [1.0]}))
 
 
 def solve_weights(equations: WeightEquations, ridge: float = RIDGE) -> np.ndarray:
