@@ -55,8 +55,9 @@ WIDER = 1.0 + 1e-12  # Covers the rounding of bounds, sums of what is not negati
 CLOSEST = 0.85  # Share of a speed that it may vary by for a power series.
 MOST_BOXES = 200_000  # For one ball.
 BITS, GRID = 40, 10  # Binary places of coefficients and of boxes.
-LARGEST = 10**6  # Of what is subtracted from f, in units of beta: for the next number,
+LARGEST = 10**5  # Of what is subtracted from f, in units of beta: for the next number,
 MARGIN = 1e-6  # the share of beta left for doubles in the lower bounds.
+LEAST = fmpq(1, 10**12)  # Of numbers that are not zero, and of beta: none underflows.
 N, M = 7, 6  # States; variables of f: pitch, elevator, their rates, speeds.
 STATES = ("x", "z", "pitch", "elevator", "xdot", "zdot", "pitchdot")
 NUMBERS = (
@@ -188,6 +189,9 @@ class Glider:
             "wind_x": to_float(self.wind[0]),
             "wind_z": to_float(self.wind[1]),
         }
+        numbers = [getattr(self, name) for name in NUMBERS]
+        good = all(not v or LEAST < abs(v) < 1 / LEAST for v in numbers)
+        need(good, "a parameter is too small or too large for doubles.")
         good = self.mass > 0 and self.pitch_inertia > 0
         need(good, "mass and inertia must be positive.")
 
@@ -782,13 +786,13 @@ class Remainder:
         self.glider, self.boxes = glider, 0
         self.basis = each(to_float, basis)
         self.path = [
-            [*map(to_float, timed(p).coeffs()), 0.0, 0.0, 0.0][:4]
+            [*map(to_float, timed(p).coeffs()), 0.0, 0.0, 0.0, 0.0][:4]
             for p in (*interval.x0[2:], interval.u0)
         ]
         self.units, polynomials = [], []
         for k, P in enumerate(interval.P, 4):
             unit = interval.beta[k](middle)
-            need(unit > 0, "a bound of R is zero.")
+            need(unit > LEAST, "a bound of R is zero, or nearly.")
             known = ring(interval.x0[k].derivative() / interval.h)
             for (_, value), line_ in zip(powers, P, strict=True):
                 known += ring(line_) * value
@@ -898,6 +902,8 @@ class Remainder:
                 known[k] = self._parts(k, rates[k], values, sizes)
             difference, rest, limit = known[k]
             a = [b - sign * d for b, d in zip(limit, difference, strict=True)]
+            good = math.isfinite(rest) and all(map(math.isfinite, a))
+            need(good, "a number is too large for doubles.")
             surely = a[0] + rest <= 0.0 >= out
             need(not surely, "R exceeds its bound.")
             if is_positive(a, rest, pull, bends, out):
@@ -1065,12 +1071,14 @@ def bound_remainder(interval, glider, span, basis, boxes=None, halvings=HALVINGS
 
 
 def main():
-    """Verifies a file; returns the exit code."""
+    """Verifies a file; returns the exit code, 0 only if all of it is verified."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("proof", help="file that --write-proof wrote")
-    words = "verify only so many intervals, chosen at random (default: all)"
+    words = (
+        "verify only so many intervals, chosen at random; exit code 2 (default: all)"
+    )
     parser.add_argument("--intervals", type=int, metavar="N", help=words)
     words = "of this choice (default: a new one, which is reported)"
     parser.add_argument("--seed", type=int, help=words)
@@ -1078,7 +1086,8 @@ def main():
     parser.add_argument("--before", type=int, metavar="N", help=words)
     args = parser.parse_args()
     try:
-        print(verify(args.proof, args.intervals, args.seed, args.before))
+        said, is_whole = verify(args.proof, args.intervals, args.seed, args.before)
+        print(said)
     except Fault as fault:
         print(f"Not proven: {fault}")
         return 1
@@ -1091,18 +1100,22 @@ def main():
     ) as error:
         print(f"Not proven: the file is malformed: {error!s:.80}.")
         return 1
-    return 0
+    return 0 if is_whole else 2
 
 
 def verify(path, count=None, seed=None, before=None):
-    """Returns what is proven by a file, in sentences; Fault where nothing is."""
+    """Returns what is verified of a file, in sentences, and whether all of it is.
+
+    Raises Fault where anything is not.
+    """
     header, knots, intervals = read_proof(path)
     glider, said = Glider(header), check_ends(header, knots)
     chosen = range(len(intervals) if before is None else min(before, len(intervals)))
-    need(len(chosen) > 0, "there is no such interval.")
+    good = len(chosen) > 0 and (count is None or count > 0)
+    need(good, "there is no such interval.")
     if count is not None and count < len(chosen):
-        seed = random.SystemRandom().randrange(10**6) if seed is None else seed
-        chosen = sorted(random.Random(seed).sample(chosen, max(count, 1)))
+        seed = random.SystemRandom().randrange(2**32) if seed is None else seed
+        chosen = sorted(random.Random(seed).sample(chosen, count))
         print(f"seed {seed}: intervals {chosen}", file=sys.stderr)
     start = time.process_time()
     boxes, left = 0, []
@@ -1118,11 +1131,14 @@ def verify(path, count=None, seed=None, before=None):
         print(f"interval {k}: {boxes:,} boxes, {spent:.0f} s in all", file=sys.stderr)
     need(
         not left,
-        f"|R| <= beta is open on {len(left)} intervals, {left}; all else holds.",
+        f"|R| <= beta is open on {len(left)} of {len(chosen)} intervals, {left}; "
+        "all else holds on these.",
     )
     if len(chosen) < len(intervals):
-        return f"{said}\nVerified on {len(chosen)} intervals; the rest is not proven."
-    return f"{said}\nProven: every flight that starts in the inlet stays in the funnel."
+        words = f"Verified on {len(chosen)} intervals; the rest is not proven."
+    else:
+        words = "Proven: every flight that starts in the inlet stays in the funnel."
+    return f"{said}\n{words}", len(chosen) == len(intervals)
 
 
 def verify_interval(knots, k, glider, given):
@@ -1168,18 +1184,26 @@ def check_ends(header, knots):
 
     def show(names, values):
         pairs = zip(names, values, strict=True)
-        return ", ".join(f"{name} {int(v.p) / int(v.q):.4g}" for name, v in pairs)
+        return ", ".join(f"{name} {int(v.p) / int(v.q)!r}" for name, v in pairs)
 
     inlet = [1 / knots["S"][0][i][i] for i in range(N)]
     widths = (fmpq(round(math.sqrt(int(v.p) / int(v.q)) * 1e6), 10**6) for v in inlet)
     given = header["parameters"]
+    servo = (
+        *array(given["elevator_limits"], (2,)),
+        rational(given["elevator_rate_limit"]),
+    )
     return "\n".join(
         [
             f"Glider: {show(NUMBERS, [rational(given[name]) for name in NUMBERS])};",
+            f"  elevator {show(('from', 'to', 'rate'), servo)};",
             f"  wind {show('xz', array(header['wind'], (2,)))}.",
             f"Launch: {show(STATES, launch)}.",
             f"Inlet, half-widths of states alone: {show(STATES, widths)}.",
             f"Goal, half-axes: {show(STATES, goal)}; about {show(STATES, last)}.",
+            f"Wire: {show('xz', wire)}; reach {show([''], [reach]).strip()}.",
+            f"Time: {show([''], [knots['times'][-1]]).strip()} s.",
+            f"Funnel: {header.get('funnel')!a:.66}",
         ]
     )
 

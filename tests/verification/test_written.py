@@ -100,6 +100,41 @@ def test_a_proven_interval_is_verified(run, lines):
     assert "mass 0.08" in done.stdout
 
 
+def test_what_the_theorem_depends_on_is_printed(run, lines):
+    """A wire elsewhere, or a servo without limits, does not look like the real one."""
+    printed = run(lines).stdout
+    header, *rest = lines
+    for key, value in (("wire", [0.01, 0.0]), ("reach", 0.3), ("funnel", "\x1b[2J")):
+        other = run([header | {key: value}, *rest]).stdout
+        assert other.isprintable() or "\x1b" not in other
+        assert other != printed, key
+    parameters = header["parameters"] | {"elevator_rate_limit": 14.0}
+    assert run([header | {"parameters": parameters}, *rest]).stdout != printed
+
+
+@pytest.mark.parametrize(("count", "code"), [("2", 0), ("1", 2), ("0", 1), ("-5", 1)])
+def test_a_sample_of_the_intervals_is_no_proof(
+    verifier, lines, tmp_path, monkeypatch, count, code
+):
+    path = tmp_path / "proof.json.gz"
+    save(path, lines)
+    header, knots, intervals = verifier.read_proof(path)
+    found = header, knots, [*intervals, *intervals]
+    monkeypatch.setattr(verifier, "read_proof", lambda path: found)
+    monkeypatch.setattr(verifier, "verify_interval", lambda *given: 1)
+    monkeypatch.setattr(sys, "argv", [PROGRAM, str(path), "--intervals", count])
+    assert verifier.main() == code
+
+
+@pytest.mark.parametrize("name", ["air_density", "wing_area"])
+def test_numbers_that_doubles_may_lose_are_refused(run, lines, name):
+    header, *rest = lines
+    parameters = header["parameters"] | {name: 1e-165}
+    done = run([header | {"parameters": parameters}, *rest])
+    assert done.returncode == 1
+    assert "too small" in done.stdout
+
+
 def test_a_late_interval_is_verified(run, late):
     done = run(late)
     assert done.returncode == 0, done.stdout + done.stderr
