@@ -121,15 +121,6 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
-def find_acting(rows, acting):
-    """Writes which rows of an array are not zero."""
-    for i in range(rows.shape[0]):
-        acting[i] = False
-        for m in range(rows.shape[1]):
-            if rows[i, m] != 0.0:
-                acting[i] = True
-
-
 def add_linear(field, at, acting, first, end, basis, tangent):
     """Adds some terms of a field, linear about variables at which they may be others.
 
@@ -243,6 +234,7 @@ def log_slopes(
     moved,
     sizes,
     field,
+    acting,
     linear,
     terms,
     ends,
@@ -263,6 +255,7 @@ def log_slopes(
         moved: (m, len(numbers)) the same, moved along each of m directions.
         sizes: (m,) how far they are moved.
         field: the residual Field; about each interval's flight it counts as linear.
+        acting: which terms and which variables its functions have, (17,) and (v,).
         linear: a Field of a tangent alone, written.
         terms: (T,) indices of FIELD_TERMS.
         ends: (K, n), written: the state that each interval ends in.
@@ -281,11 +274,7 @@ def log_slopes(
     carried, rates = np.empty((width, width)), np.empty((width, width))
     is_turned = path.pitch.shape[1] > 0
     about = linear if field.weights.shape[1] > 0 else field
-    is_term = np.empty(field.weights.shape[0], np.bool_)
-    is_variable = np.empty(field.centers.shape[0], np.bool_)
-    find_acting(field.weights, is_term)
-    find_acting(field.inverse_widths, is_variable)
-    acting, basis = (is_term, is_variable), np.empty(field.weights.shape[1])
+    basis = np.empty(field.weights.shape[1])
     for k in range(path.rate.shape[0]):
         own = banked(theta, path.bank[k])
         put(nodes[k], x)
@@ -380,7 +369,7 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
 
 LOOPS = Family(
     (
-        *(banked, find_acting, add_linear, set_tangent, carry, log_step),
+        *(banked, add_linear, set_tangent, carry, log_step),
         *(log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
     ),
     (log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
@@ -508,6 +497,8 @@ def slopes_along(
     index = np.array(terms, dtype=np.int64)
     shape = 1 + len(FIELD_VARIABLES), 1 + len(FIELD_TERMS)
     linear = NO_FIELD._replace(tangent=np.empty(shape))
+    own = of_motion(field)
+    acting = own.weights.any(axis=1), own.inverse_widths.any(axis=1)
     loop = LOOPS.over(kinds, True).log_slopes
-    loop(path, nodes, numbers, moved, sizes, of_motion(field), linear, index, *found)
+    loop(path, nodes, numbers, moved, sizes, own, acting, linear, index, *found)
     return found

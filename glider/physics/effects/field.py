@@ -271,7 +271,7 @@ def joined(parts: Iterable[Field]) -> Field:
     added = np.hstack([part.weights for part in parts])
     np.add.at(weights.T, which.ravel(), added.T)
     unique = Field(centers.take(first, 1), inverse_widths.take(first, 1), weights, 0)
-    return _of_functions(unique, np.argsort(first))  # As they were.
+    return _of_functions(unique, np.argsort(first))  # Else as they were.
 
 
 def make_field(data: FieldData) -> Field:
