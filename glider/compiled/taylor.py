@@ -16,15 +16,13 @@ WIDER = 1.0 + 1e-12
 """Factor that covers the rounding of the bounds themselves: they are sums of a
 few hundred terms that are not negative, with an error below 1e-13."""
 
+_SQRT, _SIN, _COS, _EXP, _TANH, _ARCTAN, _RECIPROCAL = range(7)
+
 FUNCTIONS: dict[np.ufunc, int] = {
-    function: code
-    for code, function in enumerate(
-        (np.sqrt, np.sin, np.cos, np.exp, np.tanh, np.arctan, np.reciprocal)
-    )
+    **{np.sqrt: _SQRT, np.sin: _SIN, np.cos: _COS, np.exp: _EXP},
+    **{np.tanh: _TANH, np.arctan: _ARCTAN, np.reciprocal: _RECIPROCAL},
 }
 """Functions that the physics may use and their codes; np.reciprocal is division."""
-
-_SQRT, _SIN, _COS, _EXP, _TANH, _ARCTAN, _RECIPROCAL = range(7)
 
 INPUT, SUM, PRODUCT, CHANGE = range(7, 11)
 """Codes of the other operations: f a + g b + h, a b, and a less its center."""
