@@ -1184,7 +1184,7 @@ def check_ends(header, knots):
 
     def show(names, values):
         pairs = zip(names, values, strict=True)
-        return ", ".join(f"{name} {int(v.p) / int(v.q)!r}" for name, v in pairs)
+        return ", ".join(f"{name} {to_float(v)}" for name, v in pairs)
 
     inlet = [1 / knots["S"][0][i][i] for i in range(N)]
     widths = (fmpq(round(math.sqrt(int(v.p) / int(v.q)) * 1e6), 10**6) for v in inlet)
@@ -1201,8 +1201,8 @@ def check_ends(header, knots):
             f"Launch: {show(STATES, launch)}.",
             f"Inlet, half-widths of states alone: {show(STATES, widths)}.",
             f"Goal, half-axes: {show(STATES, goal)}; about {show(STATES, last)}.",
-            f"Wire: {show('xz', wire)}; reach {show([''], [reach]).strip()}.",
-            f"Time: {show([''], [knots['times'][-1]]).strip()} s.",
+            f"Wire: {show('xz', wire)}; reach {to_float(reach)}.",
+            f"Time: {to_float(knots['times'][-1])} s.",
             f"Funnel: {header.get('funnel')!a:.66}",
         ]
     )
