@@ -34,6 +34,7 @@ from tests.benchmarks.bench_sensitivity import scaled
 change, campaigns, flights = json.loads(sys.argv[1])
 for name, factor in change.items():
     setattr(constants, name, scaled(getattr(constants, name), factor))
+from glider.errors import InputError
 from glider.sysid.pipeline import close_the_loop
 from tests.benchmarks.bench_forms import draw, label_of
 for seed, null in campaigns:
@@ -43,7 +44,8 @@ for seed, null in campaigns:
         result = close_the_loop(few, seed=seed)
         answer = [result.verdict, sorted(map(label_of, result.effects))]
     except Exception as error:  # One campaign's answer, not the end.
-        answer = ["refused", [type(error).__name__]]
+        verdict = "refused" if isinstance(error, InputError) else "crashed"
+        answer = [verdict, [type(error).__name__]]
     print(json.dumps([seed, null, *answer]), flush=True)
 """
 """Constants are changed before any other module has read them."""
@@ -101,6 +103,10 @@ class Runs:
                     self._kept[key] = answer
                     file.write(json.dumps([*key, answer]) + "\n")
                     file.flush()
+            if any(key not in self._kept for key in keys):
+                raise RuntimeError(
+                    f"the worker of {what} ended with {worker.returncode}"
+                )
         return [self._kept[key] for key in keys]
 
 
