@@ -78,6 +78,8 @@ proofs: setup
 		$(BIN)/glider check-funnel $$funnel --prove || exit 1; done
 	for funnel in models/funnels/*_hook.npz; do \
 		$(BIN)/glider check-funnel $$funnel --hook --prove || exit 1; done
+	$(BIN)/glider check-funnel models/funnels/any_phase/launch.npz --hook --prove \
+		--phases models/funnels/any_phase/phase_*.npz
 
 benchmark: setup
 	@for script in tests/benchmarks/bench_*.py; do \

@@ -13,8 +13,9 @@ try to leave; fly_loop, FlownLoop, FlownTrial: the same of held and late command
 wind. fly_inside: flights from inside. study_estimates, EstimatedFlights:
 flights on a filter's estimate. tube_outline, tube_radii: the positions that a funnel
 allows, to draw. FunnelMonitor: a Drake System that reports the margin of a state.
-funnel_regulator: the funnel's own feedback as a Drake System. SolverError: there is no
-funnel.
+funnel_regulator: the funnel's own feedback as a Drake System. make_phases,
+phase_faults, rest_for: funnels for any phase between launch and clock, made, checked
+and chosen in flight. SolverError: there is no funnel.
 """
 
 from glider.physics.confidence import ConfidenceSet, describe_set, make_confidence
@@ -29,12 +30,14 @@ from glider.verification.funnel.funnel import (
 )
 from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
 from glider.verification.monitor import FunnelMonitor, funnel_regulator
+from glider.verification.phases import make_phases, rest_for
 from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import (
     FlightProof,
     prove_flights,
     remainder_status,
 )
+from glider.verification.proof.phases import phase_faults
 from glider.verification.sos.programs import SolverError
 from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates

@@ -1,13 +1,23 @@
 """The command `check-funnel`: check a saved funnel, exactly and without a solver."""
 
+from __future__ import annotations
+
 import argparse
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from glider.commands.output import working
 from glider.commands.parsing import CommandParser, check_seed
 from glider.errors import InputError, expect
 from glider.progress import Step
+
+if TYPE_CHECKING:
+    from glider.physics.covariance import Covariance
+    from glider.planning.problem import PerchingProblem
+    from glider.verification.funnel.funnel import Funnel
+    from glider.verification.proof.check import Verdict
+    from glider.verification.proof.flight_proof import FlightProof
 
 LEVEL = 0.95
 """Default probability with which the true glider is among those that are flown: that of
@@ -51,6 +61,12 @@ proven: what a predictor misses of it has to be within the command error.
 computed from a state of some time ago, other command errors and wind; from the inlet's
 boundary, climbing to the worst starts, phases and winds.
 
+A funnel of held commands is for a clock that starts with the launch. --phases is for
+any clock: the funnel is then that of the launch, until the first command acts, and the
+files are those of the rest of the flight, for commands that begin to act at different
+times. What is asked for applies to each; in addition, whenever the first command acts,
+the flight must be inside one of them.
+
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
 """
@@ -70,6 +86,8 @@ def add_arguments(parser: CommandParser) -> None:
         "alone, as z=0.1,pitch=0.05 (default: any)"
     )
     parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
+    words = "funnels after a launch funnel, for any phase between launch and clock"
+    parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
@@ -118,8 +136,8 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.funnel.file import read_file
 
     level, flights = _checked_options(args)
-    least_inlet = _least_inlet(args.least_inlet)
-    file = read_file(args.funnel)
+    _least_inlet(args.least_inlet)  # Before anything takes time.
+    files = [(path, *read_file(path)) for path in (args.funnel, *(args.phases or ()))]
 
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np
@@ -127,13 +145,12 @@ def run(args: argparse.Namespace) -> int:
     from glider.physics.model import GliderModel, load_covariance
     from glider.planning.problem import PerchingProblem
     from glider.verification.funnel.funnel import funnel_of
-    from glider.verification.proof.check import check_funnel
-    from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.written import expect_writable, write_proof
     from glider.verification.trials.as_flown import check_clock, fly_loop
     from glider.verification.trials.falsify import falsify_funnel
 
-    funnel, seed = funnel_of(args.funnel, *file), args.seed or 0
+    funnel, *rests = (funnel_of(*file) for file in files)
+    seed = args.seed or 0
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None
@@ -143,9 +160,8 @@ def run(args: argparse.Namespace) -> int:
         confidence = _confidence(funnel, args.model, covariance, level, shape)
     loop = _flown_loop(args) if args.as_flown else None
     if loop:
-        check_clock(funnel, loop.hold)
-    proof = trial = flown = None
-    pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
+        check_clock(funnel, loop.hold, rests)
+    trial = flown = None
     if args.write_proof:
         expect_writable(funnel)
     with working(is_even=True) as progress:
@@ -153,38 +169,17 @@ def run(args: argparse.Namespace) -> int:
         def follow(what):
             return lambda share: progress(Step(f"checking the {what}", share))
 
-        verdict = check_funnel(
-            funnel,
-            args.every,
-            follow("certificate"),
-            problem=problem,
-            model=model,
-            covariance=covariance,
-            hook=args.hook,
-            least_inlet=least_inlet,
-            least_pushes=pushes,
-            period=args.hold if args.prove and not loop else None,
-            seed=args.seed,
-        )
-        if args.prove and verdict.holds:
-            proof = prove_flights(
-                funnel,
-                args.every,
-                resume=args.resume,
-                progress=follow("proof"),
-                is_checked=True,
-            )
-        if confidence and verdict.holds:
+        checked = _check(args, (funnel, *rests), problem, model, covariance, follow)
+        if confidence and checked.holds:
             rng, say = np.random.default_rng(seed), follow("gliders")
             trial = falsify_funnel(
                 funnel, flights, rng, confidence=confidence, progress=say
             )
-        if loop and verdict.holds:
-            rng = np.random.default_rng(seed)
-            flown = fly_loop(funnel, loop, flights, rng, follow("flights"))
-    outcomes = verdict, proof, trial, flown
-    _print_outcome(args, funnel, problem, covariance, *outcomes)
-    if args.write_proof and proof and proof.is_whole:
+        if loop and checked.holds:
+            rng, say = np.random.default_rng(seed), follow("flights")
+            flown = fly_loop(funnel, loop, flights, rng, say, rests=rests)
+    _print_outcome(args, checked, trial, flown)
+    if args.write_proof and checked.is_proven:
         with working(is_even=True) as progress:
             write_proof(
                 args.write_proof,
@@ -192,37 +187,111 @@ def run(args: argparse.Namespace) -> int:
                 problem,
                 lambda share: progress(Step("writing the proof", share)),
             )
-    return 0 if _is_good(args, *outcomes) else 1
+    left = any(t.escapes for t in (trial, flown) if t)
+    good = checked.is_proven if args.prove else checked.holds
+    return 0 if good and not left else 1
 
 
-def _is_good(args, verdict, proof, trial, flown):
-    """Whether all that was asked for holds, and with --prove is proven."""
-    good = verdict.holds and not any(t.escapes for t in (trial, flown) if t)
-    if args.prove:
-        good = good and verdict.is_whole and proof is not None and proof.is_whole
-    return good
+def _check(args, funnels, problem, model, covariance, follow):
+    """Checks all funnels, and proves them where that is asked for and they hold."""
+    from glider.verification.proof.check import check_funnel
+    from glider.verification.proof.flight_proof import prove_flights
+    from glider.verification.proof.phases import launched_at, phase_faults
+
+    (first, *rests), inlet = funnels, {"least_inlet": _least_inlet(args.least_inlet)}
+    period = args.hold if args.prove and not args.as_flown else None
+    end = {"hook": args.hook, "period": period}
+    if rests:
+        starts = [launched_at(problem, own.nominal.states[0]) for own in rests]
+        needs = [inlet, *(end | {"problem": start} for start in starts)]
+    else:
+        needs = [inlet | end | {"problem": problem}]
+    verdicts = [
+        check_funnel(
+            own,
+            args.every,
+            follow("certificate"),
+            model=model,
+            covariance=covariance,
+            least_pushes=_least_pushes(args) if args.prove else (0.0, 0.0),
+            seed=args.seed,
+            **needed,
+        )
+        for own, needed in zip(funnels, needs, strict=True)
+    ]
+    faults = phase_faults(first, rests, problem) if rests else []
+    checked = _Checked(problem, covariance, funnels, verdicts, faults, [])
+    if not (args.prove and checked.holds):
+        return checked
+    proofs = [
+        prove_flights(
+            own,
+            args.every,
+            resume=args.resume,
+            progress=follow("proof"),
+            is_checked=True,
+        )
+        for own in funnels
+    ]
+    return checked._replace(proofs=proofs)
 
 
-def _print_outcome(args, funnel, problem, covariance, verdict, proof, trial, flown):
+class _Checked(NamedTuple):
+    """What was checked and proven: of a funnel, or of one and those of its phases."""
+
+    problem: PerchingProblem
+    covariance: Covariance | None
+    funnels: tuple[Funnel, ...]
+    verdicts: list[Verdict]
+    faults: list[str]  #: Of phases.
+    proofs: list[FlightProof]  #: None of them where not asked for.
+
+    @property
+    def holds(self) -> bool:
+        """Whether all certificates hold, at any phase."""
+        return not self.faults and all(verdict.holds for verdict in self.verdicts)
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether it is proven as a whole."""
+        is_checked = self.holds and all(verdict.is_whole for verdict in self.verdicts)
+        are_whole = [proof.is_whole for proof in self.proofs]
+        return is_checked and bool(are_whole) and all(are_whole)
+
+
+def _print_outcome(args, checked, trial, flown):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
     from glider.report import check_funnel as words
 
-    seed = args.seed or 0
+    problem, covariance, funnels, verdicts, faults, proofs = checked
+    (funnel, *rests), seed = funnels, args.seed or 0
+    # The end of a launch funnel is no perch.
+    ends = [None if rests else problem] + [problem] * len(rests)
+    parts = [
+        *zip(funnels, verdicts, proofs or [None] * len(funnels), ends, strict=True)
+    ]
     if args.json:
-        report = words.check_report(funnel, verdict, proof, problem, covariance)
+        report, *others = (words.check_report(*part, covariance) for part in parts)
         report |= {
             "model_compared": args.model is not None,
             "set_compared": None not in (covariance, funnel.gliders),
         }
+        if rests:
+            report["phases"] = others
+            report["any_phase"] = words.phases_report(funnel, rests, faults)
         if trial:
             report["gliders"] = words.trial_report(funnel, trial, seed)
         if flown:
             report["as_flown"] = words.flown_report(flown, seed)
         print(json_text(report))
         return
-    said = words.describe_check(funnel, verdict, proof, problem, args.model, covariance)
-    print(said)
+    for path, part in zip((args.funnel, *(args.phases or ())), parts, strict=True):
+        if rests:
+            print(f"{path}:")
+        print(words.describe_check(*part, args.model, covariance))
+    if rests:
+        print(words.describe_phases(funnel, rests, faults, checked.is_proven))
     if trial:
         print(words.describe_trial(funnel, trial, seed))
     if flown:
@@ -237,6 +306,11 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.write_proof and not args.prove:
         words = "--write-proof has no effect without --prove; expected both."
         raise InputError(words)
+    for name in ("confidence", "resume", "write-proof") if args.phases else ():
+        if getattr(args, name.replace("-", "_")) is not None:
+            raise InputError(
+                f"--{name} is of one funnel; expected it without --phases."
+            )
     if args.prove and args.latency and not args.as_flown:
         raise InputError(
             "--prove knows no --latency: its commands are computed from the state in "

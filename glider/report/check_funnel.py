@@ -5,6 +5,7 @@ The sentences are in `templates/check_funnel.txt`.
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from glider.verification.proof.flight_proof import (
     checker_hash,
     remainder_status,
 )
+from glider.verification.proof.phases import first_commands
 from glider.verification.proof.purpose import (
     arrival,
     hook_faults,
@@ -41,19 +43,18 @@ def check_report(
     funnel: Funnel,
     verdict: Verdict,
     proof: FlightProof | None,
-    problem: PerchingProblem,
+    problem: PerchingProblem | None,
     covariance: Covariance | None = None,
 ) -> dict[str, Any]:
     """Returns the outcome of `check-funnel` as it is written to JSON.
 
-    The covariance is that of the model that the funnel was compared with.
+    The covariance is that of the model that the funnel was compared with. The problem
+    is None where the funnel's end is no perch.
     """
     report = dataclasses.asdict(verdict) | {
         "holds": verdict.holds,
         "file_sha256": funnel.sha256,
         "glider_sha256": model_hash(funnel.nominal.model),
-        "end": dataclasses.asdict(arrival(funnel, problem)),
-        "hook_takes_all": not hook_faults(funnel, problem),
         "remainder": remainder_status(funnel, proof),
         "made_for": gliders_note(funnel),
         "inlet": set_sizes(funnel, 0.0),
@@ -64,6 +65,9 @@ def check_report(
         "largest_command_error_rad_s": float(funnel.errors.max()),
         "wind_for_set_m_s": covariance and wind_for_set(funnel, covariance),
     }
+    if problem:
+        report["end"] = dataclasses.asdict(arrival(funnel, problem))
+        report["hook_takes_all"] = not hook_faults(funnel, problem)
     if proof:
         report |= {
             "every_flight": proof.is_whole,
@@ -131,14 +135,15 @@ def describe_check(
     funnel: Funnel,
     verdict: Verdict,
     proof: FlightProof | None,
-    problem: PerchingProblem,
+    problem: PerchingProblem | None,
     model: Path | None,
     covariance: Covariance | None = None,
 ) -> str:
     """Returns the outcome of `check-funnel` in sentences, one a line.
 
     A model is the file of the glider that it was compared with; it may have a
-    covariance, which the funnel's set of gliders was then compared with.
+    covariance, which the funnel's set of gliders was then compared with. The problem
+    is None where the funnel's end is no perch.
     """
     wind = covariance and wind_for_set(funnel, covariance)
     lines = [_text("certificate", funnel, verdict, model, covariance, wind)]
@@ -146,10 +151,34 @@ def describe_check(
         ends = (set_sizes(funnel, t) for t in funnel.nominal.times[[0, -1]])
         lines.append(_text("sizes", *ends))
         lines += [describe_proof(funnel, proof)] if proof else []
+    if verdict.holds and problem:
         accepted = not hook_faults(funnel, problem)
         reached = arrival(funnel, problem)
         lines.append(_text("last_set", reached, problem.hook, accepted))
     return "\n".join(lines)
+
+
+def phases_report(
+    launch: Funnel, rests: Sequence[Funnel], faults: Sequence[str]
+) -> dict[str, Any]:
+    """Returns whether funnels are one loop at any phase as it is written to JSON."""
+    return {
+        "holds": not faults,
+        "faults": list(faults),
+        "first_command_s": list(first_commands(launch, rests)),
+    }
+
+
+def describe_phases(
+    launch: Funnel, rests: Sequence[Funnel], faults: Sequence[str], is_proven: bool
+) -> str:
+    """Returns the same in sentences, and what is proven of all of them together."""
+    pushes = np.min([own.settings.pushes for own in (launch, *rests)], axis=0)
+    error, wind = pushes.tolist()
+    own = dataclasses.replace(rests[0].settings, command_error=error, wind=wind)
+    least = dataclasses.replace(rests[0], settings=own)
+    times = 1e3 * np.array(first_commands(launch, rests))
+    return _text("phases", len(rests), least, faults, times, is_proven)
 
 
 def describe_proof(funnel: Funnel, proof: FlightProof) -> str:

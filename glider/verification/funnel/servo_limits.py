@@ -106,7 +106,8 @@ def margin_to_limits(
 ) -> np.ndarray:
     """Returns the largest ρ (T,) for which {eᵀ S e <= ρ} keeps K bounds each."""
     reach = np.einsum("tki,tij,tkj->tk", directions, np.linalg.inv(S), directions)
-    return np.min(bounds**2 / reach, axis=1)
+    with np.errstate(divide="ignore"):  # Without feedback, no deviation reaches them.
+        return np.min(bounds**2 / reach, axis=1)
 
 
 SHARE = 0.97

@@ -140,7 +140,7 @@ class FunnelTask:
         acting = pushes if pushes.any() else None
         focus, floor = np.zeros_like(S), self.settings.floor
         if floor < 1.0:
-            focus = find_focus(*given, sizes, acting, floor)
+            focus = smoothed(find_focus(*given, sizes, acting, floor))
         sampled = sample_remainder(*given, focus, acting)
         beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
         weights = remainder_weights(S, beta, sizes)
@@ -151,6 +151,20 @@ class FunnelTask:
         push = push_form(S, slopes, pushes, of_pushes, bends)
         bounds = Bounds(beta, weights, focus, of_pushes, *errors)
         return bounds, push
+
+
+def smoothed(values: np.ndarray) -> np.ndarray:
+    """Returns values at times in order, averaged with their neighbors.
+
+    F is found at each time alone, and may be another one at the next: on the straight
+    line between two that differ, the proof of one funnel took 294,000 boxes instead of
+    54,000, and more than 400,000 instead of 19,000.
+    """
+    before, after = (
+        values[[0, *range(len(values) - 1)]],
+        values[[*range(1, len(values)), -1]],
+    )
+    return 0.25 * before + 0.5 * values + 0.25 * after
 
 
 SAMPLE_ROOM = 1e-9

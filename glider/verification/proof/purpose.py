@@ -169,19 +169,25 @@ def push_faults(
     ]
 
 
+def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
+    """Returns where a funnel's first set is not about a problem's launch."""
+    nominal = funnel.nominal
+    launch = nominal.model.initial_state(problem.launch)
+    return [
+        f"The flight starts with {name} = {value:.6g}; the problem's launch has "
+        f"{expected:.6g}."
+        for name, value, expected in zip(
+            nominal.state_names, nominal.states[0], launch, strict=True
+        )
+        if not abs(value - expected) <= PLACE_TOLERANCE
+    ]
+
+
 def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     """Returns why a funnel does not solve a problem, launch to wire, in sentences."""
     nominal, reached = funnel.nominal, arrival(funnel, problem)
     states, last, speed = nominal.states, nominal.states[-1], problem.final_speed_limit
-    launch = nominal.model.initial_state(problem.launch)
-    faults = [
-        f"The flight starts with {name} = {value:.6g}; the problem's launch has "
-        f"{expected:.6g}."
-        for name, value, expected in zip(
-            nominal.state_names, states[0], launch, strict=True
-        )
-        if not abs(value - expected) <= PLACE_TOLERANCE
-    ]
+    faults = launch_faults(funnel, problem)
     if not reached.miss <= problem.hook.reach + PLACE_TOLERANCE:
         faults.append(
             f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches "

@@ -9,12 +9,15 @@ steady wind and error, and half what at each moment makes V rise fastest. Nothin
 is proven; flights show what the loop does not tolerate.
 
 A funnel that was made for held commands has its own clock: its first command acts from
-the launch on. Each command has an error of its own, which stays while it is held.
+the launch on. Each command has an error of its own, which stays while it is held. A
+launch funnel with funnels of held commands (`glider.verification.proof.phases`) is for
+any phase: the flight goes on in the one in which the predicted state has the least V.
 """
 
 import dataclasses
+import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -28,6 +31,7 @@ from glider.control.predictor import (
 )
 from glider.errors import expect
 from glider.verification.funnel.funnel import Funnel, funnel_policy
+from glider.verification.proof.phases import GRID_ROOM, first_commands
 from glider.verification.sos.sphere import normalized
 from glider.verification.trials.falsify import (
     CLIMB_NARROWING,
@@ -92,15 +96,19 @@ def fly_loop(
     samples: int,
     rng: np.random.Generator,
     progress: Callable[[float], None] | None = None,
+    *,
+    rests: Sequence[Funnel] = (),
 ) -> FlownTrial:
     """Flies from random points of the inlet's boundary, then climbs from the worst.
 
     Args:
+        funnel: of the whole flight, or a launch funnel.
         samples: flights from random points; the climb adds as many and a fifth more.
         progress: called with the share that is done.
+        rests: the funnels of held commands that go on from the launch funnel.
     """
-    n = funnel.num_states
-    check_clock(funnel, loop.hold)
+    n, fly = funnel.num_states, functools.partial(_flights, funnel, loop, rests=rests)
+    check_clock(funnel, loop.hold, rests)
     # Directions of start (n) and wind (2), the phase, whether the wind is steady.
     genes = np.hstack(
         [
@@ -110,7 +118,7 @@ def fly_loop(
             np.arange(samples)[:, None] % 2,
         ]
     )
-    found = [(genes, *_flights(funnel, loop, genes))]
+    found = [(genes, *fly(genes))]
     for turn in range(CLIMB_ROUNDS):
         if progress:
             progress((turn + 1) / (CLIMB_ROUNDS + 1))
@@ -125,7 +133,7 @@ def fly_loop(
         moved[:, :n] = normalized(moved[:, :n])
         moved[:, n : n + 2] = normalized(moved[:, n : n + 2])
         moved[:, n + 2] %= 1.0
-        found.append((moved, *_flights(funnel, loop, moved)))
+        found.append((moved, *fly(moved)))
     genes, levels, later, ends = map(np.concatenate, zip(*found, strict=True))
     return FlownTrial(
         loop=loop,
@@ -134,27 +142,36 @@ def fly_loop(
         ends=ends,
         climbed=np.arange(len(levels)) >= samples,
         starts=boundary_states(funnel, 0, genes[:, :n]),
-        phases=_phases(funnel, loop.hold, genes),
+        phases=_phases(funnel, loop.hold, genes, rests),
     )
 
 
-def _phases(funnel: Funnel, hold: Hold, genes: np.ndarray) -> np.ndarray:
+def _phases(
+    funnel: Funnel, hold: Hold, genes: np.ndarray, rests: Sequence[Funnel] = ()
+) -> np.ndarray:
     """Times (B,) from the launch to the clock's first sample after it [s].
 
     Of a funnel with a clock of its own that is when its second command was computed.
     """
     if period := funnel.settings.period:
         return np.full(len(genes), period - hold.latency)
-    return genes[:, funnel.num_states + 2] * hold.period
+    first = first_commands(funnel, rests)[0] - hold.latency if rests else 0.0
+    return first + genes[:, funnel.num_states + 2] * hold.period
 
 
-def check_clock(funnel: Funnel, hold: Hold) -> None:
-    """Raises InputError where a funnel's clock is not that of the commands."""
-    if period := funnel.settings.period:
-        words = "the funnel's"
-        expect(hold.period == period, "the period of commands", hold.period, words)
-        good = hold.latency < period and (hold.predicts or hold.latency == 0.0)
-        words = "less than the period, with a predictor"
+def check_clock(funnel: Funnel, hold: Hold, rests: Sequence[Funnel] = ()) -> None:
+    """Raises InputError where funnels' clock is not that of the commands."""
+    for own in rests or (funnel,):
+        if period := own.settings.period:
+            words = "the funnel's"
+            expect(hold.period == period, "the period of commands", hold.period, words)
+            good = hold.latency < period and (hold.predicts or hold.latency == 0.0)
+            words = "less than the period, with a predictor"
+            expect(good, "the latency", hold.latency, words)
+    if rests:
+        latency = first_commands(funnel, rests)[0]
+        good = abs(hold.latency - latency) <= GRID_ROOM
+        words = f"the launch funnel's, {latency:.6g} s"
         expect(good, "the latency", hold.latency, words)
 
 
@@ -162,20 +179,49 @@ BATCH = 4000
 """Flights at once: more do not fit the cache."""
 
 
-def _flights(funnel, loop, genes):
+def _flights(funnel, loop, genes, rests=()):
     """Returns the largest V, the largest later and that at the end, (B,), of genes."""
     parts = np.array_split(genes, math.ceil(len(genes) / BATCH))
-    found = [_Flight(funnel, loop, part).levels() for part in parts]
+    if rests:
+        found = [_phase_levels(funnel, rests, loop, part) for part in parts]
+    else:
+        found = [_Flight(funnel, loop, part).levels() for part in parts]
     # What diverges has no level: it is the worst.
     columns = map(np.concatenate, zip(*found, strict=True))
     return tuple(np.where(np.isfinite(v), v, np.inf) for v in columns)
 
 
+def _phase_levels(launch, rests, loop, genes):
+    """Returns the same of flights from a launch funnel on in one of the others."""
+    first, model = _phases(launch, loop.hold, genes, rests), launch.nominal.model
+    still = np.zeros(len(genes))
+    flight = _Flight(launch, loop, genes)
+    flight.fly(still, first, begins=True)
+    predicted = advance(
+        lambda x, t: rates_of(model, x, still), flight.states, loop.hold.latency
+    )
+    flight.fly(still, loop.hold.latency)
+    chosen = np.argmin([own.level(0.0, predicted) for own in rests], axis=0)
+    levels = np.zeros((3, len(genes)))
+    for j in np.unique(chosen):
+        here = chosen == j
+        rest = _Flight(rests[j], loop, genes[here], flight.states[here])
+        levels[:, here] = rest.levels(predicted[here])
+    levels[0] = np.maximum(levels[0], flight.largest)
+    return tuple(levels)
+
+
 class _Flight:
     """Flights of a batch, each at its own time: their clocks are."""
 
-    def __init__(self, funnel: Funnel, loop: FlownLoop, genes: np.ndarray):
-        """Launches them."""
+    def __init__(
+        self,
+        funnel: Funnel,
+        loop: FlownLoop,
+        genes: np.ndarray,
+        states: np.ndarray | None = None,
+    ):
+        """Launches them, from the boundary if not from some states."""
         n = funnel.num_states
         self._funnel, self._loop = funnel, loop
         self._model = funnel.nominal.model
@@ -184,31 +230,36 @@ class _Flight:
         self._error = loop.command_error * np.sign(genes[:, n])
         self._steady = genes[:, n + 3] > 0.5
         self._first = _phases(funnel, loop.hold, genes)
-        self._states = boundary_states(funnel, 0, genes[:, :n])
+        launched = boundary_states(funnel, 0, genes[:, :n])
+        self.states = launched if states is None else states
         self._times = np.zeros(len(genes))
-        self._largest, self._later = np.zeros((2, len(genes)))
+        self.largest, self._later = np.zeros((2, len(genes)))
 
-    def levels(self):
-        """Flies to the funnel's end; returns levels, later and ends, (B,)."""
+    def levels(self, seen=None):
+        """Flies to the funnel's end; returns levels, later and ends, (B,).
+
+        The first command is computed from the states, or from those that are seen.
+        """
         hold, model, policy = self._loop.hold, self._model, self._policy
         # Until the clock's first command acts, that of the launch does.
-        before = policy_command(policy, self._times, self._states)
+        seen = self.states if seen is None else seen
+        before = policy_command(policy, self._times, seen)
         waiting = [before] * (hold.waiting + 1)
-        self._fly(before, self._first, begins=True)
+        self.fly(before, self._first, begins=True)
         with np.errstate(over="ignore", invalid="ignore"):  # A flight may diverge.
             while np.any(self._times < policy.duration):
                 new = held_command(
-                    model, policy, self._times, self._states, waiting, hold
+                    model, policy, self._times, self.states, waiting, hold
                 )
-                self._fly(waiting.pop(0), hold.rest)
+                self.fly(waiting.pop(0), hold.rest)
                 waiting.append(new)
-                self._fly(waiting[0], hold.period - hold.rest, begins=True)
-        return self._largest, self._later, self._level()
+                self.fly(waiting[0], hold.period - hold.rest, begins=True)
+        return self.largest, self._later, self._level()
 
     def _level(self):
-        return self._funnel.level(self._times, self._states)
+        return self._funnel.level(self._times, self.states)
 
-    def _fly(self, command, duration, begins=False):
+    def fly(self, command, duration, begins=False):
         """Flies under a command (B,) for some time, (B,) or one for all [s].
 
         The command begins to act, or it has acted before.
@@ -221,15 +272,15 @@ class _Flight:
             error, wind = self._pushes_now(command, chooses)
             flown = advance(
                 lambda x, t, u=command + error, w=wind: rates_of(self._model, x, u, w),
-                self._states,
+                self.states,
                 left[:, None],
             )
-            self._states = np.where(left[:, None] > 0.0, flown, self._states)
+            self.states = np.where(left[:, None] > 0.0, flown, self.states)
             self._times = self._times + np.where(left < step, left, step)
             late = left < step - 1e-15
             self._times[late] = self._policy.duration
             level, hold = self._level(), self._loop.hold
-            self._largest = np.maximum(self._largest, level)
+            self.largest = np.maximum(self.largest, level)
             acts = self._times > self._first + hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)
 
@@ -240,7 +291,7 @@ class _Flight:
         """
         if not (self._loop.wind or self._loop.command_error):
             return 0.0, None
-        error = self._states - self._funnel.center(self._times)
+        error = self.states - self._funnel.center(self._times)
         pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
         slopes = []
         for axis in np.eye(3):
@@ -258,4 +309,4 @@ class _Flight:
 
     def _rates(self, command, push):
         u = command + push[:, 0]
-        return rates_of(self._model, self._states, u, push[:, 1:])
+        return rates_of(self._model, self.states, u, push[:, 1:])

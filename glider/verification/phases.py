@@ -1,0 +1,162 @@
+"""Funnels for any phase between clock and launch, made.
+
+`glider.verification.proof.phases` has the theorem: a launch funnel until the first
+command acts, and from then on one of several of held commands.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from glider.control.tvlqr import TrackingPolicy
+from glider.errors import InputError, expect
+from glider.physics.model import GliderModel
+from glider.planning.plan import Plan
+from glider.planning.problem import PerchingProblem
+from glider.progress import Progress, silent
+from glider.verification.dynamics.nominal import make_nominal
+from glider.verification.funnel.build import make_funnel
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.proof.phases import (
+    is_inside,
+    launched_at,
+    phase_faults,
+    phase_intervals,
+)
+
+SIZES = (0.01, 0.1, 0.025, 0.05, 0.05, 0.1, 0.3)
+"""Errors when the first command acts that count equally [m, rad, m/s, rad/s]."""
+
+ROUNDS = 6
+"""Tries to make the launch funnel: one is as a rule enough."""
+
+ROOM = 0.98
+"""Size of its sets relative to what would just fit, of the shapes of the try before."""
+
+
+def make_phases(
+    model: GliderModel,
+    policy_of: Callable[[PerchingProblem], TrackingPolicy],
+    problem: PerchingProblem,
+    settings: FunnelSettings,
+    *,
+    latency: float,
+    count: int = 4,
+    sizes: tuple[float, ...] = SIZES,
+    progress: Progress | None = None,
+) -> tuple[Funnel, list[Funnel]]:
+    """Computes a launch funnel, and funnels of held commands for phases of the clock.
+
+    Args:
+        model: the glider.
+        policy_of: plans a problem and returns its feedback.
+        problem: launch, wire and hook, which is to accept every state of the last sets.
+        settings: of the funnels of held commands; `period` must not be 0.
+        latency: time from the clock's sample to its command, which is predicted [s].
+        count: number of phases that have a funnel of their own.
+        sizes: half-axes of the launch funnel's last set, which is as large as possible.
+        progress: called with the current stage.
+
+    Raises:
+        InputError: there can be no such funnels.
+        SolverError: the sets could not be certified.
+    """
+    expect(count >= 1, "the number of phases", count, "at least 1")
+    expect(settings.period > 0.0, "field 'period'", settings.period, "more than 0 s")
+    say, bin_ = progress or silent, settings.period / count
+    waiting = still_policy(model, problem, latency + settings.period)
+    path = make_nominal(model, waiting, 0.5 * bin_).path
+    rests = []
+    for k in range(count):
+        say(f"the funnel of phase {k + 1} of {count}")
+        late = launched_at(problem, path(latency + (k + 0.5) * bin_))
+        policy = policy_of(late)
+        rests.append(
+            make_funnel(model, policy, settings, hook_of=problem, progress=say)
+        )
+    own = dataclasses.replace(
+        settings,
+        period=0.0,
+        elevator_gain=0.0,
+        launch_sizes=None,
+        step=0.5 * bin_,
+        floor=1.0,
+    )
+    return launch_funnel(model, waiting, own, rests, sizes, say), rests
+
+
+def launch_funnel(
+    model: GliderModel,
+    waiting: TrackingPolicy,
+    settings: FunnelSettings,
+    rests: list[Funnel],
+    sizes: tuple[float, ...] = SIZES,
+    progress: Progress | None = None,
+) -> Funnel:
+    """Returns the largest funnel of a flight without commands that leads into others.
+
+    Raises:
+        InputError: none is found.
+    """
+    say, axes = progress or silent, np.diag(sizes)
+    widest = [np.linalg.norm(axes @ own.S[0] @ axes, 2) for own in rests]
+    scale = 1.0 / np.sqrt(min(widest))  # As if they had one center.
+    for _ in range(ROUNDS):
+        goal = tuple((scale * np.array(sizes)).tolist())
+        shaped = dataclasses.replace(settings, goal=goal, sizes=sizes)
+        found = make_funnel(model, waiting, shaped, progress=progress)
+        if not phase_faults(found, rests):
+            return found
+        say("launch funnel: its size")
+        scale *= ROOM * _largest_scale(found, rests)
+    raise InputError(
+        "No launch funnel leads into the phases' funnels; more phases may help."
+    )
+
+
+def _largest_scale(found, rests):
+    """Returns the factor by which sets fit into the others' inlets, 1 at most."""
+    low, high = 0.0, 1.0
+    for _ in range(10):
+        scale = 0.5 * (low + high)
+        level = scale**2
+        S, slopes = found.S / level, found.slopes / level
+        scaled = dataclasses.replace(found, S=S, slopes=slopes)
+        pieces = [scaled.between(k, k + 1) for k in phase_intervals(found, rests)]
+        fits = all(any(is_inside(piece, own) for own in rests) for piece in pieces)
+        low, high = (scale, high) if fits else (low, scale)
+    return low
+
+
+def still_policy(model, problem, duration):
+    """Returns a policy that never commands the elevator, from a problem's launch."""
+    start, times = model.initial_state(problem.launch), np.array([0.0, duration])
+    states, n = np.array([start, start]), len(start)
+    plan = Plan(
+        times=times,
+        states=states,
+        slopes=np.zeros_like(states),
+        inputs=np.zeros(2),
+        state_names=model.state_names,
+        cost=0.0,
+    )
+    return TrackingPolicy(
+        plan=plan,
+        times=times,
+        gains=np.zeros((2, n)),
+        corrections=np.zeros(2),
+        cost=np.zeros((2, n, n)),
+        cost_slope=np.zeros((2, n)),
+        is_linear=True,
+    )
+
+
+def rest_for(rests: list[Funnel], state: np.ndarray) -> Funnel:
+    """Returns the funnel in whose inlet a state (n,) is farthest from the boundary.
+
+    The state is the one in which the first command will begin to act, predicted where
+    there is a latency.
+    """
+    return min(rests, key=lambda own: own.level(0.0, state))

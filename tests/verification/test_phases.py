@@ -1,0 +1,200 @@
+"""A loop at any phase between launch and clock: funnels that lead into others."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from glider.__main__ import main
+from glider.control.predictor import Hold, advance, rates_of
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.planning.problem import PerchingProblem
+from glider.verification import phases
+from glider.verification.funnel.funnel import load_funnel, save_funnel
+from glider.verification.proof import check
+from glider.verification.proof.phases import (
+    first_commands,
+    is_inside,
+    launched_at,
+    phase_faults,
+    phase_intervals,
+)
+from glider.verification.sos.sphere import normalized
+from glider.verification.trials.as_flown import FlownLoop, fly_loop
+from glider.verification.trials.falsify import ESCAPE_LEVEL
+
+FOLDER = models_path("funnels", "any_phase")
+RESTS = [FOLDER / f"phase_{k}.npz" for k in range(1, 5)]
+
+
+@pytest.fixture(scope="module")
+def launch():
+    return load_funnel(FOLDER / "launch.npz")
+
+
+@pytest.fixture(scope="module")
+def rests():
+    return [load_funnel(path) for path in RESTS]
+
+
+def changed(funnel, **arrays):
+    """Returns a funnel with other arrays, of its sets or of its nominal."""
+    own = {name: arrays.pop(name) for name in ("S", "slopes") if name in arrays}
+    nominal = dataclasses.replace(funnel.nominal, **arrays)
+    return dataclasses.replace(funnel, nominal=nominal, **own)
+
+
+def scaled(funnel, factor):
+    """Returns a funnel whose sets are so many times as wide."""
+    return changed(funnel, S=funnel.S / factor**2, slopes=funnel.slopes / factor**2)
+
+
+def test_the_shipped_funnels_are_one_loop_at_any_phase(launch, rests):
+    problem = PerchingProblem.load("perching_hook")
+    assert phase_faults(launch, rests, problem) == []
+    assert first_commands(launch, rests) == pytest.approx((0.01, 0.03), abs=1e-12)
+    assert launch.half_widths()[1] > 0.1
+    assert all(own.settings.wind >= 0.02 for own in (launch, *rests))
+
+
+def test_the_launch_flies_without_commands(launch):
+    """By another integrator: the nominal is a flight with an elevator that rests."""
+    model, times = launch.nominal.model, launch.nominal.times
+    x, still = launch.nominal.states[:1], np.zeros(1)
+    for step, expected in zip(np.diff(times), launch.nominal.states[1:], strict=True):
+        x = advance(lambda y, t: rates_of(model, y, still), x, np.array([[step]]))
+        assert x[0] == pytest.approx(expected, abs=1e-7)
+
+
+def test_whatever_is_missing_is_said(launch, rests):
+    for k in range(len(rests)):
+        others = rests[:k] + rests[k + 1 :]
+        [fault] = phase_faults(launch, others)
+        assert "is not proven to be in any" in fault
+        assert f"{10 + 5 * k} to" in fault
+    wide = scaled(launch, 1.05)
+    assert "is not proven to be in any" in phase_faults(wide, rests)[0]
+    assert phase_faults(scaled(launch, 0.9), rests) == []
+    late = PerchingProblem(launch=[-3.5, 0.1, 0.0, 0.0, 7.1, 0.0, 0.0])
+    assert "starts with xdot = 7;" in phase_faults(launch, rests, late)[0]
+    inputs = launch.nominal.inputs + 0.01
+    [fault] = phase_faults(changed(launch, inputs=inputs), rests)
+    assert "commands the elevator" in fault
+    short = changed(launch, times=launch.nominal.times / 2.0)
+    assert "ends after 15 ms" in phase_faults(short, rests)[0]
+    settings = dataclasses.replace(rests[0].settings, period=0.01)
+    slower = dataclasses.replace(rests[0], settings=settings)
+    assert "held for 10, 20 ms" in phase_faults(launch, [slower, *rests[1:]])[0]
+    assert "held for 0 ms" in phase_faults(launch, [launch])[0]
+    other = load_funnel(models_path("funnels", "held_hook.npz"))
+    assert "different gliders" in phase_faults(launch, [other])[0]
+    with pytest.raises(InputError, match="at least one"):
+        phase_faults(launch, [])
+
+
+def test_numbers_that_overflow_prove_nothing(launch, rests):
+    piece = launch.between(10, 11)
+    flat = [changed(rests[3], S=rests[3].S * factor) for factor in (0.0, -1.0, 1e300)]
+    assert not any(is_inside(piece, own) for own in flat)
+    huge = changed(piece, states=piece.nominal.states * 1e200)
+    assert not is_inside(huge, rests[3])
+
+
+def test_a_set_is_inside_exactly_where_no_point_is_outside(launch, rests):
+    """By an ascent to the farthest point, which knows nothing of multipliers."""
+    rng, decided = np.random.default_rng(3), {True: 0, False: 0}
+    for _ in range(40):
+        k, own = int(rng.choice(phase_intervals(launch, rests))), rests[rng.integers(4)]
+        piece = scaled(launch.between(k, k + 1), rng.uniform(0.3, 1.3))
+        states = (
+            piece.nominal.states + 0.03 * rng.normal(size=(1, 7)) * own.half_widths()
+        )
+        piece = changed(piece, states=states)
+        worst = max(
+            farthest(piece, own, time) for time in np.linspace(*piece.nominal.times, 5)
+        )
+        if abs(worst - 1.0) > 2e-3:
+            decided[worst < 1.0] += 1
+            assert is_inside(piece, own) == (worst < 1.0)
+    assert min(decided.values()) > 5
+
+
+def farthest(piece, own, time):
+    """Returns the largest V, of another funnel's inlet, in a set at a time."""
+    spread = np.linalg.inv(np.linalg.cholesky(piece.shape(time))).T
+    R = np.linalg.cholesky(own.S[0]).T
+    M, v = R @ spread, R @ (piece.center(time) - own.nominal.states[0])
+    points = normalized(np.random.default_rng(0).normal(size=(60, 7)))
+    for _ in range(400):
+        points = normalized((points @ M.T + v) @ M)
+    return np.max(np.sum((points @ M.T + v) ** 2, axis=1))
+
+
+def test_flights_at_any_phase_stay(launch, rests):
+    hold = Hold(period=0.02, latency=0.01, predicts=True)
+    loop = FlownLoop(hold=hold, wind=0.02, command_error=0.01)
+    found = fly_loop(launch, loop, 80, np.random.default_rng(1), rests=rests)
+    assert found.escapes == found.astray == 0
+    assert found.levels.max() > 0.99 and found.later.max() < 1.0
+    assert 0.0 <= found.phases.min() < 0.002 and 0.018 < found.phases.max() < 0.02
+    windy = dataclasses.replace(loop, wind=1.0)
+    blown = fly_loop(launch, windy, 20, np.random.default_rng(1), rests=rests)
+    assert blown.escapes > 0
+    early = dataclasses.replace(loop, hold=dataclasses.replace(hold, latency=0.005))
+    with pytest.raises(InputError, match=r"the launch funnel's, 0\.01 s"):
+        fly_loop(launch, early, 10, np.random.default_rng(1), rests=rests)
+
+
+def test_flights_leave_where_a_phase_has_no_funnel(launch, rests):
+    """They start far from the inlet of the funnel that is left to them."""
+    loop = FlownLoop(hold=Hold(period=0.02, latency=0.01, predicts=True))
+    found = fly_loop(launch, loop, 100, np.random.default_rng(1), rests=rests[:1])
+    late = found.phases > 0.015
+    assert np.all(found.levels[found.phases < 0.004] <= ESCAPE_LEVEL)
+    assert np.mean(found.levels[late] > ESCAPE_LEVEL) > 0.2
+
+
+def test_the_funnel_of_the_least_level_is_chosen(launch, rests):
+    for k, own in enumerate(rests):
+        state = launch.center(0.0125 + 0.005 * k)
+        assert phases.rest_for(rests, state) is own
+
+
+def test_a_launch_funnel_is_made_as_large_as_fits(launch, rests):
+    problem, model = PerchingProblem.load("perching_hook"), launch.nominal.model
+    waiting = phases.still_policy(model, problem, 0.03)
+    found = phases.launch_funnel(model, waiting, launch.settings, rests)
+    assert phase_faults(found, rests, problem) == []
+    assert phase_faults(scaled(found, 1.06), rests)
+    assert found.half_widths() == pytest.approx(launch.half_widths(), rel=0.02)
+
+
+def test_the_command_line_checks_all_of_them(tmp_path, capsys, launch, monkeypatch):
+    monkeypatch.setattr(check, "held_faults", lambda funnel, progress: [])  # Minutes.
+    files = [str(FOLDER / "launch.npz"), "--phases", *map(str, RESTS)]
+    few = ["check-funnel", *files, "--every", "1000", "--hook"]
+    assert main(few) == 0
+    words = capsys.readouterr().out
+    assert "10 to 30 ms after the launch" in words and "one of the 4 others" in words
+    assert words.count("the hook accepts all of it") == 4
+    assert main([*few, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["any_phase"]["holds"] and len(report["phases"]) == 4
+    assert "end" not in report and "end" in report["phases"][0]
+    path = tmp_path / "wide.npz"
+    save_funnel(path, scaled(launch, 1.2))
+    few[1] = str(path)
+    assert main(few) == 1
+    words = capsys.readouterr().out
+    assert "not of one loop at any phase" in words
+    assert main([*few, "--confidence"]) == 2
+    assert "without --phases" in capsys.readouterr().err
+
+
+def test_a_phase_is_a_problem_from_where_its_funnel_starts(rests):
+    problem = PerchingProblem.load("perching_hook")
+    own = launched_at(problem, rests[2].nominal.states[0])
+    assert own.launch == rests[2].nominal.states[0].tolist()
+    assert own.hook == problem.hook and own.wire == problem.wire
