@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from glider.paths import models_path
+from glider.verification.funnel import shape_flow
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
@@ -86,3 +87,20 @@ def test_climbing_goes_on_from_what_its_neighbors_in_time_found():
     alone = np.concatenate([found(0, at[[k]]) for k in range(len(at))])
     assert np.min(alone / truth) < 0.85
     assert np.min(found(0, at) / truth) > 0.9
+
+
+def test_a_focus_found_alone_is_smoothed_in_time(monkeypatch):
+    """A spike at one time is shared with its neighbors, a straight line stays."""
+    held = load_funnel(models_path("funnels", "held_head_wind_hook.npz"))
+    part, at = held.between(40, 44), np.arange(5)
+    spike = 1.0 + np.eye(5)[:, 2]
+    monkeypatch.setattr(
+        shape_flow, "find_focus", lambda *given: spike[:, None, None] * np.eye(7)
+    )
+    points = sphere_points(40, 10)
+    task = shape_flow.FunnelTask(part.nominal, part.settings, points)
+    bounds, _ = task.bound(part.S, at)
+    wanted = [1.0, 1.25, 1.5, 1.25, 1.0]
+    assert bounds.focus == pytest.approx(np.multiply.outer(wanted, np.eye(7)))
+    line = np.linspace(0.0, 1.0, 5)
+    assert shape_flow.smoothed(line)[1:-1] == pytest.approx(line[1:-1])
