@@ -14,6 +14,7 @@ from glider.planning.problem import PerchingProblem
 from glider.verification import phases
 from glider.verification.funnel.funnel import load_funnel, save_funnel
 from glider.verification.proof import check
+from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.proof.phases import (
     first_commands,
     is_inside,
@@ -66,6 +67,13 @@ def test_the_launch_flies_without_commands(launch):
     for step, expected in zip(np.diff(times), launch.nominal.states[1:], strict=True):
         x = advance(lambda y, t: rates_of(model, y, still), x, np.array([[step]]))
         assert x[0] == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize("k", [0, 11])
+def test_a_flight_without_commands_is_proven(launch, k):
+    """Nothing that is fed back moves the elevator: its command has no spread."""
+    found = prove_interval(launch.between(k, k + 1))
+    assert found.proven and found.boxes < 1000
 
 
 def test_whatever_is_missing_is_said(launch, rests):

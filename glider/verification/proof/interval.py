@@ -200,6 +200,9 @@ FLOOR = 0.05
 """Share of each variable's spread that is added to the sets before they are covered:
 where they are flatter they may be covered loosely, but that must not tilt the ball."""
 
+LEAST_SPREAD = 1e-4
+"""Spread that each variable has at least: without feedback, the command has none."""
+
 COVER_SAMPLES = 9
 """Times of an interval that the ball is made for."""
 
@@ -250,7 +253,7 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
         S = interval.S.at(share).to_float()
         C = interval.outputs.at(share).to_float()[interval.which]
         shadows.append(C @ np.linalg.solve(S, C.T))
-    middle = np.diagonal(shadows[COVER_SAMPLES // 2])
+    middle = np.maximum(np.diagonal(shadows[COVER_SAMPLES // 2]), LEAST_SPREAD**2)
     turned = np.array(shadows) + FLOOR**2 * np.diag(middle)
     # The least that holds two ellipsoids, nearly: their mean and half their difference.
     L = np.linalg.cholesky(0.5 * (turned[0] + turned[-1]))
