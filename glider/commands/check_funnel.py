@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -64,8 +65,9 @@ boundary, climbing to the worst starts, phases and winds.
 A funnel of held commands is for a clock that starts with the launch. --phases is for
 any clock: the funnel is then that of the launch, until the first command acts, and the
 files are those of the rest of the flight, for commands that begin to act at different
-times. What is asked for applies to each; in addition, whenever the first command acts,
-the flight must be inside one of them.
+times. --model, --every, --command-error and --wind apply to each, --least-inlet to the
+launch's, --hold and --hook to the others; --latency is their common one. Whenever the
+first command acts, the flight must be inside one of them.
 
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
@@ -86,7 +88,7 @@ def add_arguments(parser: CommandParser) -> None:
         "alone, as z=0.1,pitch=0.05 (default: any)"
     )
     parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
-    words = "funnels after a launch funnel, for any phase between launch and clock"
+    words = "funnels after a launch funnel, for a clock of any phase (after its name)"
     parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
@@ -117,7 +119,7 @@ def add_arguments(parser: CommandParser) -> None:
         ("--hold", both, HOLD, "time that a command is held [s]"),
         (
             "--latency",
-            "--as-flown",
+            "--as-flown or --phases",
             LATENCY,
             "time from a state to the command of it [s]",
         ),
@@ -196,16 +198,15 @@ def _check(args, funnels, problem, model, covariance, follow):
     """Checks all funnels, and proves them where that is asked for and they hold."""
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
-    from glider.verification.proof.phases import launched_at, phase_faults
+    from glider.verification.proof.phases import phase_faults
 
     (first, *rests), inlet = funnels, {"least_inlet": _least_inlet(args.least_inlet)}
     period = args.hold if args.prove and not args.as_flown else None
-    end = {"hook": args.hook, "period": period}
+    end = {"hook": args.hook, "period": period, "problem": problem}
+    needs, faults = [inlet | end], []
     if rests:
-        starts = [launched_at(problem, own.nominal.states[0]) for own in rests]
-        needs = [inlet, *(end | {"problem": start} for start in starts)]
-    else:
-        needs = [inlet | end | {"problem": problem}]
+        needs = [inlet] + [end | {"from_launch": False}] * len(rests)
+        faults = phase_faults(first, rests, problem, args.latency)
     verdicts = [
         check_funnel(
             own,
@@ -219,21 +220,21 @@ def _check(args, funnels, problem, model, covariance, follow):
         )
         for own, needed in zip(funnels, needs, strict=True)
     ]
-    faults = phase_faults(first, rests, problem) if rests else []
     checked = _Checked(problem, covariance, funnels, verdicts, faults, [])
     if not (args.prove and checked.holds):
         return checked
-    proofs = [
-        prove_flights(
+    for own in funnels:
+        proof = prove_flights(
             own,
             args.every,
             resume=args.resume,
             progress=follow("proof"),
             is_checked=True,
         )
-        for own in funnels
-    ]
-    return checked._replace(proofs=proofs)
+        checked.proofs.append(proof)
+        if not proof.complete:
+            break
+    return checked
 
 
 class _Checked(NamedTuple):
@@ -244,7 +245,7 @@ class _Checked(NamedTuple):
     funnels: tuple[Funnel, ...]
     verdicts: list[Verdict]
     faults: list[str]  #: Of phases.
-    proofs: list[FlightProof]  #: None of them where not asked for.
+    proofs: list[FlightProof]  #: As far as they were asked for, until one fails.
 
     @property
     def holds(self) -> bool:
@@ -256,7 +257,7 @@ class _Checked(NamedTuple):
         """Whether it is proven as a whole."""
         is_checked = self.holds and all(verdict.is_whole for verdict in self.verdicts)
         are_whole = [proof.is_whole for proof in self.proofs]
-        return is_checked and bool(are_whole) and all(are_whole)
+        return is_checked and len(are_whole) == len(self.funnels) and all(are_whole)
 
 
 def _print_outcome(args, checked, trial, flown):
@@ -268,9 +269,7 @@ def _print_outcome(args, checked, trial, flown):
     (funnel, *rests), seed = funnels, args.seed or 0
     # The end of a launch funnel is no perch.
     ends = [None if rests else problem] + [problem] * len(rests)
-    parts = [
-        *zip(funnels, verdicts, proofs or [None] * len(funnels), ends, strict=True)
-    ]
+    parts = [*zip_longest(funnels, verdicts, proofs, ends)]
     if args.json:
         report, *others = (words.check_report(*part, covariance) for part in parts)
         report |= {
@@ -279,7 +278,8 @@ def _print_outcome(args, checked, trial, flown):
         }
         if rests:
             report["phases"] = others
-            report["any_phase"] = words.phases_report(funnel, rests, faults)
+            proven = checked.is_proven
+            report["any_phase"] = words.phases_report(funnel, rests, faults, proven)
         if trial:
             report["gliders"] = words.trial_report(funnel, trial, seed)
         if flown:
@@ -311,14 +311,16 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
             raise InputError(
                 f"--{name} is of one funnel; expected it without --phases."
             )
-    if args.prove and args.latency and not args.as_flown:
+    if args.prove and args.latency and not (args.as_flown or args.phases):
         raise InputError(
             "--prove knows no --latency: its commands are computed from the state in "
             "which they begin to act, and what a predictor misses of that is within "
-            "--command-error; expected --latency with --as-flown only."
+            "--command-error; expected --latency with --as-flown or --phases only."
         )
     level = _level(args.confidence)
-    flown = {"predict": args.predict or None, "latency": args.latency}
+    flown = {"predict": args.predict or None}
+    if not args.phases:
+        flown["latency"] = args.latency
     names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}
     given = [

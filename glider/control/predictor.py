@@ -10,7 +10,7 @@ continuous feedback but for the second order of the period.
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -100,7 +100,7 @@ def held_command(
         return policy_command(policy, times, states)
     for number, command in enumerate(waiting):
         time = hold.rest if number == 0 else hold.period
-        states = _flown(model, states, time, lambda x, t, u=command: u)
+        states = flown_under(model, states, time, lambda x, t, u=command: u)
         times = times + time
 
     def feedback(x, since):
@@ -108,7 +108,7 @@ def held_command(
 
     # What is made for held commands makes up for the hold itself.
     ahead = 0.0 if policy.period else 0.5 * hold.period
-    states = _flown(model, states, ahead, feedback)
+    states = flown_under(model, states, ahead, feedback)
     return feedback(states, ahead)
 
 
@@ -148,8 +148,13 @@ def fly_held(
     return times, states, commands
 
 
-def _flown(model, states, duration, command):
-    """Returns states (B, n) some time later, under commands u(x, t)."""
+def flown_under(
+    model: GliderModel,
+    states: np.ndarray,
+    duration: float,
+    command: Callable[..., np.ndarray],
+) -> np.ndarray:
+    """Returns states (B, n) some time [s] later, under commands u(x, t) (B,)."""
     count = math.ceil(duration / STEP - 1e-9)
     step = duration / max(count, 1)
     for k in range(count):

@@ -24,7 +24,7 @@ from glider.verification.proof.flight_proof import (
     checker_hash,
     remainder_status,
 )
-from glider.verification.proof.phases import first_commands
+from glider.verification.proof.phases import LEVEL, first_commands
 from glider.verification.proof.purpose import (
     arrival,
     hook_faults,
@@ -159,13 +159,18 @@ def describe_check(
 
 
 def phases_report(
-    launch: Funnel, rests: Sequence[Funnel], faults: Sequence[str]
+    launch: Funnel, rests: Sequence[Funnel], faults: Sequence[str], is_proven: bool
 ) -> dict[str, Any]:
     """Returns whether funnels are one loop at any phase as it is written to JSON."""
+    least = _least_of((launch, *rests))
     return {
         "holds": not faults,
         "faults": list(faults),
+        "proven": is_proven,
         "first_command_s": list(first_commands(launch, rests)),
+        "level": LEVEL,
+        "command_error_rad_s": least.command_error,
+        "wind_m_s": least.wind,
     }
 
 
@@ -173,12 +178,15 @@ def describe_phases(
     launch: Funnel, rests: Sequence[Funnel], faults: Sequence[str], is_proven: bool
 ) -> str:
     """Returns the same in sentences, and what is proven of all of them together."""
-    pushes = np.min([own.settings.pushes for own in (launch, *rests)], axis=0)
-    error, wind = pushes.tolist()
-    own = dataclasses.replace(rests[0].settings, command_error=error, wind=wind)
-    least = dataclasses.replace(rests[0], settings=own)
+    least = _least_of((launch, *rests))
     times = 1e3 * np.array(first_commands(launch, rests))
-    return _text("phases", len(rests), least, faults, times, is_proven)
+    return _text("phases", len(rests), least, LEVEL, faults, times, is_proven)
+
+
+def _least_of(funnels):
+    """Returns the settings of the last one, with the least bounds of all."""
+    error, wind = np.min([own.settings.pushes for own in funnels], axis=0).tolist()
+    return dataclasses.replace(funnels[-1].settings, command_error=error, wind=wind)
 
 
 def describe_proof(funnel: Funnel, proof: FlightProof) -> str:

@@ -19,12 +19,7 @@ from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.proof.phases import (
-    is_inside,
-    launched_at,
-    phase_faults,
-    phase_intervals,
-)
+from glider.verification.proof.phases import is_inside, phase_faults, phase_intervals
 
 SIZES = (0.01, 0.1, 0.025, 0.05, 0.05, 0.1, 0.3)
 """Errors when the first command acts that count equally [m, rad, m/s, rad/s]."""
@@ -63,16 +58,20 @@ def make_phases(
         InputError: there can be no such funnels.
         SolverError: the sets could not be certified.
     """
+    period, states = settings.period, len(model.state_names)
     expect(count >= 1, "the number of phases", count, "at least 1")
-    expect(settings.period > 0.0, "field 'period'", settings.period, "more than 0 s")
+    expect(period > 0.0, "field 'period'", period, "more than 0 s")
+    expect(0.0 <= latency < period, "the latency", latency, "less than the period")
+    own_states = states == len(sizes)
+    expect(own_states, "the glider's states", states, "none of the effects' own")
     say, bin_ = progress or silent, settings.period / count
     waiting = still_policy(model, problem, latency + settings.period)
     path = make_nominal(model, waiting, 0.5 * bin_).path
     rests = []
     for k in range(count):
         say(f"the funnel of phase {k + 1} of {count}")
-        late = launched_at(problem, path(latency + (k + 0.5) * bin_))
-        policy = policy_of(late)
+        start = path(latency + (k + 0.5) * bin_).tolist()
+        policy = policy_of(dataclasses.replace(problem, launch=start))
         rests.append(
             make_funnel(model, policy, settings, hook_of=problem, progress=say)
         )
@@ -111,6 +110,8 @@ def launch_funnel(
             return found
         say("launch funnel: its size")
         scale *= ROOM * _largest_scale(found, rests)
+        if scale == 0.0:
+            break
     raise InputError(
         "No launch funnel leads into the phases' funnels; more phases may help."
     )
@@ -154,7 +155,7 @@ def still_policy(model, problem, duration):
 
 
 def rest_for(rests: list[Funnel], state: np.ndarray) -> Funnel:
-    """Returns the funnel in whose inlet a state (n,) is farthest from the boundary.
+    """Returns the funnel of held commands in which a state (n,) has the least V.
 
     The state is the one in which the first command will begin to act, predicted where
     there is a latency.

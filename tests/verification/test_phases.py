@@ -13,12 +13,13 @@ from glider.paths import models_path
 from glider.planning.problem import PerchingProblem
 from glider.verification import phases
 from glider.verification.funnel.funnel import load_funnel, save_funnel
-from glider.verification.proof import check
-from glider.verification.proof.interval_proof import prove_interval
+from glider.verification.proof import check, flight_proof
+from glider.verification.proof.flight_proof import FlightProof
+from glider.verification.proof.interval_proof import IntervalProof, prove_interval
 from glider.verification.proof.phases import (
+    LEVEL,
     first_commands,
     is_inside,
-    launched_at,
     phase_faults,
     phase_intervals,
 )
@@ -87,9 +88,17 @@ def test_whatever_is_missing_is_said(launch, rests):
     assert phase_faults(scaled(launch, 0.9), rests) == []
     late = PerchingProblem(launch=[-3.5, 0.1, 0.0, 0.0, 7.1, 0.0, 0.0])
     assert "starts with xdot = 7;" in phase_faults(launch, rests, late)[0]
-    inputs = launch.nominal.inputs + 0.01
-    [fault] = phase_faults(changed(launch, inputs=inputs), rests)
-    assert "commands the elevator" in fault
+    for name in ("inputs", "gains", "bends"):
+        moved = changed(launch, **{name: getattr(launch.nominal, name) + 0.01})
+        [fault] = phase_faults(moved, rests)
+        assert "commands the elevator" in fault
+    ticking = dataclasses.replace(launch, settings=rests[0].settings)
+    assert "commands the elevator" in phase_faults(ticking, rests)[0]
+    [fault] = phase_faults(launch, rests, latency=0.005)
+    assert "a latency of 10 ms; expected 5 ms" in fault
+    narrow = PerchingProblem(x_limits=[-3.45, 1.0], duration_limits=[0.5, 0.9])
+    far, long = phase_faults(launch, rests, narrow)
+    assert "passes an x of -3.5" in far and "may last 0.9085 s" in long
     short = changed(launch, times=launch.nominal.times / 2.0)
     assert "ends after 15 ms" in phase_faults(short, rests)[0]
     settings = dataclasses.replace(rests[0].settings, period=0.01)
@@ -97,7 +106,7 @@ def test_whatever_is_missing_is_said(launch, rests):
     assert "held for 10, 20 ms" in phase_faults(launch, [slower, *rests[1:]])[0]
     assert "held for 0 ms" in phase_faults(launch, [launch])[0]
     other = load_funnel(models_path("funnels", "held_hook.npz"))
-    assert "different gliders" in phase_faults(launch, [other])[0]
+    assert "another glider" in phase_faults(launch, [other])[0]
     with pytest.raises(InputError, match="at least one"):
         phase_faults(launch, [])
 
@@ -123,9 +132,9 @@ def test_a_set_is_inside_exactly_where_no_point_is_outside(launch, rests):
         worst = max(
             farthest(piece, own, time) for time in np.linspace(*piece.nominal.times, 5)
         )
-        if abs(worst - 1.0) > 2e-3:
-            decided[worst < 1.0] += 1
-            assert is_inside(piece, own) == (worst < 1.0)
+        if abs(worst - LEVEL) > 2e-3:
+            decided[worst < LEVEL] += 1
+            assert is_inside(piece, own) == (worst < LEVEL)
     assert min(decided.values()) > 5
 
 
@@ -197,30 +206,79 @@ def test_phases_are_made_one_after_the_other(launch, rests, monkeypatch):
         phases.make_phases(model, lambda p: None, problem, launch.settings, latency=0.0)
 
 
-def test_the_command_line_checks_all_of_them(tmp_path, capsys, launch, monkeypatch):
-    monkeypatch.setattr(check, "held_faults", lambda funnel, progress: [])  # Minutes.
-    files = [str(FOLDER / "launch.npz"), "--phases", *map(str, RESTS)]
-    few = ["check-funnel", *files, "--every", "1000", "--hook"]
-    assert main(few) == 0
+@pytest.fixture
+def quick(monkeypatch):
+    """The command line without what takes minutes; proofs are as if they were whole."""
+    monkeypatch.setattr(check, "held_faults", lambda funnel, progress: [])
+    proofs = []
+
+    def prove(funnel, every, **given):
+        proofs.append(funnel)
+        kept = funnel.nominal.flows.tolist()
+        if len(proofs) == fails:
+            kept = kept[:-1]
+        whole = IntervalProof(boxes=1, parts=1, ratio=0.5)
+        return FlightProof(
+            times=funnel.nominal.times,
+            outcomes=dict.fromkeys(kept, whole),
+            from_file=0,
+            candidate=None,
+        )
+
+    fails = 0
+    monkeypatch.setattr(flight_proof, "prove_flights", prove)
+
+    def run(*arguments, launch=FOLDER / "launch.npz", rests=RESTS, failing=0):
+        nonlocal fails
+        fails, proofs[:] = failing, []
+        files = [launch, "--phases", *rests]
+        return main(["check-funnel", *map(str, files), "--every", "1000", *arguments])
+
+    return run
+
+
+def test_the_command_line_checks_all_of_them(quick, tmp_path, capsys, rests):
+    assert quick("--hook", "--latency", "0.01") == 0
     words = capsys.readouterr().out
     assert "10 to 30 ms after the launch" in words and "one of the 4 others" in words
     assert words.count("the hook accepts all of it") == 4
-    assert main([*few, "--json"]) == 0
+    assert "Proven" not in words
+    assert quick("--json") == 0
     report = json.loads(capsys.readouterr().out)
-    assert report["any_phase"]["holds"] and len(report["phases"]) == 4
+    assert report["any_phase"]["holds"] and not report["any_phase"]["proven"]
     assert "end" not in report and "end" in report["phases"][0]
+    assert quick(rests=RESTS[1:]) == 1
+    assert "not of one loop at any phase" in capsys.readouterr().out
+    assert quick("--latency", "0.02") == 1
+    assert quick("--least-inlet", "0.13") == 1  # That of the launch: the others' is.
+    settings = dataclasses.replace(rests[0].settings, goal=(0.2, 0.2, *[9.0] * 5))
     path = tmp_path / "wide.npz"
-    save_funnel(path, scaled(launch, 1.2))
-    few[1] = str(path)
-    assert main(few) == 1
-    words = capsys.readouterr().out
-    assert "not of one loop at any phase" in words
-    assert main([*few, "--confidence"]) == 2
-    assert "without --phases" in capsys.readouterr().err
+    save_funnel(path, dataclasses.replace(rests[0], settings=settings))
+    assert quick("--hook", rests=[path, *RESTS[1:]]) == 1
+    assert "the hook accepts" in capsys.readouterr().out
 
 
-def test_a_phase_is_a_problem_from_where_its_funnel_starts(rests):
-    problem = PerchingProblem.load("perching_hook")
-    own = launched_at(problem, rests[2].nominal.states[0])
-    assert own.launch == rests[2].nominal.states[0].tolist()
-    assert own.hook == problem.hook and own.wire == problem.wire
+def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
+    monkeypatch.setattr(check.Verdict, "is_whole", True)
+    bounds = ["--hold", "0.02", "--wind", "0.02", "--latency", "0.01"]
+    assert quick("--prove", "--json", *bounds) == 0
+    report = json.loads(capsys.readouterr().out)["any_phase"]
+    assert report["proven"] and report["wind_m_s"] == 0.022
+    assert quick("--prove", *bounds) == 0
+    assert "Proven for a clock of any phase, with a latency of 10 ms" in (
+        capsys.readouterr().out
+    )
+    for failing in (1, 3, 5):
+        assert quick("--prove", failing=failing) == 1
+        assert "Proven for a clock" not in capsys.readouterr().out
+    assert quick("--prove", "--hold", "0.01") == 1
+    assert quick("--prove", "--wind", "0.03") == 1
+    assert "Proven" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("option", ["resume", "write-proof", "confidence"])
+def test_what_is_of_one_funnel_is_refused(quick, option, capsys):
+    value = "0.9" if option == "confidence" else "file.json"
+    prove = ["--prove"] if option != "confidence" else []
+    assert quick(f"--{option}", value, *prove) == 2
+    assert f"--{option} is of one funnel" in capsys.readouterr().err

@@ -97,6 +97,7 @@ def check_funnel(
     progress: Callable[[float], None] | None = None,
     *,
     problem: PerchingProblem | None = None,
+    from_launch: bool = True,
     model: GliderModel | None = None,
     covariance: Covariance | None = None,
     hook: bool = False,
@@ -112,6 +113,7 @@ def check_funnel(
         progress: called with the share that is done, of held commands and then of the
             times.
         problem: the problem that it must be a funnel of; any if None.
+        from_launch: whether it must start at that problem's launch.
         model: the glider that it must be a funnel of; any if None.
         covariance: of that glider: the funnel's set of gliders, if it is of one, must
             contain the set of the same level; any if None.
@@ -130,7 +132,7 @@ def check_funnel(
     faults += set_faults(funnel, covariance) if covariance and not faults else []
     faults += inlet_faults(funnel, least_inlet or {})
     faults += push_faults(funnel, least_pushes, period)
-    faults += problem_faults(funnel, problem) if problem else []
+    faults += problem_faults(funnel, problem, from_launch) if problem else []
     faults += hook_faults(funnel, problem) if hook and problem else []
     faults += _defect_faults(funnel, growth)
     faults += gliders_faults(funnel)

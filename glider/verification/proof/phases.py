@@ -1,28 +1,31 @@
 """A loop whose clock knows nothing of the launch: a funnel for each of its phases.
 
-Commands are held for a period h. The first begins to act at some time t₁ after the
-launch, from T - h to T: T is h and the latency, and the phase of the clock decides. A
-launch funnel, 0 <= t <= T, is of the flight before, in which no command moves the
-elevator. From t₁ on the flight is in one of the funnels of held commands, whose times
-count from t₁.
+Commands are held for a period h by a clock. Each acts a latency after its sample of the
+state, so that the first acts at some time t₁ from T - h to T after the launch; T - h is
+the latency. A launch funnel, 0 <= t <= T, is of the flight until then, in which nothing
+commands the elevator. From t₁ on the flight is in one of several funnels of held
+commands, whose times count from t₁.
 
 Theorem. Let each funnel be proven as `glider.verification.proof` has it, and let
 `phase_faults` find nothing. Then every flight that starts in the launch funnel's inlet
-is, whatever t₁, in the inlet of a funnel of held commands when its first command begins
-to act; under that one's feedback it stays inside, and ends in the goal.
+is at t₁, whatever it is, in the inlet of a funnel of held commands, with V <= LEVEL.
+Under the feedback of any in whose inlet it is, it stays inside and ends in the goal.
 
 Proof. At t₁ the flight is in E(t₁) of the launch funnel, x₀ + e with eᵀ S e <= 1. With
-d = x₀ - c, this lies in the inlet of center c and matrix S_j if, for some λ >= 0,
+d = x₀ - c, V of the center c and matrix S_j is at most LEVEL there if, for some λ >= 0,
      λ S - S_j     -S_j d
-     -dᵀ S_j       1 - λ - dᵀ S_j d
-is positive definite: 1 - (d + e)ᵀ S_j (d + e) > λ (1 - eᵀ S e) >= 0. On each interval
-of the launch funnel from T - h on, the matrix is a polynomial in time of degree 6, and
-definite throughout, in exact arithmetic, for one j and λ. The funnel that has the least
-V at t₁ need not be that j, but V <= 1 in it too: a loop need not know when it was
-launched.
+     -dᵀ S_j       LEVEL - λ - dᵀ S_j d
+is positive definite: LEVEL - (d + e)ᵀ S_j (d + e) > λ (1 - eᵀ S e) >= 0. On each
+interval of the launch funnel from T - h on, the matrix is a polynomial in time of
+degree 6, and definite throughout, in exact arithmetic, for one j and λ. Times are
+compared to 1e-9 s.
+
+A loop chooses the funnel i in which the predicted state x̂ has the least V. Let the
+prediction be off by 0.005 of every inlet at most: √V_k(x̂) is within 0.005 of √V_k(x).
+Then √V_i(x) <= √V_i(x̂) + 0.005 <= √V_j(x̂) + 0.005 <= √LEVEL + 0.01 <= 1. How far a
+prediction is off is measured, not proven.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -30,12 +33,14 @@ import numpy as np
 import scipy.optimize
 
 from glider.errors import expect
-from glider.physics.model import model_text
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import stays_definite
-from glider.verification.proof.purpose import launch_faults
+from glider.verification.proof.purpose import launch_faults, model_faults, path_faults
 from glider.verification.sos.exact import exact, hermite, rounded
+
+LEVEL = 0.98
+"""V at which flights begin in a funnel of held commands at most: 0.99² and less."""
 
 MULTIPLIER_BITS = 20
 """Binary places of λ, which is below 1. Any that is not negative is right."""
@@ -45,22 +50,29 @@ GRID_ROOM = 1e-9
 
 
 def phase_faults(
-    launch: Funnel, rests: Sequence[Funnel], problem: PerchingProblem | None = None
+    launch: Funnel,
+    rests: Sequence[Funnel],
+    problem: PerchingProblem | None = None,
+    latency: float | None = None,
 ) -> list[str]:
     """Returns why funnels are not one loop at any phase of its clock, in sentences.
+
+    That each of them is proven is for `check_funnel` and `prove_flights`.
 
     Args:
         launch: of the flight until the first command acts.
         rests: of held commands, from then on.
         problem: whose launch the first must have; any if None.
+        latency: time from a sample to its command; any if None [s].
 
     Raises:
         InputError: there is none for held commands.
     """
     expect(len(rests) > 0, "the phases' funnels", len(rests), "at least one")
     nominal, periods = launch.nominal, sorted({own.settings.period for own in rests})
-    if any(model_text(own.nominal.model) != model_text(nominal.model) for own in rests):
-        return ["The funnels are of different gliders."]
+    for own in rests:
+        if faults := model_faults(own, nominal.model):
+            return faults
     if any(own.gliders for own in (launch, *rests)):
         return ["A funnel is of a set of gliders; expected one glider for any phase."]
     if periods[0] == 0.0 or len(periods) > 1:
@@ -69,15 +81,22 @@ def phase_faults(
             f"The phases' funnels are for commands held for {found} ms; expected one "
             "period for all."
         ]
-    faults = launch_faults(launch, problem) if problem else []
-    if launch.settings.period or nominal.inputs.any() or nominal.gains.any():
+    faults = _problem_faults(launch, rests, problem) if problem else []
+    commands = nominal.inputs, nominal.gains, nominal.bends
+    if launch.settings.period or any(values.any() for values in commands):
         faults.append(
             "The launch's funnel commands the elevator before the clock does."
         )
-    if first_commands(launch, rests)[0] < -GRID_ROOM:
+    earliest, end = first_commands(launch, rests)
+    if earliest < -GRID_ROOM:
         faults.append(
-            f"The launch's funnel ends after {1e3 * nominal.times[-1]:g} ms, but the "
-            f"first command may act {1e3 * periods[0]:g} ms after the launch."
+            f"The launch's funnel ends after {1e3 * end:g} ms, but the first command "
+            f"may act {1e3 * periods[0]:g} ms after the launch."
+        )
+    if latency is not None and not abs(earliest - latency) <= GRID_ROOM:
+        faults.append(
+            f"The funnels are for a latency of {1e3 * earliest:g} ms; expected "
+            f"{1e3 * latency:g} ms."
         )
     for k in phase_intervals(launch, rests):
         if not faults and not any(
@@ -91,9 +110,16 @@ def phase_faults(
     return faults
 
 
-def launched_at(problem: PerchingProblem, state: np.ndarray) -> PerchingProblem:
-    """Returns the problem of a flight from another state (n,) on."""
-    return dataclasses.replace(problem, launch=state[: len(problem.launch)].tolist())
+def _problem_faults(launch, rests, problem):
+    """Returns where the flight until the end is not the problem's, but for its end."""
+    faults = launch_faults(launch, problem) + path_faults(launch, problem)
+    longest = launch.nominal.times[-1] + max(own.nominal.times[-1] for own in rests)
+    if longest > problem.duration_limits[1]:
+        faults.append(
+            f"A flight may last {longest:.4f} s; the problem allows "
+            f"{problem.duration_limits[1]:.4g} s."
+        )
+    return faults
 
 
 def first_commands(launch: Funnel, rests: Sequence[Funnel]) -> tuple[float, float]:
@@ -111,7 +137,7 @@ def phase_intervals(launch: Funnel, rests: Sequence[Funnel]) -> list[int]:
 
 @np.errstate(all="ignore")
 def is_inside(piece: Funnel, rest: Funnel) -> bool:
-    """Determines whether all sets of an interval are in another's inlet, for sure."""
+    """Determines whether in an interval's sets V of another inlet is at most LEVEL."""
     nominal, n = piece.nominal, piece.num_states
     first, last = map(exact, nominal.times)
     try:
@@ -124,7 +150,8 @@ def is_inside(piece: Funnel, rest: Funnel) -> bool:
     own, one = exact(np.eye(n, n + 1)), exact(np.eye(n + 1)[[n]])
     reach = own + away[:, None] @ one
     left = (own.T @ S @ own - one.T @ one) * multiplier
-    return stays_definite(left + one.T @ one - reach.T @ inlet @ reach)
+    level = one.T @ one * exact(LEVEL)
+    return stays_definite(left + level - reach.T @ inlet @ reach)
 
 
 def _multiplier(S, away, inlet):
@@ -134,7 +161,7 @@ def _multiplier(S, away, inlet):
     sets, rests = [], []
     for share in (Fraction(0), Fraction(1, 2), Fraction(1)):
         reach = np.hstack([np.eye(n), R @ away.at(share).to_float()[:, None]])
-        rests.append(one - reach.T @ reach)
+        rests.append(LEVEL * one - reach.T @ reach)
         sets.append(np.pad(R_inv.T @ S.at(share).to_float() @ R_inv, (0, 1)) - one)
 
     def lacking(multiplier):

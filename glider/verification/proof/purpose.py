@@ -183,11 +183,40 @@ def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     ]
 
 
-def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
-    """Returns why a funnel does not solve a problem, launch to wire, in sentences."""
+def path_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
+    """Returns where a nominal flight leaves the bounds of a problem's path."""
+    states = funnel.nominal.states
+    return _beyond(
+        ("passes an x", states[:, _X], problem.x_limits),
+        ("passes a z", states[:, _Z], problem.z_limits),
+        ("passes a pitch", states[:, _PITCH], problem.pitch_limits),
+    )
+
+
+def _beyond(*bounds):
+    """Returns a sentence for each bound of a flight, (what, values, limits)."""
+    faults = []
+    for what, values, (least, most) in bounds:
+        beyond = np.maximum(least - values, values - most)
+        if not np.max(beyond) <= PLAN_TOLERANCE:
+            value = np.ravel(values)[np.argmax(beyond)]
+            faults.append(
+                f"The flight {what} of {value:.4g}; the problem allows {least:.4g} to "
+                f"{most:.4g}."
+            )
+    return faults
+
+
+def problem_faults(
+    funnel: Funnel, problem: PerchingProblem, from_launch: bool = True
+) -> list[str]:
+    """Returns why a funnel does not solve a problem, launch to wire, in sentences.
+
+    It may start elsewhere if it is not `from_launch`.
+    """
     nominal, reached = funnel.nominal, arrival(funnel, problem)
-    states, last, speed = nominal.states, nominal.states[-1], problem.final_speed_limit
-    faults = launch_faults(funnel, problem)
+    last, speed = nominal.states[-1], problem.final_speed_limit
+    faults = launch_faults(funnel, problem) if from_launch else []
     if not reached.miss <= problem.hook.reach + PLACE_TOLERANCE:
         faults.append(
             f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches "
@@ -199,21 +228,11 @@ def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
             f"The flight ends at {reached.time:.4f} s; the problem's duration_limits "
             f"are {low:.4g} to {high:.4g} s."
         )
-    bounds = [
+    faults += path_faults(funnel, problem)
+    faults += _beyond(
         ("ends with a pitch", last[_PITCH], problem.final_pitch_limits),
         *(("ends with a speed", v, [-speed, speed]) for v in last[VELOCITY]),
-        ("passes an x", states[:, _X], problem.x_limits),
-        ("passes a z", states[:, _Z], problem.z_limits),
-        ("passes a pitch", states[:, _PITCH], problem.pitch_limits),
-    ]
-    for what, values, (least, most) in bounds:
-        beyond = np.maximum(least - values, values - most)
-        if not np.max(beyond) <= PLAN_TOLERANCE:
-            value = np.ravel(values)[np.argmax(beyond)]
-            faults.append(
-                f"The flight {what} of {value:.4g}; the problem allows {least:.4g} to "
-                f"{most:.4g}."
-            )
+    )
     least, most = problem.pitch_limits
     low, high = reached.pitch
     if not (least <= low and high <= most):

@@ -25,6 +25,7 @@ from glider.control.predictor import (
     STEP,
     Hold,
     advance,
+    flown_under,
     held_command,
     policy_command,
     rates_of,
@@ -193,20 +194,23 @@ def _flights(funnel, loop, genes, rests=()):
 
 def _phase_levels(launch, rests, loop, genes):
     """Returns the same of flights from a launch funnel on in one of the others."""
-    first, model = _phases(launch, loop.hold, genes, rests), launch.nominal.model
-    still = np.zeros(len(genes))
-    flight = _Flight(launch, loop, genes)
-    flight.fly(still, first, begins=True)
-    predicted = advance(
-        lambda x, t: rates_of(model, x, still), flight.states, loop.hold.latency
+    model, latency, still = (
+        launch.nominal.model,
+        loop.hold.latency,
+        np.zeros(len(genes)),
     )
-    flight.fly(still, loop.hold.latency)
+    flight = _Flight(launch, loop, genes)
+    flight.fly(still, _phases(launch, loop.hold, genes, rests), begins=True)
+    predicted = flown_under(model, flight.states, latency, lambda x, t: still)
+    flight.fly(still, latency)
     chosen = np.argmin([own.level(0.0, predicted) for own in rests], axis=0)
     levels = np.zeros((3, len(genes)))
     for j in np.unique(chosen):
         here = chosen == j
         rest = _Flight(rests[j], loop, genes[here], flight.states[here])
-        levels[:, here] = rest.levels(predicted[here])
+        start = rests[j].level(0.0, flight.states[here])
+        later, _, ends = rest.levels(predicted[here])
+        levels[:, here] = np.maximum(later, start), later, ends
     levels[0] = np.maximum(levels[0], flight.largest)
     return tuple(levels)
 
