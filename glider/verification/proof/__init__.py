@@ -6,6 +6,7 @@ that no flight leaves, interval by interval. interval_proof: one of them. interv
 polynomials in time, its servo, a ball that holds its sets, and the centers of a set of
 gliders. interval_growth: that V falls. enclosure, boxes: that the Taylor remainder is
 within the bounds that the certificate assumes. held: what held commands are off by.
+phases: several funnels, for a clock of any phase.
 
 Between its times t_k a funnel is this: with τ from 0 to 1, x₀ and S are cubic Hermite
 polynomials, u₀ and K straight lines; its sets are E(t) = {x₀ + e: eᵀ S e <= 1}, and its
