@@ -483,7 +483,7 @@ def test_prove_knows_no_latency(capsys):
     asked = ["check-funnel", source, "--hook", "--prove", "--hold", "0.02"]
     assert main([*asked, "--latency", "0.01"]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "expected --latency with --as-flown only" in said
+    assert "expected --latency with --as-flown or --phases only" in said
 
 
 # ----------------------------------------------------------------------------- shipped

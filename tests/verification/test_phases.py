@@ -24,6 +24,7 @@ from glider.verification.proof.phases import (
     phase_intervals,
 )
 from glider.verification.sos.sphere import normalized
+from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, fly_loop
 from glider.verification.trials.falsify import ESCAPE_LEVEL
 
@@ -149,7 +150,8 @@ def farthest(piece, own, time):
     return np.max(np.sum((points @ M.T + v) ** 2, axis=1))
 
 
-def test_flights_at_any_phase_stay(launch, rests):
+def test_flights_at_any_phase_stay(launch, rests, monkeypatch):
+    monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 1)
     hold = Hold(period=0.02, latency=0.01, predicts=True)
     loop = FlownLoop(hold=hold, wind=0.02, command_error=0.01)
     found = fly_loop(launch, loop, 80, np.random.default_rng(1), rests=rests)
@@ -164,8 +166,9 @@ def test_flights_at_any_phase_stay(launch, rests):
         fly_loop(launch, early, 10, np.random.default_rng(1), rests=rests)
 
 
-def test_flights_leave_where_a_phase_has_no_funnel(launch, rests):
+def test_flights_leave_where_a_phase_has_no_funnel(launch, rests, monkeypatch):
     """They start far from the inlet of the funnel that is left to them."""
+    monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 1)
     loop = FlownLoop(hold=Hold(period=0.02, latency=0.01, predicts=True))
     found = fly_loop(launch, loop, 100, np.random.default_rng(1), rests=rests[:1])
     late = found.phases > 0.015
