@@ -78,7 +78,6 @@ COARSE_NOISE = {
 # Least deviation of a log mean square: twice the median one (m: docs/how_it_works.md).
 LEAST_DEVIATION = 0.15
 LEAST_SPREAD = 0.1  # Flight-to-flight variation, in a coefficient's scale (c).
-FEWEST_COMPARED = 5  # Flights below which none can be an outlier (c).
 # Share of the flights that may be, or that a correction may make worse without a word:
 # more are no exceptions (c).
 MOST_OUTLYING = 0.3
@@ -111,7 +110,8 @@ LEADING = 0.1
 LARGEST_STRENGTH = 5.0  # That no error of a formula has (c).
 
 # --------------------------------------------- predictions of held-out flights
-FOLDS = 5  # Parts of the flights, each held out once (c).
+# Parts of the flights, each held out once: of fewer flights, none is an outlier (c).
+FOLDS = 5
 BEGINNING = 0.2  # Share of a flight on which its launch state is fitted (c).
 WORSE = 1.001  # Ratio of errors above which flights got worse: below is a tie (c).
 FLOOR_ACCURACY = 0.05  # Relative error of a floor (m: bench_floor).

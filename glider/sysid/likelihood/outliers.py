@@ -12,7 +12,7 @@ import numpy as np
 from glider.campaign.checks.motion import robust_std
 from glider.sysid.constants import (
     COARSE_NOISE,
-    FEWEST_COMPARED,
+    FOLDS,
     LEAST_DEVIATION,
     LEAST_SPREAD,
     MOST_OUTLYING,
@@ -34,7 +34,7 @@ _LEAST_SQUARE = 1e-6  # Mean square that is rounding, as of logs without noise.
 
 def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
     """Returns the outliers and their mean square over the median."""
-    if len(task.records) < FEWEST_COMPARED:
+    if len(task.records) < FOLDS:
         return {}
     squares = mean_squares(task, noise)
     ratios = squares / np.median(squares)
@@ -60,7 +60,7 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
 
 def find_unexplained(task: Task, model: FitResult) -> list[str]:
     """Returns the flights whose errors are out of line under a model with its noise."""
-    if len(task.records) < FEWEST_COMPARED:
+    if len(task.records) < FOLDS:
         return []
     found = [whiten(f, model.scales) for f in model_fit.error_flights(task, model)]
     counts = [np.sum(record.seen) for record in task.records]
@@ -96,7 +96,7 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
     A flight's constants may absorb that it has another unit or glider; the variation
     then grows to include it and hides the effects of all others.
     """
-    if not task.vehicle.knows_forces or len(task.records) < FEWEST_COMPARED:
+    if not task.vehicle.knows_forces or len(task.records) < FOLDS:
         return {}
     own = flight_values(model_fit.error_flights(task, model), model.scales)
     found: dict[str, str] = {}

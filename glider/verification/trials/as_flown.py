@@ -194,11 +194,8 @@ def _flights(funnel, loop, genes, rests=()):
 
 def _phase_levels(launch, rests, loop, genes):
     """Returns the same of flights from a launch funnel on in one of the others."""
-    model, latency, still = (
-        launch.nominal.model,
-        loop.hold.latency,
-        np.zeros(len(genes)),
-    )
+    model, latency = launch.nominal.model, loop.hold.latency
+    still = np.zeros(len(genes))
     flight = _Flight(launch, loop, genes)
     flight.fly(still, _phases(launch, loop.hold, genes, rests), begins=True)
     predicted = flown_under(model, flight.states, latency, lambda x, t: still)
