@@ -138,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.funnel.file import read_file
 
     level, flights = _checked_options(args)
-    _least_inlet(args.least_inlet)  # Before anything takes time.
+    least_inlet = _least_inlet(args.least_inlet)
     files = [(path, *read_file(path)) for path in (args.funnel, *(args.phases or ()))]
 
     # These take a second to import: not before it is known that there is a funnel.
@@ -171,7 +171,8 @@ def run(args: argparse.Namespace) -> int:
         def follow(what):
             return lambda share: progress(Step(f"checking the {what}", share))
 
-        checked = _check(args, (funnel, *rests), problem, model, covariance, follow)
+        given = problem, model, covariance, least_inlet
+        checked = _check(args, (funnel, *rests), *given, follow)
         if confidence and checked.holds:
             rng, say = np.random.default_rng(seed), follow("gliders")
             trial = falsify_funnel(
@@ -194,13 +195,14 @@ def run(args: argparse.Namespace) -> int:
     return 0 if good and not left else 1
 
 
-def _check(args, funnels, problem, model, covariance, follow):
+def _check(args, funnels, problem, model, covariance, least_inlet, follow):
     """Checks all funnels, and proves them where that is asked for and they hold."""
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.phases import phase_faults
 
-    (first, *rests), inlet = funnels, {"least_inlet": _least_inlet(args.least_inlet)}
+    (first, *rests), inlet = funnels, {"least_inlet": least_inlet}
+    pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
     period = args.hold if args.prove and not args.as_flown else None
     end = {"hook": args.hook, "period": period, "problem": problem}
     needs, faults = [inlet | end], []
@@ -214,7 +216,7 @@ def _check(args, funnels, problem, model, covariance, follow):
             follow("certificate"),
             model=model,
             covariance=covariance,
-            least_pushes=_least_pushes(args) if args.prove else (0.0, 0.0),
+            least_pushes=pushes,
             seed=args.seed,
             **needed,
         )
@@ -318,14 +320,16 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
             "--command-error; expected --latency with --as-flown or --phases only."
         )
     level = _level(args.confidence)
-    flown = {"predict": args.predict or None}
-    if not args.phases:
-        flown["latency"] = args.latency
     names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}
     given = [
         ("--confidence", level is not None, {"box": args.box or None}),
-        ("--as-flown", args.as_flown, flown),
+        ("--as-flown", args.as_flown, {"predict": args.predict or None}),
+        (
+            "--as-flown or --phases",
+            args.as_flown or args.phases,
+            {"latency": args.latency},
+        ),
         ("--as-flown or --prove", args.as_flown or args.prove, late),
         (
             "--confidence or --as-flown",

@@ -19,13 +19,18 @@ from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.proof.phases import is_inside, phase_faults, phase_intervals
+from glider.verification.proof.phases import (
+    choose,
+    is_inside,
+    phase_faults,
+    phase_intervals,
+)
 
 SIZES = (0.01, 0.1, 0.025, 0.05, 0.05, 0.1, 0.3)
 """Errors when the first command acts that count equally [m, rad, m/s, rad/s]."""
 
 ROUNDS = 6
-"""Tries to make the launch funnel: one is as a rule enough."""
+"""Tries to make the launch funnel: two are as a rule enough."""
 
 ROOM = 0.98
 """Size of its sets relative to what would just fit, of the shapes of the try before."""
@@ -160,4 +165,4 @@ def rest_for(rests: list[Funnel], state: np.ndarray) -> Funnel:
     The state is the one in which the first command will begin to act, predicted where
     there is a latency.
     """
-    return min(rests, key=lambda own: own.level(0.0, state))
+    return rests[choose(rests, state)]

@@ -26,7 +26,7 @@ from glider.verification.proof.phases import (
 from glider.verification.sos.sphere import normalized
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, fly_loop
-from glider.verification.trials.falsify import ESCAPE_LEVEL
+from glider.verification.trials.falsify import ESCAPE_LEVEL, boundary_states
 
 FOLDER = models_path("funnels", "any_phase")
 RESTS = [FOLDER / f"phase_{k}.npz" for k in range(1, 5)]
@@ -180,6 +180,24 @@ def test_the_funnel_of_the_least_level_is_chosen(launch, rests):
     for k, own in enumerate(rests):
         state = launch.center(0.0125 + 0.005 * k)
         assert phases.rest_for(rests, state) is own
+
+
+def test_a_wind_leaves_a_prediction_within_its_room(launch, rests):
+    """0.005 of the inlets, by flights of the last 10 ms in a wind and without."""
+    model, rng = launch.nominal.model, np.random.default_rng(2)
+    directions, still, most = normalized(rng.normal(size=(200, 7))), np.zeros(200), 0.0
+    for k in phase_intervals(launch, rests):
+        states = boundary_states(launch, k - 4, directions)
+        for angle in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
+            air = np.tile(0.022 * np.array([np.cos(angle), np.sin(angle)]), (200, 1))
+            ends = [
+                advance(lambda x, t, w=w: rates_of(model, x, still, w), states, 0.01)
+                for w in (None, air)
+            ]
+            for own in rests:
+                calm, blown = (np.sqrt(own.level(0.0, end)) for end in ends)
+                most = max(most, np.max(np.abs(calm - blown)))
+    assert 1e-4 < most < 0.005
 
 
 def test_phases_are_made_one_after_the_other(launch, rests, monkeypatch):

@@ -122,6 +122,11 @@ def _problem_faults(launch, rests, problem):
     return faults
 
 
+def choose(rests: Sequence[Funnel], states: np.ndarray) -> np.ndarray:
+    """Returns indices (...) of the funnels in which V of states (..., n) is least."""
+    return np.argmin([own.level(0.0, states) for own in rests], axis=0)
+
+
 def first_commands(launch: Funnel, rests: Sequence[Funnel]) -> tuple[float, float]:
     """Returns when the first command may begin to act, earliest and latest [s]."""
     end = float(launch.nominal.times[-1])

@@ -32,7 +32,7 @@ from glider.control.predictor import (
 )
 from glider.errors import expect
 from glider.verification.funnel.funnel import Funnel, funnel_policy
-from glider.verification.proof.phases import GRID_ROOM, first_commands
+from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
 from glider.verification.sos.sphere import normalized
 from glider.verification.trials.falsify import (
     CLIMB_NARROWING,
@@ -200,7 +200,7 @@ def _phase_levels(launch, rests, loop, genes):
     flight.fly(still, _phases(launch, loop.hold, genes, rests), begins=True)
     predicted = flown_under(model, flight.states, latency, lambda x, t: still)
     flight.fly(still, latency)
-    chosen = np.argmin([own.level(0.0, predicted) for own in rests], axis=0)
+    chosen = choose(rests, predicted)
     levels = np.zeros((3, len(genes)))
     for j in np.unique(chosen):
         here = chosen == j
