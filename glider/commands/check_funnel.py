@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 from itertools import zip_longest
 from pathlib import Path
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from glider.verification.funnel.funnel import Funnel
     from glider.verification.proof.check import Verdict
     from glider.verification.proof.flight_proof import FlightProof
+    from glider.verification.proof.latency import ProvenLatency
 
 LEVEL = 0.95
 """Default probability with which the true glider is among those that are flown: that of
@@ -55,8 +57,10 @@ and climbs to the worst flights and the worst corner of their set. Flights alone
 nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
-time, and --hold is the time that its commands must be held. A latency is flown, not
-proven: what a predictor misses of it has to be within the command error.
+time, and --hold is the time that its commands must be held. With --latency each command
+is computed from the state that long before, by a predictor that knows the glider and
+the commands on their way: what it misses in the wind is proven to be within the
+funnel's command error, together with --command-error.
 
 --as-flown flies what the theorem leaves out: commands from a clock at any phase, held,
 computed from a state of some time ago, other command errors and wind; from the inlet's
@@ -119,7 +123,7 @@ def add_arguments(parser: CommandParser) -> None:
         ("--hold", both, HOLD, "time that a command is held [s]"),
         (
             "--latency",
-            "--as-flown or --phases",
+            "--as-flown, --phases or --prove",
             LATENCY,
             "time from a state to the command of it [s]",
         ),
@@ -147,6 +151,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.physics.model import GliderModel, load_covariance
     from glider.planning.problem import PerchingProblem
     from glider.verification.funnel.funnel import funnel_of
+    from glider.verification.proof.latency import check_latency
     from glider.verification.proof.written import expect_writable, write_proof
     from glider.verification.trials.as_flown import check_clock, fly_loop
     from glider.verification.trials.falsify import falsify_funnel
@@ -161,6 +166,8 @@ def run(args: argparse.Namespace) -> int:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, covariance, level, shape)
     loop = _flown_loop(args) if args.as_flown else None
+    if args.prove and args.latency and not rests and not loop:
+        check_latency(funnel, args.latency)
     if loop:
         check_clock(funnel, loop.hold, rests)
     trial = flown = None
@@ -222,7 +229,7 @@ def _check(args, funnels, problem, model, covariance, least_inlet, follow):
         )
         for own, needed in zip(funnels, needs, strict=True)
     ]
-    checked = _Checked(problem, covariance, funnels, verdicts, faults, [])
+    checked = _Checked(problem, covariance, funnels, verdicts, faults, [], None)
     if not (args.prove and checked.holds):
         return checked
     for own in funnels:
@@ -235,8 +242,33 @@ def _check(args, funnels, problem, model, covariance, least_inlet, follow):
         )
         checked.proofs.append(proof)
         if not proof.complete:
-            break
-    return checked
+            return checked
+    return checked._replace(latency=_prove_latency(args, funnels, follow("latency")))
+
+
+def _prove_latency(args, funnels, progress):
+    """Returns what a latency leaves of the command's error; None where there is none.
+
+    Of one funnel it has to be given; a launch funnel has its own.
+    """
+    from glider.verification.proof.latency import (
+        first_predictions,
+        predictions_of,
+        prove_latency,
+    )
+    from glider.verification.proof.phases import first_commands
+
+    launch, *rests = funnels
+    if rests:
+        latency = first_commands(launch, rests)[0]
+        found = first_predictions(launch, rests, latency)
+    elif launch.settings.period and args.latency:
+        latency, rests, found = args.latency, [launch], []
+    else:
+        return None
+    found += [one for own in rests for one in predictions_of(own, latency)]
+    least = args.command_error or 0.0
+    return prove_latency(found[:: args.every], least, progress=progress)
 
 
 class _Checked(NamedTuple):
@@ -248,6 +280,7 @@ class _Checked(NamedTuple):
     verdicts: list[Verdict]
     faults: list[str]  #: Of phases.
     proofs: list[FlightProof]  #: As far as they were asked for, until one fails.
+    latency: ProvenLatency | None  #: What is proven of one; None where all else failed.
 
     @property
     def holds(self) -> bool:
@@ -259,7 +292,8 @@ class _Checked(NamedTuple):
         """Whether it is proven as a whole."""
         is_checked = self.holds and all(verdict.is_whole for verdict in self.verdicts)
         are_whole = [proof.is_whole for proof in self.proofs]
-        return is_checked and len(are_whole) == len(self.funnels) and all(are_whole)
+        are_whole.append(self.latency is None or self.latency.holds)
+        return is_checked and len(are_whole) > len(self.funnels) and all(are_whole)
 
 
 def _print_outcome(args, checked, trial, flown):
@@ -267,7 +301,7 @@ def _print_outcome(args, checked, trial, flown):
     from glider.files.schema import json_text
     from glider.report import check_funnel as words
 
-    problem, covariance, funnels, verdicts, faults, proofs = checked
+    problem, covariance, funnels, verdicts, faults, proofs, latency = checked
     (funnel, *rests), seed = funnels, args.seed or 0
     # The end of a launch funnel is no perch.
     ends = [None if rests else problem] + [problem] * len(rests)
@@ -281,7 +315,10 @@ def _print_outcome(args, checked, trial, flown):
         if rests:
             report["phases"] = others
             proven = checked.is_proven
-            report["any_phase"] = words.phases_report(funnel, rests, faults, proven)
+            given = funnel, rests, faults, latency, proven
+            report["any_phase"] = words.phases_report(*given)
+        if latency:
+            report["latency"] = dataclasses.asdict(latency) | {"holds": latency.holds}
         if trial:
             report["gliders"] = words.trial_report(funnel, trial, seed)
         if flown:
@@ -293,7 +330,10 @@ def _print_outcome(args, checked, trial, flown):
             print(f"{path}:")
         print(words.describe_check(*part, args.model, covariance))
     if rests:
-        print(words.describe_phases(funnel, rests, faults, checked.is_proven))
+        given = funnel, rests, faults, latency, checked.is_proven
+        print(words.describe_phases(*given))
+    if latency:
+        print(words.describe_latency(latency))
     if trial:
         print(words.describe_trial(funnel, trial, seed))
     if flown:
@@ -313,12 +353,6 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
             raise InputError(
                 f"--{name} is of one funnel; expected it without --phases."
             )
-    if args.prove and args.latency and not (args.as_flown or args.phases):
-        raise InputError(
-            "--prove knows no --latency: its commands are computed from the state in "
-            "which they begin to act, and what a predictor misses of that is within "
-            "--command-error; expected --latency with --as-flown or --phases only."
-        )
     level = _level(args.confidence)
     names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}
@@ -326,8 +360,8 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
         ("--confidence", level is not None, {"box": args.box or None}),
         ("--as-flown", args.as_flown, {"predict": args.predict or None}),
         (
-            "--as-flown or --phases",
-            args.as_flown or args.phases,
+            "--as-flown, --phases or --prove",
+            args.as_flown or args.phases or args.prove,
             {"latency": args.latency},
         ),
         ("--as-flown or --prove", args.as_flown or args.prove, late),

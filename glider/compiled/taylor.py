@@ -24,8 +24,9 @@ FUNCTIONS: dict[np.ufunc, int] = {
 }
 """Functions that the physics may use and their codes; np.reciprocal is division."""
 
-INPUT, SUM, PRODUCT, CHANGE = range(7, 11)
-"""Codes of the other operations: f a + g b + h, a b, and a less its center."""
+INPUT, SUM, PRODUCT, CHANGE, WITHIN = range(7, 12)
+"""Codes of the other operations: f a + g b + h, a b, a less its center, and a where
+a² <= b² + c² is known."""
 
 WIDTH = 64
 """Boxes that are handled at once, few enough for the processor's cache."""
@@ -204,6 +205,23 @@ def _multiply(into, a, b, starts, table):
 
 
 @called_code
+def _limit(into, a, b, c):
+    """Writes a model, or zero with its limit as the bound where that is smaller."""
+    for box in range(WIDTH):
+        first, second = b[2][box], c[2][box]
+        for i in range(len(a[1])):
+            first += b[1][i, box]
+            second += c[1][i, box]
+        limit = np.sqrt(first * first + second * second) * WIDER
+        keeps = a[2][box] <= limit
+        for k in range(len(into[3])):
+            into[0][k, box] = a[0][k, box] if keeps else 0.0
+        for i in range(len(a[1])):
+            into[1][i, box] = a[1][i, box] if keeps else 0.0
+        into[2][box] = a[2][box] if keeps else limit
+
+
+@called_code
 def _reach(model, degrees):
     """Returns how far below and above its center a model's values are, (WIDTH,) each.
 
@@ -346,6 +364,9 @@ def run(code, of, numbers, present, results, inputs, remainders, slots, table):
             elif what == CHANGE:
                 model[0][:], model[1][:], model[2][:] = a[0], a[1], a[2]
                 model[0][0], model[1][0] = 0.0, 0.0
+            elif what == WITHIN:
+                c = of[k, 2]
+                _limit(model, a, b, (values[c], sizes[c], bounds[c], there[c]))
             else:
                 _apply(what, model, a, of[k, 1:], every, degrees)
         for k in range(len(results)):

@@ -24,6 +24,7 @@ from glider.verification.proof.flight_proof import (
     checker_hash,
     remainder_status,
 )
+from glider.verification.proof.latency import ProvenLatency
 from glider.verification.proof.phases import LEVEL, first_commands
 from glider.verification.proof.purpose import (
     arrival,
@@ -159,10 +160,14 @@ def describe_check(
 
 
 def phases_report(
-    launch: Funnel, rests: Sequence[Funnel], faults: Sequence[str], is_proven: bool
+    launch: Funnel,
+    rests: Sequence[Funnel],
+    faults: Sequence[str],
+    latency: ProvenLatency | None,
+    is_proven: bool,
 ) -> dict[str, Any]:
     """Returns whether funnels are one loop at any phase as it is written to JSON."""
-    least = _least_of((launch, *rests))
+    least = _least_of((launch, *rests), latency)
     return {
         "holds": not faults,
         "faults": list(faults),
@@ -175,17 +180,27 @@ def phases_report(
 
 
 def describe_phases(
-    launch: Funnel, rests: Sequence[Funnel], faults: Sequence[str], is_proven: bool
+    launch: Funnel,
+    rests: Sequence[Funnel],
+    faults: Sequence[str],
+    latency: ProvenLatency | None,
+    is_proven: bool,
 ) -> str:
     """Returns the same in sentences, and what is proven of all of them together."""
-    least = _least_of((launch, *rests))
+    least = _least_of((launch, *rests), latency)
     times = 1e3 * np.array(first_commands(launch, rests))
     return _text("phases", len(rests), least, LEVEL, faults, times, is_proven)
 
 
-def _least_of(funnels):
+def describe_latency(latency: ProvenLatency) -> str:
+    """Returns what is proven of a latency in a sentence."""
+    return _text("latency", latency)
+
+
+def _least_of(funnels, latency):
     """Returns the settings of the last one, with the least bounds of all."""
     error, wind = np.min([own.settings.pushes for own in funnels], axis=0).tolist()
+    error = latency.error_left if latency else error
     return dataclasses.replace(funnels[-1].settings, command_error=error, wind=wind)
 
 

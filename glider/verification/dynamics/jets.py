@@ -37,6 +37,10 @@ class Number(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):
     def apply(self, function: np.ufunc) -> "Number":
         """Returns one of `FUNCTIONS` of this number."""
 
+    def within(self, first: Any, second: Any) -> "Number":
+        """Returns this number, of which |x|² <= first² + second² is known."""
+        return self
+
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
         """Lets operators and NumPy's numbers, arrays and functions meet this kind."""
         if method != "__call__" or kwargs:
@@ -99,6 +103,63 @@ class Dependence(Number):
 
     def apply(self, function: np.ufunc) -> "Dependence":
         return Dependence(self.variables, self.variables)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Slope(Number):
+    """A number and its slopes along some variables, all of one kind."""
+
+    value: Any  #: The number.
+    slopes: tuple[Any, ...]  #: One for each variable; the plain number 0 where none.
+    #: Numbers whose squares, and a constant that is not negative, it is the sum of.
+    roots: tuple["Slope", ...] = ()
+
+    def plus(self, other: Any) -> "Slope":
+        if not isinstance(other, Slope):
+            roots = self.roots if isinstance(other, float) and other >= 0.0 else ()
+            return Slope(self.value + other, self.slopes, roots)
+        roots = self.roots + other.roots if self.roots and other.roots else ()
+        pairs = zip(self.slopes, other.slopes, strict=True)
+        slopes = tuple(a + b for a, b in pairs)
+        return Slope(self.value + other.value, slopes, roots)
+
+    def times(self, other: Any) -> "Slope":
+        if not isinstance(other, Slope):
+            return Slope(self.value * other, self._scaled(other))
+        pairs = zip(self._scaled(other.value), other._scaled(self.value), strict=True)
+        slopes = tuple(a + b for a, b in pairs)
+        roots = (self,) if other is self else ()
+        return Slope(self.value * other.value, slopes, roots)
+
+    def apply(self, function: np.ufunc) -> "Slope":
+        value = function(self.value)
+        slopes = self._scaled(_DERIVATIVES[function](self.value, value))
+        if function is np.sqrt and len(self.roots) == 2:
+            # |a a' + b b'| / √(a² + b² + c) <= √(a'² + b'²), also near zero.
+            limits = zip(*(root.slopes for root in self.roots), strict=True)
+            slopes = tuple(
+                slope.within(*both) if isinstance(slope, Number) else slope
+                for slope, both in zip(slopes, limits, strict=True)
+            )
+        return Slope(value, slopes)
+
+    def _scaled(self, factor):
+        """Returns slopes times a number; what is zero stays a plain number."""
+        return tuple(
+            0.0 if isinstance(slope, float) and slope == 0.0 else slope * factor
+            for slope in self.slopes
+        )
+
+
+_DERIVATIVES: dict[np.ufunc, Callable] = {  # Of y = g(x), by x and y.
+    np.sqrt: lambda x, y: 0.5 / y,
+    np.sin: lambda x, y: np.cos(x),
+    np.cos: lambda x, y: -np.sin(x),
+    np.exp: lambda x, y: y,
+    np.tanh: lambda x, y: 1.0 - y * y,
+    np.arctan: lambda x, y: 1.0 / (1.0 + x * x),
+    np.reciprocal: lambda x, y: -y * y,
+}
 
 
 def dependences(count: int) -> list[Dependence]:

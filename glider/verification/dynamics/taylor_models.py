@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from glider.compiled import taylor
-from glider.compiled.taylor import CHANGE, FUNCTIONS, INPUT, PRODUCT, SUM, WIDER
+from glider.compiled.taylor import CHANGE, FUNCTIONS, INPUT, PRODUCT, SUM, WIDER, WITHIN
 from glider.verification.dynamics.jets import Monomials, Number
 
 _RANGE = 1e-100, 1e100
@@ -99,6 +99,8 @@ def _present(what, parts, f, g, h):
     constant = np.arange(len(parts[0])) == 0
     if what == CHANGE:
         return parts[0] & ~constant
+    if what == WITHIN:
+        return parts[0]
     if what == SUM:
         parts = parts[0] & (f != 0.0), parts[1] & (g != 0.0), constant & (h != 0.0)
         return np.any(parts, axis=0)
@@ -197,6 +199,16 @@ class TaylorModel(Number):
         while len(powers) < self.recording.table.degree:
             powers.append(add(PRODUCT, powers[-1], powers[0]).place)
         return add(FUNCTIONS[function], place, *powers)
+
+    def within(self, first: Any, second: Any) -> "TaylorModel":
+        add = self.recording.add
+        limits = (
+            limit.exactly()
+            if isinstance(limit, TaylorModel)
+            else add(SUM, 0, 0, f=0.0, h=limit).place
+            for limit in (first, second)
+        )
+        return add(WITHIN, self.exactly(), *limits)
 
     def exactly(self) -> int:
         """Returns the place of this model, its factor included."""

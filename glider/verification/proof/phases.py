@@ -42,6 +42,9 @@ from glider.verification.sos.exact import exact, hermite, rounded
 LEVEL = 0.98
 """V at which flights begin in a funnel of held commands at most: 0.99² and less."""
 
+PREDICTED = 0.005
+"""How far √V of a predicted state may be off, in any of the inlets."""
+
 MULTIPLIER_BITS = 20
 """Binary places of λ, which is below 1. Any that is not negative is right."""
 

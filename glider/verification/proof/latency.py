@@ -1,0 +1,245 @@
+"""A latency that is predicted: how far the prediction, and so its command, may be off.
+
+A command that acts from a time t on is computed from the state a latency ℓ before. A
+predictor flies it on to x̂(t) under the commands that are on their way, in the model's
+own air. The true flight has a wind w too, and errors d of these commands. From the
+state that both start in, δ = x - x̂ follows
+    δ̇ = J δ + G (d, w),
+J = ∂f/∂x and G = ∂f/∂(u, w) averaged between them. For any λ of the time σ until t,
+    λ(0)ᵀ δ(t) = ∫₀^ℓ (Jᵀ λ - dλ/dσ)ᵀ δ + λᵀ G (d, w) dσ.
+Here λ(0) is a gain K, or a row of a root of S; λ goes on along the nominal's slopes, in
+straight lines, so that the first part is small. |δ| is bounded state by state, a time τ
+after the start by
+    Σ τᵏ⁺¹ / (k + 1)! |J|ᵏ |G (d, w)|.
+On the sets of an interval, and on all states as near to them as that, Taylor models on
+boxes bound J, G and both parts of the integral. Predictions may also be of a servo that
+meets its limits where that of the flight does not: flights stay farther from them.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import joblib
+import numpy as np
+import scipy.linalg
+
+from glider.compiled.taylor import WIDER
+from glider.errors import InputError, expect
+from glider.verification.dynamics.nominal import table_of
+from glider.verification.funnel.clock import hold_starts
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.proof.phases import PREDICTED, first_commands
+from glider.verification.proof.slopes import NearSets, Slopes
+from glider.verification.sos.exact import exact, is_positive_definite
+
+PARTS = 4
+"""Straight lines of λ."""
+
+TERMS = 30
+"""Terms of the series that bounds |δ|; the rest is bounded too."""
+
+NEARBY = 1.1
+"""How far from the sets slopes are bounded, over |δ| by those that were before."""
+
+TURNS = 4
+"""Times that it is tried; the second does as a rule."""
+
+COARSE, FINE = (2.5,), (1.1, 1.2, 1.5)
+"""Bounds that are tried, over the largest value that is sampled: of all predictions,
+and of those that leave least."""
+
+CHOICE_ROOM = 1.001
+"""Factor on the inlet of one funnel that holds those of all."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """A state that is predicted, and what it is for."""
+
+    window: Funnel  #: The part in which the commands of the latency act.
+    ends: tuple[float, float]  #: First and last time at which the latency may end [s].
+    latency: float  #: From the state that is known to the one that is predicted [s].
+    gains: np.ndarray  #: K (n,) of the command that is computed from it.
+    bound: float  #: Of that command's error [rad/s].
+    #: R (n, n), RᵀR >= S, of inlets of which one is chosen by it; (0, n) if none is.
+    root: np.ndarray
+
+    def error_left(self, slopes: Slopes, rooms: tuple[float, ...]) -> float:
+        """Returns what is left of the command's error, and for the choice [rad/s].
+
+        A command is off by what its prediction misses, and by an error of its own.
+        """
+        rows = np.vstack([self.gains, self.root])
+        wind, error = _missed(self, slopes, rows, rooms).T
+        lefts = [(self.bound - wind[0]) / (1.0 + error[0])]
+        if len(self.root):
+            of_wind, of_error = (np.linalg.norm(of[1:]) for of in (wind, error))
+            lefts.append((PREDICTED - of_wind) / of_error)
+        return float(np.min(np.where(np.isnan(lefts), -np.inf, lefts)))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ProvenLatency:
+    """What a latency leaves of the bound of the command's error."""
+
+    latency: float  #: From a state to the command that is computed from it [s].
+    error_left: float  #: Proven; negative where nothing is [rad/s].
+    least: float  #: What has to be left [rad/s].
+
+    @property
+    def holds(self) -> bool:
+        """Whether that much is left."""
+        return self.error_left >= self.least
+
+
+def check_latency(funnel: Funnel, latency: float) -> None:
+    """Raises InputError where a funnel's commands can have no proven latency."""
+    period = funnel.settings.period
+    if not period:
+        raise InputError(
+            "--latency is proven of held commands; the funnel is for a feedback that "
+            "acts at all times."
+        )
+    words = f"less than the funnel's period, {period:g} s"
+    expect(0.0 <= latency < period, "the latency", latency, words)
+
+
+def predictions_of(funnel: Funnel, latency: float) -> list[Prediction]:
+    """Returns those of all commands of a funnel, but the first.
+
+    Raises:
+        InputError: they are not held, or not for longer than the latency.
+    """
+    check_latency(funnel, latency)
+    nominal = funnel.nominal
+    found = []
+    for k in np.unique(hold_starts(nominal.times))[1:]:
+        end = float(nominal.times[k])
+        first = np.searchsorted(nominal.times, end - latency, side="right") - 1
+        found.append(
+            Prediction(
+                window=funnel.between(int(first), int(k) - 1),
+                ends=(end, end),
+                latency=latency,
+                gains=nominal.gains[k],
+                bound=funnel.settings.command_error,
+                root=np.zeros((0, funnel.num_states)),
+            )
+        )
+    return found
+
+
+def first_predictions(
+    launch: Funnel, rests: Sequence[Funnel], latency: float
+) -> list[Prediction]:
+    """Returns those of first commands at any phase, which also choose a funnel.
+
+    Raises:
+        InputError: the inlets are no ellipsoids.
+    """
+    sets = np.array([own.S[0] for own in rests])
+    try:
+        wider = np.linalg.eigvals(np.linalg.solve(sets[0], sets)).real.max()
+        root = np.linalg.cholesky(CHOICE_ROOM * wider * sets[0]).T
+    except np.linalg.LinAlgError:
+        root = np.zeros_like(sets[0])
+    whole = exact(root).T @ exact(root)
+    if not all(is_positive_definite(whole - exact(S)) for S in sets):
+        raise InputError("The inlets of the phases' funnels are no ellipsoids.")
+    return [
+        Prediction(
+            window=launch,
+            ends=first_commands(launch, rests),
+            latency=latency,
+            gains=own.nominal.gains[0],
+            bound=own.settings.command_error,
+            root=root if own is rests[0] else root[:0],
+        )
+        for own in rests
+    ]
+
+
+def prove_latency(
+    predictions: Sequence[Prediction],
+    least: float = 0.0,
+    *,
+    workers: int = -1,
+    progress: Callable[[float], None] | None = None,
+) -> ProvenLatency:
+    """Bounds what predictions leave of the bound of the command's error.
+
+    While errors are no larger, but for what predictions miss, both are together within
+    the funnels' `command_error`.
+
+    Args:
+        predictions: one or more, of one glider and one latency.
+        least: what has to be left [rad/s].
+        workers: processes; as many as there are cores if -1.
+        progress: called with the share that is done.
+    """
+    slopes, lefts = Slopes(predictions[0].window.nominal.model), list[float]()
+    tasks = (joblib.delayed(own.error_left)(slopes, COARSE) for own in predictions)
+    for left in joblib.Parallel(n_jobs=workers, return_as="generator")(tasks):
+        lefts.append(left)
+        if progress:
+            progress(len(lefts) / len(predictions))
+    fine = set[int]()
+    while (k := int(np.argmin(lefts))) not in fine:
+        fine.add(k)
+        lefts[k] = max(lefts[k], predictions[k].error_left(slopes, FINE))
+    return ProvenLatency(
+        latency=predictions[0].latency, error_left=lefts[k], least=least
+    )
+
+
+@np.errstate(all="ignore")  # What is infinite is bounded by infinity.
+def _missed(prediction, slopes, directions, rooms):
+    """Returns bounds (R, 2) of |λᵀ δ|: in the funnel's wind, and per rad/s of error.
+
+    λ are directions (R, n); bounds are infinite where nothing is proven.
+    """
+    window, latency = prediction.window, prediction.latency
+    n, near = window.num_states, np.zeros(window.num_states)
+    pushes = np.array([window.settings.wind, window.settings.command_error])
+    for _ in range(TURNS):
+        enclosed = [
+            NearSets(slopes, window.between(k, k + 1), latency, near)
+            for k in window.nominal.flows
+        ]
+        sizes = np.max([part.sizes(rooms) for part in enclosed], axis=0)
+        apart = [_apart(sizes, latency * (1.0 - k / PARTS)) for k in range(PARTS)]
+        farthest = apart[0] @ pushes
+        if np.all(farthest <= near):
+            break
+        near = NEARBY * farthest
+    else:
+        return np.full((len(directions), 2), np.inf)
+    own = window.nominal.open_loop[:, :, table_of(n + 1).of_degree(1)][..., :n]
+    step = scipy.linalg.expm(own.mean(axis=0) * (latency / PARTS))
+    first, total = directions, np.zeros((len(directions), 2))
+    for k, away in enumerate(apart):
+        last, share = first @ step, latency / PARTS
+        begins, over = (
+            prediction.ends[0] - (k + 1) * share,
+            prediction.ends[1] - k * share,
+        )
+        rates = [
+            part.pulls(first, last, share, away, rooms)
+            for part in enclosed
+            if part.last >= begins and part.first <= over
+        ]
+        total += np.max(rates, axis=0) * (share * WIDER)
+        first = last
+    return total * [pushes[0], 1.0]
+
+
+def _apart(sizes, latency):
+    """Returns bounds of |δ| (n, 2), by pushes of 1, given those of J and G."""
+    J, term = np.split(latency * sizes, [len(sizes)], axis=1)
+    total = term
+    for k in range(2, TERMS + 2):
+        term = J @ term / k
+        total = total + term
+    share = np.linalg.norm(J, np.inf) / (TERMS + 2)
+    rest = term.max(axis=0) * share / (1.0 - share) if share < 1.0 else np.inf
+    return (total + rest) * WIDER

@@ -1,0 +1,252 @@
+"""Slopes of a glider's dynamics, bounded over the sets of an interval.
+
+A slope ∂f/∂(x, u, w) is not a polynomial: Taylor models on boxes of a ball that covers
+the sets bound it. A bound is first guessed by samples and then proven.
+"""
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg
+
+from glider.compiled.taylor import INPUT, WIDER
+from glider.physics.model import GliderModel
+from glider.physics.servo import STOPPING_TIME
+from glider.verification.dynamics.jets import Slope, monomials
+from glider.verification.dynamics.nominal import nonlinear_parts, open_loop_rates
+from glider.verification.dynamics.taylor_models import Program, Recording
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.proof.boxes import blame_of, shifted, top_in_balls
+from glider.verification.proof.interval import (
+    covers,
+    keeps_servo,
+    make_interval,
+    stays_definite,
+    tight_cover,
+    unproven_wind,
+)
+from glider.verification.proof.interval_proof import bound_remainder
+
+DEGREE = 2
+"""Of the Taylor models."""
+
+SAMPLES, WIDTHS = 300, (0.5, 0.2, 0.1, 0.05)
+"""Points that are sampled, and the steps by which they climb."""
+
+LEAST = 1e-9
+"""Bound of what is zero."""
+
+BUDGET = 10_000
+"""Boxes on which a bound is tried."""
+
+
+class Slopes:
+    """∂f/∂(x, u, w) of a glider, as operations on Taylor models.
+
+    Boxes are of v in the ball that covers sets, the command's error, the wind in a
+    ball, and two times: that of a line of λ, and s of an interval.
+    """
+
+    def __init__(self, model: GliderModel):
+        """Records how they are computed, and Jᵀ λ - dλ/dσ and λᵀ G of a line."""
+        self.which, _ = nonlinear_parts(model)
+        n, m = model.num_states, len(self.which)
+        self.table = monomials(m + 5, DEGREE)
+        self.balls = slice(m), slice(m + 1, m + 3)
+        recording = Recording(self.table)
+        inputs = [recording.add(INPUT, i) for i in range(3 * n + 3)]
+        zero, lines, changes = inputs[0] * 0.0, inputs[n + 3 : -n], inputs[-n:]
+        unit = np.eye(n + 3).tolist()
+        own = [Slope(x, tuple(row)) for x, row in zip(inputs, unit, strict=False)]
+        rates = open_loop_rates(model, own[:n], own[n], wind=own[n + 1 :])
+        J = [(Slope(zero, (0.0,) * (n + 3)) + rate).slopes for rate in rates]
+        pulls = [
+            sum((line * slope for line, slope in zip(lines, column, strict=True)), zero)
+            for column in zip(*J, strict=True)
+        ]
+        pulls[:n] = [a - b for a, b in zip(pulls[:n], changes, strict=True)]
+        every = np.ones((len(inputs), len(self.table.degrees)), dtype=bool)
+        flat = [zero + slope for row in J for slope in row]
+        self.of_states = recording.program(flat, every)
+        self.of_line = recording.program(pulls, every)
+
+
+class NearSets:
+    """Bounds of slopes on the sets of an interval, and on what is near them."""
+
+    def __init__(self, slopes: Slopes, part: Funnel, latency: float, near: np.ndarray):
+        """Covers them, where that is proven.
+
+        Args:
+            slopes: of the funnel's glider.
+            part: funnel of two times.
+            latency: of commands [s].
+            near: distance (n,) that is near.
+        """
+        nominal, n, m = part.nominal, part.num_states, len(slopes.which)
+        self.first, self.last = nominal.times
+        self._slopes = slopes
+        self._pushes = np.array([part.settings.wind, part.settings.command_error])
+        ahead = part.settings.command_error * (1.0 + latency / STOPPING_TIME)
+        wider = dataclasses.replace(part, errors=part.errors + ahead)
+        interval, place = make_interval(wider), slopes.table.place
+        basis, _ = tight_cover(interval)
+        unit = np.eye(m + 5, dtype=int)
+        self._time = [place(j * unit[-1]) for j in range(DEGREE + 1)]
+        self._line = place(unit[-2])
+        curve = nominal.path.c[::-1, 0].T * (0.5 * np.diff(nominal.times)) ** range(4)
+        curve = curve @ scipy.linalg.pascal(4, "lower")
+        found = np.zeros((n + 3, len(slopes.table.degrees)))
+        found[:n, self._time] = curve[:, : DEGREE + 1]
+        ends = nominal.inputs
+        found[n, self._time[:2]] = ends.mean(), 0.5 * np.diff(ends)[0]
+        found[slopes.which, 1 : m + 1] = basis
+        found[n, m + 1] = wider.errors.max()
+        found[[n + 1, n + 2], [m + 2, m + 3]] = part.settings.wind
+        self._polynomials = found
+        self._lacks = np.append(near, np.zeros(3))
+        self._lacks[:n] += np.abs(curve[:, DEGREE + 1 :]).sum(axis=1) * WIDER
+        proven = stays_definite(interval.S) and keeps_servo(interval)
+        if not (proven and covers(interval, basis)) or unproven_wind(part):
+            self._lacks[:] = np.inf
+
+    def sizes(self, rooms: tuple[float, ...]) -> np.ndarray:
+        """Returns bounds of |J|, and of |G| by the wind and the command's error.
+
+        They are (n, n + 2), by pushes of 1; rooms are those of bounds that are tried.
+        """
+        n = len(self._polynomials) - 3
+        lines = np.zeros((2 * n, self._polynomials.shape[1]))
+        found = self._bounded(self._slopes.of_states, lines[None], rooms)
+        return found.reshape(n, n + 2)
+
+    def pulls(
+        self,
+        first: np.ndarray,
+        last: np.ndarray,
+        duration: float,
+        apart: np.ndarray,
+        rooms: tuple[float, ...],
+    ) -> np.ndarray:
+        """Returns bounds (R, 2) of d(λᵀ δ)/dt, by a wind and a command's error of 1.
+
+        Args:
+            first, last: ends of lines λ (R, n).
+            duration: of these lines [s].
+            apart: bounds of |δ| (n, 2) by these pushes.
+            rooms: of bounds that are tried.
+        """
+        n = len(apart)
+        lines = np.zeros((len(first), 2 * n, self._polynomials.shape[1]))
+        lines[:, :n, 0] = 0.5 * (first + last)
+        lines[:, :n, self._line] = 0.5 * (last - first)
+        lines[:, n:, 0] = (last - first) / duration
+        weights = np.append(apart @ self._pushes, self._pushes)
+        found = self._bounded(self._slopes.of_line, lines, rooms, weights)
+        found = found.reshape(-1, n + 2)
+        return found[:, n:] + found[:, :n] @ apart
+
+    def _bounded(self, program, lines, rooms, weights=None):
+        """Returns bounds of all results, those of both winds together, for R lines.
+
+        Each has the room of its own size, or where a weighted sum of some counts, an
+        equal share of the room of that.
+        """
+        own = np.broadcast_to(self._polynomials, (len(lines), *self._polynomials.shape))
+        boxes = _Boxes(
+            slopes=self._slopes,
+            program=program,
+            polynomials=np.concatenate([own, lines], axis=1),
+            lacks=np.append(self._lacks, np.zeros(lines.shape[1])),
+        )
+        largest = own_room = boxes.largest()
+        if weights is not None:
+            total = largest.reshape(-1, len(weights)) @ weights / len(weights)
+            even = np.ravel(total[:, None] / np.maximum(weights, LEAST))
+            own_room = 0.5 * (largest + even)
+        for room in rooms if np.all(np.isfinite(self._lacks)) else ():
+            boxes.limits = largest + (room - 1.0) * own_room + LEAST
+            if bound_remainder(boxes, BUDGET).proven:
+                return boxes.limits
+        return np.full_like(largest, np.inf)
+
+
+@dataclasses.dataclass(kw_only=True)
+class _Boxes:
+    """Results of a program on boxes, and limits which they are to keep.
+
+    It is like a `TaylorRemainder`; a row is a result, or both of the wind.
+    """
+
+    slopes: Slopes
+    program: Program
+    polynomials: np.ndarray  #: Inputs (R, I, M) of R runs.
+    lacks: np.ndarray  #: Bounds (I,) of what these lack.
+    limits: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
+    span: tuple[float, float] = (-1.0, 1.0)
+
+    @property
+    def dimension(self) -> int:
+        """Number of the boxes' coordinates."""
+        return self.slopes.table.num_variables
+
+    @property
+    def balls(self) -> tuple[slice, ...]:
+        """Coordinates that are in a ball."""
+        return self.slopes.balls
+
+    def bounds(self, center, half):
+        """Returns bounds over limits, what centers reach, and what is to blame."""
+        table, (found, lost) = self.slopes.table, self._run(center, half)
+        boxes = center, half, table.exponents, self.balls
+        tops = [
+            np.maximum(*(top_in_balls(s * one, left, *boxes) for s in (1.0, -1.0)))
+            for one, left in zip(found, lost, strict=True)
+        ]
+        blame = [
+            blame_of(table, one, left, one)
+            for one, left in zip(found, lost, strict=True)
+        ]
+        surely = np.maximum(np.abs(found[:, 0]) - lost, 0.0)
+        most, least = (
+            self._rows(values) / self.limits[:, None]
+            for values in (np.array(tops), surely)
+        )
+        blame = self._rows(np.array(blame)) / self.limits[:, None, None]
+        inside = [np.linalg.norm(center[ball], axis=0) <= 1.0 for ball in self.balls]
+        return most, np.where(np.all(inside, axis=0), least, 0.0), blame
+
+    def largest(self) -> np.ndarray:
+        """Returns the largest values (rows,) that are found by a climb."""
+        rng, d = np.random.default_rng(0), self.dimension
+        points = rng.normal(size=(d, SAMPLES)) * rng.uniform(0.0, 2.0, SAMPLES)
+        for width in (*WIDTHS, 0.0):
+            for ball in self.balls:
+                points[ball] /= np.maximum(np.linalg.norm(points[ball], axis=0), 1.0)
+            points = np.clip(points, -1.0, 1.0)
+            values = self._rows(np.abs(self._run(points, 0.0 * points)[0][:, 0]))
+            best = np.unique(values.argmax(axis=1))
+            points = np.tile(points[:, best], 1 + SAMPLES // len(best))
+            moved = points[:, len(best) :]
+            moved += width * rng.normal(size=moved.shape)
+        return values.max(axis=1)
+
+    def _run(self, center, half):
+        """Returns results (R K, M, B) on boxes, and what is lost (R K, B)."""
+        table = self.slopes.table
+        runs = [
+            self.program.run(inputs, (left + self.lacks[:, None]) * WIDER)
+            for inputs, left in (
+                shifted(table, own, center, half) for own in self.polynomials
+            )
+        ]
+        found, lost = (np.concatenate(of) for of in zip(*runs, strict=True))
+        return found, lost
+
+    def _rows(self, values):
+        """Returns rows, given results: the last two of n + 3 are one."""
+        n = (self.polynomials.shape[1] - 3) // 3
+        both = values.reshape(-1, n + 3, *values.shape[1:])
+        wind = np.linalg.norm(both[:, n + 1 :], axis=1, keepdims=True)
+        rows = np.concatenate([both[:, :n], wind, both[:, [n]]], axis=1)
+        return rows.reshape(-1, *values.shape[1:])

@@ -1,0 +1,250 @@
+"""What a prediction of the state misses, by flights and by numbers of other kinds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider import GliderModel, effects
+from glider.__main__ import main
+from glider.control.predictor import advance, rates_of
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.verification.dynamics.jets import Slope, monomials, variables
+from glider.verification.dynamics.nominal import open_loop_rates
+from glider.verification.dynamics.taylor_models import Recording
+from glider.verification.funnel.funnel import load_funnel
+from glider.verification.proof import latency as prediction
+from glider.verification.proof.latency import (
+    FINE,
+    PARTS,
+    ProvenLatency,
+    first_predictions,
+    predictions_of,
+    prove_latency,
+)
+from glider.verification.proof.phases import PREDICTED
+from glider.verification.proof.slopes import NearSets, Slopes
+from glider.verification.sos.forms import to_ball
+from glider.verification.sos.sphere import normalized
+
+FOLDER = models_path("funnels", "any_phase")
+LATENCY = 0.01
+
+
+@pytest.fixture(scope="module")
+def launch():
+    return load_funnel(FOLDER / "launch.npz")
+
+
+@pytest.fixture(scope="module")
+def rest():
+    return load_funnel(FOLDER / "phase_1.npz")
+
+
+@pytest.fixture(scope="module")
+def slopes(rest):
+    return Slopes(rest.nominal.model)
+
+
+EFFECTS = [
+    [],
+    [effects.make("stall")],
+]
+
+
+@pytest.mark.parametrize("effects", EFFECTS, ids=["plate", "stall", "lag"])
+def test_slopes_of_the_dynamics_are_those_of_their_taylor_series(effects):
+    model, rng = GliderModel(effects=effects), np.random.default_rng(1)
+    n = model.num_states
+    points = rng.normal(size=(n + 3, 50))
+    points[4] += 6.0
+    unit = np.eye(n + 3)
+    own = [Slope(x, tuple(row.tolist())) for x, row in zip(points, unit, strict=True)]
+    jets = variables(points, 1)
+    for slope, jet in zip(
+        open_loop_rates(model, own[:n], own[n], wind=own[n + 1 :]),
+        open_loop_rates(model, jets[:n], jets[n], wind=jets[n + 1 :]),
+        strict=True,
+    ):
+        for found, expected in zip(slope.slopes, jet.coefficients[1:], strict=True):
+            np.testing.assert_allclose(found + 0.0 * expected, expected, 1e-9, 1e-9)
+
+
+def test_slopes_of_a_speed_are_bounded_at_rest():
+    """The root of a sum of squares has a slope of one at most; a quotient has none."""
+    recording = Recording(monomials(2, 2))
+    own = [recording.add(7, k) for k in range(2)]
+    x, y = (Slope(v, tuple(row)) for v, row in zip(own, np.eye(2).tolist(), strict=True))
+    speed = np.sqrt(x * x + y * y + 1e-8)
+    other = np.sqrt((x * x + 1e-8) + 0.5 * (y * y))  # No sum of squares is seen here.
+    bounds = {}
+    for name, number in (("speed", speed), ("other", other)):
+        program = recording.program(list(number.slopes), np.ones((2, 6), dtype=bool))
+        inputs = np.zeros((2, 6, 2))
+        inputs[0, 1], inputs[1, 2] = 1.0, 1.0  # From -1 to 1,
+        inputs[:, 0, 1] = 4.0  # and from 3 to 5.
+        found, lost = program.run(inputs, np.zeros((2, 2)))
+        bounds[name] = np.abs(found).sum(axis=1) + lost
+    assert bounds["speed"][:, 0] == pytest.approx(1.0)
+    assert not np.any(bounds["other"][:, 0] < 10.0)
+    assert np.all(bounds["speed"][:, 1] < 1.2) and np.all(bounds["speed"][:, 1] > 0.7)
+
+
+def states_in(part, count, rng):
+    """Returns states on the boundary of a funnel's set at the first of its times."""
+    directions = normalized(rng.normal(size=(count, part.num_states)))
+    return part.nominal.states[0] + directions @ to_ball(part.S[0])[1].T
+
+
+@pytest.mark.parametrize("hold", [1, 20, 40])
+def test_slopes_in_the_sets_are_within_their_bounds(rest, slopes, hold):
+    """Also where the tail is at rest in some states, at the end of the flight."""
+    part = predictions_of(rest, LATENCY)[hold].window
+    part = part.between(len(part.nominal.times) - 2, len(part.nominal.times) - 1)
+    near = NearSets(slopes, part, LATENCY, np.zeros(7))
+    bounds = near.sizes((1.5, 2.5))
+    assert np.all(np.isfinite(bounds))
+    x = states_in(part, 5000, np.random.default_rng(2)).T
+    given = np.vstack([x, np.full(5000, part.nominal.inputs[0]), np.zeros((2, 5000))])
+    jets = variables(given, 1)
+    rates = open_loop_rates(rest.nominal.model, jets[:7], jets[7], wind=jets[8:])
+    J = np.array([rate.coefficients[1:] for rate in rates])
+    seen = np.column_stack(
+        [
+            np.abs(J[:, :7]).max(axis=2),
+            np.linalg.norm(J[:, 8:], axis=1).max(axis=1),
+            np.abs(J[:, 7]).max(axis=1),
+        ]
+    )
+    assert np.all(seen <= bounds + 1e-8)
+    far = seen > 1e-6
+    assert np.all(bounds[far] < 3.5 * seen[far])  # Not much more than what is there.
+    # Near the sets there are more states, and larger slopes.
+    wider = NearSets(slopes, part, LATENCY, np.full(7, 0.05)).sizes((1.5, 2.5))
+    assert np.all(wider >= bounds - 1e-8) and np.any(wider[far] > 1.02 * bounds[far])
+
+
+def flown_apart(model, states, command, latency, wind, error):
+    """Returns how far flights end from what is predicted, (B, n)."""
+    count = 8
+    ends = []
+    for air, more in ((np.zeros_like(wind), 0.0 * error), (wind, error)):
+        now = states
+        for k in range(count):
+            now = advance(
+                lambda x, t, k=k, a=air, u=more: rates_of(model, x, command + u[k], a[k]),
+                now,
+                latency / count,
+            )
+        ends.append(now)
+    return ends[1] - ends[0]
+
+
+@pytest.mark.parametrize("hold", [2, 10, 19])
+def test_no_flight_is_farther_from_its_prediction(rest, slopes, hold):
+    """In winds and with errors that change at any time."""
+    own = predictions_of(rest, LATENCY)[hold]
+    bounds = prediction._missed(own, slopes, own.gains[None], FINE)[0]
+    rng, window, count = np.random.default_rng(3), own.window, 2000
+    part = window.between(1, 2)
+    x = states_in(part, count, rng)
+    left = own.ends[0] - part.nominal.times[0]
+    assert 0.0 < left <= LATENCY
+    e = x - part.nominal.states[0]
+    command = part.nominal.inputs[0] - e @ part.nominal.gains[0]
+    command += np.einsum("bi,ij,bj->b", e, part.nominal.bends[0], e)
+    model, still = rest.nominal.model, np.zeros((8, count))
+    winds = 0.022 * np.moveaxis(normalized(rng.normal(size=(8, count, 2))), 2, 2)
+    winds[:, ::2] = winds[0, ::2]  # Half of them are steady.
+    errors = 0.05 * np.sign(rng.normal(size=(8, count)))
+    errors[:, ::2] = errors[0, ::2]
+    blown = flown_apart(model, x, command, left, winds, still) @ own.gains
+    pushed = flown_apart(model, x, command, left, 0.0 * winds, errors) @ own.gains
+    share = left / LATENCY
+    assert 0.3 * share * bounds[0] < np.abs(blown).max() <= bounds[0]
+    assert 0.3 * share * bounds[1] < np.abs(pushed).max() / 0.05 <= bounds[1]
+    both = flown_apart(model, x, command, left, winds, errors) @ own.gains
+    assert np.abs(both).max() <= bounds[0] + 0.05 * bounds[1]
+
+
+def test_what_is_left_is_that_of_the_worst_prediction(rest, slopes):
+    some = predictions_of(rest, LATENCY)[1:20:9]
+    found = prove_latency(some, 0.01, workers=1)
+    assert found.holds and found.latency == LATENCY
+    alone = [own.error_left(slopes, FINE) for own in some]
+    assert found.error_left == pytest.approx(min(alone))
+    # 1.2 cm/s of the wind take most; where commands may be off by less, none is left.
+    strict = [dataclasses.replace(own, bound=0.02) for own in some]
+    assert not prove_latency(strict, workers=1).holds
+    assert not ProvenLatency(latency=0.01, error_left=0.01, least=0.02).holds
+
+
+def test_nothing_is_proven_where_the_sets_are_not_covered(rest, slopes, monkeypatch):
+    own = predictions_of(rest, LATENCY)[2]
+    # The servo's margin does not last for the error that a prediction may have.
+    near_limit = dataclasses.replace(
+        own.window,
+        settings=dataclasses.replace(own.window.settings, command_error=200.0),
+    )
+    far = dataclasses.replace(own, window=near_limit)
+    assert far.error_left(slopes, (2.5,)) == -np.inf
+    monkeypatch.setattr(prediction, "TURNS", 1)  # None that has seen what is near.
+    assert own.error_left(slopes, (2.5,)) == -np.inf
+
+
+def test_the_choice_of_a_funnel_is_by_an_inlet_within_all(launch, rest):
+    other = dataclasses.replace(rest, S=1.3 * rest.S)
+    first, second = first_predictions(launch, [rest, other], LATENCY)
+    assert first.ends == pytest.approx((0.01, 0.03))
+    whole = first.root.T @ first.root
+    for own in (rest, other):
+        assert np.all(np.linalg.eigvalsh(whole - own.S[0]) > 0.0)
+    assert second.root.shape == (0, 7)
+    # It is by far the choice that a prediction which is off by more would spoil.
+    wind, error = np.ones((8, 1)) * [0.001, 0.0] + [0.0, 0.01]
+    flat = dataclasses.replace(rest, S=0.0 * rest.S)
+    with pytest.raises(InputError, match="no ellipsoids"):
+        first_predictions(launch, [flat], LATENCY)
+
+
+def test_the_choice_leaves_less_than_its_room(launch, rest, slopes, monkeypatch):
+    """Where rows of the root miss 0.001 each and 0.01 a rad/s, √7 of each do in all."""
+    own = first_predictions(launch, [rest], LATENCY)[0]
+    miss = np.tile([0.001, 0.01], (8, 1))
+    monkeypatch.setattr(prediction, "_missed", lambda *given: miss)
+    root = np.sqrt(7.0)
+    expected = (PREDICTED - 0.001 * root) / (0.01 * root)
+    assert own.error_left(slopes, FINE) == pytest.approx(min(expected, 0.049 / 1.01))
+    miss[1:, 0] = 0.002
+    assert own.error_left(slopes, FINE) < 0.0
+
+
+def test_the_command_line_proves_a_latency(capsys, monkeypatch):
+    path = str(FOLDER / "phase_1.npz")
+    asked = ["check-funnel", path, "--every", "1000", "--prove"]
+    problem = ["--problem", "perching_hook"]
+    del problem
+    held = ["--hold", "0.02", "--latency"]
+    assert main([*asked, *held, "0.02"]) == 2
+    assert "expected less than the funnel's period, 0.02 s" in capsys.readouterr().err
+    drawn = str(models_path("funnels", "drawn.npz"))
+    assert main(["check-funnel", drawn, "--prove", "--latency", "0.01"]) == 2
+    assert "the funnel is for a feedback that acts at all times" in (
+        capsys.readouterr().err
+    )
+
+
+def test_lines_of_a_covector_end_where_the_nominal_takes_it(rest, slopes):
+    """With λ of constant slopes instead, more of Jᵀ λ - dλ/dσ is left."""
+    own = predictions_of(rest, LATENCY)[10]
+    good = prediction._missed(own, slopes, own.gains[None], FINE)[0]
+    assert PARTS == 4
+    worse = dataclasses.replace(own, window=own.window)
+    step = prediction.scipy.linalg.expm
+    try:
+        prediction.scipy.linalg.expm = lambda matrix: np.eye(len(matrix))
+        bad = prediction._missed(worse, slopes, own.gains[None], FINE)[0]
+    finally:
+        prediction.scipy.linalg.expm = step
+    assert np.all(good < bad)
