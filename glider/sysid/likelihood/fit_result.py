@@ -68,11 +68,6 @@ class FitResult:
             self, kinds=kinds, theta=theta, free=task.free(kinds)
         )
 
-    def without_blocks(self, *names: str) -> "FitResult":
-        """Returns the model without some blocks."""
-        kept = tuple(own for own in self.blocks if own.block.name not in names)
-        return dataclasses.replace(self, blocks=kept)
-
 
 def start_of(task: Task, noise: Noise) -> FitResult:
     """Returns the nominal model, unfitted, in still air."""
