@@ -152,11 +152,6 @@ class FittedBlock:
     strength: float  #: Prior spread of the coordinates.
 
     @property
-    def precision(self) -> np.ndarray:
-        """Prior precision of each coordinate (q,)."""
-        return np.full(self.block.count, self.strength**-2.0)
-
-    @property
     def data(self) -> FieldData:
         """The function as a model file has it."""
         return self.block.data(self.coordinates)

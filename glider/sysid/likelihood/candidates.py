@@ -1,7 +1,6 @@
 """Candidate effects as columns of all flights, linear about one model."""
 
 import dataclasses
-import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -60,8 +59,8 @@ class Candidates:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
         starts = range(0, len(self.flights), _AT_ONCE)
         parts = (self.flights[k : k + _AT_ONCE] for k in starts)
-        grams = (gram for part in parts for gram in self._grams(part, scales))
-        return functools.reduce(np.add, grams)
+        sums = [np.sum(self._grams(part, scales), axis=0) for part in parts]
+        return np.sum(sums, axis=0)
 
     def _grams(
         self, flights: Sequence[LinearFlight], scales: Scales
@@ -224,21 +223,18 @@ def tamed(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
 ) -> tuple[list[LinearFlight], set[int]]:
     """Returns the flights with diverging columns set to zero, and which those are."""
-    scale = task.layout.scale[[d.slot for d in directions]]
-    columns = slice(0, len(directions))
-    wild = np.zeros(len(directions), dtype=bool)
-    for flight in flights:
-        largest = np.abs(flight.inputs[:, :, columns]).max(axis=(0, 1), initial=0.0)
-        wild |= ~(largest * scale < _LARGEST_PUSH)  # So is what is not a number.
-    found = set(np.flatnonzero(wild).tolist())
-    if not found:
-        return list(flights), found
-    tame = []
-    for flight in flights:
-        inputs = flight.inputs.copy()
-        inputs[:, :, sorted(found)] = 0.0
-        tame.append(dataclasses.replace(flight, inputs=inputs))
-    return tame, found
+    scale = np.append(task.layout.scale[[d.slot for d in directions]], 0.0)
+    largest = [np.abs(f.inputs).max(axis=(0, 1), initial=0.0) for f in flights]
+    # So is what is not a number; the last column, the error, stays as it is.
+    is_wild = ~np.all(np.array(largest) * scale < _LARGEST_PUSH, axis=0)
+    is_wild[-1] = False
+    tame = list(flights)
+    if is_wild.any():
+        tame = [
+            dataclasses.replace(f, inputs=np.where(is_wild, 0.0, f.inputs))
+            for f in flights
+        ]
+    return tame, set(np.flatnonzero(is_wild).tolist())
 
 
 def saturated(candidates: Candidates, rounds: int) -> FitResult:

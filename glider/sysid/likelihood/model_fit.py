@@ -131,9 +131,10 @@ def prior_of(
     (lower, upper), value = task.bounds(slots), model.theta[slots]
     mean, precision = task.priors(slots, model.theta if start is None else start)
     free = model.coordinates
+    spreads = [b.strength for b in model.blocks for _ in b.coordinates]
     return Prior(
         mean=np.append(mean - value, -free),
-        precision=np.concatenate([precision, *(b.precision for b in model.blocks)]),
+        precision=np.append(precision, np.array(spreads) ** -2.0),
         lower=np.append(lower - value, -LARGEST_COORDINATE - free),
         upper=np.append(upper - value, LARGEST_COORDINATE - free),
     )
