@@ -79,10 +79,9 @@ class Analysis:
         with self.stage("refit", "refitting the flat plate alone"):
             baseline, fitted = found.traced.bare, [r.name for r in found.task.records]
             if found.traced.forces is None:  # To the log as it is, signs and all.
-                free = self.vehicle.baseline_slots
-                baseline = dataclasses.replace(baseline, free=free)
                 logged = found.task.on(found.flights.of("refitted", fitted))
-                baseline = fit_model(logged, baseline)
+                free = self.vehicle.baseline_slots
+                baseline = fit_model(logged, dataclasses.replace(baseline, free=free))
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(found.task, found.traced.model)
             evaluated, folds = evaluate(

@@ -29,7 +29,7 @@ from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table, signals
 from glider.sysid.report import CALIBRATED, MODELS, PERFECT, Spread
 from glider.sysid.result import ResidualTable
-from glider.sysid.search.force_search import OF_FORCES, forces_alone
+from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
 from glider.sysid.verdict import changes_baseline_alone
 
@@ -155,8 +155,6 @@ def without_model_errors(
     unknown = {"servo", *SPREAD_KINDS.values()}
     if gusts or traced.forces is not None:
         unknown.add("air")
-    if traced.forces is not None:
-        unknown.update(OF_FORCES)
     stds = {SPREAD_KINDS[kind]: spread.std for kind, spread in spreads.items()}
     return dataclasses.replace(
         traced.model.scales.without(*unknown), **stds

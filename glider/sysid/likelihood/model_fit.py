@@ -99,9 +99,7 @@ class Prior:
 
     def among(self, columns: Sequence[int]) -> "Prior":
         """Returns the prior of some of the columns."""
-        parts = (self.mean, self.precision, self.lower, self.upper)
-        mean, precision, lower, upper = (part[columns] for part in parts)
-        return Prior(mean=mean, precision=precision, lower=lower, upper=upper)
+        return Prior(**{name: own[columns] for name, own in vars(self).items()})
 
     def added_to(self, gram: np.ndarray) -> np.ndarray:
         """Returns a Gram matrix with the prior added as one more flight."""
