@@ -10,6 +10,7 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.compiled.parallel import in_parallel
+from glider.physics.effects.families import BLOCKS
 from glider.sysid import report, result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
@@ -17,7 +18,6 @@ from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.candidates import survey
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights, fit_model

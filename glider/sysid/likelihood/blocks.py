@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg
 
 from glider.physics.effects import FIELD_VARIABLES, Field
+from glider.physics.effects.families import BLOCKS, BlockKind
 from glider.physics.effects.field import (
     AIR_TERMS,
     INERTIA_TERMS,
@@ -22,7 +23,6 @@ from glider.physics.effects.field import (
     FieldData,
 )
 from glider.sysid.constants import LEADING, RESOLVED
-from glider.sysid.likelihood.families import BLOCKS, BlockKind
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_along, flow_at_nodes

@@ -171,11 +171,12 @@ def linearize(
         terms["c_moment"] = None
     shown = tuple(terms)
     path, dynamics = path_of(record, theta, about)
-    moving = [j for j, d in enumerate(directions) if d.slot not in layout.sensor_slots]
+    moving = {
+        j: d for j, d in enumerate(directions) if d.slot not in layout.sensor_slots
+    }
     plain = [  # Those that leave the log's signals and the nodes as they are.
         j
-        for j in moving
-        for d in [directions[j]]
+        for j, d in moving.items()
         if d.slot < layout.num_compiled and not (d.shapes and d.kind in layout.states)
     ]
     moved, sizes = np.empty((len(plain), len(dynamics))), np.empty(len(plain))
@@ -201,10 +202,9 @@ def linearize(
     by_x[at_stop, OFFSET], missed[at_stop, OFFSET] = 0.0, 0.0
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
-    others = [j for j in moving if j not in plain]
-    beside = [directions[j] for j in others]
-    secants = _secants(record, theta, field, beside, about, (nodes, ends))
-    for j, secant in zip(others, secants, strict=True):
+    beside = {j: d for j, d in moving.items() if j not in plain}
+    secants = _secants(record, theta, field, beside.values(), about, (nodes, ends))
+    for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
     by_x, by_term = by_x.take(states, 1).take(states, 2), by_term.take(states, 1)
     by_trim = by_x[:, :, OFFSET].copy()
@@ -234,7 +234,7 @@ def _secants(
     record: Record,
     theta: np.ndarray,
     field: Field,
-    directions: Sequence[Direction],
+    directions: Iterable[Direction],
     about: Surroundings,
     usual: tuple[np.ndarray, np.ndarray],
 ) -> Iterator[np.ndarray]:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, EVIDENCE_THRESHOLD, MANY_FLIGHTS, RIVAL_GAP
 from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.candidates import Candidates, Variant, gather, saturated
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import Task

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS, SLACK, Z
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import solve_scaled

@@ -10,10 +10,10 @@ from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
+from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress, Step
 from glider.sysid.constants import CLEAR, FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
