@@ -112,18 +112,14 @@ def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candi
 
     Blocks that act in the model are candidates too.
     """
-    layout = task.layout
-    directions = slopes(layout, model.free)
-    own = set(task.vehicle.nuisance)
-    variants: dict[str, list[Variant]] = {}
-    idle = own | _at_bounds(task, model)
-    for kind in model.kinds:
-        acting = enumerate(directions)
-        mine = (j for j, d in acting if d.kind == kind and d.slot not in idle)
-        variants[kind] = [tuple(mine)]  # None of an effect that is at its bounds.
-    for kind in task.kinds:
-        if kind in model.kinds:
-            continue
+    layout, own = task.layout, set(task.vehicle.nuisance)
+    directions, idle = slopes(layout, model.free), own | _at_bounds(task, model)
+    acting = [(j, d.kind) for j, d in enumerate(directions) if d.slot not in idle]
+    # No columns of an effect that is at its bounds.
+    variants: dict[str, list[Variant]] = {
+        kind: [tuple(j for j, other in acting if other == kind)] for kind in model.kinds
+    }
+    for kind in [kind for kind in task.kinds if kind not in variants]:
         allowed = set(task.free((kind,))) - own
         variants[kind] = []
         for columns in starts_of(layout, layout.kinds[kind], model.theta):
@@ -136,8 +132,7 @@ def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candi
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
     places = model.places(len(directions))
-    for kind in model.free_kinds:
-        variants[kind] = [tuple(places[kind])]
+    variants |= {kind: [tuple(places[kind])] for kind in model.free_kinds}
     scaled = [(j, 1.0) for j in range(len(directions) + len(model.coordinates))]
     first = len(scaled)
     for block in new:

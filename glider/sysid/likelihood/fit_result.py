@@ -57,8 +57,7 @@ class FitResult:
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
         """Splits values of all coordinates by blocks."""
-        ends = np.cumsum([own.block.count for own in self.blocks], dtype=int)
-        return np.split(values, ends)[:-1]
+        return [values[columns] for columns in self.places(0).values()]
 
     def with_kinds(
         self, task: Task, kinds: tuple[str, ...], theta: np.ndarray
