@@ -98,6 +98,12 @@ class Block:
         is_within = (low <= self.centers) & (self.centers <= high)
         return self.centers[is_within.all(axis=1)]
 
+    def fitted(self, strength: float, leading: Sequence[float] = ()) -> "FittedBlock":
+        """Returns the block in a model, coordinates being zero but the leading ones."""
+        coordinates = np.zeros(self.count)
+        coordinates[: len(leading)] = leading
+        return FittedBlock(block=self, coordinates=coordinates, strength=strength)
+
     def functions(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (n, M) at values of the variables (n, d)."""
         return gaussian(values, self.centers, self.widths)

@@ -78,20 +78,15 @@ class Candidates:
 
         Blocks that do not act yet have a prior spread of one; see `columns`.
         """
-        prior = model_fit.prior_of(self.task, self.model, self.slots)
-        index, first = np.arange(len(prior.mean)), len(self.slots)
-        stays = np.isin(index, self.always)
-        stays[:first] |= np.array([*map(self.task.is_shape, self.slots)], dtype=bool)
-        share = np.where(stays, 0.0, -prior.mean)
-        more = sum(block.count for block in self.blocks)
-        most = np.full(more, model_fit.LARGEST_COORDINATE)
-        prior = model_fit.Prior(  # Unknown parameters count from where they are.
-            mean=np.zeros(len(prior.mean) + more),
-            precision=np.append(prior.precision, np.ones(more)),
-            lower=np.append(prior.lower + share, -most),
-            upper=np.append(prior.upper + share, most),
-        )
-        return counted_from(grams, np.append(share, 0 * most)), prior
+        idle = (block.fitted(1.0) for block in self.blocks)
+        model = dataclasses.replace(self.model, blocks=(*self.model.blocks, *idle))
+        prior = model_fit.prior_of(self.task, model, self.slots)
+        is_shape = [j for j, slot in enumerate(self.slots) if self.task.is_shape(slot)]
+        share = -prior.mean
+        share[self.always + is_shape] = 0.0  # They count from where they are.
+        lower, upper = prior.lower + share, prior.upper + share
+        prior = dataclasses.replace(prior, mean=0.0 * share, lower=lower, upper=upper)
+        return counted_from(grams, share), prior
 
     def evidence(self, gram: np.ndarray) -> Evidence:
         """Returns the evidence of sets of columns beside those that always act."""

@@ -67,10 +67,8 @@ class FirstOrder(Scorer):
         """A block with the coordinates of a step from nothing, the leading ones."""
         if acting is not None:
             return dataclasses.replace(acting, coordinates=step)
-        block = self.candidates.task.blocks[kind]
         strength = self.candidates.columns[variant[0]][1]
-        coordinates = np.append(step, np.zeros(block.count - len(step)))
-        return FittedBlock(block=block, coordinates=coordinates, strength=strength)
+        return self.candidates.task.blocks[kind].fitted(strength, step.tolist())
 
 
 @dataclasses.dataclass

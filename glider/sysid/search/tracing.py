@@ -5,7 +5,6 @@ sets are proposed in closed form and fitted, until no move finds one. What resam
 flights do not support is dropped, and the loop goes on without it.
 """
 
-import dataclasses
 from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
@@ -101,11 +100,7 @@ def begun_from(task: Task, earlier: FitResult) -> FitResult:
     """
     free, theta = list(task.free(earlier.kinds)), task.vehicle.theta.copy()
     theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
-    blocks = []
-    for own in earlier.blocks:
-        block = task.blocks[own.block.name]
-        zero = np.zeros(block.count)
-        blocks.append(dataclasses.replace(own, block=block, coordinates=zero))
+    blocks = (task.blocks[b.block.name].fitted(b.strength) for b in earlier.blocks)
     return FitResult(
         kinds=earlier.kinds,
         theta=theta,
