@@ -10,8 +10,7 @@ import numpy as np
 from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, EVIDENCE_THRESHOLD, MANY_FLIGHTS, RIVAL_GAP
-from glider.sysid.likelihood.blocks import FittedBlock
-from glider.sysid.likelihood.candidates import Candidates, Variant, gather, saturated
+from glider.sysid.likelihood.candidates import Candidates, gather, saturated
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import Task
@@ -48,8 +47,12 @@ class FirstOrder(Scorer):
         blocks = model.by_name
         for kind, variant in members:
             step = np.array([steps[c] for c in variant])
+            if kind in blocks:  # It acts.
+                blocks[kind] = dataclasses.replace(blocks[kind], coordinates=step)
+                continue
             if kind in task.blocks:
-                blocks[kind] = self._block(blocks.get(kind), kind, variant, step)
+                strength = self.candidates.columns[variant[0]][1]
+                blocks[kind] = task.blocks[kind].fitted(strength, step.tolist())
                 continue
             directions = [self.candidates.directions[c] for c in variant]
             for slot, shape in (pair for d in directions for pair in d.shapes):
@@ -60,15 +63,6 @@ class FirstOrder(Scorer):
         return dataclasses.replace(
             model, kinds=kinds, free=task.free(kinds), blocks=tuple(blocks.values())
         )
-
-    def _block(
-        self, acting: FittedBlock | None, kind: str, variant: Variant, step: np.ndarray
-    ) -> FittedBlock:
-        """A block with the coordinates of a step from nothing, the leading ones."""
-        if acting is not None:
-            return dataclasses.replace(acting, coordinates=step)
-        strength = self.candidates.columns[variant[0]][1]
-        return self.candidates.task.blocks[kind].fitted(strength, step.tolist())
 
 
 @dataclasses.dataclass

@@ -63,12 +63,10 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
 
     Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
     """
-    known, found = uncertainty_of(task, model), {}
-    places_of_blocks = model.places()
+    known, blocks, found = uncertainty_of(task, model), model.by_name, {}
     for kind in model.kinds:
-        if kind in places_of_blocks:
-            places = list(places_of_blocks[kind])
-            value = model.coordinates[np.array(places) - len(model.free)]
+        if kind in blocks:
+            places, value = [*known.places[kind]], blocks[kind].coordinates
         else:
             slots = [i for i in task.layout.slots_of(kind) if i in known.free]
             slots = [i for i in slots if not task.is_shape(i)] or slots
