@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from glider.physics.effects import families
 from glider.sysid import constants
-from glider.sysid.likelihood import families
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 

@@ -137,8 +137,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     chosen = _chosen(task, noise, findings)
     candidates = gather(task, chosen)
     evidence = candidates.evidence(candidates.grams(chosen.scales).sum(axis=0))
-    score = Scorer(evidence, candidates.variants, lambda kind, kinds: penalty)
-    first_order = FirstOrder(candidates=candidates, score=score)
+    score = FirstOrder(candidates, evidence, lambda kind, kinds: penalty)
     own = score.by_first(chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}
@@ -156,7 +155,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     ]
     models = [chosen]
     for _, (_, members) in ranked:
-        models.append(fit_model(task, first_order.begin(members), iterations=4))
+        models.append(fit_model(task, score.begin(members), iterations=4))
     acting = [model for model in models if not _is_idle(task, model)]
     weighed = [_weigh(task, m, penalty) for m in acting or [chosen]]
     # Sets that were not fitted count by their closed form, against the chosen set's.

@@ -47,12 +47,6 @@ SHARES = {
 
 MOST_COMBINATIONS = 12  # Sets of effects that a result lists.
 
-_UNLIKE = (
-    "no model explains it with the others: its mean squared error is {:.3g} times the "
-    "median (another clock, axis, unit or glider, or a hit?)"
-)
-"""Why a flight that stands out is excluded."""
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Analysis:
@@ -81,25 +75,23 @@ class Analysis:
         """Runs all stages."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.layout)
-        flights = self._smooth()
-        found = self._search(flights)
+        found = self._search(self._smooth())
         with self.stage("refit", "refitting the flat plate alone"):
             baseline, fitted = found.traced.bare, [r.name for r in found.task.records]
             if found.traced.forces is None:  # To the log as it is, signs and all.
+                logged = found.task.on(found.flights.of("refitted", fitted))
                 free = self.vehicle.baseline_slots
-                baseline = dataclasses.replace(baseline, free=free)
-                logged = found.task.on(flights.of("refitted", fitted))
-                baseline = fit_model(logged, baseline)
+                baseline = fit_model(logged, dataclasses.replace(baseline, free=free))
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(found.task, found.traced.model)
             evaluated, folds = evaluate(
-                flights, self.held_out, found, baseline, spreads, self.rng
+                found, self.held_out, baseline, spreads, self.rng
             )
         with self.stage("weigh", "standard errors"):
-            of_model = self._weigh(flights, found, spreads)
-        judged = self._judge(flights, found, evaluated | of_model, folds)
+            of_model = self._weigh(found, spreads)
+        judged = self._judge(found, evaluated | of_model, folds)
         flown = tuple(flight.name for flight in evaluated["held_out"])
-        of_run = self._of_run(flights, found, flown)
+        of_run = self._of_run(found, flown)
         whole = result.Result(**of_run, **evaluated, **of_model, **judged)
         return with_derivatives(whole)
 
@@ -134,8 +126,12 @@ class Analysis:
         noise, records = flights.noise, [*flights.corrected.values()]
         with self.stage("compare", "comparing flights"):
             everything = make_task(records, self.vehicle, self.kinds)
-            ratios = find_outlying(everything, noise)
-            outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
+            outlying = {
+                name: "no model explains it with the others: its mean squared error is "
+                f"{ratio:.3g} times the median (another clock, axis, unit or glider, "
+                "or a hit?)"
+                for name, ratio in find_outlying(everything, noise).items()
+            }
             everything, task = self._without(outlying, everything)
         with self.stage("trace"):
             traced = trace(task, noise, self.rng, self.progress, self.earlier)
@@ -146,7 +142,7 @@ class Analysis:
                 if again:
                     self.progress(f"again without {', '.join(again)}")
                     traced = trace(task, noise, self.rng, self.progress, self.earlier)
-        return Searched(everything, task, traced, outlying, extreme)
+        return Searched(flights, everything, task, traced, outlying, extreme)
 
     def _without(
         self, outlying: Mapping[str, str], everything: Task
@@ -163,13 +159,10 @@ class Analysis:
         return everything.on(kept), everything.on(fitted)
 
     def _weigh(
-        self,
-        flights: SmoothedFlights,
-        found: Searched,
-        spreads: dict[str, report.Spread],
+        self, found: Searched, spreads: dict[str, report.Spread]
     ) -> dict[str, Any]:
         """Fields of a result about the model, with standard errors."""
-        task, traced, signs = found.task, found.traced, flights.signs
+        task, traced, signs = found.task, found.traced, found.flights.signs
         rivals = [rival for rival, _ in traced.rivals]
         probabilities = softmax([0.0, *(-lack for _, lack in traced.rivals)]).tolist()
         judged = [traced.judged, *rivals]
@@ -180,7 +173,7 @@ class Analysis:
         alternatives = [
             result.Alternative(
                 probability=probability,
-                model=outcome.model_of(task, model, signs, flights.campaign),
+                model=outcome.model_of(task, model, signs, found.flights.campaign),
                 covariance=outcome.covariance_of(task, own),
             )
             for probability, model, own in zip(
@@ -198,11 +191,7 @@ class Analysis:
         }
 
     def _judge(
-        self,
-        flights: SmoothedFlights,
-        found: Searched,
-        fields: dict[str, Any],
-        folds: HeldOut | None,
+        self, found: Searched, fields: dict[str, Any], folds: HeldOut | None
     ) -> dict[str, Any]:
         """Fields of a result that judge the others: the verdict, and warnings."""
         traced, kinds = found.traced, found.traced.model.kinds
@@ -221,7 +210,7 @@ class Analysis:
                 "omitted and cannot be found, and their influence may be attributed to "
                 "those that were tried."
             )
-        warnings += _warnings_of(flights)
+        warnings += _warnings_of(found.flights)
         known = {*found.outlying, *(flight.name for flight in fields["held_out"])}
         warnings += (
             f"{name}: every model diverges on this held-out flight; it is excluded "
@@ -243,11 +232,9 @@ class Analysis:
             )
         return {"verdict": verdict, "reason": reason, "warnings": tuple(warnings)}
 
-    def _of_run(
-        self, flights: SmoothedFlights, found: Searched, flown: tuple[str, ...]
-    ) -> dict[str, Any]:
+    def _of_run(self, found: Searched, flown: tuple[str, ...]) -> dict[str, Any]:
         """Fields of a result about the campaign, the search and the run."""
-        logged, noise = self.inspection.campaign, flights.noise
+        logged, noise = self.inspection.campaign, found.flights.noise
         traced, outlying = found.traced, found.outlying
         scales = traced.model.scales
         rolling = {f.name: describe_planarity(f) for f in logged.flights}

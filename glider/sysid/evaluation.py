@@ -10,6 +10,7 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.compiled.parallel import in_parallel
+from glider.physics.effects.families import BLOCKS
 from glider.sysid import report, result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
@@ -17,7 +18,6 @@ from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.candidates import survey
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
@@ -29,7 +29,7 @@ from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table, signals
 from glider.sysid.report import CALIBRATED, MODELS, PERFECT, Spread
 from glider.sysid.result import ResidualTable
-from glider.sysid.search.force_search import OF_FORCES, forces_alone
+from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
 from glider.sysid.verdict import changes_baseline_alone
 
@@ -61,6 +61,7 @@ class SmoothedFlights:
 class Searched:
     """What a search found, and on which flights; without those that stand out."""
 
+    flights: SmoothedFlights  #: All of them.
     everything: Task  #: On all flights.
     task: Task  #: On those to fit.
     traced: SearchResult
@@ -69,9 +70,8 @@ class Searched:
 
 
 def evaluate(
-    flights: SmoothedFlights,
-    held_out: Collection[str],
     searched: Searched,
+    held_out: Collection[str],
     baseline: FitResult,
     spreads: Mapping[str, Spread],
     rng: np.random.Generator,
@@ -80,7 +80,7 @@ def evaluate(
 
     Returns fields of `Result`, and each flight held out once where signs are right.
     """
-    task, traced = searched.task, searched.traced
+    task, traced, flights = searched.task, searched.traced, searched.flights
     fitted, scales = _fitted_models(task, traced, baseline), traced.model.scales
     models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
 
@@ -92,7 +92,7 @@ def evaluate(
     apart = tuple(n for n in flights.corrected if n in held_out and n not in usual)
     found = flown(unseen)
     kept = [unseen[i] for i in found.kept]
-    tests = _hold_out(flights, searched, baseline, rng)
+    tests = _hold_out(searched, baseline, rng)
     records, own = flights.of("corrected", usual), models["corrected"]
     of_nominal = models.get("nominal", models["refitted"])
     before = _table(of_nominal, flights.of("nominal", usual))
@@ -110,19 +110,16 @@ def evaluate(
     errors = dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect}
     paths = np.array([tests.paths[r.name][1] for r in first]) if tests else None
     outliers = report.OutlyingFlights(apart, {**flown(apart).errors}) if apart else None
-    left = found.errors["corrected"].position_rms_m
-    along, least = (
-        e.rollout_measured_pitch.position_rms_m
-        for e in (found.errors["corrected"], perfect)
-    )
+    left = found.errors["corrected"]
+    along = left.rollout_measured_pitch.position_rms_m
     return {
         "errors": errors,
         "outlying": outliers,
         "folds": tests.folds if tests else (),
         "left": report.Residual(
-            position_m=left,
-            ratio_to_floor=left / perfect.position_rms_m,
-            ratio_along_pitch=along / least,
+            position_m=left.position_rms_m,
+            ratio_to_floor=left.position_rms_m / perfect.position_rms_m,
+            ratio_along_pitch=along / perfect.rollout_measured_pitch.position_rms_m,
             most_by_chance=floor.most_by_chance(len(kept)),
             chance=np.nan if paths is None else floor.chance(paths),
             depends_on=_variables_of(task, traced.judged),
@@ -158,8 +155,6 @@ def without_model_errors(
     unknown = {"servo", *SPREAD_KINDS.values()}
     if gusts or traced.forces is not None:
         unknown.add("air")
-    if traced.forces is not None:
-        unknown.update(OF_FORCES)
     stds = {SPREAD_KINDS[kind]: spread.std for kind, spread in spreads.items()}
     return dataclasses.replace(
         traced.model.scales.without(*unknown), **stds
@@ -184,19 +179,16 @@ def _fitted_models(
 
 
 def _hold_out(
-    flights: SmoothedFlights,
-    searched: Searched,
-    baseline: FitResult,
-    rng: np.random.Generator,
+    searched: Searched, baseline: FitResult, rng: np.random.Generator
 ) -> HeldOut | None:
     """Holds out each flight once, baseline and corrected model refitted.
 
     Flights that only the corrected model takes for outlying, or that it explains far
     worse than the others, are scored, not fitted.
     """
+    flights, traced, nominal = searched.flights, searched.traced, None
     if not flights.signs.are_right:
         return None
-    traced, nominal = searched.traced, None
     usual = [record.name for record in searched.everything.records]
     scored = {*searched.extreme, *usual}
     task = searched.task.on([r for r in flights.corrected.values() if r.name in scored])

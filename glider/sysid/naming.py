@@ -9,9 +9,9 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, SLACK, SLIGHT, Z
 from glider.sysid.likelihood.blocks import flown_values
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty

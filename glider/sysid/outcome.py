@@ -11,12 +11,12 @@ from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
+from glider.physics.effects.families import BLOCKS
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
 from glider.sysid.likelihood.blocks import FittedBlock
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from glider.files.schema import json_text
+from glider.physics.effects.families import BLOCKS
 from glider.physics.effects.field import FieldData
 from glider.report.as_page import page_data, rounded
 from glider.report.error_table import distance
@@ -18,7 +19,6 @@ from glider.report.model_figures import BAND, carried_figure
 from glider.report.plots.binning import binned_quantiles
 from glider.report.plots.figure import Band, Bars, Ground, Level, Line, Points
 from glider.report.plots.style import INKS, VARIABLES
-from glider.sysid.likelihood.families import BLOCKS
 from tests.report.results import VARIANTS, make_curve, make_flight, make_result
 
 NORMAL = "equation.normal"

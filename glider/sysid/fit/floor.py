@@ -136,7 +136,8 @@ def _squares(
     measured += rng.normal(size=measured.shape) * noise
 
     # Rollouts have next to no process noise: their filter is a regression.
-    shown = shows @ _flown(moves, _from_start(nodes, np.eye(total)))
+    later = (0, nodes - 1), (0, 0), (0, 0)
+    shown = shows @ _flown(moves, np.pad(np.eye(total)[None], later))
     weights = first[..., None] / sensors[:, None]
     columns, values = (weights * shown).reshape(-1, total), weights * measured
     prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
@@ -148,7 +149,8 @@ def _squares(
 
     maps = smoothing_maps(record.time[seen[:, 2]], record.time, pitch_ratio)[:2]
     known[_TRANSLATED] = 0.0
-    start = _from_start(nodes, np.hstack([known, np.eye(total)[:, _TRANSLATED]]))
+    start = np.hstack([known, np.eye(total)[:, _TRANSLATED]])
+    start = np.pad(start[None], later)
     moves[:, _TURNED] = 0.0  # They are imposed.
     turned = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
     start[:, _TURNED, :count] = turned
@@ -178,13 +180,6 @@ def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.n
     shows[:, PITCH, -1] = shows[:, ELEVATOR, ELEVATOR] = shows[:, ELEVATOR, n + 3] = 1.0
     shows[:, 4:, PITCH_RATE] = 1.0  # With a gyro.
     return moves, shows
-
-
-def _from_start(nodes: int, start: np.ndarray) -> np.ndarray:
-    """Shocks that are deviations at the first node alone, (K + 1, n + 8, R)."""
-    shocks = np.zeros((nodes, *start.shape))
-    shocks[0] = start
-    return shocks
 
 
 def _flown(moves: np.ndarray, shocks: np.ndarray) -> np.ndarray:

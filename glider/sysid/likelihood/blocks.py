@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg
 
 from glider.physics.effects import FIELD_VARIABLES, Field
+from glider.physics.effects.families import BLOCKS, BlockKind
 from glider.physics.effects.field import (
     AIR_TERMS,
     INERTIA_TERMS,
@@ -22,7 +23,6 @@ from glider.physics.effects.field import (
     FieldData,
 )
 from glider.sysid.constants import LEADING, RESOLVED
-from glider.sysid.likelihood.families import BLOCKS, BlockKind
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_along, flow_at_nodes
@@ -98,6 +98,12 @@ class Block:
         is_within = (low <= self.centers) & (self.centers <= high)
         return self.centers[is_within.all(axis=1)]
 
+    def fitted(self, strength: float, leading: Sequence[float] = ()) -> "FittedBlock":
+        """Returns the block in a model, coordinates being zero but the leading ones."""
+        coordinates = np.zeros(self.count)
+        coordinates[: len(leading)] = leading
+        return FittedBlock(block=self, coordinates=coordinates, strength=strength)
+
     def functions(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (n, M) at values of the variables (n, d)."""
         return gaussian(values, self.centers, self.widths)
@@ -150,11 +156,6 @@ class FittedBlock:
     block: Block
     coordinates: np.ndarray  #: (q,)
     strength: float  #: Prior spread of the coordinates.
-
-    @property
-    def precision(self) -> np.ndarray:
-        """Prior precision of each coordinate (q,)."""
-        return np.full(self.block.count, self.strength**-2.0)
 
     @property
     def data(self) -> FieldData:

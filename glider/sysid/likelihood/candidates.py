@@ -1,7 +1,6 @@
 """Candidate effects as columns of all flights, linear about one model."""
 
 import dataclasses
-import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -60,8 +59,8 @@ class Candidates:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
         starts = range(0, len(self.flights), _AT_ONCE)
         parts = (self.flights[k : k + _AT_ONCE] for k in starts)
-        grams = (gram for part in parts for gram in self._grams(part, scales))
-        return functools.reduce(np.add, grams)
+        sums = [np.sum(self._grams(part, scales), axis=0) for part in parts]
+        return np.sum(sums, axis=0)
 
     def _grams(
         self, flights: Sequence[LinearFlight], scales: Scales
@@ -79,20 +78,15 @@ class Candidates:
 
         Blocks that do not act yet have a prior spread of one; see `columns`.
         """
-        prior = model_fit.prior_of(self.task, self.model, self.slots)
-        index, first = np.arange(len(prior.mean)), len(self.slots)
-        stays = np.isin(index, self.always)
-        stays[:first] |= np.array([*map(self.task.is_shape, self.slots)], dtype=bool)
-        share = np.where(stays, 0.0, -prior.mean)
-        more = sum(block.count for block in self.blocks)
-        most = np.full(more, model_fit.LARGEST_COORDINATE)
-        prior = model_fit.Prior(  # Unknown parameters count from where they are.
-            mean=np.zeros(len(prior.mean) + more),
-            precision=np.append(prior.precision, np.ones(more)),
-            lower=np.append(prior.lower + share, -most),
-            upper=np.append(prior.upper + share, most),
-        )
-        return counted_from(grams, np.append(share, 0 * most)), prior
+        idle = (block.fitted(1.0) for block in self.blocks)
+        model = dataclasses.replace(self.model, blocks=(*self.model.blocks, *idle))
+        prior = model_fit.prior_of(self.task, model, self.slots)
+        is_shape = [j for j, slot in enumerate(self.slots) if self.task.is_shape(slot)]
+        share = -prior.mean
+        share[self.always + is_shape] = 0.0  # They count from where they are.
+        lower, upper = prior.lower + share, prior.upper + share
+        prior = dataclasses.replace(prior, mean=0.0 * share, lower=lower, upper=upper)
+        return counted_from(grams, share), prior
 
     def evidence(self, gram: np.ndarray) -> Evidence:
         """Returns the evidence of sets of columns beside those that always act."""
@@ -113,18 +107,14 @@ def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candi
 
     Blocks that act in the model are candidates too.
     """
-    layout = task.layout
-    directions = slopes(layout, model.free)
-    own = set(task.vehicle.nuisance)
-    variants: dict[str, list[Variant]] = {}
-    idle = own | _at_bounds(task, model)
-    for kind in model.kinds:
-        acting = enumerate(directions)
-        mine = (j for j, d in acting if d.kind == kind and d.slot not in idle)
-        variants[kind] = [tuple(mine)]  # None of an effect that is at its bounds.
-    for kind in task.kinds:
-        if kind in model.kinds:
-            continue
+    layout, own = task.layout, set(task.vehicle.nuisance)
+    directions, idle = slopes(layout, model.free), own | _at_bounds(task, model)
+    acting = [(j, d.kind) for j, d in enumerate(directions) if d.slot not in idle]
+    # No columns of an effect that is at its bounds.
+    variants: dict[str, list[Variant]] = {
+        kind: [tuple(j for j, other in acting if other == kind)] for kind in model.kinds
+    }
+    for kind in [kind for kind in task.kinds if kind not in variants]:
         allowed = set(task.free((kind,))) - own
         variants[kind] = []
         for columns in starts_of(layout, layout.kinds[kind], model.theta):
@@ -137,8 +127,7 @@ def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candi
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
     places = model.places(len(directions))
-    for kind in model.free_kinds:
-        variants[kind] = [tuple(places[kind])]
+    variants |= {kind: [tuple(places[kind])] for kind in model.free_kinds}
     scaled = [(j, 1.0) for j in range(len(directions) + len(model.coordinates))]
     first = len(scaled)
     for block in new:
@@ -224,21 +213,18 @@ def tamed(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
 ) -> tuple[list[LinearFlight], set[int]]:
     """Returns the flights with diverging columns set to zero, and which those are."""
-    scale = task.layout.scale[[d.slot for d in directions]]
-    columns = slice(0, len(directions))
-    wild = np.zeros(len(directions), dtype=bool)
-    for flight in flights:
-        largest = np.abs(flight.inputs[:, :, columns]).max(axis=(0, 1), initial=0.0)
-        wild |= ~(largest * scale < _LARGEST_PUSH)  # So is what is not a number.
-    found = set(np.flatnonzero(wild).tolist())
-    if not found:
-        return list(flights), found
-    tame = []
-    for flight in flights:
-        inputs = flight.inputs.copy()
-        inputs[:, :, sorted(found)] = 0.0
-        tame.append(dataclasses.replace(flight, inputs=inputs))
-    return tame, found
+    scale = np.append(task.layout.scale[[d.slot for d in directions]], 0.0)
+    largest = [np.abs(f.inputs).max(axis=(0, 1), initial=0.0) for f in flights]
+    # So is what is not a number; the last column, the error, stays as it is.
+    is_wild = ~np.all(np.array(largest) * scale < _LARGEST_PUSH, axis=0)
+    is_wild[-1] = False
+    tame = list(flights)
+    if is_wild.any():
+        tame = [
+            dataclasses.replace(f, inputs=np.where(is_wild, 0.0, f.inputs))
+            for f in flights
+        ]
+    return tame, set(np.flatnonzero(is_wild).tolist())
 
 
 def saturated(candidates: Candidates, rounds: int) -> FitResult:

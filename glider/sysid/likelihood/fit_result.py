@@ -57,8 +57,7 @@ class FitResult:
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
         """Splits values of all coordinates by blocks."""
-        ends = np.cumsum([own.block.count for own in self.blocks], dtype=int)
-        return np.split(values, ends)[:-1]
+        return [values[columns] for columns in self.places(0).values()]
 
     def with_kinds(
         self, task: Task, kinds: tuple[str, ...], theta: np.ndarray
@@ -67,11 +66,6 @@ class FitResult:
         return dataclasses.replace(
             self, kinds=kinds, theta=theta, free=task.free(kinds)
         )
-
-    def without_blocks(self, *names: str) -> "FitResult":
-        """Returns the model without some blocks."""
-        kept = tuple(own for own in self.blocks if own.block.name not in names)
-        return dataclasses.replace(self, blocks=kept)
 
 
 def start_of(task: Task, noise: Noise) -> FitResult:

@@ -45,23 +45,13 @@ class AddedColumns(NamedTuple):
     """Columns of functions times some terms, made only when a flight is whitened."""
 
     basis: np.ndarray  #: (K, M) functions in intervals; of sensors (K + 1, M) at nodes.
-    terms: list[int]  #: T indices of the flight's terms; of sensors of the pose.
-    mix: np.ndarray  #: (M T, q) mixtures of functions times terms, functions first.
+    by_term: np.ndarray  #: (K, n, T) of a constant of each term; of sensors (1, C, T).
+    mix: np.ndarray  #: (M, T, q) mixtures of functions times terms.
     are_read: bool  #: Whether sensors read them.
 
-    @property
-    def size(self) -> int:
-        """Number of columns q."""
-        return self.mix.shape[1]
-
-    def along(self, change: np.ndarray) -> np.ndarray:
-        """Returns the terms (K, T) by a change of the columns (q,)."""
-        return self.basis @ (self.mix @ change).reshape(-1, len(self.terms))
-
-    def columns(self, by_term: np.ndarray) -> np.ndarray:
-        """Returns the columns (K, n, q) of what the terms move by (K, n, T) each."""
-        mix = self.mix.reshape(-1, len(self.terms), self.size)
-        return by_term @ np.tensordot(self.basis, mix, 1)
+    def made(self) -> np.ndarray:
+        """Returns the columns (K, n, q), of sensors (K + 1, C, q)."""
+        return self.by_term @ np.tensordot(self.basis, self.mix, 1)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -90,29 +80,19 @@ class LinearFlight:
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
-        count = self.inputs.shape[2] - 1
-        mix = np.append(-weights[:count], 1.0)
-        inputs, outputs = self.inputs @ mix, self.outputs @ mix
-        for own in self.forces:
-            added = own.along(weights[count : count + own.size])
-            if own.are_read:
-                outputs[:, own.terms] -= added
-            else:
-                inputs += np.einsum("kit,kt->ki", self.by_term[:, :, own.terms], added)
-            count += own.size
+        flight, mix = self.whole(), np.append(-weights, 1.0)
         return dataclasses.replace(
-            self,
-            forces=(),
-            by_term=np.empty((*inputs.shape, 0)),
-            inputs=inputs[..., None],
-            outputs=outputs[..., None],
-            start=(self.start @ mix)[..., None],
+            flight,
+            by_term=np.empty((*flight.inputs.shape[:2], 0)),
+            inputs=(flight.inputs @ mix)[..., None],
+            outputs=(flight.outputs @ mix)[..., None],
+            start=(flight.start @ mix)[..., None],
         )
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        more = sum(own.size for own in self.forces)
-        return self.combined(np.zeros(self.inputs.shape[2] - 1 + more))
+        bare = dataclasses.replace(self, forces=())
+        return bare.combined(np.zeros(self.inputs.shape[2] - 1))
 
     def with_force_errors(self) -> "LinearFlight":
         """Returns the flight with errors of C_L and C_D in place of moving air.
@@ -134,7 +114,10 @@ class LinearFlight:
         """
         are_read = terms[0] in SENSOR_TERMS
         of = SENSOR_TERMS if are_read else self.terms
-        own = AddedColumns(basis, [of.index(name) for name in terms], mix, are_read)
+        by_term = np.eye(self.outputs.shape[1])[None] if are_read else -self.by_term
+        by_term = by_term.take([of.index(name) for name in terms], 2)
+        mix = mix.reshape(-1, len(terms), mix.shape[1])
+        own = AddedColumns(basis, by_term, mix, are_read)
         return dataclasses.replace(self, forces=(*self.forces, own))
 
     def whole(self) -> "LinearFlight":
@@ -142,17 +125,13 @@ class LinearFlight:
         if not self.forces:
             return self
         first = self.inputs.shape[2] - 1
-        places = [first] * sum(own.size for own in self.forces)
+        places = [first] * sum(own.mix.shape[2] for own in self.forces)
         arrays = self.inputs, self.outputs, self.start
         inputs, outputs, start = (np.insert(own, places, 0.0, -1) for own in arrays)
         for own in self.forces:
-            here = slice(first, first + own.size)
-            if own.are_read:
-                by_term = np.eye(outputs.shape[1])[None, :, own.terms]
-                outputs[..., here] = own.columns(by_term)
-            else:
-                inputs[..., here] = -own.columns(self.by_term[:, :, own.terms])
-            first += own.size
+            last = first + own.mix.shape[2]
+            (outputs if own.are_read else inputs)[..., first:last] = own.made()
+            first = last
         return dataclasses.replace(
             self, forces=(), inputs=inputs, outputs=outputs, start=start
         )
@@ -192,11 +171,12 @@ def linearize(
         terms["c_moment"] = None
     shown = tuple(terms)
     path, dynamics = path_of(record, theta, about)
-    moving = [j for j, d in enumerate(directions) if d.slot not in layout.sensor_slots]
+    moving = {
+        j: d for j, d in enumerate(directions) if d.slot not in layout.sensor_slots
+    }
     plain = [  # Those that leave the log's signals and the nodes as they are.
         j
-        for j in moving
-        for d in [directions[j]]
+        for j, d in moving.items()
         if d.slot < layout.num_compiled and not (d.shapes and d.kind in layout.states)
     ]
     moved, sizes = np.empty((len(plain), len(dynamics))), np.empty(len(plain))
@@ -222,10 +202,9 @@ def linearize(
     by_x[at_stop, OFFSET], missed[at_stop, OFFSET] = 0.0, 0.0
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
-    others = [j for j in moving if j not in plain]
-    beside = [directions[j] for j in others]
-    secants = _secants(record, theta, field, beside, about, (nodes, ends))
-    for j, secant in zip(others, secants, strict=True):
+    beside = {j: d for j, d in moving.items() if j not in plain}
+    secants = _secants(record, theta, field, beside.values(), about, (nodes, ends))
+    for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
     by_x, by_term = by_x.take(states, 1).take(states, 2), by_term.take(states, 1)
     by_trim = by_x[:, :, OFFSET].copy()
@@ -255,7 +234,7 @@ def _secants(
     record: Record,
     theta: np.ndarray,
     field: Field,
-    directions: Sequence[Direction],
+    directions: Iterable[Direction],
     about: Surroundings,
     usual: tuple[np.ndarray, np.ndarray],
 ) -> Iterator[np.ndarray]:

@@ -99,9 +99,7 @@ class Prior:
 
     def among(self, columns: Sequence[int]) -> "Prior":
         """Returns the prior of some of the columns."""
-        parts = (self.mean, self.precision, self.lower, self.upper)
-        mean, precision, lower, upper = (part[columns] for part in parts)
-        return Prior(mean=mean, precision=precision, lower=lower, upper=upper)
+        return Prior(**{name: own[columns] for name, own in vars(self).items()})
 
     def added_to(self, gram: np.ndarray) -> np.ndarray:
         """Returns a Gram matrix with the prior added as one more flight."""
@@ -131,9 +129,10 @@ def prior_of(
     (lower, upper), value = task.bounds(slots), model.theta[slots]
     mean, precision = task.priors(slots, model.theta if start is None else start)
     free = model.coordinates
+    spreads = [b.strength for b in model.blocks for _ in b.coordinates]
     return Prior(
         mean=np.append(mean - value, -free),
-        precision=np.concatenate([precision, *(b.precision for b in model.blocks)]),
+        precision=np.append(precision, np.array(spreads) ** -2.0),
         lower=np.append(lower - value, -LARGEST_COORDINATE - free),
         upper=np.append(upper - value, LARGEST_COORDINATE - free),
     )

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, EVIDENCE_THRESHOLD, MANY_FLIGHTS, RIVAL_GAP
-from glider.sysid.likelihood.blocks import FittedBlock
-from glider.sysid.likelihood.candidates import Candidates, Variant, gather, saturated
-from glider.sysid.likelihood.families import BLOCKS
+from glider.sysid.likelihood.candidates import Candidates, gather, saturated
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import Task
-from glider.sysid.search.subsets import Members, Penalty, Scorer
+from glider.sysid.search.subsets import Members, Penalty, Scorer, SetEvidence
 
 
 def without(task: Task, model: FitResult, *gone: str) -> FitResult:
@@ -24,20 +23,18 @@ def without(task: Task, model: FitResult, *gone: str) -> FitResult:
     theta = model.theta.copy()
     slots = [i for kind in gone for i in task.layout.slots_of(kind)]
     theta[slots] = task.vehicle.theta[slots]
-    return model.with_kinds(task, kinds, theta).without_blocks(*gone)
+    blocks = tuple(own for own in model.blocks if own.block.name not in gone)
+    return dataclasses.replace(model.with_kinds(task, kinds, theta), blocks=blocks)
 
 
-def bare_of(task: Task, model: FitResult) -> FitResult:
-    """Returns a model without effects and blocks."""
-    return without(task, dataclasses.replace(model, blocks=()), *model.kinds)
+class FirstOrder(Scorer):
+    """Scorer of sets of effects, to first order about the model of candidates."""
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FirstOrder:
-    """Sets of effects compared to first order about a model."""
-
-    candidates: Candidates  #: About the model.
-    score: Scorer  #: Of sets.
+    def __init__(self, candidates: Candidates, evidence: SetEvidence, penalty: Penalty):
+        """Takes the evidence of the candidates' columns, without their flights."""
+        super().__init__(evidence, candidates.variants, penalty)
+        # They are large.
+        self.candidates = dataclasses.replace(candidates, flights=())
 
     def begin(self, members: Members) -> FitResult:
         """Returns the model with the coefficients of a set, not fitted yet."""
@@ -46,12 +43,16 @@ class FirstOrder:
         model = without(task, model, *(set(model.kinds) - set(kinds)))
         theta = model.theta
         columns = [c for _, variant in members for c in variant]
-        steps = dict(zip(columns, self.score.evidence.step(columns), strict=True))
+        steps = dict(zip(columns, self.evidence.step(columns), strict=True))
         blocks = model.by_name
         for kind, variant in members:
             step = np.array([steps[c] for c in variant])
+            if kind in blocks:  # It acts.
+                blocks[kind] = dataclasses.replace(blocks[kind], coordinates=step)
+                continue
             if kind in task.blocks:
-                blocks[kind] = self._block(blocks.get(kind), kind, variant, step)
+                strength = self.candidates.columns[variant[0]][1]
+                blocks[kind] = task.blocks[kind].fitted(strength, step.tolist())
                 continue
             directions = [self.candidates.directions[c] for c in variant]
             for slot, shape in (pair for d in directions for pair in d.shapes):
@@ -62,17 +63,6 @@ class FirstOrder:
         return dataclasses.replace(
             model, kinds=kinds, free=task.free(kinds), blocks=tuple(blocks.values())
         )
-
-    def _block(
-        self, acting: FittedBlock | None, kind: str, variant: Variant, step: np.ndarray
-    ) -> FittedBlock:
-        """A block with the coordinates of a step from nothing, the leading ones."""
-        if acting is not None:
-            return dataclasses.replace(acting, coordinates=step)
-        block = self.candidates.task.blocks[kind]
-        strength = self.candidates.columns[variant[0]][1]
-        coordinates = np.append(step, np.zeros(block.count - len(step)))
-        return FittedBlock(block=block, coordinates=coordinates, strength=strength)
 
 
 @dataclasses.dataclass
@@ -152,6 +142,10 @@ class Search:
         self.fitted[key] = model
         return model
 
+    def fit_without(self, model: FitResult, kind: str) -> FitResult:
+        """Fits a model without one of its effects."""
+        return self.fit(without(self.task, model, kind), f"is {kind} needed?")
+
     def near(self, model: FitResult) -> FirstOrder | None:
         """Compares sets about a model; None where the model diverges."""
         if self._near[0] is not self.task or self._near[1] is not model:
@@ -178,8 +172,7 @@ class Search:
         score = marginal_scorer(candidates, gram[None], np.ones(1))
         if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
             self.alone = score.among(few.kinds).alone() | self.alone
-        candidates = dataclasses.replace(candidates, flights=())  # They are large.
-        return FirstOrder(candidates=candidates, score=score)
+        return score
 
     def better(
         self,
@@ -201,11 +194,10 @@ class Search:
 
 def marginal_scorer(
     candidates: Candidates, grams: np.ndarray, counts: np.ndarray
-) -> Scorer:
+) -> FirstOrder:
     """Returns the evidence of sets on flights that count so often, penalized."""
     evidence = candidates.evidence(np.tensordot(counts, grams, 1))
-    penalty = penalty_in(candidates.task)
-    return Scorer(evidence, candidates.variants, penalty)
+    return FirstOrder(candidates, evidence, penalty_in(candidates.task))
 
 
 def penalty_in(task: Task) -> Penalty:

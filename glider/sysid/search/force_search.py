@@ -21,8 +21,8 @@ from glider.sysid.likelihood.scales import NAMES, start_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import EvidenceThreshold
-from glider.sysid.search.fits import FirstOrder, bare_of
-from glider.sysid.search.subsets import Scorer, best_set
+from glider.sysid.search.fits import FirstOrder, without
+from glider.sysid.search.subsets import best_set
 from glider.sysid.search.support import SearchResult, weigh
 
 HELD_OUT = EvidenceThreshold(**HELD_OUT_THRESHOLD)
@@ -141,8 +141,7 @@ def search_forces(
         score = held_out_scorer(candidates, grams, np.ones(len(grams)))
         alone = alone or score.alone()
         members = best_set(score)
-        near = FirstOrder(candidates=candidates, score=score)
-        model = refit_forces(task, near.begin(members))
+        model = refit_forces(task, score.begin(members))
         if frozenset(model.kinds) in tried:
             break
         tried.append(frozenset(model.kinds))
@@ -151,7 +150,7 @@ def search_forces(
     bare = model
     if model.kinds:
         progress(Step("fitting the flat plate alone", 0.5))
-        bare = fit_model(task, bare_of(task, model), free_scales=())
+        bare = fit_model(task, without(task, model, *model.kinds), free_scales=())
     progress(Step("fitting the moment", 0.53))
     return SearchResult(
         model=with_moment(task, model, noise),
@@ -167,11 +166,11 @@ def search_forces(
 
 def held_out_scorer(
     candidates: Candidates, grams: np.ndarray, counts: np.ndarray
-) -> Scorer:
+) -> FirstOrder:
     """Returns the gain of sets on held-out flights that count so often, penalized."""
-    evidence, variants = HeldOutEvidence(candidates, grams, counts), candidates.variants
-    thresholds = {kind: held_out_threshold(candidates.task, kind) for kind in variants}
-    return Scorer(evidence, variants, lambda kind, kinds: thresholds[kind])
+    evidence, task = HeldOutEvidence(candidates, grams, counts), candidates.task
+    thresholds = {kind: held_out_threshold(task, kind) for kind in candidates.variants}
+    return FirstOrder(candidates, evidence, lambda kind, kinds: thresholds[kind])
 
 
 def refit_forces(task: Task, model: FitResult) -> FitResult:

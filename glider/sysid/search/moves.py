@@ -10,15 +10,15 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS, SLACK, Z
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import Search, without
+from glider.sysid.search.fits import Search
 from glider.sysid.search.subsets import Members, best_of_sizes, climb
 
 Move = Callable[[Search, FitResult], FitResult | None]
@@ -30,16 +30,16 @@ def best(search: Search, model: FitResult) -> FitResult | None:
     Errors of the linearization look like small effects, in proportion to the gain: the
     smallest set that reaches most of it comes first.
     """
-    if (near := search.near(model)) is None:
+    if (score := search.near(model)) is None:
         return None
-    score, start = near.score, near.score.by_first(model.kinds)
+    start = score.by_first(model.kinds)
     sizes = best_of_sizes(score)
     members = climb(score, max([climb(score, start), *sizes], key=score))
     if len(members) < MOST_EFFECTS:  # One may stand for two.
         members = climb(score, max([members, *score.parted(members)], key=score))
     enough = score(members) - SLACK * (score(members) - score(start))
     outstanding = next((m for m in sizes if score(m) >= enough), members)
-    return search.better(model, near, [outstanding, members], first=True)
+    return search.better(model, score, [outstanding, members], first=True)
 
 
 def pruned(search: Search, model: FitResult) -> FitResult | None:
@@ -48,17 +48,14 @@ def pruned(search: Search, model: FitResult) -> FitResult | None:
     for kind in sorted(shown, key=shown.__getitem__):
         if shown[kind] > CLEAR:
             break
-        fewer = search.fit(without(search.task, found, kind), f"is {kind} needed?")
+        fewer = search.fit_without(found, kind)
         found = fewer if search.prefers(fewer, found) else found
     return None if found is model else found
 
 
 def one_less(search: Search, model: FitResult) -> dict[str, FitResult]:
     """Returns the models without each of the effects, all else refitted."""
-    return {
-        kind: search.fit(without(search.task, model, kind), f"is {kind} needed?")
-        for kind in model.kinds
-    }
+    return {kind: search.fit_without(model, kind) for kind in model.kinds}
 
 
 def shown_by(task: Task, model: FitResult) -> dict[str, float]:
@@ -66,12 +63,10 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
 
     Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
     """
-    known, found = uncertainty_of(task, model), {}
-    places_of_blocks = model.places()
+    known, blocks, found = uncertainty_of(task, model), model.by_name, {}
     for kind in model.kinds:
-        if kind in places_of_blocks:
-            places = list(places_of_blocks[kind])
-            value = model.coordinates[np.array(places) - len(model.free)]
+        if kind in blocks:
+            places, value = [*known.places[kind]], blocks[kind].coordinates
         else:
             slots = [i for i in task.layout.slots_of(kind) if i in known.free]
             slots = [i for i in slots if not task.is_shape(i)] or slots
@@ -118,9 +113,9 @@ def renamed(search: Search, model: FitResult) -> FitResult | None:
     """
     if not model.free_kinds or (near := search.near(model)) is None:
         return None
-    own = near.score.by_first(model.kinds)
+    own = near.by_first(model.kinds)
     for block in model.free_kinds:
-        score = near.score.among(set(BLOCKS[block].formulas))
+        score = near.among(set(BLOCKS[block].formulas))
         rest = tuple(member for member in own if member[0] != block)
         options = [max(score.larger(s), key=score, default=s) for s in (rest, own)]
         if found := search.better(model, near, options):
@@ -138,17 +133,17 @@ def families_of(search: Search, model: FitResult) -> dict[str, str]:
     found = {}
     for block in model.free_kinds:
         family = {block, *BLOCKS[block].formulas}
-        own = near.score.by_first(k for k in model.kinds if k not in family)
-        if options := near.score.among(family - {block}).larger(own):
-            [*_, (found[block], _)] = max(options, key=near.score)
+        own = near.by_first(k for k in model.kinds if k not in family)
+        if options := near.among(family - {block}).larger(own):
+            [*_, (found[block], _)] = max(options, key=near)
     return found
 
 
 def with_another(search: Search, model: FitResult) -> FitResult | None:
     """The model with an effect that first order undervalues, added or exchanged."""
-    if (near := search.near(model)) is None:
+    if (score := search.near(model)) is None:
         return None
-    score, own = near.score, near.score.by_first(model.kinds)
+    own = score.by_first(model.kinds)
 
     def by_kind() -> Iterator[Members]:
         found: dict[str, Members] = {}
@@ -160,7 +155,7 @@ def with_another(search: Search, model: FitResult) -> FitResult | None:
                 yield members
 
     few = heapq.nlargest(FOLLOWED, by_kind(), key=score)
-    return search.better(model, near, few)
+    return search.better(model, score, few)
 
 
 def reshaped(search: Search, model: FitResult) -> FitResult | None:
@@ -175,12 +170,12 @@ def reshaped(search: Search, model: FitResult) -> FitResult | None:
         if not has_shape or tried in search.reshaped:
             continue
         search.reshaped.add(tried)
-        fewer = search.fit(without(task, model, kind), f"is {kind} needed?")
+        fewer = search.fit_without(model, kind)
         if (near := search.near(fewer)) is None:
             continue
-        rest = near.score.by_first(fewer.kinds)
-        if options := near.score.among({kind}).larger(rest):
-            other = near.begin(max(options, key=near.score))
+        rest = near.by_first(fewer.kinds)
+        if options := near.among({kind}).larger(rest):
+            other = near.begin(max(options, key=near))
             words = f"{kind} with other shapes?"
             other = search.fit(other, words, rival=model, again=True)
             if search.penalized_cost(other) < search.penalized_cost(model):

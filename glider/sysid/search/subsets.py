@@ -95,19 +95,17 @@ class Scorer:
     def larger(self, members: Members) -> Iterable[Members]:
         """Returns the sets with one member more."""
         have = dict(members)
-        others = [
-            (kind, variant)
+        sets = [
+            (*members, (kind, variant))
             for kind, variants in self.variants.items()
             for variant in variants
             if kind not in have
         ]
-        sets = [(*members, other) for other in others]
-        new = [i for i, own in enumerate(sets) if frozenset(own) not in self._kept]
-        more = [others[i][1] for i in new]
-        gains = self.evidence.extended(_columns_of(members), more) if more else ()
-        self._kept.update(
-            (frozenset(sets[i]), g) for i, g in zip(new, gains, strict=True)
-        )
+        new = [own for own in sets if frozenset(own) not in self._kept]
+        if new:
+            more = [variant for *_, (_, variant) in new]
+            gains = self.evidence.extended(_columns_of(members), more)
+            self._kept.update(zip(map(frozenset, new), gains, strict=True))
         return sets
 
     def smaller(self, members: Members) -> Iterable[Members]:

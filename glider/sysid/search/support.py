@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import CLEAR, LEAST_SUPPORT, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates, gather
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.task import Task
 from glider.sysid.report import Combination, EvidenceThreshold

@@ -5,15 +5,14 @@ sets are proposed in closed form and fitted, until no move finds one. What resam
 flights do not support is dropped, and the loop goes on without it.
 """
 
-import dataclasses
 from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
+from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress, Step
 from glider.sysid.constants import CLEAR, FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
@@ -59,7 +58,7 @@ def trace(
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
-    bare = search.fit(fits.bare_of(task, model))
+    bare = search.fit(fits.without(task, model, *model.kinds))
     least = search.penalized_cost(bare)
     costs = {m.kinds: search.penalized_cost(m) for m in search.finished}
     return SearchResult(
@@ -101,11 +100,7 @@ def begun_from(task: Task, earlier: FitResult) -> FitResult:
     """
     free, theta = list(task.free(earlier.kinds)), task.vehicle.theta.copy()
     theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
-    blocks = []
-    for own in earlier.blocks:
-        block = task.blocks[own.block.name]
-        zero = np.zeros(block.count)
-        blocks.append(dataclasses.replace(own, block=block, coordinates=zero))
+    blocks = (task.blocks[b.block.name].fitted(b.strength) for b in earlier.blocks)
     return FitResult(
         kinds=earlier.kinds,
         theta=theta,
@@ -146,12 +141,12 @@ def rivals_of(
     own, best = set(model.kinds), search.penalized_cost(model)
     swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
     if (near := search.near(model)) is not None:
-        score, members = near.score, near.score.by_first(model.kinds)
-        offered = {k for k in score.variants if k not in BLOCKS or k in own}
+        members = near.by_first(model.kinds)
+        offered = {k for k in near.variants if k not in BLOCKS or k in own}
         for kind in [k for k in model.kinds if k not in BLOCKS]:
             rest = tuple(member for member in members if member[0] != kind)
-            others = climb(score.among(offered - {kind}), rest)
-            if score(others) > score(members) - CLEAR:
+            others = climb(near.among(offered - {kind}), rest)
+            if near(others) > near(members) - CLEAR:
                 search.fit(near.begin(others))
     found, allowed = [], search.task.offered
     for kinds, other in search.fitted.items():
@@ -259,5 +254,4 @@ def search_about(
     chosen = score.by_first(candidates.model.kinds)
     offered, _ = near_and_rivals(scorer(candidates, grams, np.ones(len(grams))), chosen)
     members = climb(score.among(offered), chosen)
-    near = fits.FirstOrder(candidates=candidates, score=score)
-    return near.begin(members), [c for _, variant in members for c in variant]
+    return score.begin(members), [c for _, variant in members for c in variant]

@@ -7,13 +7,13 @@ import pytest
 
 from glider.campaign.turning import Signs
 from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
+from glider.physics.effects.families import BLOCKS
 from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LARGEST_STRENGTH
 from glider.sysid.likelihood.blocks import flown_values, make_blocks, variables_between
 from glider.sysid.likelihood.candidates import survey
-from glider.sysid.likelihood.families import BLOCKS
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model, with_blocks
 from glider.sysid.outcome import model_of
