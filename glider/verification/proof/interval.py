@@ -19,13 +19,11 @@ from fractions import Fraction
 import numpy as np
 
 from glider.compiled.taylor import ROUNDING, WIDER
-from glider.physics.confidence import theta_at
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.jets import dependences
 from glider.verification.dynamics.nominal import (
     nonlinear_parts,
-    open_loop_rates,
+    rate_dependences,
     table_of,
 )
 from glider.verification.funnel.funnel import Funnel
@@ -62,6 +60,7 @@ class Interval:
     push_bearing: InTime  #: κ² / λ and w² / λ (2,), rounded up.
     #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.
     limits: tuple[tuple[InTime, InTime], ...]
+    span: tuple[float, float] = (-1.0, 1.0)  #: First and last s of this part.
 
     def halves(self) -> tuple["Interval", ...]:
         """Returns the first half and the second."""
@@ -72,9 +71,13 @@ class Interval:
             return value.halves()[side] if isinstance(value, InTime) else value
 
         names = [field.name for field in dataclasses.fields(self)]
+        first, middle, last = self.span[0], 0.5 * sum(self.span), self.span[1]
         return tuple(
-            Interval(**{name: half(getattr(self, name), side) for name in names})
-            for side in (0, 1)
+            Interval(
+                **{name: half(getattr(self, name), side) for name in names}
+                | {"span": span}
+            )
+            for side, span in enumerate([(first, middle), (middle, last)])
         )
 
 
@@ -331,37 +334,25 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
 
 
 def unproven_wind(piece: Funnel) -> bool:
-    """Determines whether the wind acts where R does not account for it.
-
-    That is on a rate that is linear, or together with a state that R does not have.
-    """
-    if piece.settings.wind == 0.0:
-        return False
-    model, n = piece.nominal.model, piece.num_states
-    *states, u, x, z = dependences(n + 3)
-    rates = open_loop_rates(model, states, u, wind=(x, z))
-    which, rows = nonlinear_parts(model)
-    linear, bent = set[int](), set[int]()
-    for row, rate in enumerate(rates):
-        bent |= getattr(rate, "nonlinear", frozenset())
-        linear |= set() if row in rows else getattr(rate, "variables", frozenset())
-    return max(linear) > n or not bent <= {*which, n + 1, n + 2}
+    """Determines whether the wind acts where R does not account for it."""
+    model = piece.nominal.model
+    return piece.settings.wind > 0.0 and _acts_elsewhere(model, in_wind=True)
 
 
 def unproven_numbers(piece: Funnel) -> bool:
-    """Determines whether numbers that deviate act where R does not account for them.
+    """Determines whether numbers that deviate act where R does not account for them."""
+    gliders, model = piece.gliders, piece.nominal.model
+    return gliders is not None and _acts_elsewhere(model, gliders.confidence.names)
+
+
+def _acts_elsewhere(model, names=(), in_wind=False):
+    """Returns whether these variables act where R does not have them.
 
     That is in an otherwise linear rate, or on a state that R does not depend on.
     """
-    if piece.gliders is None:
-        return False
-    model, n = piece.nominal.model, piece.num_states
-    names = piece.gliders.confidence.names
-    which, rows = nonlinear_parts(model)
-    with_them, of_them = nonlinear_parts(model, names)
-    variables = dependences(n + 1 + len(names))
-    theta = theta_at(model, names, variables[n + 1 :])
-    rates = open_loop_rates(model, variables[:n], variables[n], theta)
-    linear = (rate for row, rate in enumerate(rates) if row not in rows)
-    met = frozenset().union(*(getattr(rate, "variables", ()) for rate in linear))
-    return rows != of_them or which != [i for i in with_them if i <= n] or max(met) > n
+    n, (which, rows) = model.num_states, nonlinear_parts(model)
+    rates = rate_dependences(model, names, in_wind)
+    linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
+    bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))
+    others = bent.difference(which, range(n + 1, n + 3 + len(names)))
+    return bool(others) or max(frozenset[int]().union(*linear)) > n

@@ -66,7 +66,7 @@ class GrowthForms(NamedTuple):
 class PartProof(NamedTuple):
     """What proves that V falls on a part of an interval."""
 
-    halvings: int  #: How often the interval was halved.
+    span: tuple[float, float]  #: First and last s of the part, of -1 to 1.
     basis: Exact  #: B (n, n).
     multiplier: InTime  #: N (n, n), quadratic.
     grams: list[Exact]  #: Parts of Q (s, s), but for what their rounding left over.
@@ -77,31 +77,27 @@ def prove_growth(
     slack: Exact,
     grams: tuple[np.ndarray, np.ndarray],
     halvings: int = HALVINGS,
-    kept: list[PartProof] | None = None,
-) -> int | None:
+) -> list[PartProof] | None:
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
 
-    Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses. What proves
-    each part is added to a list, if one is given.
+    Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses.
 
     Returns:
-        the number of parts that the interval was proven in; None where it was not.
+        what proves each part of the interval; None where it was not proven.
     """
     middle, proof = _prove_whole(interval, slack, grams)
     if proof:
-        if kept is not None:
-            kept.append(PartProof(HALVINGS - halvings, *proof))
-        return 1
+        return [PartProof(interval.span, *proof)]
     if middle is None or not halvings:
         return None
-    count = 0
+    parts = []
     ends = (grams[0], middle), (middle, grams[1])
     for half, guesses in zip(interval.halves(), ends, strict=True):
-        parts = prove_growth(half, slack, guesses, halvings - 1, kept)
-        if parts is None:
+        found = prove_growth(half, slack, guesses, halvings - 1)
+        if found is None:
             return None
-        count += parts
-    return count
+        parts += found
+    return parts
 
 
 def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:

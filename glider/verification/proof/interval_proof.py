@@ -121,7 +121,7 @@ def _prove(piece, budget):
     if parts is None:
         fault = "V was not proven to fall on the boundary"
         return dataclasses.replace(found, fault=fault)
-    return dataclasses.replace(found, parts=parts)
+    return dataclasses.replace(found, parts=len(parts))
 
 
 def linear_defect(piece: Funnel, interval: Interval) -> float:
@@ -201,30 +201,21 @@ def worst_candidate(piece: Funnel) -> Candidate:
 
 
 def prove_remainder(
-    piece: Funnel,
-    interval: Interval,
-    budget: int = BUDGET,
-    span: tuple[float, float] = (-1.0, 1.0),
-    halvings: int = HALVINGS,
+    piece: Funnel, interval: Interval, budget: int = BUDGET, halvings: int = HALVINGS
 ) -> IntervalProof:
-    """Tries to prove that |R| <= β on the sets of a funnel of two times.
-
-    The span is first and last s of the part, of -1 to 1.
-    """
+    """Tries to prove that |R| <= β on the sets of an interval or a part of it."""
     basis, stretch = tight_cover(interval)
     found = _bounded(False, boxes=0, ratio=0.0)
     if stretch <= STRETCH or not halvings:
-        remainder = make_remainder(piece, basis, span)  # It turns the basis.
+        remainder = make_remainder(piece, basis, interval.span)  # It turns the basis.
         if covers(interval, remainder.basis):
             most = min(PATIENCE, budget) if halvings else budget
             found = bound_remainder(remainder, most)
     if found.proven or not halvings:
         return found
     boxes, ratio = found.boxes, 0.0
-    middle = 0.5 * sum(span)
-    spans = (span[0], middle), (middle, span[1])
-    for half, part in zip(interval.halves(), spans, strict=True):
-        found = prove_remainder(piece, half, budget - boxes, part, halvings - 1)
+    for half in interval.halves():
+        found = prove_remainder(piece, half, budget - boxes, halvings - 1)
         boxes, ratio = boxes + found.boxes, max(ratio, found.ratio)
         if not found.proven:
             break
