@@ -17,7 +17,7 @@ from glider.verification.proof.interval import (
 )
 from glider.verification.proof.interval_growth import growth_forms, prove_growth
 from glider.verification.proof.interval_proof import gram_guesses
-from glider.verification.sos.exact import InTime, exact, line, rounded
+from glider.verification.sos.exact import exact, in_time, line, rounded
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
 from tests.verification.points import sphere_points, sphere_values
@@ -136,11 +136,11 @@ def test_an_interval_that_is_halved_is_proven_too(proven):
 
 def test_a_matrix_that_is_indefinite_between_is_seen():
     one = exact(np.eye(2))
-    dip = InTime((one, -one, one))  # 1 - 3 τ (1 - τ): 0.25 at least.
+    dip = in_time(one, -one, one)  # 1 - 3 τ (1 - τ): 0.25 at least.
     assert stays_definite(dip)
-    deep = InTime((one, one * -3, one))  # 1 - 5 τ (1 - τ): -0.25 at least.
+    deep = in_time(one, one * -3, one)  # 1 - 5 τ (1 - τ): -0.25 at least.
     assert not stays_definite(deep)
-    touching = InTime((one, one * -2, one))  # Zero in the middle.
+    touching = in_time(one, one * -2, one)  # Zero in the middle.
     assert not stays_definite(touching)
 
 

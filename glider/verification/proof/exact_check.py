@@ -114,8 +114,7 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         if not keeps_servo(here):
             faults = ["The servo would meet its limits"]
         basis = rounded(to_ball(S)[1], BALL_BITS)
-        forms = growth_forms(here, basis, exact(slack))
-        A, cubic, quartic, G = (form.parts[0] for form in forms)
+        A, cubic, quartic, G = growth_forms(here, basis, exact(slack))
         # In floating point: a Gram matrix of nearly this polynomial. The one in the
         # file may or may not have the nominal's defect in it.
         polynomial = odd_then_even(cubic, quartic + exact_product(A, G))

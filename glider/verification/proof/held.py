@@ -26,7 +26,6 @@ from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import covers, make_interval, tight_cover
 from glider.verification.proof.interval_growth import pulled_forms
 from glider.verification.sos.exact import (
-    InTime,
     exact,
     hermite,
     is_positive_definite,
@@ -100,7 +99,7 @@ def _keeps_rate(funnel, k):
     gains = exact(funnel.nominal.gains[k])
     left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
     form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
-    return bool(left.numbers > 0) and is_positive_definite(form)
+    return bool(left.numbers[0] > 0) and is_positive_definite(form)
 
 
 @np.errstate(all="ignore")
@@ -110,7 +109,7 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     Both are infinite where nothing is proven. The third (2,) is of |eᵀ M e|.
     """
     nominal, n, interval = piece.nominal, piece.num_states, make_interval(piece)
-    whole = InTime((exact(np.eye(n)),))
+    whole = exact(np.eye(n))
     states = dataclasses.replace(interval, outputs=whole, which=list(range(n)))
     B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BASIS_BITS)
     if not covers(states, B.to_float()):
@@ -147,12 +146,12 @@ def _rate_forms(interval, B, K, M, known):
     bent_square, bent_cube = pulled_forms(interval, B, M.T, 1)
     pull, tilt = K @ push[:, 0], K @ push[:, 1:] @ B
     bent, twist = M @ push[:, 0], M @ push[:, 1:] @ B
-    bent_square = bent_square + bent.product(known, exact_product)
+    bent_square = bent_square + exact_product(bent, known)
     return (
         K @ field,
         square + _form(known * pull - M @ field * 2),
-        cube + tilt.product(known, exact_product) - bent_square * 2,
-        (bent_cube + twist.product(known, exact_product)) * 2,
+        cube + exact_product(tilt, known) - bent_square * 2,
+        (bent_cube + exact_product(twist, known)) * 2,
     )
 
 
@@ -167,7 +166,7 @@ def _pull(slopes, B, K, M):
 
 def _form(matrix):
     """Returns the coefficients of zᵀ A z."""
-    return matrix.map(lambda part: gathered(part, len(part), 2))
+    return gathered(matrix, len(matrix), 2)
 
 
 def _size(form, n, degree):

@@ -29,10 +29,10 @@ from glider.verification.dynamics.nominal import (
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import (
     Exact,
-    InTime,
     at_least,
     exact,
     hermite,
+    in_time,
     is_positive_definite,
     line,
 )
@@ -45,21 +45,21 @@ class Interval:
     step: Exact  #: Duration h of the funnel's own interval [s].
     rows: list[int]  #: Indices (r,) of the rates that are not linear.
     which: list[int]  #: Indices (m,) of the variables (e, δu) that these depend on.
-    S: InTime  #: S (n, n), cubic.
-    rise: InTime  #: H Ṡ (n, n), quadratic.
-    outputs: InTime  #: C (n + 1, n): (e, δu) = C e.
-    linear: InTime  #: Jacobian of the rates (n, n + 1), P₁.
-    quadratic: InTime  #: Coefficients (r, C₂) of P₂, in the variables that count.
-    cubic: InTime  #: Coefficients (r, C₃) of P₃.
-    weights: InTime  #: λ (n,).
-    bearing: InTime  #: β² / λ (n,), rounded up.
-    focus: InTime  #: F (n, n).
-    push_slopes: InTime  #: G (n, 3, 1 + n) of pushes, in (1, e).
-    bends: InTime  #: M (n, n) of the command's known error eᵀ M e.
-    push_weights: InTime  #: λ (2,) of these.
-    push_bearing: InTime  #: κ² / λ and w² / λ (2,), rounded up.
+    S: Exact  #: S (n, n), cubic.
+    rise: Exact  #: H Ṡ (n, n), quadratic.
+    outputs: Exact  #: C (n + 1, n): (e, δu) = C e.
+    linear: Exact  #: Jacobian of the rates (n, n + 1), P₁.
+    quadratic: Exact  #: Coefficients (r, C₂) of P₂, in the variables that count.
+    cubic: Exact  #: Coefficients (r, C₃) of P₃.
+    weights: Exact  #: λ (n,).
+    bearing: Exact  #: β² / λ (n,), rounded up.
+    focus: Exact  #: F (n, n).
+    push_slopes: Exact  #: G (n, 3, 1 + n) of pushes, in (1, e).
+    bends: Exact  #: M (n, n) of the command's known error eᵀ M e.
+    push_weights: Exact  #: λ (2,) of these.
+    push_bearing: Exact  #: κ² / λ and w² / λ (2,), rounded up.
     #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.
-    limits: tuple[tuple[InTime, InTime], ...]
+    limits: tuple[tuple[Exact, Exact], ...]
     span: tuple[float, float] = (-1.0, 1.0)  #: First and last s of this part.
 
     def halves(self) -> tuple["Interval", ...]:
@@ -68,7 +68,7 @@ class Interval:
         def half(value, side):
             if isinstance(value, tuple):
                 return tuple(half(part, side) for part in value)
-            return value.halves()[side] if isinstance(value, InTime) else value
+            return value.halves()[side] if isinstance(value, Exact) else value
 
         names = [field.name for field in dataclasses.fields(self)]
         first, middle, last = self.span[0], 0.5 * sum(self.span), self.span[1]
@@ -127,7 +127,7 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
     parts = [own & (table.degrees == degree) for degree in (2, 3)]
     quadratic, cubic = (line(rates[:, rows][..., part]) for part in parts)
     bearings = [
-        InTime(tuple(map(_bearing, bounds, weights)))
+        in_time(*map(_bearing, bounds, weights))
         for bounds, weights in (
             (piece.beta, piece.weights),
             (piece.unknown_pushes, piece.push_weights),
@@ -173,7 +173,7 @@ def _bearing(beta, weights):
         for b, w in zip(beta, weights, strict=True)
     ]
     low = min(part.exponent for part in parts)
-    return Exact([part.at(low) for part in parts], low)
+    return Exact([[part.integers(low)[0] for part in parts]], low)
 
 
 def _limits(piece, angle):
@@ -210,7 +210,7 @@ COVER_SAMPLES = 9
 """Times of an interval that the ball is made for."""
 
 
-def stays_definite(matrix: InTime, halvings: int = HALVINGS) -> bool:
+def stays_definite(matrix: Exact, halvings: int = HALVINGS) -> bool:
     """Returns whether a symmetric matrix is positive definite throughout, for sure."""
     if all(map(is_positive_definite, matrix.parts)):
         return True
@@ -240,9 +240,11 @@ def covers(interval: Interval, basis: np.ndarray) -> bool:
     is positive definite.
     """
     B, degree = exact(basis), interval.S.degree
-    blocks = interval.S, interval.outputs[interval.which], InTime((B @ B.T,))
-    parts = zip(*(block.raised(degree).parts for block in blocks), strict=True)
-    return stays_definite(InTime(tuple(_joined(*part) for part in parts)))
+    blocks = interval.S, interval.outputs[interval.which], B @ B.T
+    low = min(block.exponent for block in blocks)
+    S, C, ball = (block.raised(degree).integers(low) for block in blocks)
+    rows = [[S, np.swapaxes(C, 1, 2)], [C, ball]]
+    return stays_definite(Exact(np.block(rows), low))
 
 
 def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
@@ -269,12 +271,6 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
     wider = np.sqrt(values + max(more, 0.0) + COVER_ROOM)
     basis = L @ (vectors * wider) @ vectors.T
     return basis, float(np.sqrt(np.max(np.sum(basis**2, axis=1) / middle)))
-
-
-def _joined(S, C, ball):
-    low = min(S.exponent, C.exponent, ball.exponent)
-    rows = [[S.at(low), C.at(low).T], [C.at(low), ball.at(low)]]
-    return Exact(np.block(rows), low)
 
 
 def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
@@ -304,7 +300,7 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([states, command[None]]), slopes
 
 
-def servo_reach(piece: Funnel, a: InTime, step: Exact) -> float:
+def servo_reach(piece: Funnel, a: Exact, step: Exact) -> float:
     """Returns a bound of aᵀ X δ over the set and the interval, rounded up."""
     if piece.gliders is None:
         return 0.0

@@ -12,7 +12,6 @@ quadratic in time and comes from Gram matrices at both ends and in the middle. W
 part is not definite, both halves of the interval are tried.
 """
 
-import functools
 import math
 from fractions import Fraction
 from typing import NamedTuple
@@ -21,7 +20,7 @@ import numpy as np
 
 from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import Interval
-from glider.verification.sos.exact import Exact, InTime, leaves_definite, rounded
+from glider.verification.sos.exact import Exact, in_time, leaves_definite, rounded
 from glider.verification.sos.forms import (
     contracted,
     exact_product,
@@ -57,10 +56,10 @@ HALVINGS = 4
 class GrowthForms(NamedTuple):
     """What h (V̇ + slack V) is made of; see the module."""
 
-    A: InTime  #: (n, n).
-    cubic: InTime  #: c₃ (C₃,).
-    quartic: InTime  #: c₄ (C₄,).
-    G: InTime  #: (n, n).
+    A: Exact  #: (n, n).
+    cubic: Exact  #: c₃ (C₃,).
+    quartic: Exact  #: c₄ (C₄,).
+    G: Exact  #: (n, n).
 
 
 class PartProof(NamedTuple):
@@ -68,7 +67,7 @@ class PartProof(NamedTuple):
 
     span: tuple[float, float]  #: First and last s of the part, of -1 to 1.
     basis: Exact  #: B (n, n).
-    multiplier: InTime  #: N (n, n), quadratic.
+    multiplier: Exact  #: N (n, n), quadratic.
     grams: list[Exact]  #: Parts of Q (s, s), but for what their rounding left over.
 
 
@@ -107,32 +106,28 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     G = H @ basis
     y = interval.outputs @ basis
     half = H @ (interval.linear @ y)
-    disturbance = (H * interval.weights) @ H.T + interval.bearing.map(Exact.sum) * G
+    disturbance = (H * interval.weights) @ H.T + interval.bearing.sum() * G
     pushes = interval.push_slopes
     pushed = H @ pushes[:, :, 0]
     push = (pushed * interval.push_weights[PUSHES]) @ pushed.T
-    push = push + interval.push_bearing.map(Exact.sum) * G
+    push = push + interval.push_bearing.sum() * G
     growth = half + half.T + disturbance + push + slack * G
     A = basis.T @ interval.rise @ basis + h * growth
     cubic, quartic = (f * -2 for f in pulled_forms(interval, basis, h * H.T, 1))
     focus = basis.T @ interval.focus @ basis
-    if _acts(focus):
-        quartic = quartic - h * disturbance.product(focus, exact_product)
+    if focus.numbers.any():
+        quartic = quartic - h * exact_product(disturbance, focus)
     for k, of in enumerate(PUSHES):
         M = basis.T @ pushes[:, k, 1:].T @ H.T
-        if _acts(interval.push_bearing[of]):
+        if interval.push_bearing[of].numbers.any():
             weight = h * interval.push_weights[of]
-            cubic = cubic - weight * pushed[:, k].product(M, exact_product) * 2
-            quartic = quartic - weight * M.product(M, exact_product)
-        if k == 0 and _acts(interval.bends):
+            cubic = cubic - weight * exact_product(pushed[:, k], M) * 2
+            quartic = quartic - weight * exact_product(M, M)
+        if k == 0 and interval.bends.numbers.any():
             known = basis.T @ interval.bends @ basis * 2
-            cubic = cubic - h * pushed[:, k].product(known, exact_product)
-            quartic = quartic - h * M.product(known, exact_product)
+            cubic = cubic - h * exact_product(pushed[:, k], known)
+            quartic = quartic - h * exact_product(M, known)
     return GrowthForms(-A, cubic, quartic, G)
-
-
-def _acts(value):
-    return any(part.numbers.any() for part in value.parts)
 
 
 def _prove_whole(interval, slack, grams):
@@ -159,8 +154,8 @@ def _prove_whole(interval, slack, grams):
 
 
 def pulled_forms(
-    interval: Interval, basis: Exact, pull: InTime, more: int
-) -> list[InTime]:
+    interval: Interval, basis: Exact, pull: Exact, more: int
+) -> list[Exact]:
     """Returns P₂ᵀ p and P₃ᵀ p as forms in z, e = B z, for a pull p (n, k).
 
     There are no more factors z in p, and k is 1, or there is one more, and p (n, n) z.
@@ -170,12 +165,11 @@ def pulled_forms(
     own, pull = (interval.outputs @ basis)[interval.which], pull[interval.rows]
     forms = []
     for degree, part in ((2, interval.quadratic), (3, interval.cubic)):
-        tensor = part.map(functools.partial(form_tensor, n=m, degree=degree))
+        tensor = form_tensor(part, m, degree)
         for _ in range(degree):
-            tensor = tensor.product(own, contracted)
-        tensor = tensor.product(pull, functools.partial(contracted, axis=0))
-        gather = functools.partial(gathered, n=n, degree=degree + more)
-        forms.append(tensor.map(gather))
+            tensor = contracted(tensor, own)
+        tensor = contracted(tensor, pull, axis=0)
+        forms.append(gathered(tensor, n, degree + more))
     return forms
 
 
@@ -200,7 +194,7 @@ def _multiplier(A, blocks):
         for share, block in enumerate(blocks)
     )
     parts = first, 4.0 * middle - first - last, last
-    return InTime(tuple(rounded(0.5 * (p + p.T), GRAM_BITS) for p in parts))
+    return in_time(*(rounded(0.5 * (p + p.T), GRAM_BITS) for p in parts))
 
 
 def _raised(guesses, count):
@@ -218,11 +212,11 @@ def _raised(guesses, count):
 
 
 def _definite_grams(
-    tables: Sphere, forms: GrowthForms, N: InTime, guesses: np.ndarray, h: float
+    tables: Sphere, forms: GrowthForms, N: Exact, guesses: np.ndarray, h: float
 ) -> list[Exact] | None:
     """Returns the parts of a Q with this N if all are positive definite, for sure."""
     n, grams = tables.n, []
-    even = forms.quartic + N.product(forms.G, exact_product)
+    even = forms.quartic + exact_product(N, forms.G)
     degree = len(guesses) - 1
     columns = (p.raised(degree).parts for p in (forms.A - N, forms.cubic, even))
     parts = zip(*columns, strict=True)

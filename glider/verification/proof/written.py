@@ -120,14 +120,12 @@ def _interval_proof(piece):
     parts = []
     for part in proofs:
         n = len(part.basis)
-        grams = (gram.at(-GRAM_BITS)[n:] for gram in part.grams)
+        grams = (gram.integers(-GRAM_BITS)[0, n:] for gram in part.grams)
         parts.append(
             {
                 "span": _shares(part),
-                "basis": part.basis.at(-BALL_BITS).tolist(),
-                "multiplier": [
-                    N.at(-GRAM_BITS).tolist() for N in part.multiplier.parts
-                ],
+                "basis": part.basis.integers(-BALL_BITS)[0].tolist(),
+                "multiplier": part.multiplier.integers(-GRAM_BITS).tolist(),
                 "grams": [
                     [row[: n + 1 + k].tolist() for k, row in enumerate(gram)]
                     for gram in grams

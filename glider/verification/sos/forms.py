@@ -124,45 +124,44 @@ def _gather(n, degree):
 def form_tensor(forms: Exact, n: int, degree: int) -> Exact:
     """Returns tensors (r, n, ..., n) of forms (r, C), each coefficient in one place."""
     rows = [np.repeat(np.arange(n), e) for e in exponents_of(n, degree)]
-    tensor = np.zeros((len(forms), *(n,) * degree), dtype=object)
+    tensor = np.zeros((*forms.numbers.shape[:2], *(n,) * degree), dtype=object)
     for column, row in enumerate(rows):
-        tensor[(slice(None), *row)] = forms.numbers[:, column]
+        tensor[(..., *row)] = forms.numbers[..., column]
     return Exact(tensor, forms.exponent)
 
 
 def contracted(tensor: Exact, matrix: Exact, axis: int = 1) -> Exact:
     """Returns a tensor with an axis times a matrix; that comes last then."""
-    numbers = np.tensordot(tensor.numbers, matrix.numbers, axes=(axis, 0))
-    return Exact(numbers, tensor.exponent + matrix.exponent)
+    return tensor.product(matrix, functools.partial(np.tensordot, axes=(axis, 0)))
 
 
 def gathered(tensor: Exact, n: int, degree: int) -> Exact:
     """Returns the coefficients (C,) of a form, given a tensor of it."""
-    places = tensor_places(n, degree)
-    total = np.zeros(places.max() + 1, dtype=object)
-    np.add.at(total, places, tensor.numbers.ravel())
+    places, count = tensor_places(n, degree), len(tensor.numbers)
+    total = np.zeros((count, places.max() + 1), dtype=object)
+    np.add.at(total.T, places, tensor.numbers.reshape(count, -1).T)
     return Exact(total, tensor.exponent)
 
 
 def exact_product(first: Exact, second: Exact) -> Exact:
     """Returns what `product_form` does, exactly."""
-    tensor = np.multiply.outer(first.numbers, second.numbers)
-    product = Exact(tensor, first.exponent + second.exponent)
-    return gathered(product, len(first), tensor.ndim)
+    product = first.product(second, np.multiply.outer)
+    return gathered(product, len(first), product.numbers.ndim - 1)
 
 
 def odd_then_even(cubic: Exact, quartic: Exact) -> Exact:
     """Returns coefficients (C₃,) and (C₄,) as those of their sum, (C,)."""
     low = min(cubic.exponent, quartic.exponent)
-    return Exact(np.concatenate([cubic.at(low), quartic.at(low)]), low)
+    both = [cubic.integers(low), quartic.integers(low)]
+    return Exact(np.concatenate(both, axis=1), low)
 
 
 def mixed_forms(tables: Sphere, gram: Exact) -> Exact:
     """Returns the coefficients (C,) of bᵀ Q b without zᵀ Q₁₁ z."""
     total = np.zeros(len(tables.map), dtype=object)
     mixed = tables.places >= 0
-    np.add.at(total, tables.places[mixed], gram.numbers[mixed])
-    return Exact(total, gram.exponent)
+    np.add.at(total, tables.places[mixed], gram.numbers[0, mixed])
+    return Exact([total], gram.exponent)
 
 
 def sparse_gram(
@@ -177,11 +176,11 @@ def sparse_gram(
     rows, columns = np.unravel_index(first[1:], tables.places.shape)  # The first is -1.
     numbers = np.zeros(tables.places.shape, dtype=object)
     # Half of each goes to either side of the diagonal: one binary place more.
-    numbers[rows, columns] += coefficients.numbers
-    numbers[columns, rows] += coefficients.numbers
-    gram = Exact(numbers, coefficients.exponent - 1)
+    numbers[rows, columns] += coefficients.numbers[0]
+    numbers[columns, rows] += coefficients.numbers[0]
+    gram = Exact([numbers], coefficients.exponent - 1)
     if block is None:
         return gram
-    corner = np.zeros(numbers.shape, dtype=object)
-    corner[: tables.n, : tables.n] = block.numbers
+    corner = np.zeros((1, *numbers.shape), dtype=object)
+    corner[:, : tables.n, : tables.n] = block.numbers
     return gram + Exact(corner, block.exponent)
