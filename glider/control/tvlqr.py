@@ -109,6 +109,30 @@ class TrackingPolicy:
         return inputs - correction + np.sum(gain * nominal, axis=1), gain
 
 
+def linear_policy(
+    plan: Plan, gains: np.ndarray, cost: np.ndarray | None = None, period: float = 0.0
+) -> TrackingPolicy:
+    """Returns u = u₀ - K (x - x₀) with K (N, n) in straight lines between the knots.
+
+    Args:
+        plan: x₀ and u₀.
+        gains: K at the plan's knots.
+        cost: (N, n, n) S of x̃ᵀ S x̃ there; zero if None.
+        period: time that commands are held [s]; 0 if none.
+    """
+    count, n = gains.shape
+    return TrackingPolicy(
+        plan=plan,
+        times=plan.times,
+        gains=gains,
+        corrections=np.zeros(count),
+        cost=np.zeros((count, n, n)) if cost is None else cost,
+        cost_slope=np.zeros((count, n)),
+        is_linear=True,
+        period=period,
+    )
+
+
 def check_plan(model: GliderModel, plan: Plan) -> None:
     """Raises InputError unless the plan has the states of the glider."""
     mine, needed = tuple(plan.state_names), f"those of the glider, {model.state_names}"

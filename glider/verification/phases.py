@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.control.tvlqr import TrackingPolicy
+from glider.control.tvlqr import TrackingPolicy, linear_policy
 from glider.errors import InputError, expect
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
@@ -138,25 +138,16 @@ def _largest_scale(found, rests):
 
 def still_policy(model, problem, duration):
     """Returns a policy that never commands the elevator, from a problem's launch."""
-    start, times = model.initial_state(problem.launch), np.array([0.0, duration])
-    states, n = np.array([start, start]), len(start)
+    states = np.tile(model.initial_state(problem.launch), (2, 1))
     plan = Plan(
-        times=times,
+        times=np.array([0.0, duration]),
         states=states,
         slopes=np.zeros_like(states),
         inputs=np.zeros(2),
         state_names=model.state_names,
         cost=0.0,
     )
-    return TrackingPolicy(
-        plan=plan,
-        times=times,
-        gains=np.zeros((2, n)),
-        corrections=np.zeros(2),
-        cost=np.zeros((2, n, n)),
-        cost_slope=np.zeros((2, n)),
-        is_linear=True,
-    )
+    return linear_policy(plan, np.zeros_like(states))
 
 
 def rest_for(rests: list[Funnel], state: np.ndarray) -> Funnel:

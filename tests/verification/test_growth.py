@@ -5,6 +5,7 @@ import pytest
 
 from glider.verification.funnel.build import STARTS
 from glider.verification.funnel.growth import (
+    BOUNDS,
     BoundaryForms,
     Bounds,
     boundary_forms,
@@ -17,7 +18,7 @@ from tests.verification.points import sphere_points
 def forms(proven):
     """V̇/V on the boundary at 50 times, as the certificate has it."""
     part = proven.between(40, 89)
-    bounds = Bounds(*(getattr(part, name) for name in Bounds._fields))
+    bounds = Bounds(*(getattr(part, name) for name in BOUNDS))
     none = BoundaryForms(*np.zeros(3))
     return boundary_forms(part.S, part.slopes, part.nominal.closed_loop, none, bounds)
 

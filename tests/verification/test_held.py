@@ -91,7 +91,7 @@ def clocked(proven):
         grams=np.zeros((last + 1, proven.grams.shape[1])),
         solver="none",
         seconds=0.0,
-        **bounds._replace(errors=errors, rests=rests)._asdict(),
+        **vars(dataclasses.replace(bounds, errors=errors, rests=rests)),
     )
 
 

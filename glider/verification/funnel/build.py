@@ -247,7 +247,7 @@ class Gauge:
             settings=self._task.settings,
             S=S,
             slopes=slopes,
-            **bounds._asdict(),
+            **vars(bounds),
         )
         return sets, forms._replace(quadratic=quadratic)
 

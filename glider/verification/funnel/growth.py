@@ -33,8 +33,26 @@ NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """What acts on sets at T times; the names are keys in a funnel's file."""
+
+    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
+    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
+    #: F (T, n, n) of where the remainder is large: |R_k| <= β_k (1 + eᵀ F e).
+    focus: np.ndarray
+    #: Weights λ (T, 2) of the command's error and of the wind.
+    push_weights: np.ndarray
+    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
+    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
+
+
+BOUNDS = tuple(Bounds.__dataclass_fields__)
+"""Their names."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BoundarySets:
+class BoundarySets(Bounds):
     """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and the remainder in their growth.
 
     S is the cubic Hermite polynomial through its values and slopes. The names of the
@@ -45,14 +63,6 @@ class BoundarySets:
     nominal: Nominal
     S: np.ndarray  #: Matrices S (T, n, n).
     slopes: np.ndarray  #: Slopes Ṡ (T, n, n) [1/s].
-    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
-    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
-    #: F (T, n, n) of where the remainder is large: |R_k| <= β_k (1 + eᵀ F e).
-    focus: np.ndarray
-    #: Weights λ (T, 2) of the command's error and of the wind.
-    push_weights: np.ndarray
-    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
-    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
     settings: FunnelSettings  #: Settings that it was made with.
 
     @functools.cached_property
@@ -86,17 +96,6 @@ class BoundaryForms(NamedTuple):
 
 PUSHES = [0, 1, 1]
 """Which bound each push has: the command's error, and the wind along x and z."""
-
-
-class Bounds(NamedTuple):
-    """What acts on sets at K times; the names are those of `BoundarySets`."""
-
-    beta: np.ndarray  #: β (K, n).
-    weights: np.ndarray  #: λ (K, n).
-    focus: np.ndarray  #: F (K, n, n).
-    push_weights: np.ndarray  #: λ (K, 2).
-    errors: np.ndarray  #: Largest error of the command u₀ - K e (K,) [rad/s].
-    rests: np.ndarray  #: Of it, what is not eᵀ M e (K,) [rad/s].
 
 
 def boundary_forms(
@@ -207,7 +206,7 @@ def growth_between(
 
     here = here or sets.nominal.between(share).part(slice(None, None, every))
     S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
-    bounds = Bounds(*(mixed(getattr(sets, name)) for name in Bounds._fields))
+    bounds = Bounds(*(mixed(getattr(sets, name)) for name in BOUNDS))
     pushes = pushes_of(bounds.rests, sets.settings)
     given = mixed(sets.nominal.push_slopes), pushes, bounds.push_weights
     push = push_form(S, *given, mixed(sets.nominal.bends))

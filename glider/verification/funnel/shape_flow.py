@@ -132,16 +132,14 @@ class FunnelTask:
         inflation, errors = self.settings.remainder, self.errors(S, at)
         sizes, slopes = self.sizes[at], self.nominal.push_slopes[at]
         pushes, bends = pushes_of(errors[0], self.settings), self.nominal.bends[at]
-        if inflation == 0.0:
-            beta, none = np.zeros(S.shape[:2]), np.zeros((len(S), 2))
-            push = push_form(S, slopes, pushes, none, bends)
-            return Bounds(beta, beta, np.zeros_like(S), none, *errors), push
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
         focus, floor = np.zeros_like(S), self.settings.floor
-        if floor < 1.0:
+        if inflation > 0.0 and floor < 1.0:
             focus = smoothed(find_focus(*given, sizes, acting, floor))
-        sampled = sample_remainder(*given, focus, acting)
+        sampled = np.zeros(S.shape[:2])
+        if inflation > 0.0:
+            sampled = sample_remainder(*given, focus, acting)
         beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
         weights = remainder_weights(S, beta, sizes)
         bounds = Bounds(beta, weights, focus, 0.0 * pushes, *errors)
@@ -149,8 +147,7 @@ class FunnelTask:
         pushes = pushes_of(errors[1], self.settings)
         of_pushes = push_weights(S, pushes, slopes, sizes)
         push = push_form(S, slopes, pushes, of_pushes, bends)
-        bounds = Bounds(beta, weights, focus, of_pushes, *errors)
-        return bounds, push
+        return Bounds(beta, weights, focus, of_pushes, *errors), push
 
 
 def smoothed(values: np.ndarray) -> np.ndarray:

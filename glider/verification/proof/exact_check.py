@@ -104,8 +104,6 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
     rises = "The Gram matrix does not prove that V falls"
     if np.any(beta < 0.0) or np.any(weights < 0.0):
         return [rises], 0.0
-    if np.any((beta > 0.0) & (weights == 0.0)):
-        return [rises], 0.0
     if np.any((funnel.unknown_pushes[k] > 0.0) & (funnel.push_weights[k] == 0.0)):
         return ["A weight of the command's error or the wind is zero"], 0.0
     tables, faults = sphere(len(S)), []
