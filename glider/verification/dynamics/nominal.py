@@ -210,6 +210,21 @@ def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> P
     return PPoly(np.array(powers), np.append(times[k], times[-1]))
 
 
+def hermite_powers(values: np.ndarray, slopes: np.ndarray, half: float) -> np.ndarray:
+    """Returns a cubic Hermite polynomial (..., 4) as powers of s, lowest first.
+
+    Values and slopes (2, ...) are at s = -1 and 1, half is half of the time between.
+    """
+    (a, b), (da, db) = values, half * slopes
+    powers = [
+        0.5 * (a + b) + 0.25 * (da - db),
+        0.75 * (b - a) - 0.25 * (da + db),
+        0.25 * (db - da),
+        0.25 * (a - b + da + db),
+    ]
+    return np.stack(powers, axis=-1)
+
+
 def rate_dependences(
     model: GliderModel, names: tuple[str, ...] = (), in_wind: bool = False
 ) -> list[Dependence]:

@@ -1,15 +1,10 @@
 """Commands from a clock, as a continuous feedback: its gains, and what it leaves out.
 
-A command c = u₀ - K e that acts from a sample on is held. The flight since then can be
-undone: with ė = A e + F₂ + F₃ + B δu, the closed loop's and what is beyond it, all the
-while c is held it is
-    u₀ - K(t) e + eᵀ M(t) e + q,  K̇ = -K A,  Ṁ = K F₂ + K B M - M A - Aᵀ M
-from the gains and from M = 0 at the sample on. So held commands are a continuous
-feedback, whose gains jump at each sample, with a part of second order that is known,
-and an error q of its command,
+A command that is held is u₀ - K(t) e + eᵀ M(t) e + q: docs/certificate.md has K̇, Ṁ and
+q̇. eᵀ M e is known. Of q̇, without what vanishes,
     q̇ = K F₃ - 2 eᵀ M (F₂ + B eᵀ M e) + ... + (K - 2 eᵀ M)(R + G (q, w)),
-which is of third order in e: it starts again at each sample, from what the command is
-off by there, and has a period to grow.
+so that q is of third order in e: it starts again at each sample, from what the command
+is off by there, and has a period to grow.
 """
 
 import itertools

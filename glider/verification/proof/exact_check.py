@@ -1,13 +1,11 @@
 """The part of a funnel's check that is in exact arithmetic.
 
-At each time that is checked:
-1. S is positive definite, and the set keeps the servo within its limits;
-2. V̇ <= -slack V on the whole boundary V = 1, for the third-order dynamics whose
-   coefficients are the doubles that `Nominal.closed_loop` computes from the glider in
-   the file, with any disturbance |R_k| <= β_k, and with the nominal's largest defect in
-   the intervals about that time: minus V̇ - slack V has a positive definite Gram matrix.
-At the end the set lies in the goal. `glider.verification.proof` states what rests on
-more than exact arithmetic.
+At each time that is checked S is positive definite, the set keeps the servo within its
+limits, and V̇ <= -slack V on the whole boundary, for the third-order dynamics whose
+coefficients are the doubles that `Nominal.closed_loop` computes, with any disturbance
+|R_k| <= β_k, and with the nominal's largest defect in the intervals about that time:
+minus V̇ - slack V has a positive definite Gram matrix. At the end the set lies in the
+goal. `glider.verification.proof` states what rests on more than exact arithmetic.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,17 +1,14 @@
 """The proof that held commands are the funnel's feedback, but for its command error.
 
-A command u₀ - K e + d, |d| <= the settings' command error, acts from a sample on and is
-held. As long as it acts it differs from u₀ - K(t) e(t) + eᵀ M(t) e by a q with
-    q̇ = K̇ e - eᵀ Ṁ e + (K - 2 eᵀ M)(P + R + d + G (eᵀ M e + q, w)),  P of e,
-and q = d at the sample, if u₀ is constant, K and M continuous, and M zero there. The
-gains and M of the file make the linear and the quadratic part vanish
-(`glider.verification.funnel.clock`) at its times. In between they are straight lines;
-the proof follows the cubic polynomials with those slopes instead, and adds what the two
-differ by. With e = B z, |z| <= 1 on the interval, all parts are polynomials in z and
-time, exactly; norms of their Bernstein coefficients bound them; where |q̇| <= a + b |q|,
-|q| grows to (|q| + a t) exp(b t) at most in a time t. So |q| is within the file's
-`rests`, and |eᵀ M e + q| within its `errors`, until a state leaves the funnel, which
-none then does.
+A command that is held acts as u₀ - K(t) e + eᵀ M(t) e + q (docs/certificate.md has q̇),
+if u₀ is constant, K and M continuous, and M zero at its sample. The gains and M of the
+file make the linear and the quadratic part of q̇ vanish at its times
+(`glider.verification.funnel.clock`). In between they are straight lines; the proof
+follows the cubic polynomials with those slopes instead, and adds what the two differ
+by. With e = B z, |z| <= 1 on the interval, all parts are polynomials in z and time,
+exactly; norms of their Bernstein coefficients bound them. Where |q̇| <= a + b |q|, |q|
+grows to (|q| + a t) exp(b t) at most in a time t. So |q| is within the file's `rests`,
+and |eᵀ M e + q| within its `errors`, until a state leaves the funnel, which none does.
 """
 
 import dataclasses

@@ -22,6 +22,7 @@ from glider.compiled.taylor import ROUNDING, WIDER
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import (
+    hermite_powers,
     nonlinear_parts,
     rate_dependences,
     table_of,
@@ -125,6 +126,7 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
     table = table_of(outputs.shape[1])
     own = table.without(np.setdiff1d(np.arange(table.num_variables), which))
     parts = [own & (table.degrees == degree) for degree in (2, 3)]
+    seen = np.isin(np.arange(piece.num_states), which)  # By R.
     quadratic, cubic = (line(rates[:, rows][..., part]) for part in parts)
     bearings = [
         in_time(*map(_bearing, bounds, weights))
@@ -145,19 +147,13 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
         cubic=cubic,
         weights=line(piece.weights),
         bearing=bearings[0],
-        focus=line(_seen_focus(piece, which)),
+        focus=line(np.where(np.outer(seen, seen), piece.focus, 0.0)),
         push_slopes=line(nominal.push_slopes),
         bends=line(nominal.bends),
         push_weights=line(piece.push_weights),
         push_bearing=bearings[1],
         limits=limits,
     )
-
-
-def _seen_focus(piece, which):
-    """Returns F (2, n, n) of the states that R depends on, with zeros elsewhere."""
-    mask = np.isin(np.arange(piece.num_states), which)
-    return np.where(np.outer(mask, mask), piece.focus, 0.0)
 
 
 def _bearing(beta, weights):
@@ -284,15 +280,8 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros((n + 1, 0, 5)), np.zeros((n, 0, 3))
     A = piece.gliders.confidence.factor
     half = 0.5 * (nominal.times[1] - nominal.times[0])
-    (a, b), (da, db) = piece.gliders.shifts @ A, piece.gliders.slopes @ A
-    da, db = half * da, half * db
-    powers = [
-        0.5 * (a + b) + 0.25 * (da - db),
-        0.75 * (b - a) - 0.25 * (da + db),
-        0.25 * (db - da),
-        0.25 * (a - b + da + db),
-    ]
-    states = np.stack([*powers, np.zeros_like(a)], axis=-1)
+    path = hermite_powers(piece.gliders.shifts @ A, piece.gliders.slopes @ A, half)
+    states = np.pad(path, ((0, 0), (0, 0), (0, 1)))
     first, last = nominal.gains
     command = -np.einsum("i,irk->rk", 0.5 * (first + last), states)
     command[:, 1:] -= np.einsum("i,irk->rk", 0.5 * (last - first), states[..., :-1])

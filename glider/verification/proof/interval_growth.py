@@ -1,15 +1,11 @@
 """V falls on the boundary throughout an interval: the exact proof.
 
-With e = B z for some basis, V = zᵀ G z, and on the boundary V = 1
-    -h (V̇ + slack V) >= zᵀ A z + c₃(z) + c₄(z),
-polynomials in time too. The bound of the remainder, (eᵀ D e)(1 + eᵀ F e), is quartic.
-There, for any N,
-    zᵀ A z + c₃ + c₄ = b(z)ᵀ Q b(z) + zᵀ N z (1 - V),  b = (z, z⊗z),
-if Q has A - N as its block of z and represents c₃ and c₄ + (zᵀ N z)(zᵀ G z) by the
-others. So V falls where Q is positive definite, and that it is at all times of the
-interval where its parts are, in the form of `glider.verification.sos.exact`. N is
-quadratic in time and comes from Gram matrices at both ends and in the middle. Where a
-part is not definite, both halves of the interval are tried.
+As docs/certificate.md has it: with e = B z for some basis and V = zᵀ G z, on V = 1
+    -h (V̇ + slack V) >= zᵀ A z + c₃(z) + c₄(z) = b(z)ᵀ Q b(z) + zᵀ N z (1 - V),
+b = (z, z⊗z), if Q has A - N as its block of z and represents c₃ and
+c₄ + (zᵀ N z)(zᵀ G z) by the others. All are polynomials in time. N is quadratic and
+comes from Gram matrices at both ends and in the middle. Where a part of Q is not
+definite, both halves of the interval are tried.
 """
 
 import math
@@ -142,15 +138,18 @@ def _prove_whole(interval, slack, grams):
     h = float(interval.step.to_float())
     turn = tables.substitution(basis.to_float())
     first, last = (h * turn.T @ gram @ turn for gram in grams)
-    middle = _middle_gram(tables, forms, 0.5 * (first + last), h)
-    if middle is None:
+    # In the middle G is all but the identity.
+    here = [p.at(Fraction(1, 2)).to_float() for p in forms[:3]]
+    found = _search(tables, 0.5 * (first + last), tables.coefficients(*here), h)
+    if found is None:
         return None, None
+    middle = tables.matrix(found)
     guesses = first, middle, last
     N = _multiplier(forms.A, [gram[: tables.n, : tables.n] for gram in guesses])
     raised_guesses = _raised(guesses, 1 + max(form.degree for form in forms))
-    found = _definite_grams(tables, forms, N, raised_guesses, h)
+    grams = _definite_grams(tables, forms, N, raised_guesses, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
-    return back.T @ middle @ back / h, found and (basis, N, found)
+    return back.T @ middle @ back / h, grams and (basis, N, grams)
 
 
 def pulled_forms(
@@ -171,14 +170,6 @@ def pulled_forms(
         tensor = contracted(tensor, pull, axis=0)
         forms.append(gathered(tensor, n, degree + more))
     return forms
-
-
-def _middle_gram(tables, forms, guess, h):
-    """Returns a Gram matrix in the middle, where G is all but the identity."""
-    polynomials = (forms.A, forms.cubic, forms.quartic)
-    here = [p.at(Fraction(1, 2)).to_float() for p in polynomials]
-    found = _search(tables, guess, tables.coefficients(*here), h)
-    return None if found is None else tables.matrix(found)
 
 
 def _search(tables, guess, coefficients, h, block=None):

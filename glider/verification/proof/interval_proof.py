@@ -1,14 +1,13 @@
 """The proof that no flight leaves a funnel between two of its times.
 
 In this order, up to the first that fails: the servo follows its command, |R| <= β, and
-V falls on the boundary; β stands for β (1 + eᵀ F e) here and in `enclosure`. For R, the
-ball of deviations, times an interval of time and the set of gliders, is covered with
-boxes; on each, Taylor models enclose R / β. A box on which the bound is above 1 is
-halved, until all are good or there are too many. The ball has to cover the sets of all
-of an interval; where it is too wide for that, there is one for each half. Where a proof
-fails, V̇ of the full dynamics, without the servo's limits, is climbed on the boundary at
-a few times: where it is positive, flights leave; else the certificate may be too weak
-to prove that none does.
+V falls on the boundary; β stands for β (1 + eᵀ F e) here and in `enclosure`. For R,
+boxes that cover the ball of deviations, the interval and the set of gliders are halved
+until Taylor models bound R / β by 1 on each, or there are too many. Where one ball is
+too wide for all of an interval, there is one for each half. Where a proof fails, V̇ of
+the full dynamics, without the servo's limits, is climbed on the boundary at a few
+times: where it is positive, flights leave; else the certificate may be too weak to
+prove that none does.
 """
 
 import dataclasses

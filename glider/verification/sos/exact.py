@@ -162,10 +162,10 @@ def rounded(values: np.ndarray, bits: int) -> Exact:
     return Exact([np.vectorize(int, otypes=[object])(whole)], -bits)
 
 
-def at_least(value: Fraction, bits: int = 60) -> Exact:
-    """Rounds a fraction up to a number of so many bits, or one more."""
-    size = value.numerator.bit_length() - value.denominator.bit_length()
-    return Exact([math.ceil(value * Fraction(2) ** (bits - size))], size - bits)
+def at_least(value: Fraction) -> Exact:
+    """Rounds a fraction up to a number of 60 bits, or one more."""
+    low = value.numerator.bit_length() - value.denominator.bit_length() - 60
+    return Exact([math.ceil(value / Fraction(2) ** low)], low)
 
 
 def _finite(values):

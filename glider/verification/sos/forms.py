@@ -42,12 +42,13 @@ def higher_forms(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the coefficients of c₃ (..., C₃) and c₄ (..., C₄)."""
     L_T, L_inv_T = to_ball(S)
-    n = S.shape[-1]
+    *batch, n, _ = S.shape
     forms = []
     for degree in (2, 3):
         part = coefficients[..., table_of(n).of_degree(degree)]
-        tensor = _spread(part, n, degree)
-        forms.append(_substitute(tensor, L_T, L_inv_T, n, degree))
+        moved = _moved(spread_form(part, n, degree), L_inv_T, degree)
+        pulled = 2.0 * L_T @ moved.reshape(*batch, n, -1)
+        forms.append(pulled.reshape(*batch, -1) @ _gather(n, degree + 1))
     return forms[0], forms[1]
 
 
@@ -63,19 +64,18 @@ def product_form(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
     """Returns the symmetric tensors (..., n, ..., n) of forms (..., C)."""
-    return _spread(form, n, degree).reshape(*form.shape[:-1], *(n,) * degree)
+    places = tensor_places(n, degree)
+    tensors = form[..., places] * (1.0 / np.bincount(places)[places])
+    return tensors.reshape(*form.shape[:-1], *(n,) * degree)
 
 
 def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """Returns coefficients (r, M) of p(basis w), given those of p by `table_of(n)`."""
-    n = len(basis)
-    table = table_of(n)
-    changed = coefficients.copy()
-    changed[:, table.of_degree(1)] = coefficients[:, table.of_degree(1)] @ basis
-    for degree in (2, 3):
-        here = table.of_degree(degree)
-        tensor = _spread(coefficients[:, here], n, degree)
-        changed[:, here] = _moved(tensor, basis, degree) @ _gather(n, degree)
+    n, changed = len(basis), coefficients.copy()
+    for degree in (1, 2, 3):
+        here = table_of(n).of_degree(degree)
+        moved = _moved(spread_form(coefficients[:, here], n, degree), basis, degree)
+        changed[:, here] = moved.reshape(len(moved), -1) @ _gather(n, degree)
     return changed
 
 
@@ -87,29 +87,14 @@ def tensor_places(n: int, degree: int) -> np.ndarray:
     return np.array([place[tuple(np.bincount(i, minlength=n))] for i in indices])
 
 
-def _substitute(tensor, L_T, L_inv_T, n, degree):
-    """Returns the coefficients of 2 zᵀ Lᵀ F(L⁻ᵀ z), F a symmetric tensor."""
-    moved = _moved(L_T @ tensor, L_inv_T, degree)
-    return 2.0 * moved.reshape(*moved.shape[:-2], -1) @ _gather(n, degree + 1)
-
-
-def _moved(tensor, matrix, degree):
-    """Returns tensors (..., r, n^degree) with each axis of length n times a matrix."""
-    *batch, rows, entries = tensor.shape
-    n = matrix.shape[-1]
-    out = tensor.reshape(*batch, rows, *(n,) * degree)
-    for axis in range(degree):
-        moved = np.moveaxis(out, len(batch) + 1 + axis, -1)
-        shape = moved.shape
-        flat = moved.reshape(*batch, -1, n) @ matrix
-        out = np.moveaxis(flat.reshape(shape), -1, len(batch) + 1 + axis)
-    return out.reshape(*batch, rows, entries)
-
-
-def _spread(forms, n, degree):
-    """Returns flat symmetric tensors (..., n^degree) of forms (..., C)."""
-    places = tensor_places(n, degree)
-    return forms[..., places] * (1.0 / np.bincount(places)[places])
+def _moved(tensors, matrix, degree):
+    """Returns tensors (..., n, ..., n) with each of the last axes times a matrix."""
+    *batch, n, _ = matrix.shape
+    for axis in range(-degree, 0):
+        moved = np.moveaxis(tensors, axis, -1)
+        turned = moved.reshape(*batch, -1, n) @ matrix
+        tensors = np.moveaxis(turned.reshape(moved.shape), -1, axis)
+    return tensors
 
 
 @functools.lru_cache(maxsize=16)

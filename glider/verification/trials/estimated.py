@@ -131,30 +131,31 @@ def fly_estimated(
     steps = TICKS * draws.shape[1]
     offset, gain = funnel_policy(funnel).sample(np.arange(steps) / rate)
 
-    servo = model.parameters.servo
     batch, n = starts.shape
-    states = np.empty((steps + 1, batch, n))
-    means = np.empty((steps + 1, batch, n))
-    measured = np.full((steps, batch, 1, len(std)), np.nan)
+    states, means = np.empty((2, steps + 1, batch, n))
     states[0] = starts
     means[0] = starts - unknown * (starts - funnel.center(0.0))
     spread = unknown**2 / (n + 2) * np.linalg.inv(funnel.shape(0.0))
     certain, covariances = np.zeros((n, n)), np.broadcast_to(spread, (batch, n, n))
-    for k in range(steps):
+    nothing = np.full((batch, 1, len(std)), np.nan)
+
+    def step(k, mean, covariance, measured):
+        """Returns mean and covariance one prediction later."""
         command = offset[k] - means[k] @ gain[k]
-        rates = limited_rates(command, states[k, :, ELEVATOR], servo)[:, None, None]
-        truth = Belief(mean=states[k], covariance=certain)
+        rates = limited_rates(command, mean[:, ELEVATOR], model.parameters.servo)
+        prior = Belief(mean=mean, covariance=covariance)
+        found = run_ekf(ekf, prior, rates[:, None, None], measured, k / rate)
+        return found.means[:, 1], found.covariances[:, 1]
+
+    for k in range(steps):
         # Without a measurement a filter predicts: it flies its own glider.
-        flown = run_ekf(ekf, truth, rates, measured[k], k / rate)
-        states[k + 1] = flown.means[:, 1]
+        states[k + 1], _ = step(k, states[k], certain, nothing)
+        measured = nothing
         if (k + 1) % TICKS == 0:
             pose = model.chain.measure(states[k + 1].T, model.numbers)
             shown = np.column_stack([*pose, states[k + 1, :, ELEVATOR]])
-            measured[k] = (shown + draws[:, k // TICKS] * std)[:, None]
-        rates = limited_rates(command, means[k, :, ELEVATOR], servo)[:, None, None]
-        prior = Belief(mean=means[k], covariance=covariances)
-        found = run_ekf(ekf, prior, rates, measured[k], k / rate)
-        means[k + 1], covariances = found.means[:, 1], found.covariances[:, 1]
+            measured = (shown + draws[:, k // TICKS] * std)[:, None]
+        means[k + 1], covariances = step(k, means[k], covariances, measured)
 
     times = np.arange(steps + 1) / rate
     passes = [closest_pass(times, states[:, b], np.zeros(2)) for b in range(batch)]
