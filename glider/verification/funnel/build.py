@@ -189,10 +189,8 @@ class Gauge:
     def __init__(self, task: FunnelTask):
         """Expands the dynamics between the times."""
         self._task, self._nominal = task, task.nominal
-        self._starts = task.directions[:STARTS]
         n = self._nominal.states.shape[1]
-        if task.directions.shape[1] > n:
-            self._starts = normalized(self._starts[:, :n])
+        self._starts = normalized(task.directions[:STARTS, :n])
         self._between = {share: self._nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(self._nominal)
         self._limits = task.servo_bounds()

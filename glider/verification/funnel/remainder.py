@@ -4,11 +4,9 @@ Only the accelerations are not linear in the state. Where |R_k| <= β_k (1 + e�
 the set,
     2 zᵀ Lᵀ R <= zᵀ D z (1 + eᵀ F e),
     D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
-on its boundary. F is where R is large. On most of the boundary R is a twentieth of its
-largest value, and where V̇ is largest it usually is: with F = 0, the bound there takes
-all of the margin. Here the largest |R_k| is looked for;
-`glider.verification.proof` proves a bound. For the gliders of a confidence set R is
-also the difference of their rates, about their own center
+on its boundary. F is where R is large (docs/certificate.md has why). Here the largest
+|R_k| is looked for; `glider.verification.proof` proves a bound. For the gliders of a
+confidence set R is also the difference of their rates, about their own center
 (`glider.verification.dynamics.moving_center`).
 """
 

@@ -8,11 +8,9 @@ the least growth of S, in the sense of Σ, for which no deviation leaves. N is c
 every few steps and continues in a straight line between. A servo limit that the set
 would break cuts it down. The feedback may be made on the way, from S one time later.
 
-Σ says which deviations count: minimizing tr(Σ S) trades directions against each other
-by what is large at its time. What is wanted is a wide inlet. With Φ̇ = F₁ Φ, Φ(0) = I,
-tr(Σ₀ S(0)) is tr(Φ Σ₀ Φᵀ S(t)) and what else makes S grow before t. So Σ is Φ Σ₀ Φᵀ,
-the launch errors carried along, and a share of deviations that count equally at all
-times, without which it is flat.
+Σ says which deviations count at a time. What is wanted is a wide inlet: with Φ̇ = F₁ Φ,
+tr(Σ₀ S(0)) is tr(Φ Σ₀ Φᵀ S(t)) and what else makes S grow before t. So Σ is Φ Σ₀ Φᵀ and
+a share of deviations that count equally at all times, without which it is flat.
 """
 
 import dataclasses

@@ -14,7 +14,7 @@ import numpy as np
 
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import at_time, keeps_servo
-from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
 from glider.verification.sos.exact import (
     exact,
     is_positive_definite,
@@ -36,9 +36,6 @@ SLACK_SHARE = 0.1
 GRAM_BITS = 26
 """Binary places that Gram matrices are rounded to: 1.5e-8, where their least
 eigenvalues are 1e-3 and more."""
-
-BALL_BITS = 30
-"""Binary places of the coordinates of the ball. Any are right; few are fast."""
 
 GOAL_ROUNDING = 1e-9
 """Relative amount by which S(T) may be below the goal's: where they are equal, as in

@@ -21,7 +21,7 @@ from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.funnel.clock import form_size, hold_slopes, hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import covers, make_interval, tight_cover
-from glider.verification.proof.interval_growth import pulled_forms
+from glider.verification.proof.interval_growth import BALL_BITS, pulled_forms
 from glider.verification.sos.exact import (
     exact,
     hermite,
@@ -30,9 +30,6 @@ from glider.verification.sos.exact import (
     rounded,
 )
 from glider.verification.sos.forms import exact_product, gathered, spread_form
-
-BASIS_BITS = 30
-"""Binary places of the basis B. Any are right; few are fast."""
 
 PERIOD_ROUNDING = 1e-9
 """Time by which the samples in a file may be off the clock's [s]."""
@@ -108,7 +105,7 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     nominal, n, interval = piece.nominal, piece.num_states, make_interval(piece)
     whole = exact(np.eye(n))
     states = dataclasses.replace(interval, outputs=whole, which=list(range(n)))
-    B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BASIS_BITS)
+    B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BALL_BITS)
     if not covers(states, B.to_float()):
         return np.inf, np.inf, np.zeros(2)
     slopes, step = hold_slopes(nominal), np.diff(nominal.times)[0]

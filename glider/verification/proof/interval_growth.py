@@ -46,7 +46,7 @@ ROUNDS = 150
 """Steps of the search; then the interval is halved, which makes it easier."""
 
 HALVINGS = 4
-"""Times that an interval is halved until the proof gives up."""
+"""Times that an interval is halved until the proof gives up, or a ball is tight."""
 
 
 class GrowthForms(NamedTuple):

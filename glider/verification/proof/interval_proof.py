@@ -34,16 +34,13 @@ from glider.verification.proof.interval import (
     unproven_numbers,
     unproven_wind,
 )
-from glider.verification.proof.interval_growth import prove_growth
+from glider.verification.proof.interval_growth import HALVINGS, prove_growth
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized, sphere
 
 BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
-
-HALVINGS = 4
-"""Times that an interval is halved for a ball that is tight enough."""
 
 PATIENCE = 150_000
 """Boxes that a ball gets, until each half of its time gets its own. Where R

@@ -21,7 +21,12 @@ from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import covers, make_interval, tight_cover
-from glider.verification.proof.interval_growth import BALL_BITS, GRAM_BITS, prove_growth
+from glider.verification.proof.interval_growth import (
+    BALL_BITS,
+    GRAM_BITS,
+    HALVINGS,
+    prove_growth,
+)
 from glider.verification.proof.interval_proof import gram_guesses, linear_defect
 from glider.verification.sos.exact import exact
 
@@ -29,9 +34,6 @@ FORMAT = "drake-glider proof 1"
 
 STRETCH = 1.02
 """Share by which a written ball may be wider than the sets along an axis."""
-
-HALVINGS = 4
-"""Times that an interval is halved for such a ball."""
 
 
 def write_proof(

@@ -42,16 +42,13 @@ class Sphere:
         self.cubic = [tuple(e) for e in exponents_of(n, 3)]
         self.quartic = [tuple(e) for e in exponents_of(n, 4)]
         place = {e: k for k, e in enumerate(self.cubic + self.quartic)}
-        unit = np.eye(n, dtype=int)
-        pairs = [(i, j) for i in range(n) for j in range(i, n)]
-        self.basis = np.array([*unit, *(unit[i] + unit[j] for i, j in pairs)])
-        self.scales = np.array(
-            [1.0] * n + [1.0 if i == j else np.sqrt(2.0) for i, j in pairs]
-        )
+        self.basis = np.concatenate([exponents_of(n, 1), exponents_of(n, 2)])
+        mixed = (self.basis > 0).sum(axis=1) == 2
+        self.scales = np.where(mixed, np.sqrt(2.0), 1.0)
         self.size = len(self.basis)
         products = self.basis[:, None] + self.basis
         self.places = np.array([[place.get(tuple(e), -1) for e in r] for r in products])
-        self.lift = np.zeros((len(self.quartic), n, n))
+        self.lift, unit = np.zeros((len(self.quartic), n, n)), self.basis[:n]
         for i, j, k in itertools.product(range(n), repeat=3):
             even = place[tuple(unit[i] + unit[j] + 2 * unit[k])] - len(self.cubic)
             self.lift[even, i, j] += 1.0

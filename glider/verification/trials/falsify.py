@@ -3,9 +3,9 @@
 Full means: the physics, not its Taylor polynomial, and the servo with its limits, under
 the funnel's own feedback. An attempt to falsify starts from random points of the
 boundary, then near the worst of them. For a confidence set, gliders are drawn too and
-climb along the boundary of their set; at last its worst corner is flown, to first order
-from the worst flight. For a funnel that was made for such a set, V of each glider is
-about its own center. Flights that escape are counted, never dropped.
+climb along the boundary of their set; at last its worst corner is flown. For a funnel
+that was made for such a set, V of each glider is about its own center. Flights that
+escape are counted, never dropped.
 """
 
 import dataclasses
