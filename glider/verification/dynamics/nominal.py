@@ -183,20 +183,29 @@ def _continuous_flight(model, policy, step):
     count = aligned_count(plan, step)
     fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
     fine = count * -(-fine // count)
-    flight = fly(
-        model,
-        policy,
-        plan.states[:1],
-        step=plan.duration / fine * (1.0 + 1e-9),
-        after=0.0,
-        keep_paths=True,
-    )
-    assert flight.paths is not None
-    states = flight.paths[0][:: fine // count]
+    step = plan.duration / fine
+    states = fly_plan(model, policy, plan.states[:1], step, fine // count)[0]
     times = np.linspace(0.0, plan.duration, count + 1)
     offset, gains = policy.sample(times)
     inputs = offset - np.sum(gains * states, axis=1)
     return times, states, inputs, gains
+
+
+def fly_plan(
+    model: GliderModel,
+    policy: TrackingPolicy,
+    states: np.ndarray,
+    step: float,
+    every: int,
+) -> np.ndarray:
+    """Flies states (B, n) to a plan's end; returns paths (B, T, n), every so many steps.
+
+    The step [s] divides the plan.
+    """
+    step = step * (1.0 + 1e-9)
+    flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
+    assert flights.paths is not None
+    return flights.paths[:, ::every]
 
 
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:

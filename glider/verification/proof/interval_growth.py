@@ -145,9 +145,14 @@ def _prove_whole(interval, slack, grams):
         return None, None
     middle = tables.matrix(found)
     guesses = first, middle, last
-    N = _multiplier(forms.A, [gram[: tables.n, : tables.n] for gram in guesses])
-    raised_guesses = _raised(guesses, 1 + max(form.degree for form in forms))
-    grams = _definite_grams(tables, forms, N, raised_guesses, h)
+    N = _through(
+        [
+            forms.A.at(Fraction(share, 2)).to_float() - gram[: tables.n, : tables.n]
+            for share, gram in enumerate(guesses)
+        ]
+    )
+    controls = _through(guesses).raised(max(form.degree for form in forms)).bernstein()
+    grams = _definite_grams(tables, forms, N, controls, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
     return back.T @ middle @ back / h, grams and (basis, N, grams)
 
@@ -178,28 +183,11 @@ def _search(tables, guess, coefficients, h, block=None):
     return nearby_gram(tables, entries, coefficients, least, aim, ROUNDS, block)
 
 
-def _multiplier(A, blocks):
-    """Returns N: A less the blocks of z, at both ends and in the middle."""
-    first, middle, last = (
-        A.at(Fraction(share, 2)).to_float() - block
-        for share, block in enumerate(blocks)
-    )
+def _through(matrices):
+    """Returns the quadratic polynomial through doubles at τ = 0, 1/2 and 1, rounded."""
+    first, middle, last = matrices
     parts = first, 4.0 * middle - first - last, last
     return in_time(*(rounded(0.5 * (p + p.T), GRAM_BITS) for p in parts))
-
-
-def _raised(guesses, count):
-    """Returns so many coefficients of Bernstein's, through three matrices in time."""
-    first, middle, last = guesses
-    degree = count - 1
-    j = np.arange(count)[:, None, None]
-    control = 2.0 * middle - 0.5 * (first + last)
-    pairs = degree * (degree - 1)
-    return (
-        (degree - j) * (degree - j - 1) * first
-        + 2.0 * j * (degree - j) * control
-        + j * (j - 1) * last
-    ) / pairs
 
 
 def _definite_grams(

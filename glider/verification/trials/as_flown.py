@@ -117,11 +117,11 @@ def fly_loop(
             np.arange(samples)[:, None] % 2,
         ]
     )
-    found = [(genes, *fly(genes))]
+    found = genes, *fly(genes)
     for turn in range(CLIMB_ROUNDS):
         if progress:
             progress((turn + 1) / (CLIMB_ROUNDS + 1))
-        genes, levels, later, _ = map(np.concatenate, zip(*found, strict=True))
+        genes, levels, later, _ = found
         worst = np.where(levels > ESCAPE_LEVEL, levels, later)
         best = genes[np.argsort(-worst)[: max(1, samples // 25)]]
         width = CLIMB_WIDTH * CLIMB_NARROWING**turn
@@ -132,8 +132,9 @@ def fly_loop(
         moved[:, :n] = normalized(moved[:, :n])
         moved[:, n : n + 2] = normalized(moved[:, n : n + 2])
         moved[:, n + 2] %= 1.0
-        found.append((moved, *fly(moved)))
-    genes, levels, later, ends = map(np.concatenate, zip(*found, strict=True))
+        more = moved, *fly(moved)
+        found = tuple(map(np.concatenate, zip(found, more, strict=True)))
+    genes, levels, later, ends = found
     return FlownTrial(
         loop=loop,
         levels=levels,
