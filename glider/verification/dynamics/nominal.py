@@ -198,9 +198,9 @@ def fly_plan(
     step: float,
     every: int,
 ) -> np.ndarray:
-    """Flies states (B, n) to a plan's end; returns paths (B, T, n), every so many steps.
+    """Flies states (B, n) to a plan's end; returns paths (B, T, n).
 
-    The step [s] divides the plan.
+    They are of every so many steps [s], which divide the plan.
     """
     step = step * (1.0 + 1e-9)
     flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
