@@ -26,7 +26,6 @@ from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
-    chained_errors,
     command_errors,
     effect_of_hold,
     hold_starts,
@@ -90,23 +89,16 @@ class FunnelTask:
         return spread @ np.swapaxes(spread, 1, 2) + SHARE**2 * steady
 
     def errors(
-        self, S: np.ndarray, at: np.ndarray, bounds: Bounds | None = None
+        self, S: np.ndarray, at: np.ndarray, *remainder: np.ndarray
     ) -> np.ndarray:
         """Returns how far the command may be off at K times, all or one, (2, K).
 
-        Off u₀ - K e, and off u₀ - K e + eᵀ M e.
+        Off u₀ - K e, and off u₀ - K e + eᵀ M e, with β and F of R if given.
         """
         settings = self.settings
         if not settings.period:
             return np.full((2, len(S)), settings.command_error)
-        if bounds is None:  # Of R, which counts for little.
-            beta = np.zeros(S.shape[:2])
-            bounds = Bounds(beta, beta, 0.0 * S, beta[:, :2], *beta.T[:2])
-        others = bounds, settings.command_error, settings.wind
-        if len(at) < len(self.nominal.times):
-            rests = command_errors(self.nominal, S, at, *others)
-        else:
-            rests = chained_errors(self.nominal, S, *others)
+        rests = command_errors(self.nominal, S, at, settings, *remainder)
         known = BEND_ROOM * bend_sizes(S, self.nominal.bends[at])
         return np.stack([known + rests, rests])
 
@@ -140,8 +132,7 @@ class FunnelTask:
             sampled = sample_remainder(*given, focus, acting)
         beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
         weights = remainder_weights(S, beta, sizes)
-        bounds = Bounds(beta, weights, focus, 0.0 * pushes, *errors)
-        errors = self.errors(S, at, bounds)
+        errors = self.errors(S, at, beta, focus)
         pushes = pushes_of(errors[1], self.settings)
         of_pushes = push_weights(S, pushes, slopes, sizes)
         push = push_form(S, slopes, pushes, of_pushes, bends)
