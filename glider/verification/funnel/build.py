@@ -232,14 +232,11 @@ class Gauge:
     def _sets(self, S):
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
         times = self._nominal.times
-        bounds, push = self._task.bound(S, np.arange(len(S)))
+        bounds = self._task.bound(S, np.arange(len(S)))
         holds = np.split(np.arange(len(S)), np.flatnonzero(np.diff(times) == 0.0) + 1)
         slopes = np.concatenate(
             [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
         )
-        coefficients, drift = self._nominal.closed_loop, self._drift(S)[:, None, None]
-        forms = boundary_forms(S, slopes, coefficients, push, bounds)
-        quadratic = forms.quadratic + drift * np.eye(S.shape[1])
         sets = BoundarySets(
             nominal=self._nominal,
             settings=self._task.settings,
@@ -247,6 +244,9 @@ class Gauge:
             slopes=slopes,
             **vars(bounds),
         )
+        forms = boundary_forms(sets, self._nominal.push_slopes)
+        drift = self._drift(S)[:, None, None] * np.eye(S.shape[1])
+        quadratic = forms.quadratic + drift
         return sets, forms._replace(quadratic=quadratic)
 
     def growth(self, S: np.ndarray) -> np.ndarray:

@@ -98,21 +98,20 @@ PUSHES = [0, 1, 1]
 """Which bound each push has: the command's error, and the wind along x and z."""
 
 
-def boundary_forms(
-    S: np.ndarray,
-    slopes: np.ndarray,
-    coefficients: np.ndarray,
-    push: BoundaryForms,
-    bounds: Bounds,
-) -> BoundaryForms:
-    """Returns V̇/V on the boundary, with (zᵀ D z)(1 + eᵀ F e) of R, and `push`."""
-    cubic, quartic = higher_forms(S, coefficients)
+def boundary_forms(sets: BoundarySets, G: np.ndarray) -> BoundaryForms:
+    """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R, and pushes.
+
+    These act along G (T, n, 3, 1 + n), see `push_form`.
+    """
+    S, nominal = sets.S, sets.nominal
+    cubic, quartic = higher_forms(S, nominal.closed_loop)
     _, L_inv_T = to_ball(S)
     L_inv = np.swapaxes(L_inv_T, 1, 2)
-    disturbance = remainder_form(S, bounds.beta, bounds.weights)
-    quadratic = quadratic_form(S, slopes, coefficients)
+    disturbance = remainder_form(S, sets.beta, sets.weights)
+    quadratic = quadratic_form(S, sets.slopes, nominal.closed_loop)
     quadratic = L_inv @ quadratic @ L_inv_T + disturbance
-    quartic = quartic + product_form(disturbance, L_inv @ bounds.focus @ L_inv_T)
+    quartic = quartic + product_form(disturbance, L_inv @ sets.focus @ L_inv_T)
+    push = push_form(S, G, sets.unknown_pushes, sets.push_weights, nominal.bends)
     return BoundaryForms(
         quadratic + push.quadratic, cubic + push.cubic, quartic + push.quartic
     )
@@ -205,12 +204,10 @@ def growth_between(
         return (1.0 - share) * values[k] + share * values[k + 1]
 
     here = here or sets.nominal.between(share).part(slice(None, None, every))
-    S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
-    bounds = Bounds(*(mixed(getattr(sets, name)) for name in BOUNDS))
-    pushes = pushes_of(bounds.rests, sets.settings)
-    given = mixed(sets.nominal.push_slopes), pushes, bounds.push_weights
-    push = push_form(S, *given, mixed(sets.nominal.bends))
-    forms = boundary_forms(S, slopes, here.closed_loop, push, bounds)
+    own = {name: mixed(getattr(sets, name)) for name in BOUNDS}
+    own |= {"S": sets.curve(here.times), "slopes": sets.curve(here.times, 1)}
+    between = BoundarySets(nominal=here, settings=sets.settings, **own)
+    forms = boundary_forms(between, mixed(sets.nominal.push_slopes))
     return largest_growth(forms, starts)
 
 

@@ -32,11 +32,10 @@ from glider.verification.funnel.clock import (
     undo_hold,
 )
 from glider.verification.funnel.growth import (
-    BoundaryForms,
+    BoundarySets,
     Bounds,
-    push_form,
+    boundary_forms,
     pushes_of,
-    remainder_form,
 )
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
@@ -53,7 +52,7 @@ from glider.verification.funnel.servo_limits import (
     steepest_gains,
 )
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.sos.forms import higher_forms, linear_part, product_form
+from glider.verification.sos.forms import linear_part, quadratic_form
 from glider.verification.sos.programs import SolverError, first_success, least_growth
 
 SHARE = 0.1
@@ -113,15 +112,14 @@ class FunnelTask:
             bounds[starts != np.arange(len(starts)), 0] = np.inf
         return directions, bounds
 
-    def bound(self, S: np.ndarray, at: np.ndarray) -> tuple[Bounds, BoundaryForms]:
-        """Returns β, λ and F of K sets, and what the pushes from outside add.
+    def bound(self, S: np.ndarray, at: np.ndarray) -> Bounds:
+        """Returns what acts on K sets: R and the pushes from outside.
 
         β (1 + eᵀ F e) is the inflated remainder, but for rounding. All are zero where
         the funnel is to be of the Taylor polynomial alone.
         """
-        inflation, errors = self.settings.remainder, self.errors(S, at)
-        sizes, slopes = self.sizes[at], self.nominal.push_slopes[at]
-        pushes, bends = pushes_of(errors[0], self.settings), self.nominal.bends[at]
+        inflation, sizes = self.settings.remainder, self.sizes[at]
+        pushes = pushes_of(self.errors(S, at)[0], self.settings)
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
         focus, floor = np.zeros_like(S), self.settings.floor
@@ -134,9 +132,8 @@ class FunnelTask:
         weights = remainder_weights(S, beta, sizes)
         errors = self.errors(S, at, beta, focus)
         pushes = pushes_of(errors[1], self.settings)
-        of_pushes = push_weights(S, pushes, slopes, sizes)
-        push = push_form(S, slopes, pushes, of_pushes, bends)
-        return Bounds(beta, weights, focus, of_pushes, *errors), push
+        of_pushes = push_weights(S, pushes, self.nominal.push_slopes[at], sizes)
+        return Bounds(beta, weights, focus, of_pushes, *errors)
 
 
 def smoothed(values: np.ndarray) -> np.ndarray:
@@ -241,23 +238,26 @@ class ShapeFlow:
 
     def _growth(self, S, k):
         """Returns N + D at a time."""
-        cubic, quartic = higher_forms(S, self.nominal.closed_loop[k])
-        bounds, push = self._task.bound(S[None], np.array([k]))
-        disturbance = remainder_form(S[None], bounds.beta, bounds.weights)[0]
-        L = np.linalg.cholesky(S)
-        L_inv = np.linalg.inv(L)
-        focus = L_inv @ bounds.focus[0] @ L_inv.T
-        cubic = cubic + push.cubic[0]
-        quartic = quartic + product_form(disturbance, focus) + push.quartic[0]
-        weight = L.T @ self._sizes[k] @ L
+        at, L = np.array([k]), np.linalg.cholesky(S)
+        nominal = self.nominal.part(slice(k, k + 1))
+        # What is left of V̇ where S moves with the linear part of the flow.
+        still = -quadratic_form(S, np.zeros_like(S), nominal.closed_loop[0])
+        sets = BoundarySets(
+            nominal=nominal,
+            settings=self._task.settings,
+            S=S[None],
+            slopes=still[None],
+            **vars(self._task.bound(S[None], at)),
+        )
+        forms = boundary_forms(sets, self.nominal.push_slopes[at])
         [growth] = first_success(
             least_growth,
-            cubic,
-            quartic,
-            weight,
+            forms.cubic[0],
+            forms.quartic[0],
+            L.T @ self._sizes[k] @ L,
             fault="No solver shaped the funnel; the goal may be too wide.",
         )
-        return growth + disturbance + push.quadratic[0]
+        return growth + forms.quadratic[0]
 
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""
