@@ -8,7 +8,7 @@ the p_j being arrays: Bernstein's form without its factor, binomial(d, j). Produ
 convolutions, and where all p_j are positive definite, so is p at every τ.
 """
 
-import functools
+import itertools
 import math
 import operator
 from collections.abc import Callable
@@ -83,17 +83,10 @@ class Exact:
 
     def product(self, other: "Exact", multiply: Callable) -> "Exact":
         """Returns a product, given that of two arrays of integers."""
-        mine, theirs = self.numbers, other.numbers
-        numbers = [
-            functools.reduce(
-                operator.add,
-                (
-                    multiply(mine[i], theirs[k - i])
-                    for i in range(max(0, k - other.degree), min(k + 1, len(mine)))
-                ),
-            )
-            for k in range(self.degree + other.degree + 1)
-        ]
+        numbers: list[Any] = [0] * (self.degree + other.degree + 1)
+        pairs = itertools.product(enumerate(self.numbers), enumerate(other.numbers))
+        for (i, mine), (j, theirs) in pairs:
+            numbers[i + j] = numbers[i + j] + multiply(mine, theirs)
         return Exact(numbers, self.exponent + other.exponent)
 
     def sum(self) -> "Exact":
