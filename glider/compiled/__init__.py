@@ -12,5 +12,5 @@ behind actuators. ekf, riccati, sequence_costs: the
 loops of the filter, the feedback and the sampling planners. collocation: a glider
 along a collocated path. stages, barrier, interior_point: the solver of direct
 collocation, compiled once for all gliders. taylor: series of functions, and Taylor
-models on many boxes.
+models on many boxes. boxes: polynomials on boxes in a ball.
 """

@@ -313,7 +313,7 @@ def _straighten(root, square, below, above):
 
 
 @machine_code
-def run(code, of, numbers, present, results, inputs, remainders, slots, table):
+def run(code, of, numbers, present, results, slots, table, inputs, remainders):
     """Carries out operations on models, WIDTH boxes at a time.
 
     Args:
@@ -323,9 +323,9 @@ def run(code, of, numbers, present, results, inputs, remainders, slots, table):
         numbers: (N, 3) plain numbers f, g and h.
         present: (N, M) which coefficients of its result may not be zero.
         results: (R,) slots where the results are.
-        inputs, remainders: (I, M, B) and (I, B) of models.
         slots: number of slots.
         table: left and right of products, degrees (M,), and starts (., M + 1).
+        inputs, remainders: (I, M, B) and (I, B) of models.
 
     Returns:
         Coefficients (R, M, B) and remainders (R, B) of the results.

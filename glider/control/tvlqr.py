@@ -14,6 +14,7 @@ from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan
+from glider.planning.problem import PerchingProblem
 
 STEP = 0.003
 """Longest step of the pass [s]: gains to about 1e-7 of their largest."""
@@ -107,6 +108,46 @@ class TrackingPolicy:
         gain, correction = (curve(at) for curve in self._curves)
         nominal, _, inputs = sample_plan(self.plan, at)
         return inputs - correction + np.sum(gain * nominal, axis=1), gain
+
+
+def linear_policy(
+    plan: Plan, gains: np.ndarray, cost: np.ndarray | None = None, period: float = 0.0
+) -> TrackingPolicy:
+    """Returns u = u₀ - K (x - x₀) with K (N, n) in straight lines between the knots.
+
+    Args:
+        plan: x₀ and u₀.
+        gains: K at the plan's knots.
+        cost: (N, n, n) S of x̃ᵀ S x̃ there; zero if None.
+        period: time that commands are held [s]; 0 if none.
+    """
+    count, n = gains.shape
+    return TrackingPolicy(
+        plan=plan,
+        times=plan.times,
+        gains=gains,
+        corrections=np.zeros(count),
+        cost=np.zeros((count, n, n)) if cost is None else cost,
+        cost_slope=np.zeros((count, n)),
+        is_linear=True,
+        period=period,
+    )
+
+
+def still_policy(
+    model: GliderModel, problem: PerchingProblem, duration: float
+) -> TrackingPolicy:
+    """Returns one that never commands the elevator, from a problem's launch on [s]."""
+    states = np.tile(model.initial_state(problem.launch), (2, 1))
+    plan = Plan(
+        times=np.array([0.0, duration]),
+        states=states,
+        slopes=np.zeros_like(states),
+        inputs=np.zeros(2),
+        state_names=model.state_names,
+        cost=0.0,
+    )
+    return linear_policy(plan, np.zeros_like(states))
 
 
 def check_plan(model: GliderModel, plan: Plan) -> None:

@@ -38,9 +38,8 @@ class FunnelMonitor(LeafSystem):
         self.set_name("funnel")
         self._funnel = funnel
         self._state = self.DeclareVectorInputPort("state", funnel.num_states)
-        needed = {self.input_port_ticket(self._state.get_index()), self.time_ticket()}
-        self.DeclareVectorOutputPort("margin", 1, self._calc_margin, needed)
-        self.DeclareVectorOutputPort("inside", 1, self._calc_inside, needed)
+        self.DeclareVectorOutputPort("margin", 1, self._calc_margin)
+        self.DeclareVectorOutputPort("inside", 1, self._calc_inside)
 
     def _level(self, context):
         return self._funnel.level(context.get_time(), self._state.Eval(context))

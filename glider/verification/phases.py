@@ -9,10 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.control.tvlqr import TrackingPolicy
+from glider.control.tvlqr import TrackingPolicy, still_policy
 from glider.errors import InputError, expect
 from glider.physics.model import GliderModel
-from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress, silent
 from glider.verification.dynamics.nominal import make_nominal
@@ -134,29 +133,6 @@ def _largest_scale(found, rests):
         fits = all(any(is_inside(piece, own) for own in rests) for piece in pieces)
         low, high = (scale, high) if fits else (low, scale)
     return low
-
-
-def still_policy(model, problem, duration):
-    """Returns a policy that never commands the elevator, from a problem's launch."""
-    start, times = model.initial_state(problem.launch), np.array([0.0, duration])
-    states, n = np.array([start, start]), len(start)
-    plan = Plan(
-        times=times,
-        states=states,
-        slopes=np.zeros_like(states),
-        inputs=np.zeros(2),
-        state_names=model.state_names,
-        cost=0.0,
-    )
-    return TrackingPolicy(
-        plan=plan,
-        times=times,
-        gains=np.zeros((2, n)),
-        corrections=np.zeros(2),
-        cost=np.zeros((2, n, n)),
-        cost_slope=np.zeros((2, n)),
-        is_linear=True,
-    )
 
 
 def rest_for(rests: list[Funnel], state: np.ndarray) -> Funnel:

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from glider.verification.funnel.build import STARTS
-from glider.verification.funnel.growth import (
-    BoundaryForms,
-    Bounds,
-    boundary_forms,
-    largest_growth,
-)
+from glider.verification.funnel.growth import boundary_forms, largest_growth
 from tests.verification.points import sphere_points
 
 
@@ -17,9 +12,7 @@ from tests.verification.points import sphere_points
 def forms(proven):
     """V̇/V on the boundary at 50 times, as the certificate has it."""
     part = proven.between(40, 89)
-    bounds = Bounds(*(getattr(part, name) for name in Bounds._fields))
-    none = BoundaryForms(*np.zeros(3))
-    return boundary_forms(part.S, part.slopes, part.nominal.closed_loop, none, bounds)
+    return boundary_forms(part, part.nominal.push_slopes)
 
 
 def test_the_largest_growth_is_found_from_few_points(forms):

@@ -19,7 +19,7 @@ from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
-    chained_errors,
+    command_errors,
     effect_of_hold,
     form_size,
     hold_starts,
@@ -75,23 +75,25 @@ def clocked(proven):
         along(proven.beta), along(proven.weights), 0.0 * S, zero + 1.0, *zero.T
     )
     nominal = dataclasses.replace(nominal)
-    rests = chained_errors(nominal, S, bounds, ERROR, WIND)
+    settings = dataclasses.replace(
+        proven.settings,
+        period=PERIOD,
+        elevator_gain=40.0,
+        command_error=ERROR,
+        wind=WIND,
+    )
+    at, of_rest = np.arange(last + 1), (bounds.beta, bounds.focus)
+    rests = command_errors(nominal, S, at, settings, *of_rest)
     errors = rests + BEND_ROOM * bend_sizes(S, nominal.bends)
     return Funnel(
         nominal=nominal,
         S=S,
         slopes=np.concatenate(slopes),
-        settings=dataclasses.replace(
-            proven.settings,
-            period=PERIOD,
-            elevator_gain=40.0,
-            command_error=ERROR,
-            wind=WIND,
-        ),
+        settings=settings,
         grams=np.zeros((last + 1, proven.grams.shape[1])),
         solver="none",
         seconds=0.0,
-        **bounds._replace(errors=errors, rests=rests)._asdict(),
+        **vars(dataclasses.replace(bounds, errors=errors, rests=rests)),
     )
 
 

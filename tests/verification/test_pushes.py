@@ -10,6 +10,7 @@ import pytest
 from glider.__main__ import main
 from glider.errors import InputError
 from glider.paths import models_path
+from glider.verification.dynamics import nominal as dynamics
 from glider.verification.dynamics.nominal import (
     nonlinear_parts,
     open_loop_rates,
@@ -23,7 +24,6 @@ from glider.verification.funnel.remainder import (
 )
 from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.proof import interval
 from glider.verification.proof.check import remainder_seen
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import (
@@ -245,14 +245,14 @@ def test_a_funnel_that_was_made_without_them_is_not_proven_with_them(piece):
 def test_wind_acts_only_where_the_remainder_has_it(piece, row, monkeypatch):
     """The first rate is linear, and the other does not depend on x."""
     assert not unproven_wind(piece)
-    rates = interval.open_loop_rates
+    rates = dynamics.open_loop_rates
 
     def blown(model, states, command, theta=None, wind=(0.0, 0.0)):
         found = list(rates(model, states, command, theta, wind))
         found[row] = found[row] + wind[0] * states[0]
         return found
 
-    monkeypatch.setattr(interval, "open_loop_rates", blown)
+    monkeypatch.setattr(dynamics, "open_loop_rates", blown)
     assert unproven_wind(piece)
     assert not unproven_wind(pushed(piece, wind=0.0))
 

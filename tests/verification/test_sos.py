@@ -161,7 +161,7 @@ def test_what_is_no_number_has_no_exact_value():
 def test_a_quotient_is_rounded_up_and_hardly(a, b):
     value = Fraction(a) ** 2 / Fraction(b)
     found = at_least(value)
-    above = Fraction(int(found.numbers)) * Fraction(2) ** found.exponent
+    above = Fraction(found.numbers.item()) * Fraction(2) ** found.exponent
     assert value <= above <= value * (1 + Fraction(1, 2**58))
 
 
@@ -185,7 +185,7 @@ def test_an_asymmetric_matrix_is_not_definite():
 
 def test_a_small_change_is_forgiven_and_a_large_one_is_not():
     gram = rounded(np.diag([1.0, 0.01]), 30)
-    small = Exact(np.array([[0, 1], [1, 0]], dtype=object), -10)
+    small = Exact([[[0, 1], [1, 0]]], -10)
     assert leaves_definite(gram, small)[0]
     holds, slack = leaves_definite(gram, Exact(small.numbers, -6))
     assert not holds

@@ -1,10 +1,8 @@
 """Where the gliders of a confidence set fly, to first order: the center moves along.
 
-A glider whose numbers deviate by δ from the estimate c₀ does not fly along x₀ under the
-same feedback, but near x₀ + X δ, with
+A glider whose numbers deviate by δ from the estimate c₀ flies near x₀ + X δ, with
     Ẋ = F₁ X + ∂f/∂c,  X(0) = 0,
-F₁ of the closed loop. All launches are the same, so that the inlet is. With
-x = x₀ + X δ + e its deviation follows
+F₁ of the closed loop (docs/certificate.md). With x = x₀ + X δ + e its deviation follows
     ė = p(e) + R(e, δ),  p of the estimate,
 and R is all that is left, the Taylor remainder and what the glider does otherwise.
 """
@@ -40,10 +38,6 @@ class MovingCenter:
         """Returns X δ (..., n) at times within the flight, for one δ (m,)."""
         curve = CubicHermiteSpline(self.times, self.shifts, self.slopes)
         return curve(np.clip(times, self.times[0], self.times[-1])) @ deviation
-
-    def reach(self, directions: np.ndarray) -> np.ndarray:
-        """Returns max aᵀ X δ over the set, (T, K), for a (T, K, n) at the times."""
-        return self.confidence.reach(directions @ self.shifts)
 
     def between(self, first: int, last: int) -> "MovingCenter":
         """Returns the part from one of the times to another, given their indices."""

@@ -14,6 +14,7 @@ as long as the servo follows its command, which the funnel ensures;
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -27,6 +28,8 @@ from glider.physics.servo import limited_rate
 from glider.physics.state import ELEVATOR
 from glider.simulation.fly import fly
 from glider.verification.dynamics.jets import (
+    Dependence,
+    Jet,
     Monomials,
     coefficients_of,
     dependences,
@@ -92,8 +95,7 @@ class Nominal:
         rates = closed_loop_rates(
             self.model, states, self.gains.T, self.states.T, self.inputs
         )
-        coefficients = np.array([coefficients_of(rate, states[0]) for rate in rates])
-        coefficients = np.moveaxis(coefficients, 2, 0)  # (n, M, T) to (T, n, M).
+        coefficients = _expanded(rates, states[0])
         coefficients[:, :, 0] = 0.0  # The slope of the nominal flight itself.
         return coefficients
 
@@ -104,9 +106,7 @@ class Nominal:
         The constant is f at the nominal; the monomials are those of `table_of(n + 1)`.
         """
         *states, command = variables(np.vstack([self.states.T, self.inputs]), ORDER)
-        rates = open_loop_rates(self.model, states, command)
-        coefficients = np.array([coefficients_of(rate, command) for rate in rates])
-        return np.moveaxis(coefficients, 2, 0)  # (n, M, T) to (T, n, M).
+        return _expanded(open_loop_rates(self.model, states, command), command)
 
     @functools.cached_property
     def push_slopes(self) -> np.ndarray:
@@ -117,11 +117,10 @@ class Nominal:
         n, still = self.states.shape[1], np.zeros((2, len(self.times)))
         own = variables(np.vstack([self.states.T, self.inputs, still]), 2)
         rates = open_loop_rates(self.model, own[:n], own[n], wind=own[n + 1 :])
-        coefficients = np.array([coefficients_of(rate, own[n]) for rate in rates])
         unit = np.eye(n + 3, dtype=int)
         factors = [0 * unit[0], *unit[:n]]
         places = [[own[n].table.place(a + b) for b in factors] for a in unit[n:]]
-        return np.moveaxis(coefficients[:, places], 3, 0)  # T first.
+        return _expanded(rates, own[n])[:, :, places]
 
     def part(self, which: slice) -> "Nominal":
         """Returns the flight at some of its times."""
@@ -137,6 +136,11 @@ class Nominal:
         }
         mixed["states"] = self.path(mixed["times"])
         return dataclasses.replace(self, **mixed)
+
+
+def _expanded(rates: list[Any], like: Jet) -> np.ndarray:
+    """Returns the Taylor coefficients (T, n, M) of n rates."""
+    return np.array([coefficients_of(rate, like) for rate in rates]).transpose(2, 0, 1)
 
 
 ARRAYS = ("times", "states", "inputs", "gains", "bends")
@@ -179,20 +183,29 @@ def _continuous_flight(model, policy, step):
     count = aligned_count(plan, step)
     fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
     fine = count * -(-fine // count)
-    flight = fly(
-        model,
-        policy,
-        plan.states[:1],
-        step=plan.duration / fine * (1.0 + 1e-9),
-        after=0.0,
-        keep_paths=True,
-    )
-    assert flight.paths is not None
-    states = flight.paths[0][:: fine // count]
+    step = plan.duration / fine
+    states = fly_plan(model, policy, plan.states[:1], step, fine // count)[0]
     times = np.linspace(0.0, plan.duration, count + 1)
     offset, gains = policy.sample(times)
     inputs = offset - np.sum(gains * states, axis=1)
     return times, states, inputs, gains
+
+
+def fly_plan(
+    model: GliderModel,
+    policy: TrackingPolicy,
+    states: np.ndarray,
+    step: float,
+    every: int,
+) -> np.ndarray:
+    """Flies states (B, n) to a plan's end; returns paths (B, T, n).
+
+    They are of every so many steps [s], which divide the plan.
+    """
+    step = step * (1.0 + 1e-9)
+    flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
+    assert flights.paths is not None
+    return flights.paths[:, ::every]
 
 
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:
@@ -206,6 +219,37 @@ def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> P
     return PPoly(np.array(powers), np.append(times[k], times[-1]))
 
 
+def hermite_powers(values: np.ndarray, slopes: np.ndarray, half: float) -> np.ndarray:
+    """Returns a cubic Hermite polynomial (..., 4) as powers of s, lowest first.
+
+    Values and slopes (2, ...) are at s = -1 and 1, half is half of the time between.
+    """
+    (a, b), (da, db) = values, half * slopes
+    powers = [
+        0.5 * (a + b) + 0.25 * (da - db),
+        0.75 * (b - a) - 0.25 * (da + db),
+        0.25 * (db - da),
+        0.25 * (a - b + da + db),
+    ]
+    return np.stack(powers, axis=-1)
+
+
+def rate_dependences(
+    model: GliderModel, names: tuple[str, ...] = (), in_wind: bool = False
+) -> list[Dependence]:
+    """Returns what each of the n rates depends on.
+
+    Variables are the n states, the command, the named numbers that deviate, and the
+    wind along x and z beyond the model's own.
+    """
+    n, of = model.num_states, model.num_states + 1 + len(names)
+    own = dependences(of + 2)
+    theta = theta_at(model, names, own[n + 1 : of])
+    wind = own[of:] if in_wind else (0.0, 0.0)
+    rates = open_loop_rates(model, own[:n], own[n], theta, wind)
+    return [r if isinstance(r, Dependence) else Dependence() for r in rates]
+
+
 def nonlinear_parts(
     model: GliderModel, names: tuple[str, ...] = ()
 ) -> tuple[list[int], list[int]]:
@@ -213,12 +257,7 @@ def nonlinear_parts(
 
     Variables are the n states, the command, and the named numbers that deviate.
     """
-    n = model.num_states
-    variables = dependences(n + 1 + len(names))
-    theta = theta_at(model, names, variables[n + 1 :])
-    rates = open_loop_rates(model, variables[:n], variables[n], theta)
-    nonlinear: list[frozenset[int]]
-    nonlinear = [getattr(rate, "nonlinear", frozenset()) for rate in rates]
+    nonlinear = [rate.nonlinear for rate in rate_dependences(model, names)]
     which = frozenset[int]().union(*nonlinear)
     return sorted(which), [row for row, of in enumerate(nonlinear) if of]
 

@@ -11,7 +11,7 @@ Recording then does it for many boxes at once, in `glider.compiled.taylor`.
 """
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -135,8 +135,7 @@ class _Products:
         return table.left[used], table.right[used], table.degrees, starts
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Program:
+class Program(NamedTuple):
     """Operations on Taylor models, in order; fields are as in `taylor.run`."""
 
     code: np.ndarray
@@ -154,17 +153,7 @@ class Program:
 
         Given are those of the inputs, (I, M, B) and (I, B).
         """
-        return taylor.run(
-            self.code,
-            self.of,
-            self.numbers,
-            self.present,
-            self.results,
-            coefficients,
-            remainders,
-            self.slots,
-            self.products,
-        )
+        return taylor.run(*self, coefficients, remainders)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -189,10 +189,8 @@ class Gauge:
     def __init__(self, task: FunnelTask):
         """Expands the dynamics between the times."""
         self._task, self._nominal = task, task.nominal
-        self._starts = task.directions[:STARTS]
         n = self._nominal.states.shape[1]
-        if task.directions.shape[1] > n:
-            self._starts = normalized(self._starts[:, :n])
+        self._starts = normalized(task.directions[:STARTS, :n])
         self._between = {share: self._nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(self._nominal)
         self._limits = task.servo_bounds()
@@ -234,21 +232,21 @@ class Gauge:
     def _sets(self, S):
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
         times = self._nominal.times
-        bounds, push = self._task.bound(S, np.arange(len(S)))
+        bounds = self._task.bound(S, np.arange(len(S)))
         holds = np.split(np.arange(len(S)), np.flatnonzero(np.diff(times) == 0.0) + 1)
         slopes = np.concatenate(
             [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
         )
-        coefficients, drift = self._nominal.closed_loop, self._drift(S)[:, None, None]
-        forms = boundary_forms(S, slopes, coefficients, push, bounds)
-        quadratic = forms.quadratic + drift * np.eye(S.shape[1])
         sets = BoundarySets(
             nominal=self._nominal,
             settings=self._task.settings,
             S=S,
             slopes=slopes,
-            **bounds._asdict(),
+            **vars(bounds),
         )
+        forms = boundary_forms(sets, self._nominal.push_slopes)
+        drift = self._drift(S)[:, None, None] * np.eye(S.shape[1])
+        quadratic = forms.quadratic + drift
         return sets, forms._replace(quadratic=quadratic)
 
     def growth(self, S: np.ndarray) -> np.ndarray:

@@ -1,15 +1,10 @@
 """Commands from a clock, as a continuous feedback: its gains, and what it leaves out.
 
-A command c = u₀ - K e that acts from a sample on is held. The flight since then can be
-undone: with ė = A e + F₂ + F₃ + B δu, the closed loop's and what is beyond it, all the
-while c is held it is
-    u₀ - K(t) e + eᵀ M(t) e + q,  K̇ = -K A,  Ṁ = K F₂ + K B M - M A - Aᵀ M
-from the gains and from M = 0 at the sample on. So held commands are a continuous
-feedback, whose gains jump at each sample, with a part of second order that is known,
-and an error q of its command,
+A command that is held is u₀ - K(t) e + eᵀ M(t) e + q: docs/certificate.md has K̇, Ṁ and
+q̇. eᵀ M e is known. Of q̇, without what vanishes,
     q̇ = K F₃ - 2 eᵀ M (F₂ + B eᵀ M e) + ... + (K - 2 eᵀ M)(R + G (q, w)),
-which is of third order in e: it starts again at each sample, from what the command is
-off by there, and has a period to grow.
+so that q is of third order in e: it starts again at each sample, from what the command
+is off by there, and has a period to grow.
 """
 
 import itertools
@@ -19,7 +14,7 @@ from scipy.linalg import expm
 
 from glider.control.predictor import advance
 from glider.verification.dynamics.nominal import Nominal, table_of
-from glider.verification.funnel.growth import Bounds
+from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
 ROOM = 1.15
@@ -123,32 +118,28 @@ def command_errors(
     nominal: Nominal,
     S: np.ndarray,
     at: np.ndarray,
-    bounds: Bounds,
-    start: float,
-    wind: float,
+    settings: FunnelSettings,
+    beta: np.ndarray | None = None,
+    focus: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns how far held commands may be off u₀ - K e + eᵀ M e at K times, (K,).
 
-    It is as if they had grown ever since their samples as they do there.
+    At all times each error has grown from the one before it; at some of them, ever
+    since its sample as it does there.
 
     Args:
         S: (K, n, n) of the sets.
-        bounds: of R.
-        start: error of a command when it is computed [rad/s].
+        settings: error of a command when it is computed, and wind.
+        beta, focus: β and F of R, which counts for little; zero if None.
     """
-    growth, pulls, apart = _error_growth(nominal, S, at, bounds, wind)
-    since = nominal.times[at] - nominal.times[hold_starts(nominal.times)[at]]
-    return (start + ROOM * since * growth) * np.exp(since * pulls) + apart
-
-
-def chained_errors(
-    nominal: Nominal, S: np.ndarray, bounds: Bounds, start: float, wind: float
-) -> np.ndarray:
-    """Returns the same at all times (T,), each grown from the one before it."""
-    starts, step = hold_starts(nominal.times), np.diff(nominal.times)
-    at = np.arange(len(starts))
-    growth, pulls, apart = _error_growth(nominal, S, at, bounds, wind)
-    q = np.full(len(S), start)
+    beta = np.zeros(S.shape[:2]) if beta is None else beta
+    focus = np.zeros_like(S) if focus is None else focus
+    growth, pulls, apart = _error_growth(nominal, S, at, beta, focus, settings.wind)
+    starts, first = hold_starts(nominal.times), settings.command_error
+    if len(at) < len(starts):
+        since = nominal.times[at] - nominal.times[starts[at]]
+        return (first + ROOM * since * growth) * np.exp(since * pulls) + apart
+    step, q = np.diff(nominal.times), np.full(len(S), first)
     for i in np.flatnonzero(starts < at):
         last = slice(i - 1, i + 1)
         q[i] = q[i - 1] + step[i - 1] * ROOM * growth[last].max()
@@ -170,7 +161,7 @@ def _apart(nominal, S, at):
     return (size + square).max(axis=0)
 
 
-def _error_growth(nominal, S, at, bounds, wind):
+def _error_growth(nominal, S, at, beta, focus, wind):
     """Returns a, b (K,) of |q̇| <= a + b |q|, nearly, and what lines leave out of q."""
     n, table = S.shape[-1], table_of(S.shape[-1])
     turn, gains, M = to_ball(S)[1], nominal.gains[at], nominal.bends[at]
@@ -185,10 +176,10 @@ def _error_growth(nominal, S, at, bounds, wind):
     moves = [turn] * 4
     third = np.einsum("tabc,tai,tbj,tck->tijk", third, *moves[:3], optimize=True)
     fourth = np.einsum("tabcd,tai,tbj,tck,tdl->tijkl", fourth, *moves, optimize=True)
-    bend = np.linalg.norm(turn.swapaxes(1, 2) @ bounds.focus @ turn, 2, axis=(1, 2))
+    bend = np.linalg.norm(turn.swapaxes(1, 2) @ focus @ turn, 2, axis=(1, 2))
     most = np.abs(gains) + 2.0 * np.linalg.norm(M @ turn, axis=2)
     growth = form_size(third) + 2.0 * form_size(fourth)
-    growth += np.sum(most * bounds.beta, axis=1) * (1.0 + bend)
+    growth += np.sum(most * beta, axis=1) * (1.0 + bend)
     # (K - 2 eᵀ M)(G₀ + G₁ e) of each push, but for its part of second order.
     along = np.einsum("ti,tikj->tkj", gains, G)
     tilt = along[..., 1:] - 2.0 * np.einsum("tai,tik->tka", M, G[..., 0])

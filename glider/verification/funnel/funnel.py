@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.control.tvlqr import TrackingPolicy
+from glider.control.tvlqr import TrackingPolicy, linear_policy
 from glider.errors import InputError
 from glider.files import schema
 from glider.files.writing import replace_file
@@ -17,7 +17,7 @@ from glider.planning.plan import Plan
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.funnel.file import GlidersNote, Notes, read_file
-from glider.verification.funnel.growth import BoundarySets, Bounds
+from glider.verification.funnel.growth import BOUNDS, BoundarySets
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ class Funnel(BoundarySets):
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
 
 
-_OWN_ARRAYS = ("S", "slopes", *Bounds._fields, "grams")
+_OWN_ARRAYS = ("S", "slopes", *BOUNDS, "grams")
 
 
 def save_funnel(path: Path | str, funnel: Funnel) -> None:
@@ -188,27 +188,16 @@ def funnel_policy(funnel: Funnel, first: int = 0, held: bool = False) -> Trackin
         raise InputError(f"There is no flight from the funnel's time {first} on.")
     # Of a time that stands twice, what holds after it.
     kept = first + np.flatnonzero(np.append(np.diff(nominal.times[first:]) > 0.0, True))
-    times = nominal.times[kept] - nominal.times[first]
     plan = Plan(
-        times=times,
+        times=nominal.times[kept] - nominal.times[first],
         states=nominal.states[kept],
         slopes=nominal.slopes[kept],
         inputs=nominal.inputs[kept],
         state_names=nominal.state_names,
         cost=0.0,
-        max_defect=0.0,
-        path_defect=0.0,
     )
-    return TrackingPolicy(
-        plan=plan,
-        times=times,
-        gains=nominal.gains[kept],
-        corrections=np.zeros(len(times)),
-        cost=funnel.S[kept],
-        cost_slope=np.zeros((len(times), funnel.num_states)),
-        is_linear=True,
-        period=funnel.settings.period,
-    )
+    period = funnel.settings.period
+    return linear_policy(plan, nominal.gains[kept], funnel.S[kept], period)
 
 
 def tube_radii(funnel: Funnel, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

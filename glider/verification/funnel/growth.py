@@ -33,8 +33,26 @@ NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """What acts on sets at T times; the names are keys in a funnel's file."""
+
+    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
+    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
+    #: F (T, n, n) of where the remainder is large: |R_k| <= β_k (1 + eᵀ F e).
+    focus: np.ndarray
+    #: Weights λ (T, 2) of the command's error and of the wind.
+    push_weights: np.ndarray
+    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
+    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
+
+
+BOUNDS = tuple(Bounds.__dataclass_fields__)
+"""Their names."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BoundarySets:
+class BoundarySets(Bounds):
     """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and the remainder in their growth.
 
     S is the cubic Hermite polynomial through its values and slopes. The names of the
@@ -45,14 +63,6 @@ class BoundarySets:
     nominal: Nominal
     S: np.ndarray  #: Matrices S (T, n, n).
     slopes: np.ndarray  #: Slopes Ṡ (T, n, n) [1/s].
-    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
-    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
-    #: F (T, n, n) of where the remainder is large: |R_k| <= β_k (1 + eᵀ F e).
-    focus: np.ndarray
-    #: Weights λ (T, 2) of the command's error and of the wind.
-    push_weights: np.ndarray
-    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
-    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
     settings: FunnelSettings  #: Settings that it was made with.
 
     @functools.cached_property
@@ -88,32 +98,20 @@ PUSHES = [0, 1, 1]
 """Which bound each push has: the command's error, and the wind along x and z."""
 
 
-class Bounds(NamedTuple):
-    """What acts on sets at K times; the names are those of `BoundarySets`."""
+def boundary_forms(sets: BoundarySets, G: np.ndarray) -> BoundaryForms:
+    """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R, and pushes.
 
-    beta: np.ndarray  #: β (K, n).
-    weights: np.ndarray  #: λ (K, n).
-    focus: np.ndarray  #: F (K, n, n).
-    push_weights: np.ndarray  #: λ (K, 2).
-    errors: np.ndarray  #: Largest error of the command u₀ - K e (K,) [rad/s].
-    rests: np.ndarray  #: Of it, what is not eᵀ M e (K,) [rad/s].
-
-
-def boundary_forms(
-    S: np.ndarray,
-    slopes: np.ndarray,
-    coefficients: np.ndarray,
-    push: BoundaryForms,
-    bounds: Bounds,
-) -> BoundaryForms:
-    """Returns V̇/V on the boundary, with (zᵀ D z)(1 + eᵀ F e) of R, and `push`."""
-    cubic, quartic = higher_forms(S, coefficients)
+    These act along G (T, n, 3, 1 + n), see `push_form`.
+    """
+    S, nominal = sets.S, sets.nominal
+    cubic, quartic = higher_forms(S, nominal.closed_loop)
     _, L_inv_T = to_ball(S)
     L_inv = np.swapaxes(L_inv_T, 1, 2)
-    disturbance = remainder_form(S, bounds.beta, bounds.weights)
-    quadratic = quadratic_form(S, slopes, coefficients)
+    disturbance = remainder_form(S, sets.beta, sets.weights)
+    quadratic = quadratic_form(S, sets.slopes, nominal.closed_loop)
     quadratic = L_inv @ quadratic @ L_inv_T + disturbance
-    quartic = quartic + product_form(disturbance, L_inv @ bounds.focus @ L_inv_T)
+    quartic = quartic + product_form(disturbance, L_inv @ sets.focus @ L_inv_T)
+    push = push_form(S, G, sets.unknown_pushes, sets.push_weights, nominal.bends)
     return BoundaryForms(
         quadratic + push.quadratic, cubic + push.cubic, quartic + push.quartic
     )
@@ -206,12 +204,10 @@ def growth_between(
         return (1.0 - share) * values[k] + share * values[k + 1]
 
     here = here or sets.nominal.between(share).part(slice(None, None, every))
-    S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
-    bounds = Bounds(*(mixed(getattr(sets, name)) for name in Bounds._fields))
-    pushes = pushes_of(bounds.rests, sets.settings)
-    given = mixed(sets.nominal.push_slopes), pushes, bounds.push_weights
-    push = push_form(S, *given, mixed(sets.nominal.bends))
-    forms = boundary_forms(S, slopes, here.closed_loop, push, bounds)
+    own = {name: mixed(getattr(sets, name)) for name in BOUNDS}
+    own |= {"S": sets.curve(here.times), "slopes": sets.curve(here.times, 1)}
+    between = BoundarySets(nominal=here, settings=sets.settings, **own)
+    forms = boundary_forms(between, mixed(sets.nominal.push_slopes))
     return largest_growth(forms, starts)
 
 

@@ -4,11 +4,9 @@ Only the accelerations are not linear in the state. Where |R_k| <= β_k (1 + e�
 the set,
     2 zᵀ Lᵀ R <= zᵀ D z (1 + eᵀ F e),
     D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
-on its boundary. F is where R is large. On most of the boundary R is a twentieth of its
-largest value, and where V̇ is largest it usually is: with F = 0, the bound there takes
-all of the margin. Here the largest |R_k| is looked for;
-`glider.verification.proof` proves a bound. For the gliders of a confidence set R is
-also the difference of their rates, about their own center
+on its boundary. F is where R is large (docs/certificate.md has why). Here the largest
+|R_k| is looked for; `glider.verification.proof` proves a bound. For the gliders of a
+confidence set R is also the difference of their rates, about their own center
 (`glider.verification.dynamics.moving_center`).
 """
 
@@ -68,7 +66,9 @@ def sample_remainder(
     """
     remainders = _Remainders(nominal, S, at, center, focus, pushes)
     highest, _ = remainders.climb(directions)
-    return remainders.in_all_rates(highest)
+    found = np.zeros(S.shape[:2])
+    found[:, remainders.rows] = _of_both_signs(highest)
+    return found
 
 
 def towards(pushes: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -89,9 +89,18 @@ class _Remainders:
         self.focus = np.zeros_like(S) if focus is None else focus
 
     def errors(self, y, here=slice(None)):
-        """Returns e (K, B, n) and δ at points (K, B, n + r) or with three more."""
-        y = y if self._pushes is None else y[..., :-3]
-        return split_directions(self._nominal, self._center, self._L_inv[here], y)
+        """Returns e (K, B, n) on the sets' boundaries, and δ on that of the gliders'.
+
+        Points are (K, B, n + r), or have three more.
+        """
+        L_inv, center = self._L_inv[here], self._center
+        n, r = L_inv.shape[-1], center.confidence.dimension if center else 0
+        errors = normalized(y[..., :n]) @ L_inv
+        if center is None:
+            return errors, None
+        deviations = center.confidence.on_boundary(y[..., n : n + r])
+        names = center.confidence.names
+        return errors, physical(self._nominal.model, names, deviations)
 
     def __call__(self, y, here=slice(None)):
         """Returns values (K, B, rows) at points of the spheres, at some times."""
@@ -133,12 +142,10 @@ class _Remainders:
             highest, points = _best(*climb_sphere(climbed, starts), count)
         return highest, points
 
-    def in_all_rates(self, highest):
-        """Returns the largest sizes (K, n), given those of each rate and sign."""
-        found = np.zeros((len(highest), self._L_inv.shape[-1]))
-        largest = highest.reshape(len(highest), 2, len(self.rows)).max(axis=1)
-        found[:, self.rows] = largest
-        return found
+
+def _of_both_signs(highest):
+    """Returns the largest sizes (K, rows), given those of each rate and sign."""
+    return highest.reshape(len(highest), 2, -1).max(axis=1)
 
 
 ROUNDS = 2
@@ -170,7 +177,7 @@ def find_focus(
     for _ in range(ROUNDS):
         highest, tops = bent.climb(directions)
         if largest is None:
-            largest = highest.reshape(len(at), 2, -1).max(axis=1)
+            largest = _of_both_signs(highest)
             largest = np.where(largest > LEAST_REMAINDER, largest, np.inf)
         for k in range(len(at)):
             more = [] if seen[k] else [directions, -directions]
@@ -208,26 +215,6 @@ def _best(values, points, count):
     best = values.argmax(axis=2)[..., None]
     points = np.take_along_axis(points, best[..., None], axis=2)[:, :, 0]
     return np.take_along_axis(values, best, axis=2)[..., 0], points
-
-
-def split_directions(
-    nominal: Nominal,
-    center: MovingCenter | None,
-    L_inv: np.ndarray,
-    directions: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Returns e (K, B, n) on sets' boundaries and δ (K, B, m) on that of the gliders'.
-
-    Args:
-        L_inv: (K, n, n) L⁻¹ of the sets.
-        directions: (K, B, n + r).
-    """
-    if center is None:
-        return normalized(directions) @ L_inv, None
-    n = L_inv.shape[-1]
-    deviations = center.confidence.on_boundary(directions[..., n:])
-    deviations = physical(nominal.model, center.confidence.names, deviations)
-    return normalized(directions[..., :n]) @ L_inv, deviations
 
 
 def remainder_of(

@@ -5,9 +5,8 @@ elevator's angle φ = φ₀ + e_φ keep
     |u| <= rate limit  and  low <= φ + τ u <= high,  τ the stopping time.
 Inside the funnel both hold, so that its dynamics need no saturation.
 
-The feedback is the steepest descent of V that the servo can follow. V̇ has the part
-2 eᵀ S B (u - u₀), B = ∂f/∂u; it is least where the command is as large as it may be and
-against Bᵀ S e, and the linear feedback along that,
+The feedback is the steepest descent of V that the servo can follow: a linear one along
+Bᵀ S e, B = ∂f/∂u,
     u = u₀ - κ Bᵀ S e,  κ √(Bᵀ S B) = a share of the rate that u₀ leaves,
 nowhere meets the limit on eᵀ S e <= 1, however wide the set.
 """
@@ -45,7 +44,7 @@ def servo_bounds(
     bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
     bounds = shrink * bounds - error_reach(errors + 0.0 * nominal.inputs)
     if center is not None:
-        bounds -= center.reach(directions)
+        bounds -= center.confidence.reach(directions @ center.shifts)
     return directions, bounds
 
 

@@ -8,11 +8,9 @@ the least growth of S, in the sense of Σ, for which no deviation leaves. N is c
 every few steps and continues in a straight line between. A servo limit that the set
 would break cuts it down. The feedback may be made on the way, from S one time later.
 
-Σ says which deviations count: minimizing tr(Σ S) trades directions against each other
-by what is large at its time. What is wanted is a wide inlet. With Φ̇ = F₁ Φ, Φ(0) = I,
-tr(Σ₀ S(0)) is tr(Φ Σ₀ Φᵀ S(t)) and what else makes S grow before t. So Σ is Φ Σ₀ Φᵀ,
-the launch errors carried along, and a share of deviations that count equally at all
-times, without which it is flat.
+Σ says which deviations count at a time. What is wanted is a wide inlet: with Φ̇ = F₁ Φ,
+tr(Σ₀ S(0)) is tr(Φ Σ₀ Φᵀ S(t)) and what else makes S grow before t. So Σ is Φ Σ₀ Φᵀ and
+a share of deviations that count equally at all times, without which it is flat.
 """
 
 import dataclasses
@@ -28,18 +26,16 @@ from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
-    chained_errors,
     command_errors,
     effect_of_hold,
     hold_starts,
     undo_hold,
 )
 from glider.verification.funnel.growth import (
-    BoundaryForms,
+    BoundarySets,
     Bounds,
-    push_form,
+    boundary_forms,
     pushes_of,
-    remainder_form,
 )
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
@@ -56,7 +52,7 @@ from glider.verification.funnel.servo_limits import (
     steepest_gains,
 )
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.sos.forms import higher_forms, linear_part, product_form
+from glider.verification.sos.forms import linear_part, quadratic_form
 from glider.verification.sos.programs import SolverError, first_success, least_growth
 
 SHARE = 0.1
@@ -92,23 +88,16 @@ class FunnelTask:
         return spread @ np.swapaxes(spread, 1, 2) + SHARE**2 * steady
 
     def errors(
-        self, S: np.ndarray, at: np.ndarray, bounds: Bounds | None = None
+        self, S: np.ndarray, at: np.ndarray, *remainder: np.ndarray
     ) -> np.ndarray:
         """Returns how far the command may be off at K times, all or one, (2, K).
 
-        Off u₀ - K e, and off u₀ - K e + eᵀ M e.
+        Off u₀ - K e, and off u₀ - K e + eᵀ M e, with β and F of R if given.
         """
         settings = self.settings
         if not settings.period:
             return np.full((2, len(S)), settings.command_error)
-        if bounds is None:  # Of R, which counts for little.
-            beta = np.zeros(S.shape[:2])
-            bounds = Bounds(beta, beta, 0.0 * S, beta[:, :2], *beta.T[:2])
-        others = bounds, settings.command_error, settings.wind
-        if len(at) < len(self.nominal.times):
-            rests = command_errors(self.nominal, S, at, *others)
-        else:
-            rests = chained_errors(self.nominal, S, *others)
+        rests = command_errors(self.nominal, S, at, settings, *remainder)
         known = BEND_ROOM * bend_sizes(S, self.nominal.bends[at])
         return np.stack([known + rests, rests])
 
@@ -123,34 +112,28 @@ class FunnelTask:
             bounds[starts != np.arange(len(starts)), 0] = np.inf
         return directions, bounds
 
-    def bound(self, S: np.ndarray, at: np.ndarray) -> tuple[Bounds, BoundaryForms]:
-        """Returns β, λ and F of K sets, and what the pushes from outside add.
+    def bound(self, S: np.ndarray, at: np.ndarray) -> Bounds:
+        """Returns what acts on K sets: R and the pushes from outside.
 
         β (1 + eᵀ F e) is the inflated remainder, but for rounding. All are zero where
         the funnel is to be of the Taylor polynomial alone.
         """
-        inflation, errors = self.settings.remainder, self.errors(S, at)
-        sizes, slopes = self.sizes[at], self.nominal.push_slopes[at]
-        pushes, bends = pushes_of(errors[0], self.settings), self.nominal.bends[at]
-        if inflation == 0.0:
-            beta, none = np.zeros(S.shape[:2]), np.zeros((len(S), 2))
-            push = push_form(S, slopes, pushes, none, bends)
-            return Bounds(beta, beta, np.zeros_like(S), none, *errors), push
+        inflation, sizes = self.settings.remainder, self.sizes[at]
+        pushes = pushes_of(self.errors(S, at)[0], self.settings)
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
         focus, floor = np.zeros_like(S), self.settings.floor
-        if floor < 1.0:
+        if inflation > 0.0 and floor < 1.0:
             focus = smoothed(find_focus(*given, sizes, acting, floor))
-        sampled = sample_remainder(*given, focus, acting)
+        sampled = np.zeros(S.shape[:2])
+        if inflation > 0.0:
+            sampled = sample_remainder(*given, focus, acting)
         beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
         weights = remainder_weights(S, beta, sizes)
-        bounds = Bounds(beta, weights, focus, 0.0 * pushes, *errors)
-        errors = self.errors(S, at, bounds)
+        errors = self.errors(S, at, beta, focus)
         pushes = pushes_of(errors[1], self.settings)
-        of_pushes = push_weights(S, pushes, slopes, sizes)
-        push = push_form(S, slopes, pushes, of_pushes, bends)
-        bounds = Bounds(beta, weights, focus, of_pushes, *errors)
-        return bounds, push
+        of_pushes = push_weights(S, pushes, self.nominal.push_slopes[at], sizes)
+        return Bounds(beta, weights, focus, of_pushes, *errors)
 
 
 def smoothed(values: np.ndarray) -> np.ndarray:
@@ -255,23 +238,26 @@ class ShapeFlow:
 
     def _growth(self, S, k):
         """Returns N + D at a time."""
-        cubic, quartic = higher_forms(S, self.nominal.closed_loop[k])
-        bounds, push = self._task.bound(S[None], np.array([k]))
-        disturbance = remainder_form(S[None], bounds.beta, bounds.weights)[0]
-        L = np.linalg.cholesky(S)
-        L_inv = np.linalg.inv(L)
-        focus = L_inv @ bounds.focus[0] @ L_inv.T
-        cubic = cubic + push.cubic[0]
-        quartic = quartic + product_form(disturbance, focus) + push.quartic[0]
-        weight = L.T @ self._sizes[k] @ L
+        at, L = np.array([k]), np.linalg.cholesky(S)
+        nominal = self.nominal.part(slice(k, k + 1))
+        # What is left of V̇ where S moves with the linear part of the flow.
+        still = -quadratic_form(S, np.zeros_like(S), nominal.closed_loop[0])
+        sets = BoundarySets(
+            nominal=nominal,
+            settings=self._task.settings,
+            S=S[None],
+            slopes=still[None],
+            **vars(self._task.bound(S[None], at)),
+        )
+        forms = boundary_forms(sets, self.nominal.push_slopes[at])
         [growth] = first_success(
             least_growth,
-            cubic,
-            quartic,
-            weight,
+            forms.cubic[0],
+            forms.quartic[0],
+            L.T @ self._sizes[k] @ L,
             fault="No solver shaped the funnel; the goal may be too wide.",
         )
-        return growth + disturbance + push.quadratic[0]
+        return growth + forms.quadratic[0]
 
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""

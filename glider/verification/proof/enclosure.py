@@ -31,6 +31,7 @@ from glider.physics.model import GliderModel
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import (
     ORDER,
+    hermite_powers,
     nonlinear_parts,
     open_loop_rates,
     table_of,
@@ -185,7 +186,9 @@ def make_remainder(
     own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
     P = nominal.open_loop[:, rows][..., own]
     P[..., 0] = 0.0  # That is in ẋ₀.
-    path, slopes = _path_and_slopes(nominal)
+    half = 0.5 * (nominal.times[1] - nominal.times[0])
+    path = hermite_powers(nominal.states, nominal.slopes, half)
+    slopes = path[:, 1:] * [1.0, 2.0, 3.0] / half
     inputs_ends = _mean_and_half_change(nominal.inputs)
     P_ends = _mean_and_half_change(P)
     s = 0.5 * sum(span)
@@ -285,18 +288,6 @@ def _limits(piece, basis, table):
 def _mean_and_half_change(ends):
     """Returns a and b of the straight line a + b s, s from -1 to 1."""
     return 0.5 * np.array([ends[0] + ends[1], ends[1] - ends[0]])
-
-
-def _path_and_slopes(nominal):
-    """Returns x₀ (n, 4) and ẋ₀ (n, 3) as powers of s, lowest first."""
-    half = 0.5 * (nominal.times[1] - nominal.times[0])
-    since = np.polynomial.Polynomial([half, half])
-    curves = nominal.path.c[::-1, 0].T
-    path = np.zeros((len(curves), ORDER + 1))
-    for row, curve in zip(path, curves, strict=True):
-        powers = np.polynomial.Polynomial(curve)(since).coef
-        row[: len(powers)] = powers
-    return path, path[:, 1:] * np.arange(1, ORDER + 1) / half
 
 
 def _turned(model, center, polynomials, basis):

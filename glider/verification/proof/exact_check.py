@@ -1,13 +1,11 @@
 """The part of a funnel's check that is in exact arithmetic.
 
-At each time that is checked:
-1. S is positive definite, and the set keeps the servo within its limits;
-2. V̇ <= -slack V on the whole boundary V = 1, for the third-order dynamics whose
-   coefficients are the doubles that `Nominal.closed_loop` computes from the glider in
-   the file, with any disturbance |R_k| <= β_k, and with the nominal's largest defect in
-   the intervals about that time: minus V̇ - slack V has a positive definite Gram matrix.
-At the end the set lies in the goal. `glider.verification.proof` states what rests on
-more than exact arithmetic.
+At each time that is checked S is positive definite, the set keeps the servo within its
+limits, and V̇ <= -slack V on the whole boundary, for the third-order dynamics whose
+coefficients are the doubles that `Nominal.closed_loop` computes, with any disturbance
+|R_k| <= β_k, and with the nominal's largest defect in the intervals about that time:
+minus V̇ - slack V has a positive definite Gram matrix. At the end the set lies in the
+goal. `glider.verification.proof` states what rests on more than exact arithmetic.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +14,7 @@ import numpy as np
 
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import at_time, keeps_servo
-from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
 from glider.verification.sos.exact import (
     exact,
     is_positive_definite,
@@ -38,9 +36,6 @@ SLACK_SHARE = 0.1
 GRAM_BITS = 26
 """Binary places that Gram matrices are rounded to: 1.5e-8, where their least
 eigenvalues are 1e-3 and more."""
-
-BALL_BITS = 30
-"""Binary places of the coordinates of the ball. Any are right; few are fast."""
 
 GOAL_ROUNDING = 1e-9
 """Relative amount by which S(T) may be below the goal's: where they are equal, as in
@@ -104,8 +99,6 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
     rises = "The Gram matrix does not prove that V falls"
     if np.any(beta < 0.0) or np.any(weights < 0.0):
         return [rises], 0.0
-    if np.any((beta > 0.0) & (weights == 0.0)):
-        return [rises], 0.0
     if np.any((funnel.unknown_pushes[k] > 0.0) & (funnel.push_weights[k] == 0.0)):
         return ["A weight of the command's error or the wind is zero"], 0.0
     tables, faults = sphere(len(S)), []
@@ -114,8 +107,7 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         if not keeps_servo(here):
             faults = ["The servo would meet its limits"]
         basis = rounded(to_ball(S)[1], BALL_BITS)
-        forms = growth_forms(here, basis, exact(slack))
-        A, cubic, quartic, G = (form.parts[0] for form in forms)
+        A, cubic, quartic, G = growth_forms(here, basis, exact(slack))
         # In floating point: a Gram matrix of nearly this polynomial. The one in the
         # file may or may not have the nominal's defect in it.
         polynomial = odd_then_even(cubic, quartic + exact_product(A, G))

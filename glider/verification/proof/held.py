@@ -1,17 +1,14 @@
 """The proof that held commands are the funnel's feedback, but for its command error.
 
-A command u₀ - K e + d, |d| <= the settings' command error, acts from a sample on and is
-held. As long as it acts it differs from u₀ - K(t) e(t) + eᵀ M(t) e by a q with
-    q̇ = K̇ e - eᵀ Ṁ e + (K - 2 eᵀ M)(P + R + d + G (eᵀ M e + q, w)),  P of e,
-and q = d at the sample, if u₀ is constant, K and M continuous, and M zero there. The
-gains and M of the file make the linear and the quadratic part vanish
-(`glider.verification.funnel.clock`) at its times. In between they are straight lines;
-the proof follows the cubic polynomials with those slopes instead, and adds what the two
-differ by. With e = B z, |z| <= 1 on the interval, all parts are polynomials in z and
-time, exactly; norms of their Bernstein coefficients bound them; where |q̇| <= a + b |q|,
-|q| grows to (|q| + a t) exp(b t) at most in a time t. So |q| is within the file's
-`rests`, and |eᵀ M e + q| within its `errors`, until a state leaves the funnel, which
-none then does.
+A command that is held acts as u₀ - K(t) e + eᵀ M(t) e + q (docs/certificate.md has q̇),
+if u₀ is constant, K and M continuous, and M zero at its sample. The gains and M of the
+file make the linear and the quadratic part of q̇ vanish at its times
+(`glider.verification.funnel.clock`). In between they are straight lines; the proof
+follows the cubic polynomials with those slopes instead, and adds what the two differ
+by. With e = B z, |z| <= 1 on the interval, all parts are polynomials in z and time,
+exactly; norms of their Bernstein coefficients bound them. Where |q̇| <= a + b |q|, |q|
+grows to (|q| + a t) exp(b t) at most in a time t. So |q| is within the file's `rests`,
+and |eᵀ M e + q| within its `errors`, until a state leaves the funnel, which none does.
 """
 
 import dataclasses
@@ -24,9 +21,8 @@ from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.funnel.clock import form_size, hold_slopes, hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import covers, make_interval, tight_cover
-from glider.verification.proof.interval_growth import pulled_forms
+from glider.verification.proof.interval_growth import BALL_BITS, pulled_forms
 from glider.verification.sos.exact import (
-    InTime,
     exact,
     hermite,
     is_positive_definite,
@@ -34,9 +30,6 @@ from glider.verification.sos.exact import (
     rounded,
 )
 from glider.verification.sos.forms import exact_product, gathered, spread_form
-
-BASIS_BITS = 30
-"""Binary places of the basis B. Any are right; few are fast."""
 
 PERIOD_ROUNDING = 1e-9
 """Time by which the samples in a file may be off the clock's [s]."""
@@ -100,7 +93,7 @@ def _keeps_rate(funnel, k):
     gains = exact(funnel.nominal.gains[k])
     left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
     form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
-    return bool(left.numbers > 0) and is_positive_definite(form)
+    return bool(left.numbers[0] > 0) and is_positive_definite(form)
 
 
 @np.errstate(all="ignore")
@@ -110,9 +103,9 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     Both are infinite where nothing is proven. The third (2,) is of |eᵀ M e|.
     """
     nominal, n, interval = piece.nominal, piece.num_states, make_interval(piece)
-    whole = InTime((exact(np.eye(n)),))
+    whole = exact(np.eye(n))
     states = dataclasses.replace(interval, outputs=whole, which=list(range(n)))
-    B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BASIS_BITS)
+    B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BALL_BITS)
     if not covers(states, B.to_float()):
         return np.inf, np.inf, np.zeros(2)
     slopes, step = hold_slopes(nominal), np.diff(nominal.times)[0]
@@ -147,12 +140,12 @@ def _rate_forms(interval, B, K, M, known):
     bent_square, bent_cube = pulled_forms(interval, B, M.T, 1)
     pull, tilt = K @ push[:, 0], K @ push[:, 1:] @ B
     bent, twist = M @ push[:, 0], M @ push[:, 1:] @ B
-    bent_square = bent_square + bent.product(known, exact_product)
+    bent_square = bent_square + exact_product(bent, known)
     return (
         K @ field,
         square + _form(known * pull - M @ field * 2),
-        cube + tilt.product(known, exact_product) - bent_square * 2,
-        (bent_cube + twist.product(known, exact_product)) * 2,
+        cube + exact_product(tilt, known) - bent_square * 2,
+        (bent_cube + exact_product(twist, known)) * 2,
     )
 
 
@@ -167,7 +160,7 @@ def _pull(slopes, B, K, M):
 
 def _form(matrix):
     """Returns the coefficients of zᵀ A z."""
-    return matrix.map(lambda part: gathered(part, len(part), 2))
+    return gathered(matrix, len(matrix), 2)
 
 
 def _size(form, n, degree):

@@ -19,22 +19,21 @@ from fractions import Fraction
 import numpy as np
 
 from glider.compiled.taylor import ROUNDING, WIDER
-from glider.physics.confidence import theta_at
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.jets import dependences
 from glider.verification.dynamics.nominal import (
+    hermite_powers,
     nonlinear_parts,
-    open_loop_rates,
+    rate_dependences,
     table_of,
 )
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import (
     Exact,
-    InTime,
     at_least,
     exact,
     hermite,
+    in_time,
     is_positive_definite,
     line,
 )
@@ -47,21 +46,22 @@ class Interval:
     step: Exact  #: Duration h of the funnel's own interval [s].
     rows: list[int]  #: Indices (r,) of the rates that are not linear.
     which: list[int]  #: Indices (m,) of the variables (e, δu) that these depend on.
-    S: InTime  #: S (n, n), cubic.
-    rise: InTime  #: H Ṡ (n, n), quadratic.
-    outputs: InTime  #: C (n + 1, n): (e, δu) = C e.
-    linear: InTime  #: Jacobian of the rates (n, n + 1), P₁.
-    quadratic: InTime  #: Coefficients (r, C₂) of P₂, in the variables that count.
-    cubic: InTime  #: Coefficients (r, C₃) of P₃.
-    weights: InTime  #: λ (n,).
-    bearing: InTime  #: β² / λ (n,), rounded up.
-    focus: InTime  #: F (n, n).
-    push_slopes: InTime  #: G (n, 3, 1 + n) of pushes, in (1, e).
-    bends: InTime  #: M (n, n) of the command's known error eᵀ M e.
-    push_weights: InTime  #: λ (2,) of these.
-    push_bearing: InTime  #: κ² / λ and w² / λ (2,), rounded up.
+    S: Exact  #: S (n, n), cubic.
+    rise: Exact  #: H Ṡ (n, n), quadratic.
+    outputs: Exact  #: C (n + 1, n): (e, δu) = C e.
+    linear: Exact  #: Jacobian of the rates (n, n + 1), P₁.
+    quadratic: Exact  #: Coefficients (r, C₂) of P₂, in the variables that count.
+    cubic: Exact  #: Coefficients (r, C₃) of P₃.
+    weights: Exact  #: λ (n,).
+    bearing: Exact  #: β² / λ (n,), rounded up.
+    focus: Exact  #: F (n, n).
+    push_slopes: Exact  #: G (n, 3, 1 + n) of pushes, in (1, e).
+    bends: Exact  #: M (n, n) of the command's known error eᵀ M e.
+    push_weights: Exact  #: λ (2,) of these.
+    push_bearing: Exact  #: κ² / λ and w² / λ (2,), rounded up.
     #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.
-    limits: tuple[tuple[InTime, InTime], ...]
+    limits: tuple[tuple[Exact, Exact], ...]
+    span: tuple[float, float] = (-1.0, 1.0)  #: First and last s of this part.
 
     def halves(self) -> tuple["Interval", ...]:
         """Returns the first half and the second."""
@@ -69,12 +69,16 @@ class Interval:
         def half(value, side):
             if isinstance(value, tuple):
                 return tuple(half(part, side) for part in value)
-            return value.halves()[side] if isinstance(value, InTime) else value
+            return value.halves()[side] if isinstance(value, Exact) else value
 
         names = [field.name for field in dataclasses.fields(self)]
+        first, middle, last = self.span[0], 0.5 * sum(self.span), self.span[1]
         return tuple(
-            Interval(**{name: half(getattr(self, name), side) for name in names})
-            for side in (0, 1)
+            Interval(
+                **{name: half(getattr(self, name), side) for name in names}
+                | {"span": span}
+            )
+            for side, span in enumerate([(first, middle), (middle, last)])
         )
 
 
@@ -122,9 +126,10 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
     table = table_of(outputs.shape[1])
     own = table.without(np.setdiff1d(np.arange(table.num_variables), which))
     parts = [own & (table.degrees == degree) for degree in (2, 3)]
+    seen = np.isin(np.arange(piece.num_states), which)  # By R.
     quadratic, cubic = (line(rates[:, rows][..., part]) for part in parts)
     bearings = [
-        InTime(tuple(map(_bearing, bounds, weights)))
+        in_time(*map(_bearing, bounds, weights))
         for bounds, weights in (
             (piece.beta, piece.weights),
             (piece.unknown_pushes, piece.push_weights),
@@ -142,19 +147,13 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
         cubic=cubic,
         weights=line(piece.weights),
         bearing=bearings[0],
-        focus=line(_seen_focus(piece, which)),
+        focus=line(np.where(np.outer(seen, seen), piece.focus, 0.0)),
         push_slopes=line(nominal.push_slopes),
         bends=line(nominal.bends),
         push_weights=line(piece.push_weights),
         push_bearing=bearings[1],
         limits=limits,
     )
-
-
-def _seen_focus(piece, which):
-    """Returns F (2, n, n) of the states that R depends on, with zeros elsewhere."""
-    mask = np.isin(np.arange(piece.num_states), which)
-    return np.where(np.outer(mask, mask), piece.focus, 0.0)
 
 
 def _bearing(beta, weights):
@@ -170,7 +169,7 @@ def _bearing(beta, weights):
         for b, w in zip(beta, weights, strict=True)
     ]
     low = min(part.exponent for part in parts)
-    return Exact([part.at(low) for part in parts], low)
+    return Exact([[part.integers(low)[0] for part in parts]], low)
 
 
 def _limits(piece, angle):
@@ -207,7 +206,7 @@ COVER_SAMPLES = 9
 """Times of an interval that the ball is made for."""
 
 
-def stays_definite(matrix: InTime, halvings: int = HALVINGS) -> bool:
+def stays_definite(matrix: Exact, halvings: int = HALVINGS) -> bool:
     """Returns whether a symmetric matrix is positive definite throughout, for sure."""
     if all(map(is_positive_definite, matrix.parts)):
         return True
@@ -237,9 +236,11 @@ def covers(interval: Interval, basis: np.ndarray) -> bool:
     is positive definite.
     """
     B, degree = exact(basis), interval.S.degree
-    blocks = interval.S, interval.outputs[interval.which], InTime((B @ B.T,))
-    parts = zip(*(block.raised(degree).parts for block in blocks), strict=True)
-    return stays_definite(InTime(tuple(_joined(*part) for part in parts)))
+    blocks = interval.S, interval.outputs[interval.which], B @ B.T
+    low = min(block.exponent for block in blocks)
+    S, C, ball = (block.raised(degree).integers(low) for block in blocks)
+    rows = [[S, np.swapaxes(C, 1, 2)], [C, ball]]
+    return stays_definite(Exact(np.block(rows), low))
 
 
 def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
@@ -268,12 +269,6 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
     return basis, float(np.sqrt(np.max(np.sum(basis**2, axis=1) / middle)))
 
 
-def _joined(S, C, ball):
-    low = min(S.exponent, C.exponent, ball.exponent)
-    rows = [[S.at(low), C.at(low).T], [C.at(low), ball.at(low)]]
-    return Exact(np.block(rows), low)
-
-
 def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     """Returns where the gliders of a set fly, in powers of s, lowest first.
 
@@ -285,15 +280,8 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros((n + 1, 0, 5)), np.zeros((n, 0, 3))
     A = piece.gliders.confidence.factor
     half = 0.5 * (nominal.times[1] - nominal.times[0])
-    (a, b), (da, db) = piece.gliders.shifts @ A, piece.gliders.slopes @ A
-    da, db = half * da, half * db
-    powers = [
-        0.5 * (a + b) + 0.25 * (da - db),
-        0.75 * (b - a) - 0.25 * (da + db),
-        0.25 * (db - da),
-        0.25 * (a - b + da + db),
-    ]
-    states = np.stack([*powers, np.zeros_like(a)], axis=-1)
+    path = hermite_powers(piece.gliders.shifts @ A, piece.gliders.slopes @ A, half)
+    states = np.pad(path, ((0, 0), (0, 0), (0, 1)))
     first, last = nominal.gains
     command = -np.einsum("i,irk->rk", 0.5 * (first + last), states)
     command[:, 1:] -= np.einsum("i,irk->rk", 0.5 * (last - first), states[..., :-1])
@@ -301,7 +289,7 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([states, command[None]]), slopes
 
 
-def servo_reach(piece: Funnel, a: InTime, step: Exact) -> float:
+def servo_reach(piece: Funnel, a: Exact, step: Exact) -> float:
     """Returns a bound of aᵀ X δ over the set and the interval, rounded up."""
     if piece.gliders is None:
         return 0.0
@@ -331,37 +319,25 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
 
 
 def unproven_wind(piece: Funnel) -> bool:
-    """Determines whether the wind acts where R does not account for it.
-
-    That is on a rate that is linear, or together with a state that R does not have.
-    """
-    if piece.settings.wind == 0.0:
-        return False
-    model, n = piece.nominal.model, piece.num_states
-    *states, u, x, z = dependences(n + 3)
-    rates = open_loop_rates(model, states, u, wind=(x, z))
-    which, rows = nonlinear_parts(model)
-    linear, bent = set[int](), set[int]()
-    for row, rate in enumerate(rates):
-        bent |= getattr(rate, "nonlinear", frozenset())
-        linear |= set() if row in rows else getattr(rate, "variables", frozenset())
-    return max(linear) > n or not bent <= {*which, n + 1, n + 2}
+    """Determines whether the wind acts where R does not account for it."""
+    model = piece.nominal.model
+    return piece.settings.wind > 0.0 and _acts_elsewhere(model, in_wind=True)
 
 
 def unproven_numbers(piece: Funnel) -> bool:
-    """Determines whether numbers that deviate act where R does not account for them.
+    """Determines whether numbers that deviate act where R does not account for them."""
+    gliders, model = piece.gliders, piece.nominal.model
+    return gliders is not None and _acts_elsewhere(model, gliders.confidence.names)
+
+
+def _acts_elsewhere(model, names=(), in_wind=False):
+    """Returns whether these variables act where R does not have them.
 
     That is in an otherwise linear rate, or on a state that R does not depend on.
     """
-    if piece.gliders is None:
-        return False
-    model, n = piece.nominal.model, piece.num_states
-    names = piece.gliders.confidence.names
-    which, rows = nonlinear_parts(model)
-    with_them, of_them = nonlinear_parts(model, names)
-    variables = dependences(n + 1 + len(names))
-    theta = theta_at(model, names, variables[n + 1 :])
-    rates = open_loop_rates(model, variables[:n], variables[n], theta)
-    linear = (rate for row, rate in enumerate(rates) if row not in rows)
-    met = frozenset().union(*(getattr(rate, "variables", ()) for rate in linear))
-    return rows != of_them or which != [i for i in with_them if i <= n] or max(met) > n
+    n, (which, rows) = model.num_states, nonlinear_parts(model)
+    rates = rate_dependences(model, names, in_wind)
+    linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
+    bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))
+    others = bent.difference(which, range(n + 1, n + 3 + len(names)))
+    return bool(others) or max(frozenset[int]().union(*linear)) > n

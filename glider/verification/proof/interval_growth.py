@@ -1,18 +1,13 @@
 """V falls on the boundary throughout an interval: the exact proof.
 
-With e = B z for some basis, V = zᵀ G z, and on the boundary V = 1
-    -h (V̇ + slack V) >= zᵀ A z + c₃(z) + c₄(z),
-polynomials in time too. The bound of the remainder, (eᵀ D e)(1 + eᵀ F e), is quartic.
-There, for any N,
-    zᵀ A z + c₃ + c₄ = b(z)ᵀ Q b(z) + zᵀ N z (1 - V),  b = (z, z⊗z),
-if Q has A - N as its block of z and represents c₃ and c₄ + (zᵀ N z)(zᵀ G z) by the
-others. So V falls where Q is positive definite, and that it is at all times of the
-interval where its parts are, in the form of `glider.verification.sos.exact`. N is
-quadratic in time and comes from Gram matrices at both ends and in the middle. Where a
-part is not definite, both halves of the interval are tried.
+As docs/certificate.md has it: with e = B z for some basis and V = zᵀ G z, on V = 1
+    -h (V̇ + slack V) >= zᵀ A z + c₃(z) + c₄(z) = b(z)ᵀ Q b(z) + zᵀ N z (1 - V),
+b = (z, z⊗z), if Q has A - N as its block of z and represents c₃ and
+c₄ + (zᵀ N z)(zᵀ G z) by the others. All are polynomials in time. N is quadratic and
+comes from Gram matrices at both ends and in the middle. Where a part of Q is not
+definite, both halves of the interval are tried.
 """
 
-import functools
 import math
 from fractions import Fraction
 from typing import NamedTuple
@@ -21,7 +16,7 @@ import numpy as np
 
 from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import Interval
-from glider.verification.sos.exact import Exact, InTime, leaves_definite, rounded
+from glider.verification.sos.exact import Exact, in_time, leaves_definite, rounded
 from glider.verification.sos.forms import (
     contracted,
     exact_product,
@@ -51,24 +46,24 @@ ROUNDS = 150
 """Steps of the search; then the interval is halved, which makes it easier."""
 
 HALVINGS = 4
-"""Times that an interval is halved until the proof gives up."""
+"""Times that an interval is halved until the proof gives up, or a ball is tight."""
 
 
 class GrowthForms(NamedTuple):
     """What h (V̇ + slack V) is made of; see the module."""
 
-    A: InTime  #: (n, n).
-    cubic: InTime  #: c₃ (C₃,).
-    quartic: InTime  #: c₄ (C₄,).
-    G: InTime  #: (n, n).
+    A: Exact  #: (n, n).
+    cubic: Exact  #: c₃ (C₃,).
+    quartic: Exact  #: c₄ (C₄,).
+    G: Exact  #: (n, n).
 
 
 class PartProof(NamedTuple):
     """What proves that V falls on a part of an interval."""
 
-    halvings: int  #: How often the interval was halved.
+    span: tuple[float, float]  #: First and last s of the part, of -1 to 1.
     basis: Exact  #: B (n, n).
-    multiplier: InTime  #: N (n, n), quadratic.
+    multiplier: Exact  #: N (n, n), quadratic.
     grams: list[Exact]  #: Parts of Q (s, s), but for what their rounding left over.
 
 
@@ -77,31 +72,27 @@ def prove_growth(
     slack: Exact,
     grams: tuple[np.ndarray, np.ndarray],
     halvings: int = HALVINGS,
-    kept: list[PartProof] | None = None,
-) -> int | None:
+) -> list[PartProof] | None:
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
 
-    Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses. What proves
-    each part is added to a list, if one is given.
+    Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses.
 
     Returns:
-        the number of parts that the interval was proven in; None where it was not.
+        what proves each part of the interval; None where it was not proven.
     """
     middle, proof = _prove_whole(interval, slack, grams)
     if proof:
-        if kept is not None:
-            kept.append(PartProof(HALVINGS - halvings, *proof))
-        return 1
+        return [PartProof(interval.span, *proof)]
     if middle is None or not halvings:
         return None
-    count = 0
+    parts = []
     ends = (grams[0], middle), (middle, grams[1])
     for half, guesses in zip(interval.halves(), ends, strict=True):
-        parts = prove_growth(half, slack, guesses, halvings - 1, kept)
-        if parts is None:
+        found = prove_growth(half, slack, guesses, halvings - 1)
+        if found is None:
             return None
-        count += parts
-    return count
+        parts += found
+    return parts
 
 
 def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
@@ -111,32 +102,28 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     G = H @ basis
     y = interval.outputs @ basis
     half = H @ (interval.linear @ y)
-    disturbance = (H * interval.weights) @ H.T + interval.bearing.map(Exact.sum) * G
+    disturbance = (H * interval.weights) @ H.T + interval.bearing.sum() * G
     pushes = interval.push_slopes
     pushed = H @ pushes[:, :, 0]
     push = (pushed * interval.push_weights[PUSHES]) @ pushed.T
-    push = push + interval.push_bearing.map(Exact.sum) * G
+    push = push + interval.push_bearing.sum() * G
     growth = half + half.T + disturbance + push + slack * G
     A = basis.T @ interval.rise @ basis + h * growth
     cubic, quartic = (f * -2 for f in pulled_forms(interval, basis, h * H.T, 1))
     focus = basis.T @ interval.focus @ basis
-    if _acts(focus):
-        quartic = quartic - h * disturbance.product(focus, exact_product)
+    if focus.numbers.any():
+        quartic = quartic - h * exact_product(disturbance, focus)
     for k, of in enumerate(PUSHES):
         M = basis.T @ pushes[:, k, 1:].T @ H.T
-        if _acts(interval.push_bearing[of]):
+        if interval.push_bearing[of].numbers.any():
             weight = h * interval.push_weights[of]
-            cubic = cubic - weight * pushed[:, k].product(M, exact_product) * 2
-            quartic = quartic - weight * M.product(M, exact_product)
-        if k == 0 and _acts(interval.bends):
+            cubic = cubic - weight * exact_product(pushed[:, k], M) * 2
+            quartic = quartic - weight * exact_product(M, M)
+        if k == 0 and interval.bends.numbers.any():
             known = basis.T @ interval.bends @ basis * 2
-            cubic = cubic - h * pushed[:, k].product(known, exact_product)
-            quartic = quartic - h * M.product(known, exact_product)
+            cubic = cubic - h * exact_product(pushed[:, k], known)
+            quartic = quartic - h * exact_product(M, known)
     return GrowthForms(-A, cubic, quartic, G)
-
-
-def _acts(value):
-    return any(part.numbers.any() for part in value.parts)
 
 
 def _prove_whole(interval, slack, grams):
@@ -151,20 +138,28 @@ def _prove_whole(interval, slack, grams):
     h = float(interval.step.to_float())
     turn = tables.substitution(basis.to_float())
     first, last = (h * turn.T @ gram @ turn for gram in grams)
-    middle = _middle_gram(tables, forms, 0.5 * (first + last), h)
-    if middle is None:
+    # In the middle G is all but the identity.
+    here = [p.at(Fraction(1, 2)).to_float() for p in forms[:3]]
+    found = _search(tables, 0.5 * (first + last), tables.coefficients(*here), h)
+    if found is None:
         return None, None
+    middle = tables.matrix(found)
     guesses = first, middle, last
-    N = _multiplier(forms.A, [gram[: tables.n, : tables.n] for gram in guesses])
-    raised_guesses = _raised(guesses, 1 + max(form.degree for form in forms))
-    found = _definite_grams(tables, forms, N, raised_guesses, h)
+    N = _through(
+        [
+            forms.A.at(Fraction(share, 2)).to_float() - gram[: tables.n, : tables.n]
+            for share, gram in enumerate(guesses)
+        ]
+    )
+    controls = _through(guesses).raised(max(form.degree for form in forms)).bernstein()
+    grams = _definite_grams(tables, forms, N, controls, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
-    return back.T @ middle @ back / h, found and (basis, N, found)
+    return back.T @ middle @ back / h, grams and (basis, N, grams)
 
 
 def pulled_forms(
-    interval: Interval, basis: Exact, pull: InTime, more: int
-) -> list[InTime]:
+    interval: Interval, basis: Exact, pull: Exact, more: int
+) -> list[Exact]:
     """Returns P₂ᵀ p and P₃ᵀ p as forms in z, e = B z, for a pull p (n, k).
 
     There are no more factors z in p, and k is 1, or there is one more, and p (n, n) z.
@@ -174,21 +169,12 @@ def pulled_forms(
     own, pull = (interval.outputs @ basis)[interval.which], pull[interval.rows]
     forms = []
     for degree, part in ((2, interval.quadratic), (3, interval.cubic)):
-        tensor = part.map(functools.partial(form_tensor, n=m, degree=degree))
+        tensor = form_tensor(part, m, degree)
         for _ in range(degree):
-            tensor = tensor.product(own, contracted)
-        tensor = tensor.product(pull, functools.partial(contracted, axis=0))
-        gather = functools.partial(gathered, n=n, degree=degree + more)
-        forms.append(tensor.map(gather))
+            tensor = contracted(tensor, own)
+        tensor = contracted(tensor, pull, axis=0)
+        forms.append(gathered(tensor, n, degree + more))
     return forms
-
-
-def _middle_gram(tables, forms, guess, h):
-    """Returns a Gram matrix in the middle, where G is all but the identity."""
-    polynomials = (forms.A, forms.cubic, forms.quartic)
-    here = [p.at(Fraction(1, 2)).to_float() for p in polynomials]
-    found = _search(tables, guess, tables.coefficients(*here), h)
-    return None if found is None else tables.matrix(found)
 
 
 def _search(tables, guess, coefficients, h, block=None):
@@ -197,36 +183,19 @@ def _search(tables, guess, coefficients, h, block=None):
     return nearby_gram(tables, entries, coefficients, least, aim, ROUNDS, block)
 
 
-def _multiplier(A, blocks):
-    """Returns N: A less the blocks of z, at both ends and in the middle."""
-    first, middle, last = (
-        A.at(Fraction(share, 2)).to_float() - block
-        for share, block in enumerate(blocks)
-    )
+def _through(matrices):
+    """Returns the quadratic polynomial through doubles at τ = 0, 1/2 and 1, rounded."""
+    first, middle, last = matrices
     parts = first, 4.0 * middle - first - last, last
-    return InTime(tuple(rounded(0.5 * (p + p.T), GRAM_BITS) for p in parts))
-
-
-def _raised(guesses, count):
-    """Returns so many coefficients of Bernstein's, through three matrices in time."""
-    first, middle, last = guesses
-    degree = count - 1
-    j = np.arange(count)[:, None, None]
-    control = 2.0 * middle - 0.5 * (first + last)
-    pairs = degree * (degree - 1)
-    return (
-        (degree - j) * (degree - j - 1) * first
-        + 2.0 * j * (degree - j) * control
-        + j * (j - 1) * last
-    ) / pairs
+    return in_time(*(rounded(0.5 * (p + p.T), GRAM_BITS) for p in parts))
 
 
 def _definite_grams(
-    tables: Sphere, forms: GrowthForms, N: InTime, guesses: np.ndarray, h: float
+    tables: Sphere, forms: GrowthForms, N: Exact, guesses: np.ndarray, h: float
 ) -> list[Exact] | None:
     """Returns the parts of a Q with this N if all are positive definite, for sure."""
     n, grams = tables.n, []
-    even = forms.quartic + N.product(forms.G, exact_product)
+    even = forms.quartic + exact_product(N, forms.G)
     degree = len(guesses) - 1
     columns = (p.raised(degree).parts for p in (forms.A - N, forms.cubic, even))
     parts = zip(*columns, strict=True)

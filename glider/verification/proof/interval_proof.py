@@ -1,14 +1,13 @@
 """The proof that no flight leaves a funnel between two of its times.
 
 In this order, up to the first that fails: the servo follows its command, |R| <= β, and
-V falls on the boundary; β stands for β (1 + eᵀ F e) here and in `enclosure`. For R, the
-ball of deviations, times an interval of time and the set of gliders, is covered with
-boxes; on each, Taylor models enclose R / β. A box on which the bound is above 1 is
-halved, until all are good or there are too many. The ball has to cover the sets of all
-of an interval; where it is too wide for that, there is one for each half. Where a proof
-fails, V̇ of the full dynamics, without the servo's limits, is climbed on the boundary at
-a few times: where it is positive, flights leave; else the certificate may be too weak
-to prove that none does.
+V falls on the boundary; β stands for β (1 + eᵀ F e) here and in `enclosure`. For R,
+boxes that cover the ball of deviations, the interval and the set of gliders are halved
+until Taylor models bound R / β by 1 on each, or there are too many. Where one ball is
+too wide for all of an interval, there is one for each half. Where a proof fails, V̇ of
+the full dynamics, without the servo's limits, is climbed on the boundary at a few
+times: where it is positive, flights leave; else the certificate may be too weak to
+prove that none does.
 """
 
 import dataclasses
@@ -35,16 +34,13 @@ from glider.verification.proof.interval import (
     unproven_numbers,
     unproven_wind,
 )
-from glider.verification.proof.interval_growth import prove_growth
+from glider.verification.proof.interval_growth import HALVINGS, prove_growth
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized, sphere
 
 BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
-
-HALVINGS = 4
-"""Times that an interval is halved for a ball that is tight enough."""
 
 PATIENCE = 150_000
 """Boxes that a ball gets, until each half of its time gets its own. Where R
@@ -121,7 +117,7 @@ def _prove(piece, budget):
     if parts is None:
         fault = "V was not proven to fall on the boundary"
         return dataclasses.replace(found, fault=fault)
-    return dataclasses.replace(found, parts=parts)
+    return dataclasses.replace(found, parts=len(parts))
 
 
 def linear_defect(piece: Funnel, interval: Interval) -> float:
@@ -201,30 +197,21 @@ def worst_candidate(piece: Funnel) -> Candidate:
 
 
 def prove_remainder(
-    piece: Funnel,
-    interval: Interval,
-    budget: int = BUDGET,
-    span: tuple[float, float] = (-1.0, 1.0),
-    halvings: int = HALVINGS,
+    piece: Funnel, interval: Interval, budget: int = BUDGET, halvings: int = HALVINGS
 ) -> IntervalProof:
-    """Tries to prove that |R| <= β on the sets of a funnel of two times.
-
-    The span is first and last s of the part, of -1 to 1.
-    """
+    """Tries to prove that |R| <= β on the sets of an interval or a part of it."""
     basis, stretch = tight_cover(interval)
     found = _bounded(False, boxes=0, ratio=0.0)
     if stretch <= STRETCH or not halvings:
-        remainder = make_remainder(piece, basis, span)  # It turns the basis.
+        remainder = make_remainder(piece, basis, interval.span)  # It turns the basis.
         if covers(interval, remainder.basis):
             most = min(PATIENCE, budget) if halvings else budget
             found = bound_remainder(remainder, most)
     if found.proven or not halvings:
         return found
     boxes, ratio = found.boxes, 0.0
-    middle = 0.5 * sum(span)
-    spans = (span[0], middle), (middle, span[1])
-    for half, part in zip(interval.halves(), spans, strict=True):
-        found = prove_remainder(piece, half, budget - boxes, part, halvings - 1)
+    for half in interval.halves():
+        found = prove_remainder(piece, half, budget - boxes, halvings - 1)
         boxes, ratio = boxes + found.boxes, max(ratio, found.ratio)
         if not found.proven:
             break

@@ -24,7 +24,7 @@ from glider.verification.proof.interval import covers, make_interval, tight_cove
 from glider.verification.proof.interval_growth import (
     BALL_BITS,
     GRAM_BITS,
-    PartProof,
+    HALVINGS,
     prove_growth,
 )
 from glider.verification.proof.interval_proof import gram_guesses, linear_defect
@@ -34,9 +34,6 @@ FORMAT = "drake-glider proof 1"
 
 STRETCH = 1.02
 """Share by which a written ball may be wider than the sets along an axis."""
-
-HALVINGS = 4
-"""Times that an interval is halved for such a ball."""
 
 
 def write_proof(
@@ -117,46 +114,44 @@ def _knots(funnel):
 
 def _interval_proof(piece):
     """Returns the slack, Gram matrices and balls of an interval."""
-    interval, kept = make_interval(piece), list[PartProof]()
+    interval = make_interval(piece)
     slack = proven_slack(piece) + linear_defect(piece, interval)
-    guesses = gram_guesses(piece, slack)
-    if prove_growth(interval, exact(slack), guesses, kept=kept) is None:
+    proofs = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
+    if proofs is None:
         raise InputError("--write-proof needs a funnel that --prove proves.")
-    first, parts = 0.0, []
-    for part in kept:
-        last = first + 0.5**part.halvings
+    parts = []
+    for part in proofs:
         n = len(part.basis)
-        lower = np.tri(part.grams[0].numbers.shape[0], dtype=bool)[n:]
-        grams = (gram.at(-GRAM_BITS)[n:] for gram in part.grams)
+        grams = (gram.integers(-GRAM_BITS)[0, n:] for gram in part.grams)
         parts.append(
             {
-                "span": [first, last],
-                "basis": part.basis.at(-BALL_BITS).tolist(),
-                "multiplier": [
-                    N.at(-GRAM_BITS).tolist() for N in part.multiplier.parts
-                ],
+                "span": _shares(part),
+                "basis": part.basis.integers(-BALL_BITS)[0].tolist(),
+                "multiplier": part.multiplier.integers(-GRAM_BITS).tolist(),
                 "grams": [
-                    [row[own].tolist() for row, own in zip(gram, lower, strict=True)]
+                    [row[: n + 1 + k].tolist() for k, row in enumerate(gram)]
                     for gram in grams
                 ],
             }
         )
-        first = last
     balls = list(_balls(piece, interval))
     return {"slack": slack, "parts": parts, "balls": balls}
 
 
-def _balls(piece, interval, span=(-1.0, 1.0), halvings=HALVINGS):
+def _shares(part):
+    """Returns where a part begins and ends, from 0 to 1."""
+    return [0.5 + 0.5 * s for s in part.span]
+
+
+def _balls(piece, interval, halvings=HALVINGS):
     """Yields balls that contain the deviations y, for parts of an interval in time."""
     basis, stretch = tight_cover(interval)
-    middle = 0.5 * sum(span)
     if stretch > STRETCH and halvings:
-        spans = (span[0], middle), (middle, span[1])
-        for half, part in zip(interval.halves(), spans, strict=True):
-            yield from _balls(piece, half, part, halvings - 1)
+        for half in interval.halves():
+            yield from _balls(piece, half, halvings - 1)
         return
     # With axes in the order of how much R varies.
-    basis = make_remainder(piece, basis, span).basis
+    basis = make_remainder(piece, basis, interval.span).basis
     if not covers(interval, basis):
         raise InputError("--write-proof finds no ball that contains the sets.")
-    yield {"span": [0.5 + 0.5 * s for s in span], "basis": basis.tolist()}
+    yield {"span": _shares(interval), "basis": basis.tolist()}

@@ -42,12 +42,13 @@ def higher_forms(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the coefficients of c₃ (..., C₃) and c₄ (..., C₄)."""
     L_T, L_inv_T = to_ball(S)
-    n = S.shape[-1]
+    *batch, n, _ = S.shape
     forms = []
     for degree in (2, 3):
         part = coefficients[..., table_of(n).of_degree(degree)]
-        tensor = _spread(part, n, degree)
-        forms.append(_substitute(tensor, L_T, L_inv_T, n, degree))
+        moved = _moved(spread_form(part, n, degree), L_inv_T, degree)
+        pulled = 2.0 * L_T @ moved.reshape(*batch, n, -1)
+        forms.append(pulled.reshape(*batch, -1) @ _gather(n, degree + 1))
     return forms[0], forms[1]
 
 
@@ -63,19 +64,18 @@ def product_form(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
     """Returns the symmetric tensors (..., n, ..., n) of forms (..., C)."""
-    return _spread(form, n, degree).reshape(*form.shape[:-1], *(n,) * degree)
+    places = tensor_places(n, degree)
+    tensors = form[..., places] * (1.0 / np.bincount(places)[places])
+    return tensors.reshape(*form.shape[:-1], *(n,) * degree)
 
 
 def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """Returns coefficients (r, M) of p(basis w), given those of p by `table_of(n)`."""
-    n = len(basis)
-    table = table_of(n)
-    changed = coefficients.copy()
-    changed[:, table.of_degree(1)] = coefficients[:, table.of_degree(1)] @ basis
-    for degree in (2, 3):
-        here = table.of_degree(degree)
-        tensor = _spread(coefficients[:, here], n, degree)
-        changed[:, here] = _moved(tensor, basis, degree) @ _gather(n, degree)
+    n, changed = len(basis), coefficients.copy()
+    for degree in (1, 2, 3):
+        here = table_of(n).of_degree(degree)
+        moved = _moved(spread_form(coefficients[:, here], n, degree), basis, degree)
+        changed[:, here] = moved.reshape(len(moved), -1) @ _gather(n, degree)
     return changed
 
 
@@ -87,29 +87,14 @@ def tensor_places(n: int, degree: int) -> np.ndarray:
     return np.array([place[tuple(np.bincount(i, minlength=n))] for i in indices])
 
 
-def _substitute(tensor, L_T, L_inv_T, n, degree):
-    """Returns the coefficients of 2 zᵀ Lᵀ F(L⁻ᵀ z), F a symmetric tensor."""
-    moved = _moved(L_T @ tensor, L_inv_T, degree)
-    return 2.0 * moved.reshape(*moved.shape[:-2], -1) @ _gather(n, degree + 1)
-
-
-def _moved(tensor, matrix, degree):
-    """Returns tensors (..., r, n^degree) with each axis of length n times a matrix."""
-    *batch, rows, entries = tensor.shape
-    n = matrix.shape[-1]
-    out = tensor.reshape(*batch, rows, *(n,) * degree)
-    for axis in range(degree):
-        moved = np.moveaxis(out, len(batch) + 1 + axis, -1)
-        shape = moved.shape
-        flat = moved.reshape(*batch, -1, n) @ matrix
-        out = np.moveaxis(flat.reshape(shape), -1, len(batch) + 1 + axis)
-    return out.reshape(*batch, rows, entries)
-
-
-def _spread(forms, n, degree):
-    """Returns flat symmetric tensors (..., n^degree) of forms (..., C)."""
-    places = tensor_places(n, degree)
-    return forms[..., places] * (1.0 / np.bincount(places)[places])
+def _moved(tensors, matrix, degree):
+    """Returns tensors (..., n, ..., n) with each of the last axes times a matrix."""
+    *batch, n, _ = matrix.shape
+    for axis in range(-degree, 0):
+        moved = np.moveaxis(tensors, axis, -1)
+        turned = moved.reshape(*batch, -1, n) @ matrix
+        tensors = np.moveaxis(turned.reshape(moved.shape), -1, axis)
+    return tensors
 
 
 @functools.lru_cache(maxsize=16)
@@ -124,45 +109,44 @@ def _gather(n, degree):
 def form_tensor(forms: Exact, n: int, degree: int) -> Exact:
     """Returns tensors (r, n, ..., n) of forms (r, C), each coefficient in one place."""
     rows = [np.repeat(np.arange(n), e) for e in exponents_of(n, degree)]
-    tensor = np.zeros((len(forms), *(n,) * degree), dtype=object)
+    tensor = np.zeros((*forms.numbers.shape[:2], *(n,) * degree), dtype=object)
     for column, row in enumerate(rows):
-        tensor[(slice(None), *row)] = forms.numbers[:, column]
+        tensor[(..., *row)] = forms.numbers[..., column]
     return Exact(tensor, forms.exponent)
 
 
 def contracted(tensor: Exact, matrix: Exact, axis: int = 1) -> Exact:
     """Returns a tensor with an axis times a matrix; that comes last then."""
-    numbers = np.tensordot(tensor.numbers, matrix.numbers, axes=(axis, 0))
-    return Exact(numbers, tensor.exponent + matrix.exponent)
+    return tensor.product(matrix, functools.partial(np.tensordot, axes=(axis, 0)))
 
 
 def gathered(tensor: Exact, n: int, degree: int) -> Exact:
     """Returns the coefficients (C,) of a form, given a tensor of it."""
-    places = tensor_places(n, degree)
-    total = np.zeros(places.max() + 1, dtype=object)
-    np.add.at(total, places, tensor.numbers.ravel())
+    places, count = tensor_places(n, degree), len(tensor.numbers)
+    total = np.zeros((count, places.max() + 1), dtype=object)
+    np.add.at(total.T, places, tensor.numbers.reshape(count, -1).T)
     return Exact(total, tensor.exponent)
 
 
 def exact_product(first: Exact, second: Exact) -> Exact:
     """Returns what `product_form` does, exactly."""
-    tensor = np.multiply.outer(first.numbers, second.numbers)
-    product = Exact(tensor, first.exponent + second.exponent)
-    return gathered(product, len(first), tensor.ndim)
+    product = first.product(second, np.multiply.outer)
+    return gathered(product, len(first), product.numbers.ndim - 1)
 
 
 def odd_then_even(cubic: Exact, quartic: Exact) -> Exact:
     """Returns coefficients (C₃,) and (C₄,) as those of their sum, (C,)."""
     low = min(cubic.exponent, quartic.exponent)
-    return Exact(np.concatenate([cubic.at(low), quartic.at(low)]), low)
+    both = [cubic.integers(low), quartic.integers(low)]
+    return Exact(np.concatenate(both, axis=1), low)
 
 
 def mixed_forms(tables: Sphere, gram: Exact) -> Exact:
     """Returns the coefficients (C,) of bᵀ Q b without zᵀ Q₁₁ z."""
     total = np.zeros(len(tables.map), dtype=object)
     mixed = tables.places >= 0
-    np.add.at(total, tables.places[mixed], gram.numbers[mixed])
-    return Exact(total, gram.exponent)
+    np.add.at(total, tables.places[mixed], gram.numbers[0, mixed])
+    return Exact([total], gram.exponent)
 
 
 def sparse_gram(
@@ -177,11 +161,11 @@ def sparse_gram(
     rows, columns = np.unravel_index(first[1:], tables.places.shape)  # The first is -1.
     numbers = np.zeros(tables.places.shape, dtype=object)
     # Half of each goes to either side of the diagonal: one binary place more.
-    numbers[rows, columns] += coefficients.numbers
-    numbers[columns, rows] += coefficients.numbers
-    gram = Exact(numbers, coefficients.exponent - 1)
+    numbers[rows, columns] += coefficients.numbers[0]
+    numbers[columns, rows] += coefficients.numbers[0]
+    gram = Exact([numbers], coefficients.exponent - 1)
     if block is None:
         return gram
-    corner = np.zeros(numbers.shape, dtype=object)
-    corner[: tables.n, : tables.n] = block.numbers
+    corner = np.zeros((1, *numbers.shape), dtype=object)
+    corner[:, : tables.n, : tables.n] = block.numbers
     return gram + Exact(corner, block.exponent)

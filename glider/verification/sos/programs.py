@@ -117,8 +117,7 @@ def largest_margin(
     return success, -float(found[0]), gram
 
 
-_LIBRARIES = ("OMP", "OPENBLAS", "RAYON")
-_ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in _LIBRARIES}
+_ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "RAYON")}
 
 
 def solve_apart(function: Callable, *arguments: Any) -> Any:

@@ -42,16 +42,13 @@ class Sphere:
         self.cubic = [tuple(e) for e in exponents_of(n, 3)]
         self.quartic = [tuple(e) for e in exponents_of(n, 4)]
         place = {e: k for k, e in enumerate(self.cubic + self.quartic)}
-        unit = np.eye(n, dtype=int)
-        pairs = [(i, j) for i in range(n) for j in range(i, n)]
-        self.basis = np.array([*unit, *(unit[i] + unit[j] for i, j in pairs)])
-        self.scales = np.array(
-            [1.0] * n + [1.0 if i == j else np.sqrt(2.0) for i, j in pairs]
-        )
+        self.basis = np.concatenate([exponents_of(n, 1), exponents_of(n, 2)])
+        mixed = (self.basis > 0).sum(axis=1) == 2
+        self.scales = np.where(mixed, np.sqrt(2.0), 1.0)
         self.size = len(self.basis)
         products = self.basis[:, None] + self.basis
         self.places = np.array([[place.get(tuple(e), -1) for e in r] for r in products])
-        self.lift = np.zeros((len(self.quartic), n, n))
+        self.lift, unit = np.zeros((len(self.quartic), n, n)), self.basis[:n]
         for i, j, k in itertools.product(range(n), repeat=3):
             even = place[tuple(unit[i] + unit[j] + 2 * unit[k])] - len(self.cubic)
             self.lift[even, i, j] += 1.0
@@ -72,24 +69,18 @@ class Sphere:
         return np.concatenate([np.zeros(len(self.cubic)), one])
 
     @functools.cached_property
-    def correction(self) -> np.ndarray:
-        """Matrix (E, C) from a change of coefficients to the least of a Gram matrix."""
-        return self._least_change(self.map)
+    def whole(self) -> tuple[np.ndarray, np.ndarray]:
+        """The map, and (E, C) from coefficients to the least such Gram matrix."""
+        return self._with_least(self.map)
 
     @functools.cached_property
-    def rest_map(self) -> np.ndarray:
-        """The map (C, E), without the block of z."""
-        return np.where(self.rows < self.n, 0.0, self.map)
+    def rest(self) -> tuple[np.ndarray, np.ndarray]:
+        """The same without the block of z, which they leave as it is."""
+        return self._with_least(np.where(self.rows < self.n, 0.0, self.map))
 
-    @functools.cached_property
-    def rest_correction(self) -> np.ndarray:
-        """The correction (E, C) that leaves the block of z as it is."""
-        return self._least_change(self.rest_map)
-
-    def _least_change(self, linear):
-        weight = np.where(self.rows == self.columns, 1.0, 2.0)
-        scaled = linear / weight
-        return scaled.T @ np.linalg.inv(scaled @ linear.T)
+    def _with_least(self, linear):
+        scaled = linear / np.where(self.rows == self.columns, 1.0, 2.0)
+        return linear, scaled.T @ np.linalg.inv(scaled @ linear.T)
 
     def matrix(self, entries: np.ndarray) -> np.ndarray:
         """Returns the symmetric matrices (..., s, s) of lower triangles (..., E)."""
@@ -145,12 +136,11 @@ def represent(
 
     Where the block (n, n) of z is given, the coefficients are of the other blocks.
     """
-    if block is None:
-        return entries + tables.correction @ (coefficients - tables.map @ entries)
-    entries, own = entries.copy(), tables.rows < tables.n
-    entries[own] = block[tables.rows[own], tables.columns[own]]
-    missing = coefficients - tables.rest_map @ entries
-    return entries + tables.rest_correction @ missing
+    linear, least = tables.whole if block is None else tables.rest
+    if block is not None:
+        entries, own = entries.copy(), tables.rows < tables.n
+        entries[own] = block[tables.rows[own], tables.columns[own]]
+    return entries + least @ (coefficients - linear @ entries)
 
 
 def least_eigenvalue(tables: Sphere, entries: np.ndarray) -> float:

@@ -1,12 +1,10 @@
 """Flights of the loop as it is flown: held commands, latency, moving air.
 
-The theorem is about a feedback that knows the state and acts at once, in the model's
-air. Here commands come from a clock, each computed from the state one latency ago and
-held, and any phase between clock and launch may occur; the wind beyond the model's and
-an error of the command are at most so large. Flights start on the boundary of the
-inlet; from the worst of them, their start, phase and wind climb. Half of them meet a
-steady wind and error, and half what at each moment makes V rise fastest. Nothing here
-is proven; flights show what the loop does not tolerate.
+Commands come from a clock, each computed from the state one latency ago and held, at
+any phase between clock and launch; the wind beyond the model's and an error of the
+command are at most so large. Flights start on the boundary of the inlet; from the worst
+of them, their start, phase and wind climb. Half of them meet a steady wind and error,
+and half what at each moment makes V rise fastest. Nothing here is proven.
 
 A funnel that was made for held commands has its own clock: its first command acts from
 the launch on. Each command has an error of its own, which stays while it is held. A
@@ -119,11 +117,11 @@ def fly_loop(
             np.arange(samples)[:, None] % 2,
         ]
     )
-    found = [(genes, *fly(genes))]
+    found = genes, *fly(genes)
     for turn in range(CLIMB_ROUNDS):
         if progress:
             progress((turn + 1) / (CLIMB_ROUNDS + 1))
-        genes, levels, later, _ = map(np.concatenate, zip(*found, strict=True))
+        genes, levels, later, _ = found
         worst = np.where(levels > ESCAPE_LEVEL, levels, later)
         best = genes[np.argsort(-worst)[: max(1, samples // 25)]]
         width = CLIMB_WIDTH * CLIMB_NARROWING**turn
@@ -134,8 +132,9 @@ def fly_loop(
         moved[:, :n] = normalized(moved[:, :n])
         moved[:, n : n + 2] = normalized(moved[:, n : n + 2])
         moved[:, n + 2] %= 1.0
-        found.append((moved, *fly(moved)))
-    genes, levels, later, ends = map(np.concatenate, zip(*found, strict=True))
+        more = moved, *fly(moved)
+        found = tuple(map(np.concatenate, zip(found, more, strict=True)))
+    genes, levels, later, ends = found
     return FlownTrial(
         loop=loop,
         levels=levels,

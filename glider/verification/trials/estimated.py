@@ -16,13 +16,12 @@ import numpy as np
 from glider.errors import expect
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS
-from glider.estimation.running import Belief, run_ekf
-from glider.physics.servo import limited_rates
-from glider.physics.state import ELEVATOR
+from glider.estimation.running import Belief
 from glider.planning.problem import Hook
 from glider.progress import Progress
 from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER
+from glider.simulation.on_estimate import fly_on_estimate
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.trials.falsify import draw_inside
 
@@ -103,9 +102,8 @@ def fly_estimated(
 ) -> EstimatedFlights:
     """Flies launches with the funnel's feedback on a filter's estimate.
 
-    The loop of `diagrams.estimated_loop`, with the command held between the
-    filter's predictions, TICKS of them to a sample of motion capture. The filter's
-    process noise is PROCESS; the glider meets no gusts. The funnel's own glider flies.
+    As `fly_on_estimate` has it, with TICKS predictions to a sample of motion capture.
+    The filter's process noise is PROCESS. The funnel's own glider flies.
 
     Args:
         starts: (B, n) launches.
@@ -125,44 +123,21 @@ def fly_estimated(
     good, what = 0.0 <= unknown <= 1.0, "fly_estimated: the unknown share"
     expect(good, what, unknown, "a number from 0 to 1")
     std = CAPTURE.std * (noise / CAPTURE.position)
-    rate = TICKS * CAPTURE.rate
-    model = funnel.nominal.model
-    ekf = make_ekf(model, rate=rate, process=PROCESS, noise=std**2)
-    steps = TICKS * draws.shape[1]
-    offset, gain = funnel_policy(funnel).sample(np.arange(steps) / rate)
-
-    servo = model.parameters.servo
-    batch, n = starts.shape
-    states = np.empty((steps + 1, batch, n))
-    means = np.empty((steps + 1, batch, n))
-    measured = np.full((steps, batch, 1, len(std)), np.nan)
-    states[0] = starts
-    means[0] = starts - unknown * (starts - funnel.center(0.0))
-    spread = unknown**2 / (n + 2) * np.linalg.inv(funnel.shape(0.0))
-    certain, covariances = np.zeros((n, n)), np.broadcast_to(spread, (batch, n, n))
-    for k in range(steps):
-        command = offset[k] - means[k] @ gain[k]
-        rates = limited_rates(command, states[k, :, ELEVATOR], servo)[:, None, None]
-        truth = Belief(mean=states[k], covariance=certain)
-        # Without a measurement a filter predicts: it flies its own glider.
-        flown = run_ekf(ekf, truth, rates, measured[k], k / rate)
-        states[k + 1] = flown.means[:, 1]
-        if (k + 1) % TICKS == 0:
-            pose = model.chain.measure(states[k + 1].T, model.numbers)
-            shown = np.column_stack([*pose, states[k + 1, :, ELEVATOR]])
-            measured[k] = (shown + draws[:, k // TICKS] * std)[:, None]
-        rates = limited_rates(command, means[k, :, ELEVATOR], servo)[:, None, None]
-        prior = Belief(mean=means[k], covariance=covariances)
-        found = run_ekf(ekf, prior, rates, measured[k], k / rate)
-        means[k + 1], covariances = found.means[:, 1], found.covariances[:, 1]
-
-    times = np.arange(steps + 1) / rate
-    passes = [closest_pass(times, states[:, b], np.zeros(2)) for b in range(batch)]
+    rate, policy = TICKS * CAPTURE.rate, funnel_policy(funnel)
+    ekf = make_ekf(funnel.nominal.model, rate=rate, process=PROCESS, noise=std**2)
+    spread = np.linalg.inv(funnel.shape(0.0)) / (funnel.num_states + 2)
+    prior = Belief(
+        mean=starts - unknown * (starts - funnel.center(0.0)),
+        covariance=unknown**2 * spread,
+    )
+    states, means = fly_on_estimate(policy, ekf, starts, prior, draws * std, TICKS)
+    times = np.arange(states.shape[1]) / rate
+    passes = [closest_pass(times, path, np.zeros(2)) for path in states]
     kept = times <= funnel.nominal.times[-1]
-    truth, estimate = (np.swapaxes(a[kept], 0, 1) for a in (states, means))
-    times = times[kept]
+    truth, estimate, times = states[:, kept], means[:, kept], times[kept]
+    _, gain = policy.sample(times)
     errors = np.sqrt(funnel.level(times, funnel.center(times) + estimate - truth))
-    off = np.einsum("bki,ki->bk", estimate - truth, gain[: len(times)])
+    off = np.einsum("bki,ki->bk", estimate - truth, gain)
     return EstimatedFlights(
         noise=noise,
         unknown=unknown,

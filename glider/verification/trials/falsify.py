@@ -3,9 +3,9 @@
 Full means: the physics, not its Taylor polynomial, and the servo with its limits, under
 the funnel's own feedback. An attempt to falsify starts from random points of the
 boundary, then near the worst of them. For a confidence set, gliders are drawn too and
-climb along the boundary of their set; at last its worst corner is flown, to first order
-from the worst flight. For a funnel that was made for such a set, V of each glider is
-about its own center. Flights that escape are counted, never dropped.
+climb along the boundary of their set; at last its worst corner is flown. For a funnel
+that was made for such a set, V of each glider is about its own center. Flights that
+escape are counted, never dropped.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.confidence import ConfidenceSet, glider_at, physical
 from glider.physics.model import GliderModel
-from glider.simulation.fly import fly
+from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
@@ -259,11 +259,7 @@ def fly_from(
     policy = funnel_policy(funnel, first)
     step = (policy.plan.times[1] - policy.plan.times[0]) / 2.0
     model = funnel.nominal.model if model is None else model
-    flights = fly(
-        model, policy, states, step=step * (1.0 + 1e-9), after=0.0, keep_paths=True
-    )
-    assert flights.paths is not None
-    paths = flights.paths[:, ::2]
+    paths = fly_plan(model, policy, states, step, 2)
     times = funnel.nominal.times[first:]
     known = paths[..., : funnel.num_states]
     if deviation is not None and funnel.gliders:
