@@ -13,11 +13,13 @@ from glider.paths import models_path
 from glider.planning.problem import PerchingProblem
 from glider.verification import phases
 from glider.verification.funnel.funnel import load_funnel, save_funnel
-from glider.verification.proof import check, flight_proof
+from glider.verification.proof import check, flight_proof, latency
 from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
+from glider.verification.proof.latency import ProvenLatency
 from glider.verification.proof.phases import (
     LEVEL,
+    PREDICTED,
     first_commands,
     is_inside,
     phase_faults,
@@ -197,7 +199,8 @@ def test_a_wind_leaves_a_prediction_within_its_room(launch, rests):
             for own in rests:
                 calm, blown = (np.sqrt(own.level(0.0, end)) for end in ends)
                 most = max(most, np.max(np.abs(calm - blown)))
-    assert 1e-4 < most < 0.005
+    assert 1e-4 < most < PREDICTED
+    assert np.sqrt(LEVEL) + 2.0 * PREDICTED <= 1.0
 
 
 def test_phases_are_made_one_after_the_other(launch, rests, monkeypatch):
@@ -246,12 +249,23 @@ def quick(monkeypatch):
             candidate=None,
         )
 
-    fails = 0
-    monkeypatch.setattr(flight_proof, "prove_flights", prove)
+    def prove_latency(predictions, least, progress):
+        assert predictions[0].ends == pytest.approx((0.01, 0.03))
+        return ProvenLatency(latency=0.01, error_left=left, least=least)
 
-    def run(*arguments, launch=FOLDER / "launch.npz", rests=RESTS, failing=0):
-        nonlocal fails
-        fails, proofs[:] = failing, []
+    fails, left = 0, 0.006
+    monkeypatch.setattr(flight_proof, "prove_flights", prove)
+    monkeypatch.setattr(latency, "prove_latency", prove_latency)
+
+    def run(
+        *arguments,
+        launch=FOLDER / "launch.npz",
+        rests=RESTS,
+        failing=0,
+        error_left=left,
+    ):
+        nonlocal fails, left
+        fails, left, proofs[:] = failing, error_left, []
         files = [launch, "--phases", *rests]
         return main(["check-funnel", *map(str, files), "--every", "1000", *arguments])
 
@@ -283,12 +297,21 @@ def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
     monkeypatch.setattr(check.Verdict, "is_whole", True)
     bounds = ["--hold", "0.02", "--wind", "0.02", "--latency", "0.01"]
     assert quick("--prove", "--json", *bounds) == 0
-    report = json.loads(capsys.readouterr().out)["any_phase"]
+    report = json.loads(capsys.readouterr().out)
+    assert report["latency"]["holds"] and report["latency"]["error_left"] == 0.006
+    report = report["any_phase"]
     assert report["proven"] and report["wind_m_s"] == 0.022
+    assert report["command_error_rad_s"] == 0.006
     assert quick("--prove", *bounds) == 0
-    assert "Proven for a clock of any phase, with a latency of 10 ms" in (
-        capsys.readouterr().out
-    )
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Proven for a clock of any phase, with a latency of 10 ms" in said
+    assert "with a command error of at most 0.006 rad/s" in said
+    assert "Proven: commands may be computed 10 ms before they act" in said
+    for command_error, error_left in (("0.007", 0.006), ("0", -0.001)):
+        asked = ("--prove", *bounds, "--command-error", command_error)
+        assert quick(*asked, error_left=error_left) == 1
+        said = capsys.readouterr().out
+        assert "Not proven: a latency of 10 ms" in said and "Proven for" not in said
     for failing in (1, 3, 5):
         assert quick("--prove", failing=failing) == 1
         assert "Proven for a clock" not in capsys.readouterr().out

@@ -366,7 +366,8 @@ def test_the_check_says_what_it_accounts_for(source, capsys):
         (["--prove", "--hold", "nan"], "--hold is nan; expected zero or a positive"),
         (["--prove", "--wind", "-1"], "--wind is -1.0; expected zero or a positive"),
         (["--prove", "--command-error", "inf"], "--command-error is inf; expected"),
-        (["--prove", "--latency", "0.01"], "--prove knows no --latency"),
+        (["--latency", "0.01"], "--latency has no effect without --as-flown, --phases"),
+        (["--prove", "--latency", "0.01"], "--latency is proven of held commands"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options, words, source, capsys):

@@ -11,6 +11,7 @@ prove that none does.
 """
 
 import dataclasses
+from typing import Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -21,7 +22,7 @@ from glider.verification.dynamics.nominal import ARRAYS, Nominal, nonlinear_part
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import climb_sphere
 from glider.verification.funnel.remainder import rates_about
-from glider.verification.proof.enclosure import TaylorRemainder, make_remainder
+from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
     Interval,
@@ -218,7 +219,24 @@ def prove_remainder(
     return _bounded(found.proven, boxes, ratio)
 
 
-def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> IntervalProof:
+class OnBoxes(Protocol):
+    """What is bounded on boxes, as a `TaylorRemainder`."""
+
+    @property
+    def span(self) -> tuple[float, float]: ...
+
+    @property
+    def dimension(self) -> int: ...
+
+    @property
+    def balls(self) -> tuple[slice, ...]: ...
+
+    def bounds(
+        self, center: np.ndarray, half: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+
+
+def bound_remainder(remainder: OnBoxes, budget: int = BUDGET) -> IntervalProof:
     """Tries to prove that |R| <= β on all boxes of the ball."""
     ratio, boxes, size = 0.0, 0, remainder.dimension
     center, half = np.zeros((size, 1)), np.ones((size, 1))

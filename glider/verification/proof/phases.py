@@ -20,10 +20,9 @@ interval of the launch funnel from T - h on, the matrix is a polynomial in time 
 degree 6, and definite throughout, in exact arithmetic, for one j and λ. Times are
 compared to 1e-9 s.
 
-A loop chooses the funnel i in which the predicted state x̂ has the least V. Let the
-prediction be off by 0.005 of every inlet at most: √V_k(x̂) is within 0.005 of √V_k(x).
-Then √V_i(x) <= √V_i(x̂) + 0.005 <= √V_j(x̂) + 0.005 <= √LEVEL + 0.01 <= 1. How far a
-prediction is off is measured, not proven.
+A loop chooses the funnel i in which the predicted state x̂ has the least V. √V_k(x̂) is
+within PREDICTED of √V_k(x), for all k (`glider.verification.proof.latency`). Then
+    √V_i(x) <= √V_i(x̂) + PREDICTED <= √V_j(x̂) + PREDICTED <= √LEVEL + 2 PREDICTED <= 1.
 """
 
 from collections.abc import Sequence
