@@ -24,7 +24,7 @@ from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN
 from glider.progress import Progress, Step
 from glider.sysid import outcome, report, result
-from glider.sysid.constants import MOST_OUTLYING
+from glider.sysid.constants import FOLDS
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.folds import HeldOut
@@ -226,7 +226,7 @@ class Analysis:
         )
         gains = np.zeros(0) if folds is None else folds.gain.values
         lost = np.count_nonzero(gains < 0.0)
-        if verdict != "no_effect" and lost > MOST_OUTLYING * len(gains):
+        if verdict != "no_effect" and FOLDS * lost > len(gains):
             warnings.append(
                 f"The correction does not improve {lost} of {len(gains)} flights."
             )

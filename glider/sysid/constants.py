@@ -11,11 +11,9 @@ import math
 # Probability below which nothing is put down to chance (c): a faultless campaign of 400
 # is claimed to have a fault.
 UNLIKELY = 1.0 / 400.0
-Z = 5.0  # Standard errors of what is not by chance, whatever is tried (d).
-GAIN_CHANCE = 0.025  # That a gain of nothing is significant: one side of 95 % (c).
-# Of flights' gains in their standard deviations, and of logs of errors: what counts at
-# most, as one flight may not decide (c).
-CLIP = 3.0
+# Standard errors of what is not by chance, whatever is tried (d): no flight counts for
+# more, clocks differ by less, and coarse noise is so many times the usual one.
+Z = 5.0
 # Evidence, a gain of marginal likelihood, by which a search leaves one set for another,
 # and which rivals lack at most [nats]; and that an effect must bring beside others, of
 # which 40 are tried (d).
@@ -25,7 +23,6 @@ EVIDENCE_THRESHOLD = math.log(40.0 / UNLIKELY)
 CLEAR = 30.0
 MANY_FLIGHTS = 40  # More are thinned where sets or floors are compared (c).
 FEW_FLIGHTS = 8  # That show a wrong sign, or what a model lacks (c).
-FEWEST_ROWS = 10  # That show an elevator's noise, or a launch of seven states (c).
 
 # ------------------------------------------------------------------- noise
 # Standard deviations, see `Scales` for units: where a fit starts, the least that a log
@@ -44,45 +41,39 @@ NOISE = {
     "rate": (1e-2, 1e-4, 5.0),
     "rest": (0.01, 1e-4, 0.5),
 }
-MOMENT_TIME = 0.1  # Correlation time of unmodelled pitch accelerations [s] (c).
-SERVO_TIME = 0.05  # The same of an elevator's departure from its path [s] (c).
+# Correlation time of unmodelled pitch accelerations, and of an elevator's departure
+# from its path, over which its travel counts [s] (c).
+MOMENT_TIME = 0.1
 # Prior spread of a launch about its smoothed measurement, as the state [m, rad, s] (c);
 # that of the elevator is a scale of the noise.
 LAUNCH_SPREAD = (0.1, 0.1, 0.15, 0.0, 0.5, 0.5, 2.0)
-STATE_SPREAD = 0.05  # The same of effects' states about rest, in their scales (c).
 
 # ------------------------------------------------- coefficients and unknowns
-PRIOR_SCALES = 3.0  # Prior spread of effects' coefficients, in their scales (c).
-# Prior spread of unknown parameters over the default glider's, if not a half (c). A
-# tail's area shows in the moment only over the inertia.
-RELATIVE_SPREAD = {"elevator_area": 0.1}
+# Prior spread of effects' coefficients, in their scales: free functions have no larger
+# one (c).
+PRIOR_SCALES = 3.0
+# Prior spread of an unknown tail's area over the default glider's (of other parameters,
+# a half), and of an unmeasured elevator's travel over the one that its log says: the
+# moment shows both only over the inertia. Beyond it the log is in doubt (c).
+TAIL_SPREAD = 0.1
 UNKNOWN_SPREAD = {  # That of other unknowns [m, rad, m, m²] (c).
     ("parameters", "wing_offset"): 0.03,  # Of an unknown wing from the center of mass.
     ("elevator_trim", "angle"): 0.09,  # Of an elevator without a servo.
     ("pitch_moment", "coefficient"): 0.02,  # That an unknown tail may make.
     ("pitch_damping", "coefficient"): 0.016,  # Four times that of a usual glider.
 }
-TRAVEL_SPREAD = 0.2  # Of an elevator's travel over the commanded one (c).
-GYRO_BIAS = 0.05  # Prior spread of the bias of a gyro [rad/s] (c).
-CLOCK_REACH = 2.0  # Standard errors by which clocks differ at most (m: bench_clock).
 # Shift of a servo's log above which its clock is in doubt, and a lag that its samples
 # do not hide [s] (d): three standard errors of a clock that an import finds.
 CLOCK_ERROR = 0.015
 
 # ---------------------------------------------------------- outlying flights
-# Noise under which flights are compared: errors of any one model count little (c).
-COARSE_NOISE = {
-    **{"position": 0.01, "pitch": 0.02, "elevator": 0.05},
-    **{"air": 0.3, "moment": 5.0, "servo": 0.02, "rest": 0.1},
-}
 # Least deviation of a log mean square: twice the median one (m: docs/how_it_works.md).
 LEAST_DEVIATION = 0.15
-LEAST_SPREAD = 0.1  # Flight-to-flight variation, in a coefficient's scale (c).
-# Share of the flights that may be, or that a correction may make worse without a word:
-# more are no exceptions (c).
-MOST_OUTLYING = 0.3
+# Flight-to-flight variation, in a coefficient's scale, and of the states of effects at
+# launch, in theirs (c).
+LEAST_SPREAD = 0.1
 
-# ---------------------------------------------------------- evidence of effects
+# ------------------------------------------------- gliders of unknown forces
 # Of effects of gliders of unknown forces, by predictions: e³ is 20 to 1, and 20 effects
 # are tried (d); of a further coefficient, and of one that needs a cause (c).
 HELD_OUT_THRESHOLD = {"effect": 3.0, "coefficient": 2.0, "uncommon": 8.0}
@@ -93,41 +84,36 @@ ALONG_ATTITUDE = {  # Noise of flights along their attitude, which ignore moment
 }
 
 # ------------------------------------------------------------------ the search
-MOST_EFFECTS = 8  # Of a set (c).
+MOST_EFFECTS = 8  # Of a set (c): logs that contradict themselves call for any number.
 # Best sets that are followed up: by larger ones, by fits, by averages (c): each costs.
 FOLLOWED = 3
 LEAST_SUPPORT = 0.85  # Share of drawn flights that choose an effect or a rival (c).
-# Share of the evidence that a smaller set may lack, to first order; and of a free
-# function's, below which a formula of another family stands for its errors (c).
+# Share that may be left out to first order: of the evidence, by a smaller set, and of
+# the prior's RMS, by coordinates with which functions are not compared. And share of a
+# free function's evidence below which a formula of another family stands for its errors
+# (c). And of the RMS pitch acceleration, by a model (m: bench_broken): at most 0.04 in
+# campaigns with the right answer, 0.2 to 1 where elevator and pose are of different
+# flights or clocks.
 SLACK = 0.1
 
 # -------------------------------------------------- free functions and fits
 # RMS along flights, over its prior's, of what a function shows, and the strength of one
-# that is as good as none; and RMS of the coordinates by which functions are compared
-# before one is fitted (c).
+# that is as good as none (c).
 RESOLVED = 0.02
-LEADING = 0.1
-LARGEST_STRENGTH = 5.0  # That no error of a formula has (c).
 
 # --------------------------------------------- predictions of held-out flights
-# Parts of the flights, each held out once: of fewer flights, none is an outlier (c).
+# Parts of the flights, each held out once: of fewer flights, none is an outlier. More
+# than one part are no exceptions, as outliers or where a correction is worse (c).
 FOLDS = 5
 BEGINNING = 0.2  # Share of a flight on which its launch state is fitted (c).
 WORSE = 1.001  # Ratio of errors above which flights got worse: below is a tie (c).
-FLOOR_ACCURACY = 0.05  # Relative error of a floor (m: bench_floor).
 
 # ---------------------------------------------------------------- the verdict
 MOST_LEFT = 2.0  # Times a perfect model's error that effects may leave at most (c).
-# Unmodelled pitch acceleration over the RMS one above which the model does not explain
-# it (m: bench_broken): at most 0.04 in campaigns with the right answer, 0.2 to 1 where
-# elevator and pose are of different flights or clocks.
-MOMENT_SHARE = 0.2
 # Share by which the elevator may move more or less than commanded (m: bench_broken),
 # with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than
 # the library's among them; 0.04 and 0.05 where one clock is 5 % slow.
 GAIN_ERROR = 0.03
-TRAVEL_WINDOW = 0.1  # Time over which an elevator's travel counts [s] (c).
-TRAVEL_ERROR = 0.1  # Share by which an elevator may turn farther than its log says (c).
 
 # --------------------------------------------------------- what results report
 # Share of the evidence below which an effect stands for the errors of free functions

@@ -56,7 +56,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "its times say (is 'clock' right in the MAP of its import?)"
         )
     change = float(theta[layout.index[ELEVATOR_SCALE.kind, "change"]])
-    if abs(change) > constants.TRAVEL_ERROR:
+    if abs(change) > constants.TAIL_SPREAD:
         return (
             f"the elevator turns {1.0 + change:.2f} times as far as its log says (as "
             "with a wrong 'gain' of its angles and rates in the 'units' of the MAP)"
@@ -74,7 +74,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     ]
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
-    if scales["moment"] > constants.MOMENT_SHARE * usual:
+    if scales["moment"] > constants.SLACK * usual:
         found.append(
             f"unmodelled pitch accelerations of {scales['moment']:.2g} rad/s² "
             f"(measured ones are {usual:.2g})"
@@ -103,8 +103,8 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
         if len(rows) < 2:
             continue
         time, modelled = record.time[rows], signals(record, model.theta).logged[rows]
-        ends = np.searchsorted(time, time + constants.TRAVEL_WINDOW)
-        begins = np.searchsorted(time, time - constants.TRAVEL_WINDOW)
+        ends = np.searchsorted(time, time + constants.MOMENT_TIME)
+        begins = np.searchsorted(time, time - constants.MOMENT_TIME)
         turns = np.append(0, np.cumsum(np.diff(np.sign(np.gradient(modelled))) != 0.0))
         last = np.minimum(ends, len(time) - 1)
         first = np.flatnonzero((ends < len(time)) & (turns[last] == turns[begins]))

@@ -20,6 +20,7 @@ from glider.sysid.fit.prediction import (
     RolloutModel,
     beginning_rows,
     errors_from,
+    near_median,
     of_launch,
 )
 from glider.sysid.likelihood.blocks import values_at_nodes, variables_between
@@ -33,8 +34,8 @@ from glider.sysid.replay.record import Record
 from glider.sysid.report import EquationErrors, Errors
 
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
-_REPLICAS = 100  # Of a flight: the RMS of its floor is known to 5 %.
-_LARGEST = 10.0  # Error above which a replica says nothing [m].
+_REPLICAS = 100  # Of a flight: see `Floor.accuracy`.
+_LARGEST = 10.0  # Error above which a replica or a model says nothing [m].
 _STEP = 0.1  # Of the logarithm of gusts, for slopes of the likelihood.
 _TRANSLATED = [0, 1, 4, 5]  # States that are fitted along the measured pitch,
 _TURNED = [PITCH, PITCH_RATE]  # and those that are measured.
@@ -53,6 +54,15 @@ class Floor:
         means = self.squares.mean(axis=2)[:, :2]
         return np.all(means < _LARGEST**2, axis=1)
 
+    @property
+    def accuracy(self) -> float:
+        """Relative error of the RMS over so many replicas of a flight.
+
+        A square of two coordinates scatters by as much as its mean; half of that
+        remains in the root.
+        """
+        return float(0.5 / np.sqrt(self.squares.shape[2]))
+
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
         known = np.flatnonzero(self._is_known[:flights])
@@ -64,7 +74,7 @@ class Floor:
         """Position RMS of the first flights over that of `errors`, at most by chance.
 
         A perfect model leaves more with the probability UNLIKELY: logarithms of the RMS
-        are taken as normal, and a floor is known to FLOOR_ACCURACY. Infinity where the
+        are taken as normal, and a floor is known to its accuracy. Infinity where the
         floor of one of the flights is not known.
         """
         if not 0 < flights <= len(self.rows) or not self._is_known[:flights].all():
@@ -72,7 +82,7 @@ class Floor:
         of_flights, rows = self.squares[:flights, 0], self.rows[:flights]
         squares = np.average(of_flights, axis=0, weights=rows)
         logs = 0.5 * np.log(squares / squares.mean())
-        spread = np.hypot(logs.std(), constants.FLOOR_ACCURACY)
+        spread = np.hypot(logs.std(), self.accuracy)
         return float(np.exp(logs.mean() - ndtri(constants.UNLIKELY) * spread))
 
     def chance(self, paths: np.ndarray) -> float:
@@ -85,10 +95,11 @@ class Floor:
         if not known.any():
             return np.nan
         drawn = 0.5 * np.log(self.squares[known, :2])
-        errors = np.nan_to_num(np.log(np.maximum(paths[known], 1e-9)), nan=np.inf)
-        apart = np.clip(errors - drawn.mean(axis=2), -constants.CLIP, constants.CLIP)
+        errors = np.nan_to_num(paths[known], nan=_LARGEST, posinf=_LARGEST)
+        errors = np.log(np.clip(errors, 1e-9, _LARGEST))
+        apart = near_median(errors - drawn.mean(axis=2))
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
-        z = apart.mean(axis=0) / np.hypot(error, constants.FLOOR_ACCURACY)
+        z = apart.mean(axis=0) / np.hypot(error, self.accuracy)
         return min(1.0, 2.0 * float(ndtr(-z).min()))
 
 

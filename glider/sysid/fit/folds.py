@@ -6,9 +6,9 @@ from collections.abc import Collection
 import numpy as np
 from scipy.special import stdtrit
 
-from glider.campaign.checks.motion import robust_std
-from glider.sysid.constants import CLIP, FOLDS, GAIN_CHANCE, WORSE
-from glider.sysid.fit.prediction import compare, flown_by, mean_squares
+from glider.physics.confidence import LEVEL
+from glider.sysid.constants import FOLDS, WORSE
+from glider.sysid.fit.prediction import compare, flown_by, mean_squares, near_median
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.fit_result import FitResult
@@ -36,17 +36,15 @@ class Gains:
         held = np.nan_to_num(self.values)  # Of no model where it is NaN.
         if len(held) < 2:
             return 0.0
-        median = np.median(held)
-        most = CLIP * (robust_std(held - median) + 1e-12)
-        held = np.clip(held, median - most, median + most)
+        held = near_median(held)
         error = np.std(held, ddof=1) / np.sqrt(len(held))
         return float(np.mean(held) / max(error, 1e-12))
 
     @property
     def least_t(self) -> float:
-        """Student's t that so many gains exceed with a probability of GAIN_CHANCE."""
-        count = len(self.values)
-        return float(stdtrit(count - 1, 1.0 - GAIN_CHANCE)) if count > 1 else np.inf
+        """Student's t that so many gains of nothing stay below, with LEVEL either way."""
+        count, level = len(self.values), 0.5 * (1.0 + LEVEL)
+        return float(stdtrit(count - 1, level)) if count > 1 else np.inf
 
     @property
     def are_significant(self) -> bool:

@@ -11,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.motion import robust_std
 from glider.compiled.filter_error import ELEVATOR, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import LogPath, roll_out
 from glider.compiled.theta import OFFSET
 from glider.physics.effects import Field
-from glider.sysid.constants import BEGINNING, FEWEST_ROWS
+from glider.physics.state import NUM_STATES
+from glider.sysid.constants import BEGINNING, Z
 from glider.sysid.likelihood.filtering import negative_log_likelihood, smooth
 from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.linear_flight import (
@@ -84,11 +86,24 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
     ).on(task.records)
 
 
+def near_median(values: np.ndarray) -> np.ndarray:
+    """Returns values (n, ...), each within Z robust standard deviations of the median.
+
+    One flight may not decide what holds on average.
+    """
+    median = np.median(values, axis=0)
+    most = Z * (robust_std(values - median) + 1e-12)
+    return np.clip(values, median - most, median + most)
+
+
 def beginning_rows(time: np.ndarray, per_flight_trims: bool) -> int:
-    """Number of rows at some times that a launch is fitted on; twice for a trim too."""
+    """Number of rows at some times that a launch is fitted on; twice for a trim too.
+
+    At least as many as a launch has states.
+    """
     share = BEGINNING * (1 + per_flight_trims)
     rows = int(np.searchsorted(time, share * time[-1]))
-    return min(max(rows, FEWEST_ROWS), len(time))
+    return min(max(rows, NUM_STATES), len(time))
 
 
 def of_launch(record: Record, rows: int) -> np.ndarray:

@@ -22,7 +22,7 @@ from glider.physics.effects.field import (
     SENSOR_TERMS,
     FieldData,
 )
-from glider.sysid.constants import LEADING, RESOLVED
+from glider.sysid.constants import RESOLVED, SLACK
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_along, flow_at_nodes
@@ -254,7 +254,7 @@ def _make_block(
         widths=widths,
         flown=range_,
         mix=SPREADS[kind.term] * basis,
-        leading=int(np.count_nonzero(spreads > LEADING)),
+        leading=int(np.count_nonzero(spreads > SLACK)),
     )
 
 

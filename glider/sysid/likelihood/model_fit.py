@@ -11,7 +11,7 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import Field
-from glider.sysid.constants import LARGEST_STRENGTH, RESOLVED
+from glider.sysid.constants import PRIOR_SCALES, RESOLVED
 from glider.sysid.likelihood.blocks import Block, values_at_nodes
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.filtering import (
@@ -263,7 +263,7 @@ def fit_strength(
         blocks = []
         for fitted, mine in zip(model.blocks, model.split(squares), strict=True):
             strength = float(np.sqrt(np.mean(mine)))
-            strength = min(max(strength, RESOLVED), LARGEST_STRENGTH)
+            strength = min(max(strength, RESOLVED), PRIOR_SCALES)
             blocks.append(dataclasses.replace(fitted, strength=strength))
         model = dataclasses.replace(model, blocks=tuple(blocks))
     prior = prior_of(task, model)

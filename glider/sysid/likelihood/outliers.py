@@ -10,14 +10,7 @@ squares (Huber, Robust Statistics, 1981).
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
-from glider.sysid.constants import (
-    COARSE_NOISE,
-    FOLDS,
-    LEAST_DEVIATION,
-    LEAST_SPREAD,
-    MOST_OUTLYING,
-    Z,
-)
+from glider.sysid.constants import FOLDS, LEAST_DEVIATION, LEAST_SPREAD, NOISE, Z
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values, whiten
@@ -27,7 +20,9 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
 
-COARSE_SCALES = Scales(**COARSE_NOISE)
+_COARSE = "position", "pitch", "elevator", "air", "moment", "servo", "rest"
+COARSE_SCALES = Scales(**{name: Z * NOISE[name][0] for name in _COARSE})
+"""Noise under which flights are compared: errors of any one model count little."""
 _ROUNDS = 12  # Of reweighting.
 _LEAST_SQUARE = 1e-6  # Mean square that is rounding, as of logs without noise.
 
@@ -77,7 +72,7 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     Logarithms are compared, since an error common to all flights scales the squares.
     """
     outlying = deviations(np.log(squares), LEAST_DEVIATION) > Z
-    return outlying & (np.mean(outlying) <= MOST_OUTLYING)
+    return outlying & (FOLDS * np.sum(outlying) <= len(squares))
 
 
 def deviations(values: np.ndarray, least: float) -> np.ndarray:
@@ -106,4 +101,4 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
         for i in np.flatnonzero(np.abs(apart) > Z).tolist():
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
             found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
-    return found if len(found) <= MOST_OUTLYING * len(task.records) else {}
+    return found if FOLDS * len(found) <= len(task.records) else {}

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.sysid.constants import MOMENT_TIME, NOISE, SERVO_TIME
+from glider.sysid.constants import MOMENT_TIME, NOISE
 from glider.sysid.replay.record import Noise
 
 _AT_FLOOR = 2.0  # Over the least scale, which a fit only comes near.
@@ -53,7 +53,7 @@ class Scales:
     @property
     def times(self) -> tuple[float, float, float, float]:
         """Correlation times of the processes [s], in the filter's order."""
-        return self.air_time, self.air_time, MOMENT_TIME, SERVO_TIME
+        return self.air_time, self.air_time, MOMENT_TIME, MOMENT_TIME
 
     def without(self, *names: str) -> "Scales":
         """Returns the scales with some of them at their floors."""

@@ -13,7 +13,6 @@ from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.actuator_replay import command_steps, elevator_path
-from glider.sysid.constants import FEWEST_ROWS
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.
 _LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
@@ -41,7 +40,7 @@ def measure_noise(
     elevator, times, errors = 0.0, [], []
     for flight, mask in pairs if campaign.elevator == "servo" else ():
         seen = ~mask.elevator
-        if np.count_nonzero(seen) >= FEWEST_ROWS:
+        if np.count_nonzero(seen) > 3:  # A parabola leaves no error of fewer rows.
             assert flight.command is not None and flight.elevator is not None
             tape = command_steps(
                 flight.time, flight.command, campaign.switch_rate, flight.command_time

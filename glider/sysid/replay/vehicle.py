@@ -98,7 +98,8 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     theta = layout.default_theta(_parameters(campaign, is_per_mass))
     spreads = dict(of_log)
     for slot in slots:
-        i, share = layout.index[slot], constants.RELATIVE_SPREAD.get(slot[1], 0.5)
+        i = layout.index[slot]
+        share = constants.TAIL_SPREAD if slot[1] == "elevator_area" else 0.5
         spreads[i] = constants.UNKNOWN_SPREAD.get(slot, share * float(theta[i]))
     if is_per_mass:
         notes.append(
@@ -167,8 +168,9 @@ def _of_log(campaign: Campaign, layout: Layout) -> dict[int, float]:
     """Slots of theta that a log leaves open, and their spread."""
     servo = campaign.servo
     has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
-    travel = constants.TRAVEL_SPREAD * (servo.angle == "reconstructed")
-    spreads = servo.clock_std, servo.command_std, constants.GYRO_BIAS * has_gyro, travel
+    travel = constants.TAIL_SPREAD * (servo.angle == "reconstructed")
+    bias = constants.Z * constants.NOISE["rate"][0] * has_gyro
+    spreads = servo.clock_std, servo.command_std, bias, travel
     slots = *layout.slots_of(SERVO_LOG.kind), *layout.slots_of("elevator_scale")
     return {slot: spread for slot, spread in zip(slots, spreads, strict=True) if spread}
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from glider.sysid.constants import FLOOR_ACCURACY, UNLIKELY
+from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict_all
@@ -102,6 +102,12 @@ def test_turbulence_raises_the_floor_and_one_flight_does_not_decide(turbulent):
     assert np.isnan(floor.chance(errors))
 
 
+def test_a_floor_of_a_hundred_replicas_is_known_to_a_twentieth(still):
+    floor, _ = floor_and_errors(*still)
+    assert floor.squares.shape[2] == 100
+    assert floor.accuracy == pytest.approx(0.05)
+
+
 def test_errors_of_the_first_flights_count_each_row_once(still):
     floor, _ = floor_and_errors(*still)
     squares = floor.squares[:2, 0].mean(axis=1) * floor.rows[:2]
@@ -113,7 +119,7 @@ def test_what_a_perfect_model_may_leave_is_as_the_replicas_say(still):
     floor, _ = floor_and_errors(*still)
     many = np.average(floor.squares[:8, 0], axis=0, weights=floor.rows[:8])
     logs = np.log(np.sqrt(many / many.mean()))
-    spread = np.hypot(np.std(logs), FLOOR_ACCURACY)
+    spread = np.hypot(np.std(logs), floor.accuracy)
     expected = norm(np.mean(logs), spread).isf(UNLIKELY)
     assert np.log(floor.most_by_chance(8)) == pytest.approx(expected)
     of_few, of_all = map(floor.most_by_chance, (2, 16))

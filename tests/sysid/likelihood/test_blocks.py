@@ -11,7 +11,7 @@ from glider.physics.effects.families import BLOCKS
 from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.constants import EVIDENCE_THRESHOLD, LARGEST_STRENGTH
+from glider.sysid.constants import EVIDENCE_THRESHOLD, PRIOR_SCALES
 from glider.sysid.likelihood.blocks import flown_values, make_blocks, variables_between
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.linear_flight import linearize
@@ -221,7 +221,7 @@ def test_a_lens_is_an_error_of_measured_positions_within_the_noise(vent, term):
     both = np.hstack([shown, np.ones((len(flown), 1))])  # It varies about its mean.
     weights = np.linalg.lstsq(both, error, rcond=1e-5)[0]
     assert np.std(error) > 2e-3 and np.std(error - both @ weights) < 1e-4
-    assert np.std(weights[:-1]) < LARGEST_STRENGTH
+    assert np.std(weights[:-1]) < PRIOR_SCALES
 
 
 def left_by(block, values, term):

@@ -18,7 +18,7 @@ from glider.sysid.likelihood.filtering import (
     whiten,
 )
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.scales import MOMENT_TIME, SERVO_TIME, Scales
+from glider.sysid.likelihood.scales import MOMENT_TIME, Scales
 from tests.helpers.tasks import fly, task_of, with_gyro
 
 ROWS = 14
@@ -55,7 +55,7 @@ class Written:
         self.flight, self.scales = flight, scales
         self.n = flight.by_x.shape[1]
         self.times = np.array(
-            [scales.air_time, scales.air_time, MOMENT_TIME, SERVO_TIME]
+            [scales.air_time, scales.air_time, MOMENT_TIME, MOMENT_TIME]
         )
 
     def ahead(self, k, state):
