@@ -42,7 +42,7 @@ class Gains:
 
     @property
     def least_t(self) -> float:
-        """Student's t that so many gains of nothing stay below, with LEVEL either way."""
+        """Student's t within which so many gains of nothing are, with LEVEL."""
         count, level = len(self.values), 0.5 * (1.0 + LEVEL)
         return float(stdtrit(count - 1, level)) if count > 1 else np.inf
 
