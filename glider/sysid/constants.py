@@ -12,7 +12,7 @@ import math
 # is claimed to have a fault.
 UNLIKELY = 1.0 / 400.0
 # Standard errors of what is not by chance, whatever is tried (d): no flight counts for
-# more, clocks differ by less, and coarse noise is so many times the usual one.
+# more, and coarse noise is so many times the usual one.
 Z = 5.0
 # Evidence, a gain of marginal likelihood, by which a search leaves one set for another,
 # and which rivals lack at most [nats]; and that an effect must bring beside others, of

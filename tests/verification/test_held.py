@@ -480,12 +480,12 @@ def test_the_command_requires_the_clock(capsys):
     assert "a feedback that acts at all times; expected a hold of 20 ms." in said
 
 
-def test_prove_knows_no_latency(capsys):
+def test_a_latency_is_shorter_than_a_hold(capsys):
     source = str(models_path("funnels", "held_hook.npz"))
     asked = ["check-funnel", source, "--hook", "--prove", "--hold", "0.02"]
-    assert main([*asked, "--latency", "0.01"]) == 2
+    assert main([*asked, "--latency", "0.02"]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "expected --latency with --as-flown or --phases only" in said
+    assert "the latency is 0.02; expected less than the funnel's period, 0.02" in said
 
 
 # ----------------------------------------------------------------------------- shipped

@@ -4,10 +4,12 @@ import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
+from scipy.special import ndtri
 
 from glider.compiled.theta import SERVO_LOG, Layout
+from glider.physics.confidence import LEVEL
 from glider.physics.effects import SERVO_LAG
-from glider.sysid.constants import CLOCK_ERROR, PRIOR_SCALES, Z
+from glider.sysid.constants import CLOCK_ERROR, PRIOR_SCALES
 from glider.sysid.likelihood.blocks import Block, flown_values, make_blocks
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.vehicle import Vehicle
@@ -59,7 +61,7 @@ class Task:
         lower, upper = self.layout.lower.copy(), self.layout.upper.copy()
         poses, commands, *_ = self.layout.slots_of(SERVO_LOG.kind)
         for slot in of_log.keys() & {poses, commands}:
-            upper[slot] = min(Z * of_log[slot], upper[slot])
+            upper[slot] = min(ndtri(0.5 + 0.5 * LEVEL) * of_log[slot], upper[slot])
             lower[slot] = -upper[slot]
         if commands in of_log:  # Samples as far apart smooth an elevator like a lag.
             [lag] = self.layout.slots_of(SERVO_LAG.kind)
