@@ -178,8 +178,8 @@ def test_what_is_left_is_that_of_the_worst_prediction(rest, slopes):
     found = prove_latency(some, 0.005, workers=1)
     assert found.holds and found.latency == LATENCY
     alone = [own.error_left(slopes, FINE) for own in some]
-    assert found.error_left == pytest.approx(min(alone))
-    # 1.2 cm/s of the wind take most; where commands may be off by less, none is left.
+    assert 0.0 <= min(alone) - found.error_left < 1e-4  # It is rounded down.
+    # Where commands may be off by less, the wind takes all of it.
     strict = [dataclasses.replace(own, bound=0.02) for own in some]
     assert not prove_latency(strict, workers=1).holds
     assert not ProvenLatency(latency=0.01, error_left=0.01, least=0.02).holds

@@ -17,6 +17,7 @@ meets its limits where that of the flight does not: flights stay farther from th
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 import joblib
@@ -47,6 +48,9 @@ TURNS = 4
 COARSE, FINE = (2.5,), (1.1, 1.2, 1.5)
 """Bounds that are tried, over the largest value that is sampled: of all predictions,
 and of those that leave least."""
+
+DIGIT = 1e-4
+"""What the error that is left is rounded down to [rad/s]."""
 
 CHOICE_ROOM = 1.001
 """Factor on the inlet of one funnel that holds those of all."""
@@ -187,8 +191,9 @@ def prove_latency(
     while (k := int(np.argmin(lefts))) not in fine:
         fine.add(k)
         lefts[k] = max(lefts[k], predictions[k].error_left(slopes, FINE))
+    left = math.floor(lefts[k] / DIGIT) * DIGIT if lefts[k] > -np.inf else -np.inf
     return ProvenLatency(
-        latency=predictions[0].latency, error_left=lefts[k], least=least
+        latency=predictions[0].latency, error_left=round(left, 6), least=least
     )
 
 
