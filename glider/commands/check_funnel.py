@@ -166,8 +166,8 @@ def run(args: argparse.Namespace) -> int:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, covariance, level, shape)
     loop = _flown_loop(args) if args.as_flown else None
-    if args.prove and args.latency and not rests and not loop:
-        check_latency(funnel, args.latency)
+    if not rests and (latency := _own_latency(args, funnel)):
+        check_latency(funnel, latency)
     if loop:
         check_clock(funnel, loop.hold, rests)
     trial = flown = None
@@ -243,32 +243,38 @@ def _check(args, funnels, problem, model, covariance, least_inlet, follow):
         checked.proofs.append(proof)
         if not proof.complete:
             return checked
+    if not checked.is_proven:
+        return checked
     return checked._replace(latency=_prove_latency(args, funnels, follow("latency")))
 
 
 def _prove_latency(args, funnels, progress):
     """Returns what a latency leaves of the command's error; None where there is none.
 
-    Of one funnel it has to be given; a launch funnel has its own.
+    All else must be proven. Of one funnel the latency has to be given, and predicted
+    where it is flown; a launch funnel has its own.
     """
     from glider.verification.proof.latency import (
         first_predictions,
         predictions_of,
         prove_latency,
     )
-    from glider.verification.proof.phases import first_commands
+    from glider.verification.proof.phases import GRID_ROOM, first_commands
 
-    launch, *rests = funnels
-    if rests:
-        latency = first_commands(launch, rests)[0]
-        found = first_predictions(launch, rests, latency)
-    elif launch.settings.period and args.latency:
-        latency, rests, found = args.latency, [launch], []
-    else:
+    first, *rests = funnels
+    latency = first_commands(first, rests)[0] if rests else _own_latency(args, first)
+    if latency <= GRID_ROOM:
         return None
-    found += [one for own in rests for one in predictions_of(own, latency)]
-    least = args.command_error or 0.0
-    return prove_latency(found[:: args.every], least, progress=progress)
+    found = first_predictions(first, rests, latency) if rests else []
+    for own in rests or [first]:
+        found += predictions_of(own, latency)
+    return prove_latency(found, args.command_error or 0.0, progress=progress)
+
+
+def _own_latency(args, funnel):
+    """Returns the latency that is to be proven of one funnel; 0 where none is."""
+    is_only_flown = args.as_flown and not (args.predict and funnel.settings.period)
+    return 0.0 if is_only_flown or not args.prove else args.latency or 0.0
 
 
 class _Checked(NamedTuple):

@@ -200,7 +200,7 @@ def describe_latency(latency: ProvenLatency) -> str:
 def _least_of(funnels, latency):
     """Returns the settings of the last one, with the least bounds of all."""
     error, wind = np.min([own.settings.pushes for own in funnels], axis=0).tolist()
-    error = latency.error_left if latency and latency.holds else error
+    error = min(error, latency.error_left) if latency and latency.holds else error
     return dataclasses.replace(funnels[-1].settings, command_error=error, wind=wind)
 
 

@@ -1,6 +1,7 @@
 """What a prediction of the state misses, by flights and by numbers of other kinds."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -16,10 +17,10 @@ from glider.verification.dynamics.jets import Slope, monomials, variables
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.dynamics.taylor_models import Recording
 from glider.verification.funnel.funnel import load_funnel
+from glider.verification.proof import check, flight_proof
 from glider.verification.proof import latency as prediction
 from glider.verification.proof.latency import (
     FINE,
-    PARTS,
     ProvenLatency,
     first_predictions,
     predictions_of,
@@ -105,7 +106,7 @@ def test_slopes_in_the_sets_are_within_their_bounds(rest, slopes, hold):
     """Also where the tail is at rest in some states, at the end of the flight."""
     part = predictions_of(rest, LATENCY)[hold].window
     part = part.between(len(part.nominal.times) - 2, len(part.nominal.times) - 1)
-    near = NearSets(slopes, part, LATENCY, np.zeros(7))
+    near = NearSets(slopes, part, np.zeros(7))
     bounds = near.sizes((1.5, 2.5))
     assert np.all(np.isfinite(bounds))
     x = states_in(part, 5000, np.random.default_rng(2)).T
@@ -124,7 +125,7 @@ def test_slopes_in_the_sets_are_within_their_bounds(rest, slopes, hold):
     far = seen > 1e-6
     assert np.all(bounds[far] < 3.5 * seen[far])  # Not much more than what is there.
     # Near the sets there are more states, and larger slopes.
-    wider = NearSets(slopes, part, LATENCY, np.full(7, 0.05)).sizes((1.5, 2.5))
+    wider = NearSets(slopes, part, np.full(7, 0.05)).sizes((1.5, 2.5))
     assert np.all(wider >= bounds - 1e-8) and np.any(wider[far] > 1.02 * bounds[far])
 
 
@@ -160,7 +161,7 @@ def test_no_flight_is_farther_from_its_prediction(rest, slopes, hold):
     command = part.nominal.inputs[0] - e @ part.nominal.gains[0]
     command += np.einsum("bi,ij,bj->b", e, part.nominal.bends[0], e)
     model, still = rest.nominal.model, np.zeros((8, count))
-    winds = 0.022 * np.moveaxis(normalized(rng.normal(size=(8, count, 2))), 2, 2)
+    winds = 0.022 * normalized(rng.normal(size=(8, count, 2)))
     winds[:, ::2] = winds[0, ::2]  # Half of them are steady.
     errors = 0.05 * np.sign(rng.normal(size=(8, count)))
     errors[:, ::2] = errors[0, ::2]
@@ -223,29 +224,62 @@ def test_the_choice_leaves_less_than_its_room(launch, rest, slopes, monkeypatch)
     assert own.error_left(slopes, FINE) < 0.0
 
 
-def test_the_command_line_proves_a_latency(capsys, monkeypatch):
+def test_a_latency_that_cannot_be_proven_is_refused(capsys, rest):
     path = str(FOLDER / "phase_1.npz")
     asked = ["check-funnel", path, "--every", "1000", "--prove"]
-    held = ["--hold", "0.02", "--latency"]
-    assert main([*asked, *held, "0.02"]) == 2
+    assert main([*asked, "--hold", "0.02", "--latency", "0.02"]) == 2
     assert "expected less than the funnel's period, 0.02 s" in capsys.readouterr().err
     drawn = str(models_path("funnels", "drawn.npz"))
     assert main(["check-funnel", drawn, "--prove", "--latency", "0.01"]) == 2
     assert "the funnel is for a feedback that acts at all times" in (
         capsys.readouterr().err
     )
+    with pytest.raises(InputError, match="more than one command's"):
+        predictions_of(rest.between(0, 4), LATENCY)
 
 
-def test_lines_of_a_covector_end_where_the_nominal_takes_it(rest, slopes):
+@pytest.mark.parametrize(("left", "code"), [(0.006, 0), (0.004, 1)])
+def test_a_latency_is_proven_of_what_is_proven_as_a_whole(
+    left, code, capsys, monkeypatch
+):
+    source = str(models_path("funnels", "held_head_wind_hook.npz"))
+    asked = ["check-funnel", source, "--hook", "--prove", "--latency", "0.01"]
+    asked += ["--command-error", "0.005", "--every", "1000"]
+
+    def prove(predictions, least, progress):
+        assert len(predictions) == 44 and predictions[0].latency == 0.01
+        return ProvenLatency(latency=0.01, error_left=left, least=least)
+
+    monkeypatch.setattr(prediction, "prove_latency", prove)
+    assert main(asked) == 1  # Of some intervals: nothing is said of the latency.
+    assert "latency" not in capsys.readouterr().out
+    monkeypatch.setattr(check.Verdict, "is_whole", True)
+    monkeypatch.setattr(flight_proof.FlightProof, "is_whole", True)
+    assert main(asked) == code
+    said = " ".join(capsys.readouterr().out.split())
+    words = "Proven: commands may be computed 10 ms before they act"
+    assert (words in said) == (code == 0)
+    assert ("leaves 0.004 rad/s of the funnel's command error" in said) == (code == 1)
+    assert main([*asked, "--json"]) == code
+    assert json.loads(capsys.readouterr().out)["latency"]["holds"] == (code == 0)
+
+
+def test_errors_are_no_larger_than_those_of_the_launch(launch, rest, slopes):
+    """The sets in which the first command is predicted are proven for no more."""
+    settings = dataclasses.replace(launch.settings, command_error=0.003)
+    own = first_predictions(
+        dataclasses.replace(launch, settings=settings), [rest], 0.01
+    )
+    alone = dataclasses.replace(own[0], root=own[0].root[:0])
+    assert alone.error_left(slopes, (1.5, 2.5)) == pytest.approx(0.003)
+
+
+def test_lines_of_a_covector_end_where_the_nominal_takes_it(rest, slopes, monkeypatch):
     """With λ of constant slopes instead, more of Jᵀ λ - dλ/dσ is left."""
     own = predictions_of(rest, LATENCY)[10]
     good = prediction._missed(own, slopes, own.gains[None], FINE)[0]
-    assert PARTS == 4
-    worse = dataclasses.replace(own, window=own.window)
-    step = prediction.scipy.linalg.expm
-    try:
-        prediction.scipy.linalg.expm = lambda matrix: np.eye(len(matrix))
-        bad = prediction._missed(worse, slopes, own.gains[None], FINE)[0]
-    finally:
-        prediction.scipy.linalg.expm = step
+    monkeypatch.setattr(
+        prediction.scipy.linalg, "expm", lambda matrix: np.eye(len(matrix))
+    )
+    bad = prediction._missed(own, slopes, own.gains[None], FINE)[0]
     assert np.all(good < bad)

@@ -190,7 +190,7 @@ class TaylorModel(Number):
         return add(FUNCTIONS[function], place, *powers)
 
     def within(self, first: Any, second: Any) -> "TaylorModel":
-        add = self.recording.add
+        add = self.recording.add  # A constant is 0 of the first operation, and more.
         limits = (
             limit.exactly()
             if isinstance(limit, TaylorModel)

@@ -12,8 +12,9 @@ straight lines, so that the first part is small. |δ| is bounded state by state,
 after the start by
     Σ τᵏ⁺¹ / (k + 1)! |J|ᵏ |G (d, w)|.
 On the sets of an interval, and on all states as near to them as that, Taylor models on
-boxes bound J, G and both parts of the integral. Predictions may also be of a servo that
-meets its limits where that of the flight does not: flights stay farther from them.
+boxes bound J, G and both parts of the integral. The prediction's elevator is off by |δ|
+and its command by d: from the stops the sets keep that much more away, so that no
+prediction meets them. A command that is computed keeps the limit of rate.
 """
 
 import dataclasses
@@ -29,7 +30,7 @@ from glider.errors import InputError, expect
 from glider.verification.dynamics.nominal import table_of
 from glider.verification.funnel.clock import hold_starts
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.phases import PREDICTED, first_commands
+from glider.verification.proof.phases import GRID_ROOM, PREDICTED, first_commands
 from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.exact import exact, is_positive_definite
 
@@ -76,6 +77,7 @@ class Prediction:
         rows = np.vstack([self.gains, self.root])
         wind, error = _missed(self, slopes, rows, rooms).T
         lefts = [(self.bound - wind[0]) / (1.0 + error[0])]
+        lefts.append(self.window.settings.command_error)
         if len(self.root):
             of_wind, of_error = (np.linalg.norm(of[1:]) for of in (wind, error))
             lefts.append((PREDICTED - of_wind) / of_error)
@@ -106,6 +108,8 @@ def check_latency(funnel: Funnel, latency: float) -> None:
         )
     words = f"less than the funnel's period, {period:g} s"
     expect(0.0 <= latency < period, "the latency", latency, words)
+    duration, words = float(funnel.nominal.times[-1]), "more than one command's"
+    expect(duration > period + GRID_ROOM, "the funnel's duration", duration, words)
 
 
 def predictions_of(funnel: Funnel, latency: float) -> list[Prediction]:
@@ -122,7 +126,7 @@ def predictions_of(funnel: Funnel, latency: float) -> list[Prediction]:
         first = np.searchsorted(nominal.times, end - latency, side="right") - 1
         found.append(
             Prediction(
-                window=funnel.between(int(first), int(k) - 1),
+                window=funnel.between(max(int(first), 0), int(k) - 1),
                 ends=(end, end),
                 latency=latency,
                 gains=nominal.gains[k],
@@ -206,9 +210,10 @@ def _missed(prediction, slopes, directions, rooms):
     window, latency = prediction.window, prediction.latency
     n, near = window.num_states, np.zeros(window.num_states)
     pushes = np.array([window.settings.wind, window.settings.command_error])
+    nothing = np.full((len(directions), 2), np.inf)
     for _ in range(TURNS):
         enclosed = [
-            NearSets(slopes, window.between(k, k + 1), latency, near)
+            NearSets(slopes, window.between(k, k + 1), near)
             for k in window.nominal.flows
         ]
         sizes = np.max([part.sizes(rooms) for part in enclosed], axis=0)
@@ -217,8 +222,10 @@ def _missed(prediction, slopes, directions, rooms):
         if np.all(farthest <= near):
             break
         near = NEARBY * farthest
+        if not np.all(np.isfinite(near)):
+            return nothing
     else:
-        return np.full((len(directions), 2), np.inf)
+        return nothing
     own = window.nominal.open_loop[:, :, table_of(n + 1).of_degree(1)][..., :n]
     step = scipy.linalg.expm(own.mean(axis=0) * (latency / PARTS))
     first, total = directions, np.zeros((len(directions), 2))

@@ -95,6 +95,11 @@ def phase_faults(
             f"The launch's funnel ends after {1e3 * end:g} ms, but the first command "
             f"may act {1e3 * periods[0]:g} ms after the launch."
         )
+    if earliest >= periods[0]:
+        faults.append(
+            f"The first command may act {1e3 * earliest:g} ms after its sample; "
+            f"expected less than the {1e3 * periods[0]:g} ms between samples."
+        )
     if latency is not None and not abs(earliest - latency) <= GRID_ROOM:
         faults.append(
             f"The funnels are for a latency of {1e3 * earliest:g} ms; expected "

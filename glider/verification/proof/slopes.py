@@ -9,9 +9,10 @@ import dataclasses
 import numpy as np
 import scipy.linalg
 
-from glider.compiled.taylor import INPUT, WIDER
+from glider.compiled.taylor import INPUT, ROUNDING, WIDER
 from glider.physics.model import GliderModel
 from glider.physics.servo import STOPPING_TIME
+from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.jets import Slope, monomials
 from glider.verification.dynamics.nominal import nonlinear_parts, open_loop_rates
 from glider.verification.dynamics.taylor_models import Program, Recording
@@ -74,20 +75,19 @@ class Slopes:
 class NearSets:
     """Bounds of slopes on the sets of an interval, and on what is near them."""
 
-    def __init__(self, slopes: Slopes, part: Funnel, latency: float, near: np.ndarray):
+    def __init__(self, slopes: Slopes, part: Funnel, near: np.ndarray):
         """Covers them, where that is proven.
 
         Args:
             slopes: of the funnel's glider.
             part: funnel of two times.
-            latency: of commands [s].
             near: distance (n,) that is near.
         """
         nominal, n, m = part.nominal, part.num_states, len(slopes.which)
         self.first, self.last = nominal.times
         self._slopes = slopes
         self._pushes = np.array([part.settings.wind, part.settings.command_error])
-        ahead = part.settings.command_error * (1.0 + latency / STOPPING_TIME)
+        ahead = part.settings.command_error + near[ELEVATOR] / STOPPING_TIME
         wider = dataclasses.replace(part, errors=part.errors + ahead)
         interval, place = make_interval(wider), slopes.table.place
         basis, _ = tight_cover(interval)
@@ -157,7 +157,7 @@ class NearSets:
             slopes=self._slopes,
             program=program,
             polynomials=np.concatenate([own, lines], axis=1),
-            lacks=np.append(self._lacks, np.zeros(lines.shape[1])),
+            lacks=np.append(self._lacks, ROUNDING * np.abs(lines).max(axis=(0, 2))),
         )
         largest = own_room = boxes.largest()
         if weights is not None:
