@@ -41,17 +41,18 @@ TERMS = 30
 """Terms of the series that bounds |δ|; the rest is bounded too."""
 
 NEARBY = 1.1
-"""How far from the sets slopes are bounded, over |δ| by those that were before."""
+"""Distance from the sets on which slopes are bounded, over the |δ| that the bounds of
+the turn before give."""
 
 TURNS = 4
-"""Times that it is tried; the second does as a rule."""
+"""Turns until |δ| is no larger than that distance; two are enough as a rule."""
 
 COARSE, FINE = (2.5,), (1.1, 1.2, 1.5)
-"""Bounds that are tried, over the largest value that is sampled: of all predictions,
-and of those that leave least."""
+"""Bounds over the largest sampled value, in the order in which they are tried: for all
+predictions, then for those that leave least."""
 
 DIGIT = 1e-4
-"""What the error that is left is rounded down to [rad/s]."""
+"""Step to which the error that is left is rounded down [rad/s]."""
 
 CHOICE_ROOM = 1.001
 """Factor on the inlet of one funnel that holds those of all."""
