@@ -125,7 +125,7 @@ def add_arguments(parser: CommandParser) -> None:
             "--latency",
             "--as-flown, --phases or --prove",
             LATENCY,
-            "time from a state to the command of it [s]",
+            "time from a state to its command [s]; none of one funnel with --prove",
         ),
         ("--command-error", both, 0.0, "largest other error of the command [rad/s]"),
         ("--wind", both, 0.0, "largest wind beyond the model's own [m/s]"),
