@@ -242,7 +242,7 @@ def _check(args, funnels, problem, model, covariance, least_inlet, follow):
         )
         checked.proofs.append(proof)
         if not proof.complete:
-            return checked
+            break
     if not checked.is_proven:
         return checked
     return checked._replace(latency=_prove_latency(args, funnels, follow("latency")))
@@ -298,8 +298,9 @@ class _Checked(NamedTuple):
         """Whether it is proven as a whole."""
         is_checked = self.holds and all(verdict.is_whole for verdict in self.verdicts)
         are_whole = [proof.is_whole for proof in self.proofs]
-        are_whole.append(self.latency is None or self.latency.holds)
-        return is_checked and len(are_whole) > len(self.funnels) and all(are_whole)
+        lacks = self.latency is not None and not self.latency.holds
+        whole = len(are_whole) == len(self.funnels) and all(are_whole)
+        return is_checked and whole and not lacks
 
 
 def _print_outcome(args, checked, trial, flown):

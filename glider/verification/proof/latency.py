@@ -27,12 +27,12 @@ import scipy.linalg
 
 from glider.compiled.taylor import WIDER
 from glider.errors import InputError, expect
-from glider.verification.dynamics.nominal import table_of
 from glider.verification.funnel.clock import hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.phases import GRID_ROOM, PREDICTED, first_commands
 from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.exact import exact, is_positive_definite
+from glider.verification.sos.forms import linear_part
 
 PARTS = 4
 """Straight lines of λ."""
@@ -209,7 +209,7 @@ def _missed(prediction, slopes, directions, rooms):
     λ are directions (R, n); bounds are infinite where nothing is proven.
     """
     window, latency = prediction.window, prediction.latency
-    n, near = window.num_states, np.zeros(window.num_states)
+    near = np.zeros(window.num_states)
     pushes = np.array([window.settings.wind, window.settings.command_error])
     nothing = np.full((len(directions), 2), np.inf)
     for _ in range(TURNS):
@@ -227,21 +227,19 @@ def _missed(prediction, slopes, directions, rooms):
             return nothing
     else:
         return nothing
-    own = window.nominal.open_loop[:, :, table_of(n + 1).of_degree(1)][..., :n]
-    step = scipy.linalg.expm(own.mean(axis=0) * (latency / PARTS))
+    duration = latency / PARTS
+    step = scipy.linalg.expm(duration * linear_part(window.nominal.open_loop).mean(0))
     first, total = directions, np.zeros((len(directions), 2))
     for k, away in enumerate(apart):
-        last, share = first @ step, latency / PARTS
-        begins, over = (
-            prediction.ends[0] - (k + 1) * share,
-            prediction.ends[1] - k * share,
-        )
+        last = first @ step
+        begins = prediction.ends[0] - (k + 1) * duration
+        ends = prediction.ends[1] - k * duration
         rates = [
-            part.pulls(first, last, share, away, rooms)
+            part.pulls(first, last, duration, away, rooms)
             for part in enclosed
-            if part.last >= begins and part.first <= over
+            if part.last >= begins and part.first <= ends
         ]
-        total += np.max(rates, axis=0) * (share * WIDER)
+        total += np.max(rates, axis=0) * (duration * WIDER)
         first = last
     return total * [pushes[0], 1.0]
 

@@ -7,14 +7,17 @@ the sets bound it. A bound is first guessed by samples and then proven.
 import dataclasses
 
 import numpy as np
-import scipy.linalg
 
 from glider.compiled.taylor import INPUT, ROUNDING, WIDER
 from glider.physics.model import GliderModel
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.jets import Slope, monomials
-from glider.verification.dynamics.nominal import nonlinear_parts, open_loop_rates
+from glider.verification.dynamics.nominal import (
+    hermite_powers,
+    nonlinear_parts,
+    open_loop_rates,
+)
 from glider.verification.dynamics.taylor_models import Program, Recording
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.boxes import blame_of, shifted, top_in_balls
@@ -94,8 +97,8 @@ class NearSets:
         unit = np.eye(m + 5, dtype=int)
         self._time = [place(j * unit[-1]) for j in range(DEGREE + 1)]
         self._line = place(unit[-2])
-        curve = nominal.path.c[::-1, 0].T * (0.5 * np.diff(nominal.times)) ** range(4)
-        curve = curve @ scipy.linalg.pascal(4, "lower")
+        half = 0.5 * (nominal.times[1] - nominal.times[0])
+        curve = hermite_powers(nominal.states, nominal.slopes, half)
         found = np.zeros((n + 3, len(slopes.table.degrees)))
         found[:n, self._time] = curve[:, : DEGREE + 1]
         ends = nominal.inputs

@@ -18,7 +18,7 @@ from glider.verification.sos.sphere import Sphere
 
 
 def linear_part(coefficients: np.ndarray) -> np.ndarray:
-    """Returns F₁ (..., n, n) of coefficients (..., n, M) of `Nominal.closed_loop`."""
+    """Returns F₁ (..., n, n) of coefficients (..., n, M) of a `Nominal`'s rates."""
     n = coefficients.shape[-2]
     return coefficients[..., 1 : n + 1]
 
