@@ -280,7 +280,7 @@ def smooth_flight(adjoint, *flight):
     times, by_x, by_air, by_trim = flight[0], flight[1], flight[2], flight[3]
     pose_by_x, seen, rates = flight[5], flight[7], flight[11]
     innovations, variances, gains, airs = flight[13], flight[14], flight[15], flight[16]
-    filter_columns(by_x.shape[1], 1, *flight)
+    filter_flight(*flight)
     n = by_x.shape[1]
     total = n + OWN_STATES
     moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, 1)), np.empty(total)
@@ -307,28 +307,12 @@ def smooth_flight(adjoint, *flight):
         adjoint[j] = now[j, 0]
 
 
-@machine_code
-def score_flight(by_sensor, by_start, by_power, by_time, *flight):
-    """Filters a flight of one column and writes the slopes of its cost.
-
-    The cost is ½ Σ (e² + log s) of innovations e over their standard deviations and of
-    their variances s. With λ, the adjoint of `smooth_flight`, and Λ, its covariance,
-        dcost = ½ tr((Λ - λ λ') dP) - λ' dm
-    for changes of a covariance P and a mean m (Segal and Weinstein, IEEE Trans. Inf.
-    Theory 35, 1989).
-
-    Args:
-        by_sensor: (C,) by the variances of the measurements.
-        by_start: (n + 8,) by those of the deviations at the first node.
-        by_power: (4,) by the steady ones of the processes, but for their start.
-        by_time: (2,) by the logarithms of the gusts' correlation times.
-        flight: arguments of `filter_columns`, with gains and airs.
-    """
+@inlined_code
+def trace_back(n, by_sensor, by_start, by_power, by_time, *flight):
+    """Writes the slopes of `score_flight` of a flight that was filtered."""
     times, by_x, by_air, by_trim = flight[0], flight[1], flight[2], flight[3]
     pose_by_x, seen, rates, powers = flight[5], flight[7], flight[11], flight[12]
     innovations, variances, gains, airs = flight[13], flight[14], flight[15], flight[16]
-    filter_flight(*flight)
-    n = by_x.shape[1]
     total = n + OWN_STATES
     size = total + 1  # The last column is λ.
     moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, size)), np.empty(total)
@@ -378,21 +362,50 @@ def score_flight(by_sensor, by_start, by_power, by_time, *flight):
             inverse = 1.0 / variances[k, c]
             change = innovations[k, c, 0] * np.sqrt(variances[k, c])
             spread = inverse
-            for i in range(total):
-                half[i] = 0.0
+            half[:] = 0.0
+            for i in range(total):  # Λ is symmetric.
+                part = gains[k, c, i] * inverse
                 for j in range(total):
-                    half[i] += now[i, j] * gains[k, c, j] * inverse
+                    half[j] += part * now[i, j]
                 change -= gains[k, c, i] * now[i, total]
+            for i in range(total):
                 spread += gains[k, c, i] * half[i] * inverse
             change *= inverse
             by_sensor[c] += 0.5 * (spread - change * change)
             for i in range(total):
-                for j in range(total):
-                    now[i, j] += row[i] * row[j] * spread
-                    now[i, j] -= row[i] * half[j] + half[i] * row[j]
-                now[i, total] += row[i] * change
+                part = row[i]
+                if part != 0.0:
+                    for j in range(total):
+                        now[i, j] += part * (row[j] * spread - half[j])
+                        now[j, i] -= part * half[j]
+                    now[i, total] += part * change
     for i in range(by_start.shape[0]):
         by_start[i] = 0.5 * (now[i, i] - now[i, total] ** 2)
+
+
+@machine_code
+def score_flight(by_sensor, by_start, by_power, by_time, *flight):
+    """Filters a flight of one column and writes the slopes of its cost.
+
+    The cost is ½ Σ (e² + log s) of innovations e over their standard deviations and of
+    their variances s. With λ, the adjoint of `smooth_flight`, and Λ, its covariance,
+        dcost = ½ tr((Λ - λ λ') dP) - λ' dm
+    for changes of a covariance P and a mean m (Segal and Weinstein, IEEE Trans. Inf.
+    Theory 35, 1989).
+
+    Args:
+        by_sensor: (C,) by the variances of the measurements.
+        by_start: (n + 8,) by those of the deviations at the first node.
+        by_power: (4,) by the steady ones of the processes, but for their start.
+        by_time: (2,) by the logarithms of the gusts' correlation times.
+        flight: arguments of `filter_columns`, with gains and airs.
+    """
+    filter_flight(*flight)
+    n = flight[1].shape[1]
+    if n == MOTION:
+        trace_back(MOTION, by_sensor, by_start, by_power, by_time, *flight)
+    else:
+        trace_back(n, by_sensor, by_start, by_power, by_time, *flight)
 
 
 def no_flight() -> tuple[np.ndarray, ...]:

@@ -242,10 +242,9 @@ def _make_block(
     if kind.term in ABOUT_MEAN:
         mean = np.mean(shown @ basis, axis=0)
         basis = basis @ scipy.linalg.null_space(mean[None])
-    _, spreads, axes = np.linalg.svd(
-        shown @ basis / np.sqrt(len(shown)), full_matrices=False
-    )
-    basis = basis @ axes[: np.count_nonzero(spreads > resolved)].T
+    squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
+    spreads = np.sqrt(np.maximum(squares[::-1], 0.0))
+    basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]
     return Block(
         name=name,
         terms=(kind.term,),

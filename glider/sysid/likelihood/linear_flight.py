@@ -21,7 +21,13 @@ from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
+from glider.sysid.replay.replayed import (
+    signals,
+    states_at_rest,
+    trimmed,
+    true_nodes,
+    with_states_along,
+)
 
 FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
 
@@ -251,8 +257,10 @@ def _secants(
     for direction in directions:
         base = direction.base(theta)
         if direction.shapes not in bases:
-            has_states = direction.kind in record.layout.states
-            nodes = true_nodes(record, base, field, has_states)
+            if direction.kind in record.layout.states:  # The motion is the same.
+                nodes = with_states_along(record, base, usual[0], field)
+            else:
+                nodes = true_nodes(record, base, field)
             bases[direction.shapes] = nodes, ends_from(nodes, base)
         nodes, ends = bases[direction.shapes]
         yield (ends_from(nodes, direction.moved(theta)) - ends) / direction.size

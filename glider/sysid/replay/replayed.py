@@ -112,16 +112,24 @@ def true_nodes(
     zero unless they are asked for.
     """
     nodes = _without_sensors(record, theta, field)
-    elevator, rate, logged, persists = signals(record, theta)
+    *_, logged, persists = signals(record, theta)
     shown = record.seen[:, 3] & persists
     if shown.any():  # Else the offset is unknown.
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
     if not with_states and record.layout.active_states(theta)[-1] < NUM_STATES:
         return nodes
-    along = compiled.log_path(record.time, elevator, rate)
+    return with_states_along(record, theta, nodes, field)
+
+
+def with_states_along(
+    record: Record, theta: np.ndarray, nodes: np.ndarray, field: Field = NO_FIELD
+) -> np.ndarray:
+    """Returns nodes (n, num_states) with the effects' states that follow from them."""
+    elevator, rate, *_ = signals(record, theta)
+    along, start = compiled.log_path(record.time, elevator, rate), nodes.copy()
     kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
-    nodes[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
-    return compiled.with_extras(kinds, along, nodes, dynamics, field)
+    start[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
+    return compiled.with_extras(kinds, along, start, dynamics, field)
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:
