@@ -149,15 +149,16 @@ class Search:
     def near(self, model: FitResult) -> FirstOrder | None:
         """Compares sets about a model; None where the model diverges."""
         if self._near[0] is not self.task or self._near[1] is not model:
-            self._near = self.task, model, self._compare(model)
+            offered = self.task.offered
+            self._near = self.task, model, self.compare(model, offered)
         return self._near[2]
 
-    def _compare(self, model: FitResult) -> FirstOrder | None:
-        """Compares sets about a model, free functions too.
+    def compare(self, model: FitResult, kinds: Collection[str]) -> FirstOrder | None:
+        """Compares sets of some kinds about a model; None where it diverges.
 
         On some of many flights: what is proposed is fitted to all.
         """
-        few = self.task.thinned(MANY_FLIGHTS)
+        few = self.task.offering(kinds).thinned(MANY_FLIGHTS)
         leading = [block.leading_only for block in few.blocks.values()]
         candidates = gather(few, model, leading)
         about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)

@@ -171,10 +171,10 @@ def reshaped(search: Search, model: FitResult) -> FitResult | None:
             continue
         search.reshaped.add(tried)
         fewer = search.fit_without(model, kind)
-        if (near := search.near(fewer)) is None:
+        if (near := search.compare(fewer, {kind, *fewer.kinds})) is None:
             continue
         rest = near.by_first(fewer.kinds)
-        if options := near.among({kind}).larger(rest):
+        if options := near.larger(rest):
             other = near.begin(max(options, key=near))
             words = f"{kind} with other shapes?"
             other = search.fit(other, words, rival=model, again=True)

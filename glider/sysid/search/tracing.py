@@ -111,13 +111,17 @@ def begun_from(task: Task, earlier: FitResult) -> FitResult:
 
 
 def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
-    """Yields better models; effects that are tried last come last.
+    """Yields better models: of formulas, of free functions too, of all effects.
 
     No move betters the last one.
     """
-    task, usual = search.task, model
-    search.task = without_late(task, model.kinds)
-    for usual in improvements(search, model):
+    task, early = search.task, without_late(search.task, model.kinds)
+    search.task = early.offering({*early.kinds, *model.free_kinds})
+    of_formulas = model
+    for of_formulas in improvements(search, model, ("best set",)):
+        yield of_formulas
+    search.task, usual = early, of_formulas
+    for usual in improvements(search, of_formulas):
         yield usual
     if search.task is task:
         return
