@@ -125,11 +125,9 @@ def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
         yield usual
     if search.task is task:
         return
-    search.task = task.offering({*LATE, *usual.kinds})
-    late = usual
+    search.task, late = task, usual
     for late in improvements(search, usual, ("best set",)):
         yield late
-    search.task = task
     if late is not usual:
         yield from improvements(search, late)
 
