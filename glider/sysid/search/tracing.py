@@ -5,7 +5,7 @@ sets are proposed in closed form and fitted, until no move finds one. What resam
 flights do not support is dropped, and the loop goes on without it.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterator, Mapping
 
 import numpy as np
 
@@ -116,20 +116,16 @@ def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
     No move betters the last one.
     """
     task, early = search.task, without_late(search.task, model.kinds)
-    search.task = early.offering({*early.kinds, *model.free_kinds})
-    of_formulas = model
-    for of_formulas in improvements(search, model, ("best set",)):
-        yield of_formulas
-    search.task, usual = early, of_formulas
-    for usual in improvements(search, of_formulas):
-        yield usual
-    if search.task is task:
-        return
-    search.task, late = task, usual
-    for late in improvements(search, usual, ("best set",)):
-        yield late
-    if late is not usual:
-        yield from improvements(search, late)
+    if not model.kinds:  # A formula's own free function would come before it.
+        search.task = early.offering(early.kinds)
+        model = yield from improvements(search, model, ("best set",))
+    search.task = early
+    model = yield from improvements(search, model)
+    if early is not task:
+        search.task = task
+        late = yield from improvements(search, model, ("best set",))
+        if late is not model:
+            yield from improvements(search, late)
 
 
 def rivals_of(
@@ -163,8 +159,8 @@ def rivals_of(
 
 def improvements(
     search: fits.Search, model: FitResult, names: Collection[str] = moves.MOVES
-) -> Iterator[FitResult]:
-    """Yields better models until none of the moves finds one."""
+) -> Generator[FitResult, None, FitResult]:
+    """Yields better models until none of the moves finds one; returns the last."""
     while True:
         for name in names:
             search.progress(name)
@@ -175,7 +171,7 @@ def improvements(
                 model = better
                 break
         else:
-            return
+            return model
 
 
 def improved(search: fits.Search, model: FitResult) -> FitResult:
