@@ -360,6 +360,8 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
             raise InputError(
                 f"--{name} is of one funnel; expected it without --phases."
             )
+    latency, words = args.latency or 0.0, "0 or more, and less than the period"
+    expect(0.0 <= latency < math.inf, "--latency", latency, words)
     level = _level(args.confidence)
     names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}

@@ -5,6 +5,7 @@ The sentences are in `templates/check_funnel.txt`.
 
 import dataclasses
 import functools
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 from glider.errors import printable
 from glider.physics.confidence import describe_set
 from glider.physics.covariance import Covariance
+from glider.physics.model import GliderModel, model_text
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
@@ -29,7 +31,6 @@ from glider.verification.proof.phases import LEVEL, first_commands
 from glider.verification.proof.purpose import (
     arrival,
     hook_faults,
-    model_hash,
     set_sizes,
     wind_for_set,
 )
@@ -221,6 +222,11 @@ def _made_for(funnel, trial):
     if not funnel.gliders:
         return None
     return bool(np.all(funnel.gliders.confidence.holds(trial.deviations)))
+
+
+def model_hash(model: GliderModel) -> str:
+    """Returns the hash of a glider's file, in hexadecimal: the same for equal ones."""
+    return hashlib.sha256(model_text(model).encode()).hexdigest()
 
 
 def _text(macro, *values):

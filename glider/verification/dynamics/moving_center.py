@@ -18,11 +18,10 @@ from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.nominal import Nominal, closed_loop_rates
 
 STEPS = 4
-"""Runge-Kutta steps between two times; twice as many change X by less than 1e-5 of
-it."""
+"""Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
 
 _TINY = 1e-30
-"""Step of a complex difference quotient, in a number's unit."""
+"""Step of a complex difference quotient."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +57,7 @@ def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCen
     starts = _linear(nominal, names)
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names) for share in shares]
-    shifts = np.zeros((len(times), nominal.states.shape[1], len(names)))
+    shifts = np.zeros_like(starts[1])
     for k, step in enumerate(np.diff(times) / STEPS):
         nodes = [(F1[k], push[k]) for F1, push in (starts, *between)]
         nodes.append((starts[0][k + 1], starts[1][k + 1]))

@@ -1,9 +1,8 @@
 """V̇/V on the boundary of a funnel, at its times and between them: its largest value.
 
-Between the times the flight and the sets are cubic Hermite polynomials. The largest
-value on the unit sphere is found by ascent from many points: a lower bound of the truth
-and in all cases seen the truth itself, or nearly. It only guides the choice of a
-funnel, which sums of squares then certify.
+The largest value on the unit sphere is found by ascent from many points: a lower bound,
+in all cases seen of the truth itself, or nearly. It only guides the choice of a funnel,
+which sums of squares then certify.
 """
 
 import dataclasses
@@ -25,9 +24,8 @@ from glider.verification.sos.forms import (
 )
 
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-"""Points of each interval between two times where V̇ is examined. With three, and with
-five, a funnel was made whose V̇ rises between two of them, where a servo limit cuts it
-down; it could not be proven."""
+"""Points of each interval where V̇ is examined. With five, a funnel was made whose V
+rises between two of them, where a servo limit cuts it down; it could not be proven."""
 
 NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
@@ -53,15 +51,13 @@ BOUNDS = tuple(Bounds.__dataclass_fields__)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BoundarySets(Bounds):
-    """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and the remainder in their growth.
+    """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and what acts on them.
 
-    S is the cubic Hermite polynomial through its values and slopes. The names of the
-    arrays are keys in a funnel's file.
+    The names of the arrays are keys in a funnel's file.
     """
 
-    #: Nominal flight x₀, and the feedback that keeps the glider inside.
-    nominal: Nominal
-    S: np.ndarray  #: Matrices S (T, n, n).
+    nominal: Nominal  #: Flight x₀, and the feedback that keeps the glider inside.
+    S: np.ndarray  #: Matrices S (T, n, n), between the times cubic Hermite polynomials.
     slopes: np.ndarray  #: Slopes Ṡ (T, n, n) [1/s].
     settings: FunnelSettings  #: Settings that it was made with.
 
@@ -99,10 +95,7 @@ PUSHES = [0, 1, 1]
 
 
 def boundary_forms(sets: BoundarySets, G: np.ndarray) -> BoundaryForms:
-    """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R, and pushes.
-
-    These act along G (T, n, 3, 1 + n), see `push_form`.
-    """
+    """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R and `push_form`."""
     S, nominal = sets.S, sets.nominal
     cubic, quartic = higher_forms(S, nominal.closed_loop)
     _, L_inv_T = to_ball(S)
@@ -126,7 +119,7 @@ def push_form(
 ) -> BoundaryForms:
     """Returns what pushes (T, 2) along G add to V̇/V, G (T, n, 3, 1 + n) in (1, e).
 
-    The command is off by eᵀ M e too, M the bends (T, n, n), which has its own sign.
+    The command is off by eᵀ M e too, of either sign, M the bends (T, n, n).
     2 eᵀ S G w <= λ |Gᵀ S e|² + w² / λ of both axes of the wind: half of w² each.
     Gᵀ S e = pᵀ z + zᵀ M z, so that its square is a quartic.
     """
@@ -169,9 +162,8 @@ def remainder_form(
 def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
     """Returns the largest V̇/V (T,) found by ascent, at times in order [1/s].
 
-    One ascent misses the truth at some time or other, by up to 0.08 1/s with 12 starts.
-    The worst point moves steadily, so that what a neighbor in time found leads there.
-    The axes of the quadratic part are starts too.
+    One ascent misses the truth at some times, by up to 0.08 1/s with 12 starts; what a
+    neighbor in time found leads there. The quadratic part's axes are starts too.
     """
     axes = np.swapaxes(np.linalg.eigh(forms.quadratic)[1], 1, 2)
     seeds = np.broadcast_to(starts, (len(axes), *starts.shape))
@@ -198,10 +190,9 @@ def growth_between(
         every: examine every so many intervals only.
         here: the nominal flight at these points, where it is expanded already.
     """
-    k = sets.nominal.flows[::every]
 
     def mixed(values):
-        return (1.0 - share) * values[k] + share * values[k + 1]
+        return sets.nominal.mixed(values, share)[::every]
 
     here = here or sets.nominal.between(share).part(slice(None, None, every))
     own = {name: mixed(getattr(sets, name)) for name in BOUNDS}
@@ -248,9 +239,8 @@ def largest_values(
         slope = np.where(up, new_slope, slope)
         value = np.maximum(value, new_value)
         shift *= np.where(up, 0.7, 3.0)
-    best = np.argmax(value, axis=1)
-    rows = np.arange(len(value))
-    return value[rows, best], z[rows, best]
+    best = np.arange(len(value)), np.argmax(value, axis=1)
+    return value[best], z[best]
 
 
 def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -282,8 +272,7 @@ def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndar
 def _value_and_half_slope(quadratic, third, fourth, z):
     """Returns p (T, B) and ∇p / 2 (T, B, n) at points, given symmetric tensors."""
     count, batch, n = z.shape
-    twice = z[..., :, None] * z[..., None, :]
-    flat = twice.reshape(count, batch, n * n)
+    flat = (z[..., :, None] * z[..., None, :]).reshape(count, batch, n * n)
     linear = z @ quadratic
     square = flat @ third.reshape(count, n * n, n)
     matrix = (flat @ fourth.reshape(count, n * n, n * n)).reshape(count, batch, n, n)

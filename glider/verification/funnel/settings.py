@@ -6,12 +6,11 @@ import math
 import numpy as np
 
 from glider.errors import InputError, expect
-from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
+from glider.physics.state import NUM_STATES, PITCH, POSITION, STATE_NAMES, VELOCITY
 from glider.planning.problem import Hook, PerchingProblem
 
 LAUNCH_SIZES = (0.02, 0.1, 0.05, 0.1, 0.1, 0.2, 0.6)
-"""Launch errors that count equally where a high inlet is wanted, in the order of
-STATE_NAMES [m, rad, m/s, rad/s]."""
+"""Launch errors that count equally where a high inlet is wanted, as `launch_sizes`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -67,21 +66,24 @@ class FunnelSettings:
         for name in ("goal", "sizes", "launch_sizes"):
             values = getattr(self, name)
             if name != "launch_sizes" or values is not None:
-                good = len(values) == NUM_STATES and all(map(_is_positive, values))
+                good = all(0.0 < value < math.inf for value in values)
+                good = good and len(values) == NUM_STATES
                 expect(good, f"field '{name}'", values, vector)
+
+        def expect_positive(name, words="a positive number", or_zero=False):
+            value = getattr(self, name)
+            good = 0.0 < value < math.inf or (or_zero and value == 0.0)
+            expect(good, f"field '{name}'", value, words)
+
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin", "floor"):
-            value = getattr(self, name)
-            expect(_is_positive(value), f"field '{name}'", value, "a positive number")
-        for name in _NOT_NEGATIVE:
-            value = getattr(self, name)
-            good = _is_positive(value) or value == 0.0
-            expect(good, f"field '{name}'", value, "a number that is zero or positive")
-        words = "a positive number where there is a command_error, wind or period"
-        good = self.remainder > 0.0 or not (self.pushes.any() or self.period)
-        expect(good, "field 'remainder'", self.remainder, words)
-        words = "a positive number where there is a period"
-        good = self.elevator_gain > 0.0 or not self.period
-        expect(good, "field 'elevator_gain'", self.elevator_gain, words)
+            expect_positive(name)
+        for name in ("remainder", "elevator_gain", "command_error", "wind", "period"):
+            expect_positive(name, "a number that is zero or positive", or_zero=True)
+        where = "a positive number where there is a"
+        if self.pushes.any() or self.period:
+            expect_positive("remainder", f"{where} command_error, wind or period")
+        if self.period:
+            expect_positive("elevator_gain", f"{where} period")
 
     @property
     def pushes(self) -> np.ndarray:
@@ -94,26 +96,15 @@ class FunnelSettings:
 
     def launch_axes(self, num_states: int) -> np.ndarray:
         """Returns the launch's sizes (n,): 0 for the effects' own states, at rest."""
-        given = self.launch_sizes or (0.0,) * NUM_STATES
-        return np.append(given, [0.0] * (num_states - NUM_STATES))
+        return np.append(self.launch_sizes or (), np.zeros(num_states - NUM_STATES))
 
     def size_axes(self, num_states: int) -> np.ndarray:
         """Returns the sizes (n,), the effects' own states included."""
         return np.append(self.sizes, [self.sizes_extra] * (num_states - NUM_STATES))
 
 
-_NOT_NEGATIVE = ("remainder", "elevator_gain", "command_error", "wind", "period")
-
-
-def _is_positive(value: float) -> bool:
-    return 0.0 < value < math.inf
-
-
 HOOK_MARGIN = 1e-6
-"""Margin to each of the hook's limits [m, m/s, rad], which are compared in floating
-point."""
-
-_X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
+"""Margin to the hook's limits [m, m/s, rad], which are compared in floating point."""
 
 
 def hook_goal(
@@ -121,22 +112,22 @@ def hook_goal(
 ) -> tuple[float, ...]:
     """Returns the half-axes (7,) of the goal that fills what a problem's hook accepts.
 
-    The largest distance, speed and pitch in an ellipsoid with axes along the states are
-    at most those of its center, the nominal's end, and the longest of their half-axes
-    together. Of the given axes, those of the elevator and the pitch's rate are kept.
+    Distance, speed and pitch in the ellipsoid are at most those of its center, the
+    nominal's end, and the longest of their half-axes together. Of the given axes, those
+    of the elevator and the pitch's rate are kept.
 
     Raises:
         InputError: the hook does not take the nominal's end itself.
     """
     hook = problem.hook
     low, high = hook.pitch_limits
-    pitch, place = float(end[_PITCH]), [_X, _Z]
-    miss = float(np.linalg.norm(end[place] - problem.wire))
+    pitch = float(end[PITCH])
+    miss = float(np.linalg.norm(end[POSITION] - problem.wire))
     speed = float(np.linalg.norm(end[VELOCITY]))
     limits = {
-        "distance from the wire": (miss, hook.reach - miss, place),
+        "distance from the wire": (miss, hook.reach - miss, POSITION),
         "speed": (speed, hook.speed_limit - speed, VELOCITY),
-        "pitch": (pitch, min(pitch - low, high - pitch), [_PITCH]),
+        "pitch": (pitch, min(pitch - low, high - pitch), [PITCH]),
     }
     goal = np.array(axes, dtype=float)
     for name, (value, left, of) in limits.items():

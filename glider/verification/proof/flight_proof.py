@@ -1,10 +1,10 @@
 """The proof that every flight that starts in a funnel stays there.
 
-Intervals are independent, so that they are proven in several processes, and what is
-proven can be kept in a file: one JSON object a line, of a header and of an interval
-each. An interrupted proof continues from there. The header has the hashes of the funnel
-and of the program that proves it; each line is sealed with a key of this user's, so
-that only what the same program proved before counts.
+Intervals are proven in several processes. What is proven can be kept in a file, from
+which an interrupted proof continues: one JSON object a line, of a header and of an
+interval each. The header has the hashes of the funnel and of the program that proves
+it; each line is sealed with a key of this user's, so that only what the same program
+proved before counts.
 """
 
 import contextlib
@@ -50,10 +50,7 @@ _MOST_BYTES = 10_000_000
 
 @functools.cache
 def checker_hash() -> str:
-    """Returns the hash of the program that proves, in hexadecimal.
-
-    It is of the sources, which hold the settings, and of the versions of what they use.
-    """
+    """Returns the hash of the program that proves, and what it uses, in hexadecimal."""
     versions = [sys.version, *(m.__version__ for m in (np, scipy, numba, flint))]
     digest = hashlib.sha256("\n".join(versions).encode())
     for folder in _CHECKER:
@@ -68,12 +65,10 @@ class FlightProof:
     """The outcome of a proof, up to the first interval that is not proven."""
 
     times: np.ndarray  #: The funnel's times (T,) [s].
-    #: Outcome of each interval that was tried, by its index, in order; one at most is
-    #: no proof.
+    #: Of each interval that was tried, by its index, in order; one at most is no proof.
     outcomes: dict[int, IntervalProof]
     from_file: int  #: Number of them that were read from a file.
-    #: Where flights may leave, in an interval that is not proven.
-    candidate: Candidate | None
+    candidate: Candidate | None  #: Where flights may leave the one that is not proven.
 
     @property
     def of_intervals(self) -> int:
@@ -118,16 +113,13 @@ class FlightProof:
 
 
 def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
-    """Returns how a funnel's remainder is known.
+    """Returns how a funnel's remainder is known: "none", "sampled", or as it is proven.
 
-    "none" where it accounts for none, else "sampled", or with a proof "rigorous until
-    t=0.8795", the time before which all that was tried is proven, and "in 3 of 200
-    intervals" if these were not all.
+    That is "rigorous until t=0.8795", the time before which all that was tried is
+    proven, and "in 3 of 200 intervals" if these were not all.
     """
-    if not funnel.beta.any():
-        return "none"
-    if proof is None or not proof.count:
-        return "sampled"
+    if proof is None or not proof.count or not funnel.beta.any():
+        return "sampled" if funnel.beta.any() else "none"
     status, tried = f"rigorous until t={proof.until:.4f}", len(proof.outcomes)
     if tried == proof.of_intervals or not proof.complete:
         return status
@@ -151,7 +143,6 @@ def prove_flights(
         budget: boxes of one interval, until the search for a bound gives up.
         workers: processes; as many as there are cores if -1.
         resume: file that is read, if it is there, and that every outcome is added to.
-        progress: called with the share that is done.
         is_checked: whether `check_funnel` holds, which proves held commands too; else
             they are proven first.
 
@@ -167,22 +158,20 @@ def prove_flights(
         format=_FORMAT, funnel=funnel.sha256, checker=checker_hash(), budget=budget
     )
     known = _read(resume, header) if resume else {}
-    known = {k: known[k] for k in wanted if k in known}
-    left = [k for k in wanted if k not in known]
-    done = dict(known)
-    tasks = (
-        joblib.delayed(prove_interval)(funnel.between(k, k + 1), budget) for k in left
+    done = {k: known[k] for k in wanted if k in known}
+    left, from_file = [k for k in wanted if k not in known], len(done)
+    prove, pieces = (
+        joblib.delayed(prove_interval),
+        (funnel.between(k, k + 1) for k in left),
     )
-    parallel = joblib.Parallel(
-        n_jobs=workers, return_as="generator", pre_dispatch="2*n_jobs"
+    found = joblib.Parallel(n_jobs=workers, return_as="generator")(
+        prove(piece, budget) for piece in pieces
     )
-    found = parallel(tasks)
     for k, outcome in zip(left, found, strict=False):
         done[k] = outcome
         if resume and outcome.proven:
             record = _Record(interval=k, **dataclasses.asdict(outcome))
-            seal = _seal(header, record)
-            _append(resume, dataclasses.replace(record, seal=seal))
+            _append(resume, dataclasses.replace(record, seal=_seal(header, record)))
         if progress:
             progress(len(done) / len(wanted))
         if not outcome.proven:
@@ -194,7 +183,7 @@ def prove_flights(
     return FlightProof(
         times=funnel.nominal.times,
         outcomes=dict(sorted(done.items())),
-        from_file=len(known),
+        from_file=from_file,
         candidate=worst_candidate(failed[0]) if failed else None,
     )
 
