@@ -441,7 +441,7 @@ def test_the_command_line_writes_what_it_has_proven(
 ):
     funnel, path = tmp_path / "funnel.npz", tmp_path / "proof.json.gz"
     save_funnel(funnel, piece)
-    monkeypatch.setattr(check, "problem_faults", lambda *given: [])
+    monkeypatch.setattr(check.purpose, "problem_faults", lambda *given: [])
     monkeypatch.setattr(exact_check, "_within_goal", lambda funnel: True)
     command = ["check-funnel", str(funnel), "--prove", "--write-proof", str(path)]
     assert main(command) == 0

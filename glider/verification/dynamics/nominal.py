@@ -64,11 +64,6 @@ class Nominal:
     #: M (T, n, n) of held commands, u₀ - K e + eᵀ M e (`funnel.clock`); else zero.
     bends: np.ndarray
 
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the n states: STATE_NAMES, then the effects' own."""
-        return self.model.state_names
-
     @functools.cached_property
     def slopes(self) -> np.ndarray:
         """ẋ₀ (T, n) by the dynamics."""

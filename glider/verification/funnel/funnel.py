@@ -81,7 +81,7 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
     # The check corrects a Gram matrix: half of its digits are enough.
     arrays["grams"] = funnel.grams.astype(np.float32)
     notes = Notes(
-        state_names=tuple(funnel.nominal.state_names),
+        state_names=funnel.nominal.model.state_names,
         settings=funnel.settings,
         model=model_text(funnel.nominal.model),
         solver=funnel.solver,
@@ -189,7 +189,7 @@ def funnel_policy(funnel: Funnel, first: int = 0, held: bool = False) -> Trackin
         states=nominal.states[kept],
         slopes=nominal.slopes[kept],
         inputs=nominal.inputs[kept],
-        state_names=nominal.state_names,
+        state_names=nominal.model.state_names,
         cost=0.0,
     )
     return linear_policy(plan, nominal.gains[kept], funnel.S[kept], period)

@@ -22,6 +22,7 @@ from glider.verification.sos.forms import (
     spread_form,
     to_ball,
 )
+from glider.verification.sos.sphere import normalized
 
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Points of each interval where V̇ is examined. With five, a funnel was made whose V
@@ -31,35 +32,27 @@ NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Bounds:
-    """What acts on sets at T times; the names are keys in a funnel's file."""
-
-    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
-    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
-    #: F (T, n, n) of where the remainder is large: |R_k| <= β_k (1 + eᵀ F e).
-    focus: np.ndarray
-    #: Weights λ (T, 2) of the command's error and of the wind.
-    push_weights: np.ndarray
-    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
-    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
-
-
-BOUNDS = tuple(Bounds.__dataclass_fields__)
-"""Their names."""
+BOUNDS = ("beta", "weights", "focus", "push_weights", "errors", "rests")
+"""Names of the arrays of `BoundarySets` that are straight lines between the times."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BoundarySets(Bounds):
+class BoundarySets:
     """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and what acts on them.
 
     The names of the arrays are keys in a funnel's file.
     """
 
     nominal: Nominal  #: Flight x₀, and the feedback that keeps the glider inside.
+    settings: FunnelSettings  #: Settings that it was made with.
     S: np.ndarray  #: Matrices S (T, n, n), between the times cubic Hermite polynomials.
     slopes: np.ndarray  #: Slopes Ṡ (T, n, n) [1/s].
-    settings: FunnelSettings  #: Settings that it was made with.
+    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
+    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
+    focus: np.ndarray  #: F (T, n, n) of |R_k| <= β_k (1 + eᵀ F e), where R is large.
+    push_weights: np.ndarray  #: λ (T, 2) of the command's error and of the wind.
+    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
+    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
 
     @functools.cached_property
     def curve(self) -> PPoly:
@@ -202,11 +195,8 @@ def growth_between(
     return largest_growth(forms, starts)
 
 
-ROUNDS = 40
-"""Steps of the power iteration on a polynomial."""
-
-CLIMB_ROUNDS = 8
-"""Steps of a climb on any function."""
+ROUNDS, CLIMB_ROUNDS = 40, 8
+"""Steps of the power iteration on a polynomial, and of a climb on any function."""
 
 STRIDE = 0.3
 """First step of a climb on the unit sphere."""
@@ -220,8 +210,8 @@ def largest_values(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns max over |z| = 1 of zᵀ N z + c₃(z) + c₄(z) for T polynomials, and where.
 
-    Shifted power iteration, z ← (∇p + α z) / |∇p + α z| with α large enough for p
-    never to fall (Kolda and Mayo 2011), from starts (T, B, n) and their negatives.
+    Shifted power iteration (Kolda and Mayo 2011): z ← (∇p + α z) / |∇p + α z|, from
+    starts (T, B, n) and their negatives.
     """
     n = quadratic.shape[-1]
     third, fourth = spread_form(cubic, n, 3), spread_form(quartic, n, 4)
@@ -231,8 +221,7 @@ def largest_values(
     shift = np.broadcast_to(0.2 * bound[:, None, None], (*z.shape[:2], 1)).copy()
     value, slope = _value_and_half_slope(quadratic, third, fourth, z)
     for _ in range(ROUNDS):
-        moved = slope + shift * z
-        moved /= np.linalg.norm(moved, axis=2, keepdims=True)
+        moved = normalized(slope + shift * z)
         new_value, new_slope = _value_and_half_slope(quadratic, third, fourth, moved)
         up = (new_value >= value)[..., None]
         z = np.where(up, moved, z)
@@ -259,8 +248,7 @@ def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndar
         slope = around.reshape(*value.shape, n) - value[..., None]
         slope -= np.sum(slope * z, axis=2, keepdims=True) * z
         slope /= np.maximum(np.linalg.norm(slope, axis=2, keepdims=True), 1e-300)
-        moved = z + stride * slope
-        moved /= np.linalg.norm(moved, axis=2, keepdims=True)
+        moved = normalized(z + stride * slope)
         reached = function(moved)
         up = (reached > value)[..., None]
         z = np.where(up, moved, z)

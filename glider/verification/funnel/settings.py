@@ -21,8 +21,8 @@ class FunnelSettings:
     [m, rad, m/s, rad/s].
     """
 
-    #: Half-axes of the goal ellipsoid about the nominal's end. A hook reaches that far;
-    #: the speeds are such that the Taylor polynomial still fits there.
+    #: Half-axes of the goal about the nominal's end. A hook reaches that far; the
+    #: speeds are such that the Taylor polynomial still fits there.
     goal: tuple[float, ...] = (Hook().reach, Hook().reach, 0.5, 0.39, 0.82, 0.82, 2.0)
     #: Half-axis of the goal in each of the effects' own states, in its unit.
     goal_extra: float = 4.0
@@ -30,9 +30,8 @@ class FunnelSettings:
     #: other. It is not sensitive to them, but diverges without any.
     sizes: tuple[float, ...] = (0.05, 0.05, 0.15, 0.3, 0.3, 0.3, 1.0)
     #: Launch errors that count equally: carried along the flight, they shape the funnel
-    #: together with a share of `sizes` (`glider.verification.funnel.shape_flow`). None
-    #: for `sizes` alone, the same at all times. LAUNCH_SIZES makes an inlet that is
-    #: wider in all but the elevator.
+    #: together with a share of `sizes`; None for `sizes` alone, at all times.
+    #: LAUNCH_SIZES makes an inlet that is wider in all but the elevator.
     launch_sizes: tuple[float, ...] | None = None
     #: Deviation that counts as much, of each of the effects' own states.
     sizes_extra: float = 2.0
@@ -40,23 +39,19 @@ class FunnelSettings:
     #: Time between the programs that shape the funnel [s]. More is faster and narrower:
     #: with 0.026, one times the remainder leaves less than 9 cm of height.
     hold: float = 0.022
-    #: Margin by which V̇/V is to stay below zero on the boundary [1/s].
-    margin: float = 0.03
-    #: Inflation: factor on the largest Taylor remainder that is found, which then acts
-    #: as a disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.6 it can
-    #: be proven that the true one is no larger, at all times; with less, that takes
-    #: many times as long.
+    margin: float = 0.03  #: By which V̇/V is to stay below zero on the boundary [1/s].
+    #: Factor on the largest Taylor remainder that is found, which then acts as a
+    #: disturbance; 0 for a funnel of the Taylor polynomial alone. With less than 1.6,
+    #: the proof that the true one is no larger takes many times as long.
     remainder: float = 0.0
     #: Share of the largest remainder that its bound keeps where the remainder is small.
     #: Less makes a funnel wider and its proof longer; with 1 the bound is constant.
     floor: float = 0.3
-    #: Largest gain on the elevator's own deviation [1/s] of a feedback that is made
-    #: with the funnel's shape (`glider.verification.funnel.servo_limits`); 0 for the
-    #: policy's own feedback. 40 is slow enough for commands held for 20 ms.
+    #: Largest gain on the elevator's own deviation of a feedback that is made with the
+    #: shape; 0 for the policy's own. 40 suits commands held for 20 ms [1/s].
     elevator_gain: float = 0.0
     command_error: float = 0.0  #: Largest error of the command, at any time [rad/s].
-    #: Time that each command is held, from the launch on; 0 for a feedback that acts
-    #: at all times [s].
+    #: Time that each command is held; 0 for a feedback that acts at all times [s].
     period: float = 0.0
     wind: float = 0.0  #: Largest wind beyond the model's own, at any time [m/s].
 

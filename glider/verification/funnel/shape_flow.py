@@ -15,22 +15,15 @@ deviations that count equally at all times, without which it is flat.
 
 import dataclasses
 import functools
-from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import expm
 
 from glider.control.predictor import advance
+from glider.progress import Shares
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.funnel.clock import (
-    BEND_ROOM,
-    bend_sizes,
-    command_errors,
-    effect_of_hold,
-    hold_starts,
-    undo_hold,
-)
+from glider.verification.funnel import clock, servo_limits
 from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
@@ -38,13 +31,6 @@ from glider.verification.funnel.remainder import (
     push_weights,
     remainder_weights,
     sample_remainder,
-)
-from glider.verification.funnel.servo_limits import (
-    error_reach,
-    goal_about,
-    keep_bounds,
-    servo_bounds,
-    steepest_gains,
 )
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, quadratic_form
@@ -62,8 +48,7 @@ class FunnelTask:
     nominal: Nominal  #: Nominal flight.
     settings: FunnelSettings  #: Its goal and margins.
     directions: np.ndarray  #: (B, n + r) of `sample_remainder`.
-    #: Of the gliders that may fly; None for the model's own.
-    center: MovingCenter | None = None
+    center: MovingCenter | None = None  #: Of a set of gliders, if it is for one.
 
     @functools.cached_property
     def sizes(self) -> np.ndarray:
@@ -91,8 +76,8 @@ class FunnelTask:
         settings = self.settings
         if not settings.period:
             return np.full((2, len(S)), settings.command_error)
-        rests = command_errors(self.nominal, S, at, settings, *remainder)
-        known = BEND_ROOM * bend_sizes(S, self.nominal.bends[at])
+        rests = clock.command_errors(self.nominal, S, at, settings, *remainder)
+        known = clock.BEND_ROOM * clock.bend_sizes(S, self.nominal.bends[at])
         return np.stack([known + rests, rests])
 
     def servo_bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -100,9 +85,9 @@ class FunnelTask:
 
         A command that is held keeps the rate's limit if it does when it is computed.
         """
-        directions, bounds = servo_bounds(self.nominal, self.center)
+        directions, bounds = servo_limits.servo_bounds(self.nominal, self.center)
         if self.settings.period:
-            starts = hold_starts(self.nominal.times)
+            starts = clock.hold_starts(self.nominal.times)
             bounds[starts != np.arange(len(starts)), 0] = np.inf
         return directions, bounds
 
@@ -118,11 +103,8 @@ class FunnelTask:
         pushes = pushes_of(self.errors(S, at)[0], self.settings)
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
-        focus, beta, floor = (
-            np.zeros_like(S),
-            np.zeros(S.shape[:2]),
-            self.settings.floor,
-        )
+        focus, beta = np.zeros_like(S), np.zeros(S.shape[:2])
+        floor = self.settings.floor
         if inflation > 0.0 and floor < 1.0:
             focus = smoothed(find_focus(*given, sizes, acting, floor))
         if inflation > 0.0:
@@ -178,7 +160,7 @@ class ShapeFlow:
         self._bounds = task.servo_bounds()
         self._slopes = nominal.push_slopes[:, :, 0, 0] if steer else None
 
-    def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
+    def run(self, progress: Shares | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
 
         Raises:
@@ -190,7 +172,7 @@ class ShapeFlow:
         # Where commands are held, at least at the end of each and in its middle.
         hold = min(settings.hold, 0.5 * settings.period or np.inf)
         hold = max(1, round(hold / (times[1] - times[0])))
-        S = goal_about(settings.goal_axes(n), self._task.center)
+        S = servo_limits.goal_about(settings.goal_axes(n), self._task.center)
         self._steer(S, last)
         shapes, before, since = np.zeros((count, n, n)), None, 0
         shapes[last] = S = self._cut(S, last)
@@ -222,18 +204,22 @@ class ShapeFlow:
         if settings.period:
             if k + 1 < len(times) and times[k + 1] > times[k]:
                 return  # It was made from the end of its hold.
-            first = hold_starts(times)[k]
-            toward = effect_of_hold(nominal, first, k) / settings.period
+            first = clock.hold_starts(times)[k]
+            toward = clock.effect_of_hold(nominal, first, k) / settings.period
         rate = bounds[first, 0] - settings.command_error
-        gains = steepest_gains(S, toward, rate, settings.elevator_gain)
-        undo_hold(nominal, first, k, gains)  # Ours: of a copy.
-        directions[first : k + 1] = servo_bounds(nominal.part(slice(first, k + 1)))[0]
+        gains = servo_limits.steepest_gains(S, toward, rate, settings.elevator_gain)
+        clock.undo_hold(nominal, first, k, gains)  # Ours: of a copy.
+        directions[first : k + 1] = servo_limits.servo_bounds(
+            nominal.part(slice(first, k + 1))
+        )[0]
 
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""
         directions, bounds = self._bounds
         error, _ = self._task.errors(S[None], np.array([k]))
-        return keep_bounds(S, directions[k], bounds[k] - error_reach(error)[0])
+        return servo_limits.keep_bounds(
+            S, directions[k], bounds[k] - servo_limits.error_reach(error)[0]
+        )
 
     def _growth(self, S, k):
         """Returns N + D at a time."""

@@ -11,7 +11,7 @@ between the times; `flight_proof` proves both, in continuous time.
 import dataclasses
 import math
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import scipy.linalg
@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.progress import Shares
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, growth_between
@@ -33,21 +34,13 @@ from glider.verification.funnel.servo_limits import (
     margin_to_limits,
     servo_bounds,
 )
+from glider.verification.proof import purpose
 from glider.verification.proof.exact_check import (
     GOAL_ROUNDING,
     exact_faults,
     proven_slack,
 )
 from glider.verification.proof.held import held_faults
-from glider.verification.proof.purpose import (
-    hook_faults,
-    inlet_faults,
-    model_faults,
-    problem_faults,
-    push_faults,
-    set_faults,
-    unmet,
-)
 from glider.verification.sos.sphere import normalized
 
 STARTS = 8
@@ -90,7 +83,7 @@ class Verdict:
 def check_funnel(
     funnel: Funnel,
     every: int = 1,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
     *,
     problem: PerchingProblem | None = None,
     from_launch: bool = True,
@@ -123,18 +116,20 @@ def check_funnel(
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
     seed = secrets.randbits(32) if seed is None else seed
     rng, worst = np.random.default_rng(seed), int(np.argmax(growth))
-    faults = model_faults(funnel, model) if model else []
-    faults += set_faults(funnel, covariance) if covariance and not faults else []
-    faults += inlet_faults(funnel, least_inlet or {})
-    faults += push_faults(funnel, least_pushes, period)
-    faults += problem_faults(funnel, problem, from_launch) if problem else []
-    faults += hook_faults(funnel, problem) if hook and problem else []
+    faults = purpose.model_faults(funnel, model) if model else []
+    faults += (
+        purpose.set_faults(funnel, covariance) if covariance and not faults else []
+    )
+    faults += purpose.inlet_faults(funnel, least_inlet or {})
+    faults += purpose.push_faults(funnel, least_pushes, period)
+    faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
+    faults += purpose.hook_faults(funnel, problem) if hook and problem else []
     words = (
         "The nominal is not a flight: its defect makes V̇/V as large as "
         f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s; the margin "
         f"is {settings.margin:.2g} 1/s."
     )
-    faults += unmet((growth[worst] <= settings.margin, words))
+    faults += purpose.unmet((growth[worst] <= settings.margin, words))
     faults += gliders_faults(funnel)
     rounding, seen, between = 0.0, 0.0, np.inf
     faults += held_faults(funnel, progress) if not faults else []
@@ -142,11 +137,13 @@ def check_funnel(
         faults, rounding = exact_faults(funnel, at, growth, progress)
     if not faults and funnel.beta.any():
         seen = remainder_seen(funnel, at, rng)
-        faults = unmet((seen <= 1.0, f"The remainder is {seen:.3g} times its bound."))
+        faults = purpose.unmet(
+            (seen <= 1.0, f"The remainder is {seen:.3g} times its bound.")
+        )
     if not faults:
         between = largest_between(funnel, growth, rng, every)
         words = f"Between the times V̇/V reaches {between:.2g} 1/s."
-        faults = unmet((between < 0.0, words))
+        faults = purpose.unmet((between < 0.0, words))
     return Verdict(
         times=len(at),
         of_times=last + 1,
@@ -219,7 +216,7 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     words = (
         "The last set is not within the goal about every glider's center: it reaches"
     )
-    return unmet(
+    return purpose.unmet(
         (
             keeps.all(),
             "The servo would meet its limits with gliders of the set, first at "

@@ -7,10 +7,11 @@ Gram matrix, for the third-order dynamics whose coefficients are the doubles of
 intervals about that time. At the end the set lies in the goal.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import at_time, keeps_servo
 from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
@@ -49,7 +50,7 @@ def exact_faults(
     funnel: Funnel,
     at: Sequence[int],
     defect: np.ndarray,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
 ) -> tuple[list[str], float]:
     """Checks a funnel in exact arithmetic, given the growth (T,) by its defect [1/s].
 

@@ -16,7 +16,6 @@ import math
 import secrets
 import sys
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ import scipy
 from glider.errors import InputError, expect
 from glider.files import schema
 from glider.paths import PACKAGE, cache_folder
+from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval_proof import (
@@ -133,7 +133,7 @@ def prove_flights(
     budget: int = BUDGET,
     workers: int = -1,
     resume: Path | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
     is_checked: bool = False,
 ) -> FlightProof:
     """Tries to prove that no flight leaves a funnel between its ends.
@@ -207,15 +207,14 @@ class _Record(IntervalProof):
 
     def __post_init__(self):
         for name in ("interval", "boxes", "parts", "ratio"):
-            value = getattr(self, name)
-            good = 0 <= value < math.inf
-            expect(good, f"field '{name}'", value, "a number that is zero or positive")
+            value, words = getattr(self, name), "a number that is zero or positive"
+            expect(0 <= value < math.inf, f"field '{name}'", value, words)
 
 
 def _seal(header, record):
     """Returns what only this user can write below a header, in hexadecimal."""
-    bare = dataclasses.replace(record, seal="")
-    text = "".join(schema.json_text(line, indent=-1) for line in (header, bare))
+    lines = header, dataclasses.replace(record, seal="")
+    text = "".join(schema.json_text(line, indent=-1) for line in lines)
     return hmac.new(_key(), text.encode(), "sha256").hexdigest()
 
 
@@ -232,17 +231,15 @@ def _read(path, header):
     if not path.exists():
         _append(path, header)
         return {}
+    what = "a record of a proof"
     if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-        raise InputError(
-            f"{path}: is not a record of a proof; expected a smaller file."
-        )
-    text = schema.read_text(path, "a record of a proof")
+        raise InputError(f"{path}: is not {what}; expected a smaller file.")
+    text = schema.read_text(path, what)
     # A line that was cut short is the last, and proven again.
     whole = text[: text.rfind("\n") + 1]
     lines: list[Any] = []
     for line in whole.splitlines():
-        source = f"{path}: line {len(lines) + 1}"
-        kind = _Record if lines else _Header
+        source, kind = f"{path}: line {len(lines) + 1}", _Record if lines else _Header
         lines.append(schema.convert(schema.parse_json(line, source), kind, source))
     if not lines or lines[0] != header:
         raise InputError(
@@ -251,9 +248,8 @@ def _read(path, header):
             "this funnel, or a new name."
         )
     for number, record in enumerate(lines[1:], start=2):
-        if not hmac.compare_digest(
-            record.seal.encode(), _seal(header, record).encode()
-        ):
+        seals = record.seal, _seal(header, record)
+        if not hmac.compare_digest(*(seal.encode() for seal in seals)):
             raise InputError(
                 f"{path}: line {number}: cannot be resumed: it was not written by "
                 "--resume with this user's key; expected a new name, to prove it again."

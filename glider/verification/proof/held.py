@@ -11,11 +11,11 @@ within the file's `rests`, and |eᵀ M e + q| within its `errors`.
 """
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 
 from glider.compiled.taylor import WIDER
+from glider.progress import Shares
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.funnel.clock import form_size, hold_slopes, hold_starts
 from glider.verification.funnel.funnel import Funnel
@@ -34,9 +34,7 @@ PERIOD_ROUNDING = 1e-9
 """Time by which the samples in a file may be off the clock's [s]."""
 
 
-def held_faults(
-    funnel: Funnel, progress: Callable[[float], None] | None = None
-) -> list[str]:
+def held_faults(funnel: Funnel, progress: Shares | None = None) -> list[str]:
     """Returns why held commands are not proven to be the feedback, a sentence each."""
     settings, nominal = funnel.settings, funnel.nominal
     if np.any(np.minimum(funnel.errors, funnel.rests) < settings.command_error):

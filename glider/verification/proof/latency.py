@@ -12,7 +12,7 @@ the limit of rate.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import joblib
 import numpy as np
@@ -20,6 +20,7 @@ import scipy.linalg
 
 from glider.compiled.taylor import WIDER
 from glider.errors import InputError, expect
+from glider.progress import Shares
 from glider.verification.funnel.clock import hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.phases import GRID_ROOM, PREDICTED, first_commands
@@ -27,17 +28,12 @@ from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.exact import exact, is_positive_definite
 from glider.verification.sos.forms import linear_part
 
-PARTS = 4
-"""Straight lines of λ."""
+PARTS, TERMS = 4, 30
+"""Straight lines of λ, and terms of the series that bounds |δ|, but for their rest."""
 
-TERMS = 30
-"""Terms of the series that bounds |δ|; the rest is bounded too."""
-
-NEARBY = 1.1
-"""Distance from the sets on which slopes are bounded, over |δ| by the turn before."""
-
-TURNS = 4
-"""Turns until |δ| is no larger than that distance; two are enough as a rule."""
+NEARBY, TURNS = 1.1, 4
+"""Distance from the sets on which slopes are bounded, over |δ| by the turn before, and
+turns until |δ| is no larger; two are enough as a rule."""
 
 COARSE, FINE = (2.5,), (1.1, 1.2, 1.5)
 """Bounds over the largest sampled value that are tried in turn: for all predictions,
@@ -165,18 +161,14 @@ def prove_latency(
     least: float = 0.0,
     *,
     workers: int = -1,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
 ) -> ProvenLatency:
-    """Bounds what predictions leave of the bound of the command's error.
-
-    While errors are no larger, but for what predictions miss, both are together within
-    the funnels' `command_error`.
+    """Bounds what predictions leave of the funnels' `command_error` to other errors.
 
     Args:
         predictions: one or more, of one glider and one latency.
         least: what has to be left [rad/s].
         workers: processes; as many as there are cores if -1.
-        progress: called with the share that is done.
     """
     slopes, lefts = Slopes(predictions[0].window.nominal.model), list[float]()
     tasks = (joblib.delayed(own.error_left)(slopes, COARSE) for own in predictions)
@@ -199,11 +191,8 @@ def _missed(prediction, slopes, directions, rooms):
     λ are directions (R, n); bounds are infinite where nothing is proven.
     """
     window, duration = prediction.window, prediction.latency / PARTS
-    settings, near = window.settings, np.zeros(window.num_states)
-    pushes, flows = (
-        np.array([settings.wind, settings.command_error]),
-        window.nominal.flows,
-    )
+    pushes = np.array([window.settings.wind, window.settings.command_error])
+    near, flows = np.zeros(window.num_states), window.nominal.flows
     nothing = np.full((len(directions), 2), np.inf)
     for _ in range(TURNS):
         enclosed = [NearSets(slopes, window.between(k, k + 1), near) for k in flows]

@@ -59,7 +59,7 @@ def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
     """Returns how far each state may deviate at a time, alone and with others [SI]."""
     extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
     found = {"half_widths": funnel.half_widths(time), "extents": extents}
-    names = funnel.nominal.state_names
+    names = funnel.nominal.model.state_names
     return {
         what: dict(zip(names, values.tolist(), strict=True))
         for what, values in found.items()
@@ -123,7 +123,9 @@ def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
 
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
     """Returns where the inlet is narrower than least half-widths of states alone."""
-    widths = dict(zip(funnel.nominal.state_names, funnel.half_widths(), strict=True))
+    widths = dict(
+        zip(funnel.nominal.model.state_names, funnel.half_widths(), strict=True)
+    )
     faults = []
     for name, least_width in least.items():
         words = f"one of {', '.join(widths)}"
@@ -162,7 +164,7 @@ def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
         f"The flight starts with {name} = {value:.6g}; the problem's launch has "
         f"{expected:.6g}."
         for name, value, expected in zip(
-            nominal.state_names, nominal.states[0], launch, strict=True
+            nominal.model.state_names, nominal.states[0], launch, strict=True
         )
         if not abs(value - expected) <= PLACE_TOLERANCE
     ]

@@ -37,11 +37,8 @@ DEGREE = 2
 SAMPLES, WIDTHS = 300, (0.5, 0.2, 0.1, 0.05)
 """Points that are sampled, and the steps by which they climb."""
 
-LEAST = 1e-9
-"""Bound of what is zero."""
-
-BUDGET = 10_000
-"""Boxes on which a bound is tried."""
+LEAST, BUDGET = 1e-9, 10_000
+"""Bound of what is zero, and boxes on which a bound is tried."""
 
 
 class Slopes:
@@ -156,8 +153,9 @@ class NearSets:
         largest = own_room = boxes.largest()
         if weights is not None:
             total = largest.reshape(-1, len(weights)) @ weights / len(weights)
-            even = np.ravel(total[:, None] / np.maximum(weights, LEAST))
-            own_room = 0.5 * (largest + even)
+            own_room = 0.5 * (
+                largest + np.ravel(total[:, None] / np.maximum(weights, LEAST))
+            )
         for room in rooms if np.all(np.isfinite(self._lacks)) else ():
             boxes.limits = largest + (room - 1.0) * own_room + LEAST
             if bound_remainder(boxes, BUDGET).proven:
@@ -179,15 +177,8 @@ class _Boxes:
     limits: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
     span: tuple[float, float] = (-1.0, 1.0)
 
-    @property
-    def dimension(self) -> int:
-        """Number of the boxes' coordinates."""
-        return self.slopes.table.num_variables
-
-    @property
-    def balls(self) -> tuple[slice, ...]:
-        """Coordinates that are in a ball."""
-        return self.slopes.balls
+    def __post_init__(self):
+        self.balls, self.dimension = self.slopes.balls, self.slopes.table.num_variables
 
     def bounds(self, center, half):
         """Returns bounds over limits, what centers reach, and what is to blame."""

@@ -7,7 +7,6 @@ that contain the deviations. Integers count binary places.
 
 import gzip
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from glider.files.writing import replace_file
 from glider.physics.effects import KINDS
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.planning.problem import PerchingProblem
+from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import proven_slack
@@ -37,10 +37,7 @@ STRETCH = 1.02
 
 
 def write_proof(
-    path: Path,
-    funnel: Funnel,
-    problem: PerchingProblem,
-    progress: Callable[[float], None] | None = None,
+    path: Path, funnel: Funnel, problem: PerchingProblem, progress: Shares | None = None
 ) -> None:
     """Writes the proof of a funnel that was proven, as JSON lines in gzip.
 

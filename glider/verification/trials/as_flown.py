@@ -14,7 +14,7 @@ least V.
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from glider.control.predictor import (
     rates_of,
 )
 from glider.errors import expect
+from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
 from glider.verification.sos.sphere import normalized
@@ -90,7 +91,7 @@ def fly_loop(
     loop: FlownLoop,
     samples: int,
     rng: np.random.Generator,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
     *,
     rests: Sequence[Funnel] = (),
 ) -> FlownTrial:

@@ -8,7 +8,7 @@ of each glider is about its own center. Flights that escape are counted, never d
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.confidence import ConfidenceSet, glider_at, physical
 from glider.physics.model import GliderModel
+from glider.progress import Shares
 from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
@@ -80,7 +81,7 @@ def falsify_funnel(
     confidence: ConfidenceSet | None = None,
     shares: Sequence[float] = START_SHARES,
     climb: bool = True,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
 ) -> Falsification:
     """Flies from random points of the boundary, then climbs from the worst of them.
 
