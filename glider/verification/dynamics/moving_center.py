@@ -78,14 +78,10 @@ def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCen
 
 def _linear(nominal, names):
     """Returns F₁ (T, n, n) and ∂f/∂c (T, n, m) along a flight."""
-    model, x = nominal.model, list(nominal.states.T)
-    push = np.zeros((*nominal.states.shape, len(names)))
-    for j in range(len(names)):
-        nudge = [_TINY * 1j if i == j else 0.0 for i in range(len(names))]
-        theta = theta_at(model, names, nudge)
-        rates = closed_loop_rates(
-            model, x, nominal.gains.T, x, nominal.inputs, theta=theta
-        )
-        for i, rate in enumerate(rates):
+    x, push = list(nominal.states.T), np.zeros((*nominal.states.shape, len(names)))
+    for j, nudge in enumerate(_TINY * 1j * np.eye(len(names))):
+        theta = theta_at(nominal.model, names, nudge)
+        given = nominal.model, x, nominal.gains.T, x, nominal.inputs, theta
+        for i, rate in enumerate(closed_loop_rates(*given)):
             push[:, i, j] = np.imag(rate) / _TINY
     return nominal.closed_loop[..., 1 : len(x) + 1], push

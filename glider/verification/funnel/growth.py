@@ -181,7 +181,7 @@ def growth_between(
     Args:
         share: of an interval, where the point is; from 0 to 1.
         every: examine every so many intervals only.
-        here: the nominal flight at these points, where it is expanded already.
+        here: the nominal flight there, where it is expanded already.
     """
 
     def mixed(values):
@@ -213,9 +213,8 @@ def largest_values(
     Shifted power iteration (Kolda and Mayo 2011): z ← (∇p + α z) / |∇p + α z|, from
     starts (T, B, n) and their negatives.
     """
-    n = quadratic.shape[-1]
+    n, z = quadratic.shape[-1], np.concatenate([starts, -starts], axis=1)
     third, fourth = spread_form(cubic, n, 3), spread_form(quartic, n, 4)
-    z = np.concatenate([starts, -starts], axis=1)
     norms = [np.linalg.norm(a.reshape(len(a), -1), axis=1) for a in (third, fourth)]
     bound = np.linalg.norm(quadratic, axis=(1, 2)) + 2.0 * norms[0] + 3.0 * norms[1]
     shift = np.broadcast_to(0.2 * bound[:, None, None], (*z.shape[:2], 1)).copy()
@@ -235,14 +234,11 @@ def largest_values(
 def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns what climbing on unit spheres reaches: values (K, B), points (K, B, n).
 
-    Args:
-        function: of points (K, B N, n), N in a row for each of B, to values (K, B N).
-        z: (K, B, n) where to start.
+    The function is of points (K, B N, n), N in a row for each of B, to values (K, B N);
+    z (K, B, n) is where to start.
     """
-    n = z.shape[-1]
-    value = function(z)
-    stride = np.full((*value.shape, 1), STRIDE)
-    steps = DIFFERENCE * np.eye(n)
+    n, value = z.shape[-1], function(z)
+    stride, steps = np.full((*value.shape, 1), STRIDE), DIFFERENCE * np.eye(n)
     for _ in range(CLIMB_ROUNDS):
         around = function((z[:, :, None] + steps).reshape(len(z), -1, n))
         slope = around.reshape(*value.shape, n) - value[..., None]

@@ -51,8 +51,7 @@ def sample_remainder(
 ) -> np.ndarray:
     """Returns the largest |R_k| / (1 + eᵀ F e) on the boundaries of sets, (K, n).
 
-    It is what climbing reaches from the best of the given directions: no bound, but
-    seldom less than nine tenths of one.
+    It is what climbing reaches: no bound, but seldom less than nine tenths of one.
 
     Args:
         S: (K, n, n) of the sets, at K times in order.
@@ -62,9 +61,8 @@ def sample_remainder(
         pushes: (K, 2) bounds of the command's error and the wind; none if None.
     """
     remainders = _Remainders(nominal, S, at, center, focus, pushes)
-    highest, _ = remainders.climb(directions)
     found = np.zeros(S.shape[:2])
-    found[:, remainders.rows] = _of_both_signs(highest)
+    found[:, remainders.rows] = _of_both_signs(remainders.climb(directions)[0])
     return found
 
 
@@ -149,9 +147,8 @@ def find_focus(
 ) -> np.ndarray:
     """Returns F (K, n, n), positive semidefinite, of where R is large.
 
-    At the points that were seen, 1 + eᵀ F e is at least the largest of R's shares of
-    its largest values, relative to a floor, and tr(Σ F) is small; Σ is `sizes`. F has
-    the axes of the second moment of these points.
+    At points that were seen, whose second moment's axes it has, 1 + eᵀ F e is at least
+    R over a floor of its largest value, and tr(Σ F) is small; Σ is `sizes`.
     """
     bare, bent = (_Remainders(nominal, S, at, center, None, pushes) for _ in range(2))
     states = [i for i in bare.which if i < S.shape[-1]]
@@ -161,8 +158,8 @@ def find_focus(
     for turn in range(ROUNDS):
         highest, tops = bent.climb(directions)
         if turn == 0:
-            largest = _of_both_signs(highest)
-            largest = np.where(largest > LEAST_REMAINDER, largest, np.inf)
+            top = _of_both_signs(highest)
+            largest = np.where(top > LEAST_REMAINDER, top, np.inf)
         for k in range(len(at)):
             more = [] if turn else [directions, -directions]
             points, here = np.concatenate([tops[k], *more])[None], slice(k, k + 1)

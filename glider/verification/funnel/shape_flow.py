@@ -209,17 +209,15 @@ class ShapeFlow:
         rate = bounds[first, 0] - settings.command_error
         gains = servo_limits.steepest_gains(S, toward, rate, settings.elevator_gain)
         clock.undo_hold(nominal, first, k, gains)  # Ours: of a copy.
-        directions[first : k + 1] = servo_limits.servo_bounds(
-            nominal.part(slice(first, k + 1))
-        )[0]
+        here = slice(first, k + 1)
+        directions[here], _ = servo_limits.servo_bounds(nominal.part(here))
 
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""
         directions, bounds = self._bounds
         error, _ = self._task.errors(S[None], np.array([k]))
-        return servo_limits.keep_bounds(
-            S, directions[k], bounds[k] - servo_limits.error_reach(error)[0]
-        )
+        left = bounds[k] - servo_limits.error_reach(error)[0]
+        return servo_limits.keep_bounds(S, directions[k], left)
 
     def _growth(self, S, k):
         """Returns N + D at a time."""
@@ -229,20 +227,15 @@ class ShapeFlow:
         still = -quadratic_form(S, np.zeros_like(S), nominal.closed_loop[0])
         sets = self._task.sets(nominal, S[None], still[None], at)
         forms = boundary_forms(sets, self.nominal.push_slopes[at])
-        [growth] = first_success(
-            least_growth,
-            forms.cubic[0],
-            forms.quartic[0],
-            L.T @ self._sizes[k] @ L,
-            fault="No solver shaped the funnel; the goal may be too wide.",
-        )
+        fault = "No solver shaped the funnel; the goal may be too wide."
+        given = forms.cubic[0], forms.quartic[0], L.T @ self._sizes[k] @ L
+        [growth] = first_success(least_growth, *given, fault=fault)
         return growth + forms.quadratic[0]
 
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""
         step = self.nominal.times[k] - self.nominal.times[k - 1]
-        first = linear_part(self.nominal.closed_loop[k])
-        second = linear_part(self.nominal.closed_loop[k - 1])
+        first, second = linear_part(self.nominal.closed_loop[[k, k - 1]])
 
         def rate(S, since):
             L, share = np.linalg.cholesky(S), since / step

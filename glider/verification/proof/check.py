@@ -117,9 +117,8 @@ def check_funnel(
     seed = secrets.randbits(32) if seed is None else seed
     rng, worst = np.random.default_rng(seed), int(np.argmax(growth))
     faults = purpose.model_faults(funnel, model) if model else []
-    faults += (
-        purpose.set_faults(funnel, covariance) if covariance and not faults else []
-    )
+    if covariance and not faults:
+        faults = purpose.set_faults(funnel, covariance)
     faults += purpose.inlet_faults(funnel, least_inlet or {})
     faults += purpose.push_faults(funnel, least_pushes, period)
     faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
@@ -137,9 +136,8 @@ def check_funnel(
         faults, rounding = exact_faults(funnel, at, growth, progress)
     if not faults and funnel.beta.any():
         seen = remainder_seen(funnel, at, rng)
-        faults = purpose.unmet(
-            (seen <= 1.0, f"The remainder is {seen:.3g} times its bound.")
-        )
+        words = f"The remainder is {seen:.3g} times its bound."
+        faults = purpose.unmet((seen <= 1.0, words))
     if not faults:
         between = largest_between(funnel, growth, rng, every)
         words = f"Between the times V̇/V reaches {between:.2g} 1/s."

@@ -93,8 +93,8 @@ class FlightProof:
     @property
     def until(self) -> float:
         """Time before which nothing that was tried is left unproven [s]."""
-        failed = self.failed
-        return float(self.times[max(self.outcomes) + 1 if failed is None else failed])
+        last = max(self.outcomes) + 1
+        return float(self.times[last if self.failed is None else self.failed])
 
     @property
     def fault(self) -> str:

@@ -55,8 +55,6 @@ def phase_faults(
 ) -> list[str]:
     """Returns why funnels are not one loop at any phase of its clock, in sentences.
 
-    That each of them is proven is for `check_funnel` and `prove_flights`.
-
     Args:
         launch: of the flight until the first command acts.
         rests: of held commands, from then on.

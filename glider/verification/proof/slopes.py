@@ -114,19 +114,13 @@ class NearSets:
         found = self._bounded(self._slopes.of_states, lines, rooms)
         return found.reshape(n, n + 2)
 
-    def pulls(
-        self,
-        first: np.ndarray,
-        last: np.ndarray,
-        duration: float,
-        apart: np.ndarray,
-        rooms: tuple[float, ...],
-    ) -> np.ndarray:
+    def pulls(self, first, last, duration, apart, rooms):
         """Returns bounds (R, 2) of d(λᵀ δ)/dt, by a wind and a command's error of 1.
 
         Args:
             first, last: ends (R, n) of lines λ of some duration [s].
             apart: bounds of |δ| (n, 2) by these pushes.
+            rooms: of bounds that are tried.
         """
         n = len(apart)
         lines = np.zeros((len(first), 2 * n, self._polynomials.shape[1]))
@@ -153,9 +147,8 @@ class NearSets:
         largest = own_room = boxes.largest()
         if weights is not None:
             total = largest.reshape(-1, len(weights)) @ weights / len(weights)
-            own_room = 0.5 * (
-                largest + np.ravel(total[:, None] / np.maximum(weights, LEAST))
-            )
+            even = total[:, None] / np.maximum(weights, LEAST)
+            own_room = 0.5 * (largest + even.ravel())
         for room in rooms if np.all(np.isfinite(self._lacks)) else ():
             boxes.limits = largest + (room - 1.0) * own_room + LEAST
             if bound_remainder(boxes, BUDGET).proven:

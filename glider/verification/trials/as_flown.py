@@ -137,14 +137,9 @@ def fly_loop(
     )
 
 
-def _phases(
-    funnel: Funnel, hold: Hold, genes: np.ndarray, rests: Sequence[Funnel] = ()
-) -> np.ndarray:
-    """Times (B,) from the launch to the clock's first sample after it [s].
-
-    With the funnel's own clock that is when its second command was computed.
-    """
-    if period := funnel.settings.period:
+def _phases(funnel, hold, genes, rests=()):
+    """Returns times (B,) from the launch to the clock's first sample after it [s]."""
+    if period := funnel.settings.period:  # Its second command was computed then.
         return np.full(len(genes), period - hold.latency)
     first = first_commands(funnel, rests)[0] - hold.latency if rests else 0.0
     return first + genes[:, funnel.num_states + 2] * hold.period
@@ -171,12 +166,13 @@ BATCH = 4000
 
 def _flights(funnel, loop, genes, rests=()):
     """Returns the largest V, the largest later and that at the end, (B,), of genes."""
-    found = [
-        _phase_levels(funnel, rests, loop, part)
-        if rests
-        else _Flight(funnel, loop, part).levels()
-        for part in np.array_split(genes, math.ceil(len(genes) / BATCH))
-    ]
+
+    def fly(part):
+        if rests:
+            return _phase_levels(funnel, rests, loop, part)
+        return _Flight(funnel, loop, part).levels()
+
+    found = map(fly, np.array_split(genes, math.ceil(len(genes) / BATCH)))
     # What diverges has no level: it is the worst.
     columns = map(np.concatenate, zip(*found, strict=True))
     return tuple(np.where(np.isfinite(v), v, np.inf) for v in columns)
@@ -231,8 +227,8 @@ class _Flight:
         self.fly(before, self._first, begins=True)
         with np.errstate(over="ignore", invalid="ignore"):  # A flight may diverge.
             while np.any(self._times < policy.duration):
-                given = self._times, self.states, waiting, hold
-                new = held_command(model, policy, *given)
+                now = self._times, self.states
+                new = held_command(model, policy, *now, waiting, hold)
                 self.fly(waiting.pop(0), hold.rest)
                 waiting.append(new)
                 self.fly(waiting[0], hold.period - hold.rest, begins=True)
@@ -246,11 +242,8 @@ class _Flight:
 
         The command begins to act, or it has acted before.
         """
-        count, end = (
-            max(math.ceil(np.max(duration) / STEP - 1e-9), 1),
-            self._policy.duration,
-        )
-        step = duration / count * np.ones(len(self._times))
+        count = max(math.ceil(np.max(duration) / STEP - 1e-9), 1)
+        step, end = duration / count * np.ones(len(self._times)), self._policy.duration
         for number in range(count):
             left = np.clip(end - self._times, 0.0, step)
             chooses = (begins and number == 0) or not self._funnel.settings.period
@@ -261,9 +254,7 @@ class _Flight:
 
             flown = advance(rates, self.states, left[:, None])
             self.states = np.where(left[:, None] > 0.0, flown, self.states)
-            self._times = np.where(
-                left < step - 1e-15, end, self._times + np.minimum(left, step)
-            )
+            self._times = np.where(left < step - 1e-15, end, self._times + left)
             level = self._level()
             self.largest = np.maximum(self.largest, level)
             acts = self._times > self._first + self._loop.hold.latency

@@ -32,8 +32,7 @@ UNKNOWN = (0.1, 0.2, 0.5, 1.0)
 """Shares of a launch's deviation that the filter does not know."""
 
 TICKS = 4
-"""Predictions of the filter to each sample of motion capture; the feedback follows
-each of them."""
+"""Predictions of the filter, each followed by a command, to each sample."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -75,9 +74,7 @@ def study_estimates(
     unknown: Sequence[float] = UNKNOWN,
     progress: Progress | None = None,
 ) -> list[EstimatedFlights]:
-    """Flies the same launches with the same noise, scaled, at each level of noise.
-
-    The launches are uniform in the inlet; progress is called with the current level.
+    """Flies launches uniform in the inlet with the same noise, scaled to each level.
 
     Returns:
         outcomes, one for each share and noise, the noises of a share in a row.

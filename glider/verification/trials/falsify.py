@@ -62,14 +62,9 @@ class Falsification:
         return len(self.levels)
 
     @property
-    def escaped(self) -> np.ndarray:
-        """Whether each flight left the funnel, (B,)."""
-        return ~(self.levels <= ESCAPE_LEVEL)  # NaN is an escape.
-
-    @property
     def escapes(self) -> int:
         """Number of flights that left the funnel."""
-        return int(self.escaped.sum())
+        return int((~(self.levels <= ESCAPE_LEVEL)).sum())  # NaN is an escape.
 
 
 def falsify_funnel(
