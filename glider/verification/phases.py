@@ -19,11 +19,9 @@ from glider.verification.proof import phases as proof
 SIZES = (0.01, 0.1, 0.025, 0.05, 0.05, 0.1, 0.3)
 """Errors when the first command acts that count equally [m, rad, m/s, rad/s]."""
 
-ROUNDS = 6
-"""Tries to make the launch funnel: two are as a rule enough."""
-
-ROOM = 0.98
-"""Size of its sets relative to what would just fit, of the shapes of the try before."""
+ROUNDS, ROOM = 6, 0.98
+"""Tries to make the launch funnel, two as a rule, and the size of its sets relative to
+what would just fit, of the shapes of the try before."""
 
 
 def make_phases(

@@ -85,28 +85,20 @@ class Nominal:
     def closed_loop(self) -> np.ndarray:
         """Taylor coefficients (T, n, M) of ė by `table_of(n)`; the constant is zero."""
         states = variables(self.states.T, ORDER)
-        rates = closed_loop_rates(
-            self.model, states, self.gains.T, self.states.T, self.inputs
-        )
-        coefficients = _expanded(rates, states[0])
+        given = states, self.gains.T, self.states.T, self.inputs
+        coefficients = _expanded(closed_loop_rates(self.model, *given), states[0])
         coefficients[:, :, 0] = 0.0  # The slope of the nominal flight itself.
         return coefficients
 
     @functools.cached_property
     def open_loop(self) -> np.ndarray:
-        """Taylor coefficients (T, n, M) of f in n states and the command.
-
-        The constant is f at the nominal; the monomials are those of `table_of(n + 1)`.
-        """
+        """Taylor coefficients (T, n, M) of f in (x, u) by `table_of(n + 1)`."""
         *states, command = variables(np.vstack([self.states.T, self.inputs]), ORDER)
         return _expanded(open_loop_rates(self.model, states, command), command)
 
     @functools.cached_property
     def push_slopes(self) -> np.ndarray:
-        """G = ∂f/∂(u, w) (T, n, 3, 1 + n): of the command, and of the wind in x and z.
-
-        It is linear in the deviation e: the coefficients are those of (1, e).
-        """
+        """G = ∂f/∂(u, w) (T, n, 3, 1 + n) in (1, e): of the command and the wind."""
         n, still = self.states.shape[1], np.zeros((2, len(self.times)))
         own = variables(np.vstack([self.states.T, self.inputs, still]), 2)
         rates = open_loop_rates(self.model, own[:n], own[n], wind=own[n + 1 :])

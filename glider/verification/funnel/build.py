@@ -227,14 +227,14 @@ class Gauge:
         slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
         sets = self._task.sets(self._nominal, S, np.concatenate(slopes), at)
         forms = boundary_forms(sets, self._nominal.push_slopes)
-        drift = self._drift(S)[:, None, None] * np.eye(S.shape[1])
+        drift = defect_growth(S, self._defect)[:, None, None] * np.eye(S.shape[1])
         return sets, forms._replace(quadratic=forms.quadratic + drift)
 
     def growth(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest V̇/V (T,) at and around each time [1/s]."""
         (sets, forms), starts = self._sets(S), self._starts
         growth = largest_growth(forms, starts)
-        drift = self._drift(S)
+        drift = defect_growth(S, self._defect)
         drift = np.maximum(drift[:-1], drift[1:])
         # Between the times it is looked for only where it is good at them.
         for share, here in self._between.items() if growth.max() < 0.0 else ():
@@ -243,9 +243,6 @@ class Gauge:
             for ends in (k + 1, k):
                 growth[ends] = np.maximum(growth[ends], found)
         return growth
-
-    def _drift(self, S):
-        return defect_growth(S, self._defect)
 
 
 def _levels(times, rate, largest):

@@ -53,11 +53,9 @@ class Funnel(BoundarySets):
         return self.curve(self._inside(times))
 
     def level(self, times: np.ndarray | float, states: np.ndarray) -> np.ndarray:
-        """Returns V = (x - x₀)ᵀ S (x - x₀), at most 1 inside, (...).
+        """Returns V = (x - x₀)ᵀ S (x - x₀), at most 1 inside, of states (..., n).
 
-        Args:
-            times: (...) within the flight; earlier and later ones count as its ends.
-            states: (..., n).
+        Times (...) before and after the flight count as its ends.
         """
         error = states - self.center(times)
         return np.einsum("...i,...ij,...j->...", error, self.shape(times), error)

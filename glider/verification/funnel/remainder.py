@@ -122,8 +122,12 @@ class _Remainders:
                 around = np.concatenate([points[:1], points, points[-1:]])
                 starts = np.stack([around[:-2], points, around[2:]], axis=2)
             starts = starts.reshape(len(starts), -1, total)
-            highest, points = _best(*climb_sphere(climbed, starts), count)
-        return highest, points
+            values, points = climb_sphere(climbed, starts)
+            values = values.reshape(len(values), 2 * count, -1)
+            best = values.argmax(axis=2)[..., None, None]
+            points = points.reshape(*values.shape, total)
+            points = np.take_along_axis(points, best, axis=2)[:, :, 0]
+        return values.max(axis=2), points
 
 
 def _of_both_signs(highest):
@@ -185,15 +189,6 @@ def _least_focus(shares, own, sizes):
     return 0.5 * (F + F.T)
 
 
-def _best(values, points, count):
-    """Returns the best of each rate's and sign's climbs, (K, 2 count), and where."""
-    values = values.reshape(len(values), 2 * count, -1)
-    points = points.reshape(*values.shape, -1)
-    best = values.argmax(axis=2)[..., None]
-    points = np.take_along_axis(points, best[..., None], axis=2)[:, :, 0]
-    return np.take_along_axis(values, best, axis=2)[..., 0], points
-
-
 def remainder_of(
     nominal: Nominal,
     at: np.ndarray,
@@ -226,15 +221,12 @@ def rates_about(nominal, at, errors, theta=None, push=None):
     """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀, with a push (K, B, 3)."""
     states = nominal.states[at][:, None] + errors
     error, *wind = (0.0,) * 3 if push is None else np.moveaxis(push, 2, 0)
-    rates = closed_loop_rates(
-        nominal.model,
-        list(np.moveaxis(states, 2, 0)),
-        nominal.gains[at].T[..., None],
-        nominal.states[at].T[..., None],
-        nominal.inputs[at][:, None] + error,
-        theta,
-        wind,
+    x, gains, x0 = (
+        np.moveaxis(values, -1, 0)
+        for values in (states, nominal.gains[at][:, None], nominal.states[at][:, None])
     )
+    u0 = nominal.inputs[at][:, None] + error
+    rates = closed_loop_rates(nominal.model, list(x), gains, x0, u0, theta, wind)
     return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)
 
 

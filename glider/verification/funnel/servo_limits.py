@@ -104,8 +104,8 @@ def margin_to_limits(
 
 
 SHARE = 0.97
-"""Share of the servo's rate that the feedback uses on the boundary: the set changes
-until the gains are used, one time earlier."""
+"""Share of the servo's rate that the feedback uses on the boundary: the gains are used
+one time earlier, for another set."""
 
 
 def steepest_gains(
@@ -113,10 +113,8 @@ def steepest_gains(
 ) -> np.ndarray:
     """Returns the gains K (n,) along Bᵀ S that the servo can follow on the set.
 
-    Args:
-        slopes: (n,) B.
-        rate: what the nominal's command leaves of the servo's rate [rad/s].
-        largest: gain on the elevator's own deviation that is not exceeded [1/s].
+    Given are B (n,), the rate that the nominal's command leaves [rad/s], and the
+    largest gain on the elevator's own deviation [1/s].
     """
     along = slopes @ S
     reach = np.sqrt(along @ slopes)

@@ -44,8 +44,7 @@ from glider.verification.proof.held import held_faults
 from glider.verification.sos.sphere import normalized
 
 STARTS = 8
-"""Points where the ascent to the largest growth starts, besides the axes of its
-quadratic part."""
+"""Points where the ascent to the largest growth starts, besides `largest_growth`'s."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -156,10 +155,7 @@ def check_funnel(
 
 
 def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> float:
-    """Returns the largest |R_k| / β_k that ascent finds on the boundary at some times.
-
-    For a funnel of a set of gliders, it is R of those on the set's boundary too.
-    """
+    """Returns the largest |R_k| / β_k that ascent finds at some times, of any glider."""
     pushes, worst = funnel.pushes[at] if funnel.pushes.any() else None, 0.0
     for center in dict.fromkeys((None, funnel.gliders)):
         total = funnel.num_states + (0 if pushes is None else 3)
@@ -179,8 +175,7 @@ def largest_between(
 ) -> float:
     """Returns the largest V̇/V found between the times, by ascent [1/s].
 
-    It includes growth (T,) by the nominal's defect [1/s], and is infinite where a set
-    between them is no ellipsoid.
+    It includes growth (T,) by the defect, and is infinite where a set is no ellipsoid.
     """
     starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
     around = np.maximum(defect[:-1], defect[1:])[funnel.nominal.flows[::every]]

@@ -54,9 +54,8 @@ def exact_faults(
 ) -> tuple[list[str], float]:
     """Checks a funnel in exact arithmetic, given the growth (T,) by its defect [1/s].
 
-    Returns:
-        what is wrong, a sentence each, and the largest change of an eigenvalue by what
-        rounding left over.
+    Returns what is wrong, a sentence each, and the largest change of an eigenvalue by
+    what rounding left over.
     """
     slack, rounding = proven_slack(funnel), 0.0
     found: dict[str, list[float]] = {}

@@ -59,10 +59,7 @@ class Prediction:
     root: np.ndarray
 
     def error_left(self, slopes: Slopes, rooms: tuple[float, ...]) -> float:
-        """Returns what is left of the command's error, and for the choice [rad/s].
-
-        A command is off by what its prediction misses, and by an error of its own.
-        """
+        """Returns what predictions leave of the command's error [rad/s]."""
         rows = np.vstack([self.gains, self.root])
         wind, error = _missed(self, slopes, rows, rooms).T
         lefts = [(self.bound - wind[0]) / (1.0 + error[0])]

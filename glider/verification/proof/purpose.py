@@ -60,10 +60,7 @@ def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
     extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
     found = {"half_widths": funnel.half_widths(time), "extents": extents}
     names = funnel.nominal.model.state_names
-    return {
-        what: dict(zip(names, values.tolist(), strict=True))
-        for what, values in found.items()
-    }
+    return {k: dict(zip(names, v.tolist(), strict=True)) for k, v in found.items()}
 
 
 def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:

@@ -105,10 +105,7 @@ class NearSets:
             self._lacks[:] = np.inf
 
     def sizes(self, rooms: tuple[float, ...]) -> np.ndarray:
-        """Returns bounds (n, n + 2) of |J|, and of |G| by wind and error of 1.
-
-        Rooms are those of bounds that are tried.
-        """
+        """Returns bounds (n, n + 2) of |J|, and of |G| by wind and error of 1."""
         n = len(self._polynomials) - 3
         lines = np.zeros((1, 2 * n, self._polynomials.shape[1]))
         found = self._bounded(self._slopes.of_states, lines, rooms)

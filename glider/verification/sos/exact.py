@@ -208,10 +208,6 @@ def hermite(values: np.ndarray, slopes: np.ndarray, step: Exact) -> tuple[Exact,
 
 def _first_half(numbers):
     """With τ = σ / 2 and 1 - τ = (1 - σ) + σ / 2; times 2^d."""
-    degree = len(numbers) - 1
-    weights = [
-        [math.comb(degree - j, i - j) << (degree - i) for j in range(i + 1)]
-        + [0] * (degree - i)
-        for i in range(degree + 1)
-    ]
-    return np.tensordot(np.array(weights, dtype=object), numbers, 1)
+    d, all_ = len(numbers) - 1, range(len(numbers))
+    rows = [[math.comb(d - j, d - i) << (d - i) for j in all_] for i in all_]
+    return np.tensordot(np.array(rows, dtype=object), numbers, 1)

@@ -112,11 +112,7 @@ _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "RAYON
 
 
 def solve_apart(function: Callable, *arguments: Any) -> Any:
-    """Returns function(*arguments), computed in another process.
-
-    Raises:
-        SolverError: the process died.
-    """
+    """Returns function(*arguments) of another process; SolverError if that died."""
     executor = _pool()
     try:
         return executor.submit(function, *arguments).result()

@@ -232,10 +232,8 @@ class _Flight:
                 self.fly(waiting.pop(0), hold.rest)
                 waiting.append(new)
                 self.fly(waiting[0], hold.period - hold.rest, begins=True)
-        return self.largest, self._later, self._level()
-
-    def _level(self):
-        return self._funnel.level(self._times, self.states)
+        ends = self._funnel.level(self._times, self.states)
+        return self.largest, self._later, ends
 
     def fly(self, command, duration, begins=False):
         """Flies under a command (B,) for some time, (B,) or one for all [s].
@@ -255,7 +253,7 @@ class _Flight:
             flown = advance(rates, self.states, left[:, None])
             self.states = np.where(left[:, None] > 0.0, flown, self.states)
             self._times = np.where(left < step - 1e-15, end, self._times + left)
-            level = self._level()
+            level = self._funnel.level(self._times, self.states)
             self.largest = np.maximum(self.largest, level)
             acts = self._times > self._first + self._loop.hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)

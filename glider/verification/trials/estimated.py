@@ -95,12 +95,10 @@ def fly_estimated(
 ) -> EstimatedFlights:
     """Flies launches with the funnel's feedback on a filter's estimate.
 
-    As `fly_on_estimate` has it; the filter's process noise is PROCESS.
-
     Args:
         starts: (B, n) launches.
         noise: standard deviation of a measured position [m]; the angles' are in
-            proportion, as in CAPTURE.std.
+            proportion, as in CAPTURE.std. The process noise is PROCESS.
         unknown: share, 0 to 1, of the launch's deviation that the filter does not know.
             Its covariance is that of launches uniform in the inlet, S⁻¹ / (n + 2),
             times the share squared.

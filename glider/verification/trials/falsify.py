@@ -227,10 +227,8 @@ def fly_from(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flies states (B, n) from one of the funnel's times to its end.
 
-    Args:
-        model: the glider that flies; the funnel's own if None.
-        deviation: δ (m,) of that glider in the funnel's set; V is then about its own
-            center. None: about the nominal.
+    V is about the center of a glider with a deviation δ (m,) in the funnel's set, or
+    about the nominal. The funnel's own glider flies if no other does.
 
     Returns:
         V of each at the funnel's times from `first` on, (B, T - first), and the
