@@ -231,7 +231,7 @@ def test_phases_are_made_one_after_the_other(launch, rests, monkeypatch):
 
 
 @pytest.fixture
-def quick(monkeypatch):
+def quick(monkeypatch, checked_once):
     """The command line without what takes minutes; proofs are as if they were whole."""
     monkeypatch.setattr(check, "held_faults", lambda funnel, progress: [])
     proofs = []

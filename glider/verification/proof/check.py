@@ -155,7 +155,7 @@ def check_funnel(
 
 
 def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> float:
-    """Returns the largest |R_k| / β_k that ascent finds at some times, of any glider."""
+    """Returns the largest |R_k| / β_k found at some times, also of a set's gliders."""
     pushes, worst = funnel.pushes[at] if funnel.pushes.any() else None, 0.0
     for center in dict.fromkeys((None, funnel.gliders)):
         total = funnel.num_states + (0 if pushes is None else 3)
