@@ -103,11 +103,9 @@ def make_funnel(
             "A funnel of a confidence set accounts for the differences of its gliders "
             "by a remainder: 'remainder' is 0; expected a positive number."
         )
-    good, words = (
-        not (confidence and settings.period),
-        "0, for the funnel of a confidence set",
-    )
-    expect(good, "field 'period'", settings.period, words)
+    if confidence:
+        words = "0, for the funnel of a confidence set"
+        expect(not settings.period, "field 'period'", settings.period, words)
     nominal = make_nominal(model, policy, settings.step, settings.period)
     if hook_of is not None:
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)

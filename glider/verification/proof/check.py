@@ -58,9 +58,7 @@ class Verdict:
     faults: tuple[str, ...]
     slack: float  #: Slack of V̇ <= -slack V, which is proven at these times [1/s].
     defect: float  #: Largest V̇/V by the nominal's defect, which is counted [1/s].
-    rounding: (
-        float  #: Largest change of an eigenvalue by what rounding left over [1/s].
-    )
+    rounding: float  #: Largest change of an eigenvalue by what is left over [1/s].
     #: Largest |R_k| / β_k found by ascent at these times; infinite where only β_k is
     #: zero; zero where the certificate accounts for no remainder at all.
     remainder_seen: float

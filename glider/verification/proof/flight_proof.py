@@ -160,12 +160,9 @@ def prove_flights(
     known = _read(resume, header) if resume else {}
     done = {k: known[k] for k in wanted if k in known}
     left, from_file = [k for k in wanted if k not in known], len(done)
-    prove, pieces = (
-        joblib.delayed(prove_interval),
-        (funnel.between(k, k + 1) for k in left),
-    )
+    pieces = (funnel.between(k, k + 1) for k in left)
     found = joblib.Parallel(n_jobs=workers, return_as="generator")(
-        prove(piece, budget) for piece in pieces
+        joblib.delayed(prove_interval)(piece, budget) for piece in pieces
     )
     for k, outcome in zip(left, found, strict=False):
         done[k] = outcome
