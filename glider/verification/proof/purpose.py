@@ -29,7 +29,7 @@ funnels it is 6e-8."""
 
 
 def unmet(*checks: tuple[object, str]) -> list[str]:
-    """Returns the faults, sentences, of the conditions before them that are false."""
+    """Returns the sentences of pairs of a condition and one where that is false."""
     return [fault for holds, fault in checks if not holds]
 
 
@@ -90,18 +90,18 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
 
 
 def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
-    """Returns whether a funnel's set of gliders is smaller than that of a covariance.
+    """Returns why a funnel's set of gliders is not the one of a model's covariance.
 
-    Of the level and shape that the file states; a funnel of one glider states no set.
+    It has to contain the model's set of the same level and shape. A funnel of one
+    glider states no set.
     """
     if funnel.gliders is None:
         return []
     own, model = funnel.gliders.confidence, funnel.nominal.model
     given = make_confidence(model, covariance, own.level, own.shape)
-    words = (
-        f"The funnel's set of gliders, the {describe_set(own)}, is smaller than the "
-    )
-    return unmet((own.covers(given), f"{words}model's, the {describe_set(given)}."))
+    words = f"The funnel's set of gliders, the {describe_set(own)}, is smaller than"
+    fault = f"{words} the model's, the {describe_set(given)}."
+    return unmet((own.covers(given), fault))
 
 
 def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
@@ -120,17 +120,17 @@ def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
 
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
     """Returns where the inlet is narrower than least half-widths of states alone."""
-    widths = dict(
-        zip(funnel.nominal.model.state_names, funnel.half_widths(), strict=True)
-    )
-    faults = []
-    for name, least_width in least.items():
-        words = f"one of {', '.join(widths)}"
-        expect(name in widths, "the least inlet: a state", name, words)
-        words = f"The inlet's half-width in {name} is {widths[name]:.3g}; expected at "
-        faults += unmet(
-            (widths[name] >= least_width, f"{words}least {least_width:.3g}.")
+    names, faults = funnel.nominal.model.state_names, []
+    widths = dict(zip(names, funnel.half_widths(), strict=True))
+    for name, width in least.items():
+        expect(
+            name in names,
+            "the least inlet: a state",
+            name,
+            f"one of {', '.join(names)}",
         )
+        words = f"The inlet's half-width in {name} is {widths[name]:.3g}; expected at"
+        faults += unmet((widths[name] >= width, f"{words} least {width:.3g}."))
     return faults
 
 
@@ -148,8 +148,8 @@ def push_faults(
     faults = unmet((period in (None, own), f"The funnel is for {held}; {expected}"))
     words = "a command error of {:g} rad/s", "wind of {:g} m/s"
     for word, bound, wanted in zip(words, funnel.settings.pushes, least, strict=True):
-        found = f"The funnel accounts for {word.format(bound)}; expected at least "
-        faults += unmet((bound >= wanted, f"{found}{wanted:g}."))
+        found = f"The funnel accounts for {word.format(bound)}; expected at least"
+        faults += unmet((bound >= wanted, f"{found} {wanted:g}."))
     return faults
 
 
