@@ -1,23 +1,17 @@
 """The proof that every flight that starts in a funnel stays there.
 
-Intervals are proven in several processes. What is proven can be kept in a file, from
-which an interrupted proof continues: one JSON object a line, of a header and of an
-interval each. The header has the hashes of the funnel and of the program that proves
-it; each line is sealed with a key of this user's, so that only what the same program
-proved before counts.
+Intervals are proven in several processes. What is proven can be kept in a record
+(`glider.files.record`), from which an interrupted proof continues. Its header has the
+hashes of the funnel and of the program that proves it.
 """
 
-import contextlib
 import dataclasses
 import functools
 import hashlib
-import hmac
 import math
-import secrets
 import sys
 import warnings
 from pathlib import Path
-from typing import Any
 
 import flint
 import joblib
@@ -26,8 +20,8 @@ import numpy as np
 import scipy
 
 from glider.errors import InputError, expect
-from glider.files import schema
-from glider.paths import PACKAGE, cache_folder
+from glider.files.record import append_sealed, read_sealed
+from glider.paths import PACKAGE
 from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.held import held_faults
@@ -41,11 +35,8 @@ from glider.verification.proof.interval_proof import (
 
 _FORMAT = "drake-glider funnel proof 2"
 
-_CHECKER = ("verification", "physics", "compiled")
+_CHECKER = ("verification", "physics", "compiled", "files")
 """Packages whose sources a proof depends on."""
-
-_MOST_BYTES = 10_000_000
-"""Largest record that is read; that of a shipped funnel has 40,000."""
 
 
 @functools.cache
@@ -157,7 +148,8 @@ def prove_flights(
     header = _Header(
         format=_FORMAT, funnel=funnel.sha256, checker=checker_hash(), budget=budget
     )
-    known = _read(resume, header) if resume else {}
+    lines = read_sealed(resume, header, _Record, "a proof", "funnel") if resume else []
+    known = {line.interval: line for line in lines if line.proven}
     done = {k: known[k] for k in wanted if k in known}
     left, from_file = [k for k in wanted if k not in known], len(done)
     pieces = (funnel.between(k, k + 1) for k in left)
@@ -167,8 +159,8 @@ def prove_flights(
     for k, outcome in zip(left, found, strict=False):
         done[k] = outcome
         if resume and outcome.proven:
-            record = _Record(interval=k, **dataclasses.asdict(outcome))
-            _append(resume, dataclasses.replace(record, seal=_seal(header, record)))
+            line = _Record(interval=k, **dataclasses.asdict(outcome))
+            append_sealed(resume, header, line)
         if progress:
             progress(len(done) / len(wanted))
         if not outcome.proven:
@@ -187,7 +179,7 @@ def prove_flights(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Header:
-    """First line of a file that a proof resumes from, with hashes."""
+    """First line of a record, with hashes."""
 
     format: str
     funnel: str
@@ -206,62 +198,3 @@ class _Record(IntervalProof):
         for name in ("interval", "boxes", "parts", "ratio"):
             value, words = getattr(self, name), "a number that is zero or positive"
             expect(0 <= value < math.inf, f"field '{name}'", value, words)
-
-
-def _seal(header, record):
-    """Returns what only this user can write below a header, in hexadecimal."""
-    lines = header, dataclasses.replace(record, seal="")
-    text = "".join(schema.json_text(line, indent=-1) for line in lines)
-    return hmac.new(_key(), text.encode(), "sha256").hexdigest()
-
-
-def _key():
-    """Returns this user's key; makes it where there is none."""
-    path = cache_folder() / "proof_key"
-    with contextlib.suppress(FileExistsError), open(path, "xb", 0) as stream:
-        stream.write(secrets.token_bytes(32))
-    return path.read_bytes()
-
-
-def _read(path, header):
-    """Returns the proven intervals in a file; starts it where there is none."""
-    if not path.exists():
-        _append(path, header)
-        return {}
-    what = "a record of a proof"
-    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-        raise InputError(f"{path}: is not {what}; expected a smaller file.")
-    text = schema.read_text(path, what)
-    # A line that was cut short is the last, and proven again.
-    whole = text[: text.rfind("\n") + 1]
-    lines: list[Any] = []
-    for line in whole.splitlines():
-        source, kind = f"{path}: line {len(lines) + 1}", _Record if lines else _Header
-        lines.append(schema.convert(schema.parse_json(line, source), kind, source))
-    if not lines or lines[0] != header:
-        raise InputError(
-            f"{path}: cannot be resumed: it is of another funnel or of another version "
-            "of this program or its libraries; expected a file that --resume wrote for "
-            "this funnel, or a new name."
-        )
-    for number, record in enumerate(lines[1:], start=2):
-        seals = record.seal, _seal(header, record)
-        if not hmac.compare_digest(*(seal.encode() for seal in seals)):
-            raise InputError(
-                f"{path}: line {number}: cannot be resumed: it was not written by "
-                "--resume with this user's key; expected a new name, to prove it again."
-            )
-    if whole != text:
-        path.write_text(whole, encoding="utf-8")
-    return {record.interval: record for record in lines[1:] if record.proven}
-
-
-def _append(path, line):
-    try:
-        with path.open("a", encoding="utf-8") as stream:
-            stream.write(schema.json_text(line, indent=-1) + "\n")
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}); expected a file that you "
-            "may write."
-        ) from None
