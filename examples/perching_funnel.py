@@ -447,7 +447,7 @@ def figures_of(study: FunnelStudy) -> dict[str, object]:
         "escapes": study.falsification.escapes,
         "largest_end": float(study.falsification.ends.max()),
         "goal": list(funnel.settings.goal_axes(funnel.num_states)),
-        "states": list(funnel.nominal.state_names),
+        "states": list(funnel.nominal.model.state_names),
         "effects": [effect.kind.kind for effect in funnel.nominal.model.effects],
         "remainder": funnels.remainder_status(funnel, proof),
         "remainder_inflation": funnel.settings.remainder,

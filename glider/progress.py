@@ -8,6 +8,9 @@ T = TypeVar("T")
 Progress = Callable[[str], None]
 """Takes a line of text as the work goes on; a `Step` where the share is known."""
 
+Shares = Callable[[float], None]
+"""Takes the share of the work that is done, from 0 to 1."""
+
 
 def silent(text: str) -> None:
     """Takes word of progress and drops it."""

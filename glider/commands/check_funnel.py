@@ -7,20 +7,11 @@ import dataclasses
 import math
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
 
 from glider.commands.output import working
 from glider.commands.parsing import CommandParser, check_seed
 from glider.errors import InputError, expect
 from glider.progress import Step
-
-if TYPE_CHECKING:
-    from glider.physics.covariance import Covariance
-    from glider.planning.problem import PerchingProblem
-    from glider.verification.funnel.funnel import Funnel
-    from glider.verification.proof.check import Verdict
-    from glider.verification.proof.flight_proof import FlightProof
-    from glider.verification.proof.latency import ProvenLatency
 
 LEVEL = 0.95
 """Default probability with which the true glider is among those that are flown: that of
@@ -204,6 +195,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args, funnels, problem, model, covariance, least_inlet, follow):
     """Checks all funnels, and proves them where that is asked for and they hold."""
+    from glider.report.check_funnel import Checked
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.phases import phase_faults
@@ -229,7 +221,7 @@ def _check(args, funnels, problem, model, covariance, least_inlet, follow):
         )
         for own, needed in zip(funnels, needs, strict=True)
     ]
-    checked = _Checked(problem, covariance, funnels, verdicts, faults, [], None)
+    checked = Checked(problem, covariance, funnels, verdicts, faults, [], None)
     if not (args.prove and checked.holds):
         return checked
     for own in funnels:
@@ -277,38 +269,12 @@ def _own_latency(args, funnel):
     return 0.0 if is_only_flown or not args.prove else args.latency or 0.0
 
 
-class _Checked(NamedTuple):
-    """What was checked and proven: of a funnel, or of one and those of its phases."""
-
-    problem: PerchingProblem
-    covariance: Covariance | None
-    funnels: tuple[Funnel, ...]
-    verdicts: list[Verdict]
-    faults: list[str]  #: Of phases.
-    proofs: list[FlightProof]  #: As far as they were asked for, until one fails.
-    latency: ProvenLatency | None  #: What is proven of one; None where all else failed.
-
-    @property
-    def holds(self) -> bool:
-        """Whether all certificates hold, at any phase."""
-        return not self.faults and all(verdict.holds for verdict in self.verdicts)
-
-    @property
-    def is_proven(self) -> bool:
-        """Whether it is proven as a whole."""
-        is_checked = self.holds and all(verdict.is_whole for verdict in self.verdicts)
-        are_whole = [proof.is_whole for proof in self.proofs]
-        lacks = self.latency is not None and not self.latency.holds
-        whole = len(are_whole) == len(self.funnels) and all(are_whole)
-        return is_checked and whole and not lacks
-
-
 def _print_outcome(args, checked, trial, flown):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
     from glider.report import check_funnel as words
 
-    problem, covariance, funnels, verdicts, faults, proofs, latency = checked
+    problem, covariance, funnels, verdicts, _, proofs, latency = checked
     (funnel, *rests), seed = funnels, args.seed or 0
     # The end of a launch funnel is no perch.
     ends = [None if rests else problem] + [problem] * len(rests)
@@ -321,9 +287,7 @@ def _print_outcome(args, checked, trial, flown):
         }
         if rests:
             report["phases"] = others
-            proven = checked.is_proven
-            given = funnel, rests, faults, latency, proven
-            report["any_phase"] = words.phases_report(*given)
+            report["any_phase"] = words.phases_report(checked)
         if latency:
             report["latency"] = dataclasses.asdict(latency) | {"holds": latency.holds}
         if trial:
@@ -337,8 +301,7 @@ def _print_outcome(args, checked, trial, flown):
             print(f"{path}:")
         print(words.describe_check(*part, args.model, covariance))
     if rests:
-        given = funnel, rests, faults, latency, checked.is_proven
-        print(words.describe_phases(*given))
+        print(words.describe_phases(checked))
     if latency:
         print(words.describe_latency(latency))
     if trial:
@@ -360,6 +323,8 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
             raise InputError(
                 f"--{name} is of one funnel; expected it without --phases."
             )
+    latency, words = args.latency or 0.0, "0 or more, and less than the period"
+    expect(0.0 <= latency < math.inf, "--latency", latency, words)
     level = _level(args.confidence)
     names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}

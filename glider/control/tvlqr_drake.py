@@ -9,13 +9,21 @@ through the wire with its elevator almost at rest.
 
 from typing import Any
 
+import numpy as np
 from pydrake.systems.controllers import (
     FiniteHorizonLinearQuadraticRegulatorOptions,
     MakeFiniteHorizonLinearQuadraticRegulator,
 )
 from pydrake.systems.framework import System
+from pydrake.systems.primitives import TrajectoryAffineSystem
+from pydrake.trajectories import PiecewisePolynomial
 
-from glider.control.tvlqr import TrackingWeights, check_plan, weight_matrix
+from glider.control.tvlqr import (
+    TrackingPolicy,
+    TrackingWeights,
+    check_plan,
+    weight_matrix,
+)
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.systems.plant import GliderPlant
@@ -23,6 +31,9 @@ from glider.systems.plant import GliderPlant
 SCHEME, ACCURACY = "runge_kutta5", 1e-6
 """Scheme and accuracy of Drake's backward pass: gains to 1e-6 of their largest. The
 default scheme, of order three, takes over twice the time to be as good."""
+
+TABLE = 441
+"""Number of times that the gains of a policy are given at."""
 
 
 def tracking_regulator(
@@ -71,3 +82,25 @@ def regulator_arguments(
         "R": [weights.rate],
         "options": options,
     }
+
+
+def policy_regulator(policy: TrackingPolicy) -> TrajectoryAffineSystem:
+    """Returns a policy as a Drake System, in straight lines between TABLE times.
+
+    state -> [ TrajectoryAffineSystem ] -> elevator rate = offset - gain x
+    """
+    times = np.linspace(0.0, policy.duration, TABLE)
+    offset, gain = policy.sample(times)
+
+    def over_time(values: np.ndarray) -> PiecewisePolynomial:
+        return PiecewisePolynomial.FirstOrderHold(times, list(values))
+
+    zero = over_time(np.zeros((TABLE, 1, 1)))
+    return TrajectoryAffineSystem(  # One state that rests: Drake asks for it.
+        A=zero,
+        B=over_time(np.zeros((TABLE, 1, gain.shape[1]))),
+        f0=zero,
+        C=zero,
+        D=over_time(-gain[:, None, :]),
+        y0=over_time(offset[:, None, None]),
+    )

@@ -128,7 +128,7 @@ def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
     else:
         known = KnownFunnel(funnel=load_funnel(funnel), file=str(funnel))
     nominal = known.funnel.nominal
-    more = nominal.state_names[NUM_STATES:]
+    more = nominal.model.state_names[NUM_STATES:]
     what = f"{known.name}: its list of effects' states"
     expect(not more, what, more, "none, as not every explanation has them")
     begin, needed = nominal.times[0], "0 s, a funnel from the launch"

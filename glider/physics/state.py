@@ -15,6 +15,9 @@ POSE_NAMES = ("x", "z", "pitch")
 
 NUM_STATES = len(STATE_NAMES)
 
+PITCH = STATE_NAMES.index("pitch")
+"""Index of the pitch."""
+
 ELEVATOR = STATE_NAMES.index("elevator")
 """Index of the elevator's angle."""
 

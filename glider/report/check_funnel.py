@@ -5,9 +5,9 @@ The sentences are in `templates/check_funnel.txt`.
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+import hashlib
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from glider.errors import printable
 from glider.physics.confidence import describe_set
 from glider.physics.covariance import Covariance
+from glider.physics.model import GliderModel, model_text
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
@@ -29,7 +30,6 @@ from glider.verification.proof.phases import LEVEL, first_commands
 from glider.verification.proof.purpose import (
     arrival,
     hook_faults,
-    model_hash,
     set_sizes,
     wind_for_set,
 )
@@ -38,6 +38,32 @@ from glider.verification.trials.falsify import Falsification
 
 HASH_DIGITS = 16
 """Digits of a hash that are printed; JSON has them all."""
+
+
+class Checked(NamedTuple):
+    """What was checked and proven: of a funnel, or of one and those of its phases."""
+
+    problem: PerchingProblem
+    covariance: Covariance | None
+    funnels: tuple[Funnel, ...]
+    verdicts: list[Verdict]
+    faults: list[str]  #: Of phases.
+    proofs: list[FlightProof]  #: As far as they were asked for, until one fails.
+    latency: ProvenLatency | None  #: What is proven of one; None where all else failed.
+
+    @property
+    def holds(self) -> bool:
+        """Whether all certificates hold, at any phase."""
+        return not self.faults and all(verdict.holds for verdict in self.verdicts)
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether it is proven as a whole."""
+        is_checked = self.holds and all(verdict.is_whole for verdict in self.verdicts)
+        are_whole = [proof.is_whole for proof in self.proofs]
+        lacks = self.latency is not None and not self.latency.holds
+        whole = len(are_whole) == len(self.funnels) and all(are_whole)
+        return is_checked and whole and not lacks
 
 
 def check_report(
@@ -159,19 +185,13 @@ def describe_check(
     return "\n".join(lines)
 
 
-def phases_report(
-    launch: Funnel,
-    rests: Sequence[Funnel],
-    faults: Sequence[str],
-    latency: ProvenLatency | None,
-    is_proven: bool,
-) -> dict[str, Any]:
+def phases_report(checked: Checked) -> dict[str, Any]:
     """Returns whether funnels are one loop at any phase as it is written to JSON."""
-    least = _least_of((launch, *rests), latency)
+    least, (launch, *rests) = _least_of(checked), checked.funnels
     return {
-        "holds": not faults,
-        "faults": list(faults),
-        "proven": is_proven,
+        "holds": not checked.faults,
+        "faults": checked.faults,
+        "proven": checked.is_proven,
         "first_command_s": list(first_commands(launch, rests)),
         "level": LEVEL,
         "command_error_rad_s": least.command_error,
@@ -179,17 +199,12 @@ def phases_report(
     }
 
 
-def describe_phases(
-    launch: Funnel,
-    rests: Sequence[Funnel],
-    faults: Sequence[str],
-    latency: ProvenLatency | None,
-    is_proven: bool,
-) -> str:
+def describe_phases(checked: Checked) -> str:
     """Returns the same in sentences, and what is proven of all of them together."""
-    least = _least_of((launch, *rests), latency)
+    least, (launch, *rests) = _least_of(checked), checked.funnels
     times = 1e3 * np.array(first_commands(launch, rests))
-    return _text("phases", len(rests), least, LEVEL, faults, times, is_proven)
+    given = least, LEVEL, checked.faults, times, checked.is_proven
+    return _text("phases", len(rests), *given)
 
 
 def describe_latency(latency: ProvenLatency) -> str:
@@ -197,8 +212,9 @@ def describe_latency(latency: ProvenLatency) -> str:
     return _text("latency", latency)
 
 
-def _least_of(funnels, latency):
-    """Returns the settings of the last one, with the least bounds of all."""
+def _least_of(checked):
+    """Returns the settings of the last funnel, with the least bounds of all."""
+    funnels, latency = checked.funnels, checked.latency
     error, wind = np.min([own.settings.pushes for own in funnels], axis=0).tolist()
     error = min(error, latency.error_left) if latency and latency.holds else error
     return dataclasses.replace(funnels[-1].settings, command_error=error, wind=wind)
@@ -221,6 +237,11 @@ def _made_for(funnel, trial):
     if not funnel.gliders:
         return None
     return bool(np.all(funnel.gliders.confidence.holds(trial.deviations)))
+
+
+def model_hash(model: GliderModel) -> str:
+    """Returns the hash of a glider's file, in hexadecimal: the same for equal ones."""
+    return hashlib.sha256(model_text(model).encode()).hexdigest()
 
 
 def _text(macro, *values):

@@ -21,10 +21,10 @@ from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
 from glider.report.numbers import format_estimate, format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
+from glider.report.plots.tube import tube_outline
 from glider.report.wording import TEMPLATES
 from glider.sysid.report import Estimate
 from glider.systems.command_tape import tape_text
-from glider.verification.funnel.funnel import tube_outline
 
 SURE = 0.99
 """Probability of the best explanation among the listed ones above which it is alone."""

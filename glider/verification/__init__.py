@@ -22,5 +22,6 @@ axis where there are several:
     deviation (m,)                δ of a glider in that set
     at, k                         indices of times
     starts (B, n)                 points of the unit sphere where an ascent starts
-    progress                      is called with the share that is done
+    progress                      is called with the share that is done, or the stage
+    seed, rng                     of what is drawn
 """

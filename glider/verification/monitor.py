@@ -3,12 +3,9 @@
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 from pydrake.systems.primitives import TrajectoryAffineSystem
-from pydrake.trajectories import PiecewisePolynomial
 
+from glider.control.tvlqr_drake import policy_regulator
 from glider.verification.funnel.funnel import Funnel, funnel_policy
-
-TABLE = 441
-"""Number of times that a regulator's gains are given at."""
 
 
 class FunnelMonitor(LeafSystem):
@@ -25,11 +22,8 @@ class FunnelMonitor(LeafSystem):
             the share of its way to the boundary that a deviation may still grow.
         inside: 1 where V <= 1, else 0.
 
-    V is about the nominal flight. The theorem of a funnel of a set of gliders is about
-    the center of the glider that flies, which is nowhere known: its monitor is of the
-    estimated glider.
-
-    After the funnel's end the last set counts, about the last nominal state.
+    V is about the nominal flight, also of a funnel of a set of gliders: the center of
+    the one that flies is nowhere known. After the end the last set counts.
     """
 
     def __init__(self, funnel: Funnel):
@@ -52,23 +46,5 @@ class FunnelMonitor(LeafSystem):
 
 
 def funnel_regulator(funnel: Funnel) -> TrajectoryAffineSystem:
-    """Returns a funnel's own feedback as a Drake System.
-
-    state -> [ TrajectoryAffineSystem ] -> elevator rate = offset - gain x
-    """
-    policy = funnel_policy(funnel)
-    times = np.linspace(0.0, policy.plan.duration, TABLE)
-    offset, gain = policy.sample(times)
-
-    def over_time(values: np.ndarray) -> PiecewisePolynomial:
-        return PiecewisePolynomial.FirstOrderHold(times, list(values))
-
-    zero = over_time(np.zeros((TABLE, 1, 1)))
-    return TrajectoryAffineSystem(  # One state that rests: Drake asks for it.
-        A=zero,
-        B=over_time(np.zeros((TABLE, 1, funnel.num_states))),
-        f0=zero,
-        C=zero,
-        D=over_time(-gain[:, None, :]),
-        y0=over_time(offset[:, None, None]),
-    )
+    """Returns a funnel's own feedback as a Drake System, as `policy_regulator`."""
+    return policy_regulator(funnel_policy(funnel))

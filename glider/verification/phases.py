@@ -1,8 +1,4 @@
-"""Funnels for any phase between clock and launch, made.
-
-`glider.verification.proof.phases` has the theorem: a launch funnel until the first
-command acts, and from then on one of several of held commands.
-"""
+"""Funnels for any phase between clock and launch, made as `proof.phases` has them."""
 
 import dataclasses
 from collections.abc import Callable
@@ -18,21 +14,14 @@ from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.proof.phases import (
-    choose,
-    is_inside,
-    phase_faults,
-    phase_intervals,
-)
+from glider.verification.proof import phases as proof
 
 SIZES = (0.01, 0.1, 0.025, 0.05, 0.05, 0.1, 0.3)
 """Errors when the first command acts that count equally [m, rad, m/s, rad/s]."""
 
-ROUNDS = 6
-"""Tries to make the launch funnel: two are as a rule enough."""
-
-ROOM = 0.98
-"""Size of its sets relative to what would just fit, of the shapes of the try before."""
+ROUNDS, ROOM = 6, 0.98
+"""Tries to make the launch funnel, two as a rule, and the size of its sets relative to
+what would just fit, of the shapes of the try before."""
 
 
 def make_phases(
@@ -55,7 +44,7 @@ def make_phases(
         settings: of the funnels of held commands; `period` must not be 0.
         latency: time from the clock's sample to its command, which is predicted [s].
         count: number of phases that have a funnel of their own.
-        sizes: half-axes of the launch funnel's last set, which is as large as possible.
+        sizes: ratio of the half-axes of the launch funnel's last set.
         progress: called with the current stage.
 
     Raises:
@@ -65,52 +54,34 @@ def make_phases(
     period, states = settings.period, len(model.state_names)
     expect(count >= 1, "the number of phases", count, "at least 1")
     expect(period > 0.0, "field 'period'", period, "more than 0 s")
-    expect(0.0 <= latency < period, "the latency", latency, "less than the period")
-    own_states = states == len(sizes)
-    expect(own_states, "the glider's states", states, "none of the effects' own")
-    say, bin_ = progress or silent, settings.period / count
-    waiting = still_policy(model, problem, latency + settings.period)
+    words = "0 or more, and less than the period"
+    expect(0.0 <= latency < period, "the latency", latency, words)
+    words = "none of the effects' own"
+    expect(states == len(sizes), "the glider's states", states, words)
+    say, bin_, rests = progress or silent, period / count, []
+    waiting = still_policy(model, problem, latency + period)
     path = make_nominal(model, waiting, 0.5 * bin_).path
-    rests = []
     for k in range(count):
         say(f"the funnel of phase {k + 1} of {count}")
         start = path(latency + (k + 0.5) * bin_).tolist()
         policy = policy_of(dataclasses.replace(problem, launch=start))
-        rests.append(
-            make_funnel(model, policy, settings, hook_of=problem, progress=say)
-        )
-    own = dataclasses.replace(
-        settings,
-        period=0.0,
-        elevator_gain=0.0,
-        launch_sizes=None,
-        step=0.5 * bin_,
-        floor=1.0,
-    )
-    return launch_funnel(model, waiting, own, rests, sizes, say), rests
+        made = make_funnel(model, policy, settings, hook_of=problem, progress=say)
+        rests.append(made)
+    still = dataclasses.replace(settings, period=0.0, elevator_gain=0.0, floor=1.0)
+    own = dataclasses.replace(still, step=0.5 * bin_, sizes=sizes, launch_sizes=None)
+    return _launch_funnel(model, waiting, own, rests, say), rests
 
 
-def launch_funnel(
-    model: GliderModel,
-    waiting: TrackingPolicy,
-    settings: FunnelSettings,
-    rests: list[Funnel],
-    sizes: tuple[float, ...] = SIZES,
-    progress: Progress | None = None,
-) -> Funnel:
-    """Returns the largest funnel of a flight without commands that leads into others.
-
-    Raises:
-        InputError: none is found.
-    """
-    say, axes = progress or silent, np.diag(sizes)
+def _launch_funnel(model, waiting, settings, rests, say):
+    """Returns the largest funnel of a flight without commands that leads to others."""
+    sizes, axes = settings.sizes, np.diag(settings.sizes)
     widest = [np.linalg.norm(axes @ own.S[0] @ axes, 2) for own in rests]
     scale = 1.0 / np.sqrt(min(widest))  # As if they had one center.
     for _ in range(ROUNDS):
         goal = tuple((scale * np.array(sizes)).tolist())
-        shaped = dataclasses.replace(settings, goal=goal, sizes=sizes)
-        found = make_funnel(model, waiting, shaped, progress=progress)
-        if not phase_faults(found, rests):
+        shaped = dataclasses.replace(settings, goal=goal)
+        found = make_funnel(model, waiting, shaped, progress=say)
+        if not proof.phase_faults(found, rests):
             return found
         say("launch funnel: its size")
         scale *= ROOM * _largest_scale(found, rests)
@@ -126,11 +97,12 @@ def _largest_scale(found, rests):
     low, high = 0.0, 1.0
     for _ in range(10):
         scale = 0.5 * (low + high)
-        level = scale**2
-        S, slopes = found.S / level, found.slopes / level
-        scaled = dataclasses.replace(found, S=S, slopes=slopes)
-        pieces = [scaled.between(k, k + 1) for k in phase_intervals(found, rests)]
-        fits = all(any(is_inside(piece, own) for own in rests) for piece in pieces)
+        sets = {"S": found.S / scale**2, "slopes": found.slopes / scale**2}
+        scaled = dataclasses.replace(found, **sets)
+        pieces = [scaled.between(k, k + 1) for k in proof.phase_intervals(found, rests)]
+        fits = all(
+            any(proof.is_inside(piece, own) for own in rests) for piece in pieces
+        )
         low, high = (scale, high) if fits else (low, scale)
     return low
 
@@ -138,7 +110,6 @@ def _largest_scale(found, rests):
 def rest_for(rests: list[Funnel], state: np.ndarray) -> Funnel:
     """Returns the funnel of held commands in which a state (n,) has the least V.
 
-    The state is the one in which the first command will begin to act, predicted where
-    there is a latency.
+    It is the state in which the first command will begin to act, predicted if need be.
     """
-    return rests[choose(rests, state)]
+    return rests[proof.choose(rests, state)]

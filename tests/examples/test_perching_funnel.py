@@ -96,7 +96,7 @@ def test_the_result_is_reported(output, found):
         assert part["remainder_inflation"] == study.funnel.settings.remainder
         assert part["solver"] == study.funnel.solver
         assert part["seconds"] == study.funnel.seconds
-        assert part["states"] == list(study.funnel.nominal.state_names)
+        assert part["states"] == list(study.funnel.nominal.model.state_names)
         assert part["goal"] == list(study.funnel.settings.goal)
     assert figures["effects"] == []
     assert figures["corrected"]["effects"] == ["wind"]

@@ -42,7 +42,7 @@ def test_the_command_line_proves_that_no_flight_leaves(tmp_path, capsys, monkeyp
     nominal = dataclasses.replace(part.nominal, times=times)
     part = dataclasses.replace(part, nominal=nominal)
     save_funnel(path, part)
-    monkeypatch.setattr(check, "problem_faults", lambda *given: [])
+    monkeypatch.setattr(check.purpose, "problem_faults", lambda *given: [])
     monkeypatch.setattr(exact_check, "_within_goal", lambda funnel: True)
     alone = functools.partial(prove_flights, workers=1)
     monkeypatch.setattr(flight_proof, "prove_flights", alone)

@@ -229,7 +229,12 @@ def test_a_latency_that_cannot_be_proven_is_refused(capsys, rest):
     path = str(FOLDER / "phase_1.npz")
     asked = ["check-funnel", path, "--every", "1000", "--prove"]
     assert main([*asked, "--hold", "0.02", "--latency", "0.02"]) == 2
-    assert "expected less than the funnel's period, 0.02 s" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "0 or more, and less than the funnel's period, 0.02 s" in said
+    for only in ("--prove", "--as-flown"):
+        assert main(["check-funnel", path, only, "--latency", "-0.01"]) == 2
+        said = capsys.readouterr().err
+        assert "-0.01; expected 0 or more, and less than the period" in said
     drawn = str(models_path("funnels", "drawn.npz"))
     assert main(["check-funnel", drawn, "--prove", "--latency", "0.01"]) == 2
     assert "the funnel is for a feedback that acts at all times" in (
@@ -241,7 +246,7 @@ def test_a_latency_that_cannot_be_proven_is_refused(capsys, rest):
 
 @pytest.mark.parametrize(("left", "code"), [(0.006, 0), (0.004, 1)])
 def test_a_latency_is_proven_of_what_is_proven_as_a_whole(
-    left, code, capsys, monkeypatch
+    left, code, capsys, monkeypatch, checked_once
 ):
     source = str(models_path("funnels", "held_head_wind_hook.npz"))
     asked = ["check-funnel", source, "--hook", "--prove", "--latency", "0.01"]

@@ -99,7 +99,7 @@ def test_a_focus_found_alone_is_smoothed_in_time(monkeypatch):
     )
     points = sphere_points(40, 10)
     task = shape_flow.FunnelTask(part.nominal, part.settings, points)
-    bounds = task.bound(part.S, at)
+    bounds = task.sets(part.nominal, part.S, part.slopes, at)
     wanted = [1.0, 1.25, 1.5, 1.25, 1.0]
     assert bounds.focus == pytest.approx(np.multiply.outer(wanted, np.eye(7)))
     line = np.linspace(0.0, 1.0, 5)

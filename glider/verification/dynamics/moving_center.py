@@ -18,11 +18,10 @@ from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.nominal import Nominal, closed_loop_rates
 
 STEPS = 4
-"""Runge-Kutta steps between two times; twice as many change X by less than 1e-5 of
-it."""
+"""Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
 
 _TINY = 1e-30
-"""Step of a complex difference quotient, in a number's unit."""
+"""Step of a complex difference quotient."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +57,7 @@ def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCen
     starts = _linear(nominal, names)
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names) for share in shares]
-    shifts = np.zeros((len(times), nominal.states.shape[1], len(names)))
+    shifts = np.zeros_like(starts[1])
     for k, step in enumerate(np.diff(times) / STEPS):
         nodes = [(F1[k], push[k]) for F1, push in (starts, *between)]
         nodes.append((starts[0][k + 1], starts[1][k + 1]))
@@ -79,14 +78,10 @@ def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCen
 
 def _linear(nominal, names):
     """Returns F₁ (T, n, n) and ∂f/∂c (T, n, m) along a flight."""
-    model, x = nominal.model, list(nominal.states.T)
-    push = np.zeros((*nominal.states.shape, len(names)))
-    for j in range(len(names)):
-        nudge = [_TINY * 1j if i == j else 0.0 for i in range(len(names))]
-        theta = theta_at(model, names, nudge)
-        rates = closed_loop_rates(
-            model, x, nominal.gains.T, x, nominal.inputs, theta=theta
-        )
-        for i, rate in enumerate(rates):
+    x, push = list(nominal.states.T), np.zeros((*nominal.states.shape, len(names)))
+    for j, nudge in enumerate(_TINY * 1j * np.eye(len(names))):
+        theta = theta_at(nominal.model, names, nudge)
+        given = nominal.model, x, nominal.gains.T, x, nominal.inputs, theta
+        for i, rate in enumerate(closed_loop_rates(*given)):
             push[:, i, j] = np.imag(rate) / _TINY
     return nominal.closed_loop[..., 1 : len(x) + 1], push

@@ -1,15 +1,13 @@
 """The nominal flight of a funnel: the feedback's own flight along its plan.
 
-A plan by collocation is not an exact flight between its knots, so the deviation from
-it would never settle at zero. The nominal is what the glider flies under the plan's
-feedback from the plan's launch: a flight, up to the error of fine Runge-Kutta steps.
-Between its times x₀ is the cubic Hermite polynomial through states and slopes; u₀ and
-the gains are straight lines. That is how it is flown, checked and proven.
+A plan by collocation is no exact flight between its knots. The nominal is one, up to
+the error of fine Runge-Kutta steps: the glider under the plan's feedback, from the
+plan's launch. Between its times x₀ is the cubic Hermite polynomial through states and
+slopes; u₀ and the gains are straight lines. So it is flown, checked and proven.
 
 With x = x₀(t) + e and u = u₀(t) - K(t) e, a deviation from it follows
     ė = f(x₀ + e, u₀ - K e) - f(x₀, u₀) + d = F₁ e + F₂(e, e) + F₃(e, e, e) + R(e) + d
-as long as the servo follows its command, which the funnel ensures;
-`glider.verification.dynamics.defect` bounds d.
+as long as the servo follows its command, which the funnel ensures; `defect` bounds d.
 """
 
 import dataclasses
@@ -24,7 +22,7 @@ from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.confidence import theta_at
 from glider.physics.model import GliderModel
-from glider.physics.servo import limited_rate
+from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 from glider.simulation.fly import fly
 from glider.verification.dynamics.jets import (
@@ -54,8 +52,8 @@ def table_of(num_variables: int) -> Monomials:
 class Nominal:
     """A flight of a glider under u = u₀ - K (x - x₀), at some times.
 
-    Where commands are held, a time stands twice where a new one begins to act: before
-    it and after. The names of the arrays are keys in a funnel's file.
+    A time stands twice where a command that is held begins to act: before it and after.
+    The names of the arrays are keys in a funnel's file.
     """
 
     model: GliderModel  #: Glider that flies.
@@ -65,11 +63,6 @@ class Nominal:
     gains: np.ndarray  #: Gains K (T, n).
     #: M (T, n, n) of held commands, u₀ - K e + eᵀ M e (`funnel.clock`); else zero.
     bends: np.ndarray
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the n states: STATE_NAMES, then the effects' own."""
-        return self.model.state_names
 
     @functools.cached_property
     def slopes(self) -> np.ndarray:
@@ -92,28 +85,20 @@ class Nominal:
     def closed_loop(self) -> np.ndarray:
         """Taylor coefficients (T, n, M) of ė by `table_of(n)`; the constant is zero."""
         states = variables(self.states.T, ORDER)
-        rates = closed_loop_rates(
-            self.model, states, self.gains.T, self.states.T, self.inputs
-        )
-        coefficients = _expanded(rates, states[0])
+        given = states, self.gains.T, self.states.T, self.inputs
+        coefficients = _expanded(closed_loop_rates(self.model, *given), states[0])
         coefficients[:, :, 0] = 0.0  # The slope of the nominal flight itself.
         return coefficients
 
     @functools.cached_property
     def open_loop(self) -> np.ndarray:
-        """Taylor coefficients (T, n, M) of f in n states and the command.
-
-        The constant is f at the nominal; the monomials are those of `table_of(n + 1)`.
-        """
+        """Taylor coefficients (T, n, M) of f in (x, u) by `table_of(n + 1)`."""
         *states, command = variables(np.vstack([self.states.T, self.inputs]), ORDER)
         return _expanded(open_loop_rates(self.model, states, command), command)
 
     @functools.cached_property
     def push_slopes(self) -> np.ndarray:
-        """G = ∂f/∂(u, w) (T, n, 3, 1 + n): of the command, and of the wind in x and z.
-
-        It is linear in the deviation e: the coefficients are those of (1, e).
-        """
+        """G = ∂f/∂(u, w) (T, n, 3, 1 + n) in (1, e): of the command and the wind."""
         n, still = self.states.shape[1], np.zeros((2, len(self.times)))
         own = variables(np.vstack([self.states.T, self.inputs, still]), 2)
         rates = open_loop_rates(self.model, own[:n], own[n], wind=own[n + 1 :])
@@ -129,13 +114,14 @@ class Nominal:
 
     def between(self, share: float) -> "Nominal":
         """Returns the flight at a share of each interval that lasts, 0 to 1."""
-        k = self.flows
-        mixed = {
-            name: (1.0 - share) * values[k] + share * values[k + 1]
-            for name, values in ((name, getattr(self, name)) for name in ARRAYS)
-        }
-        mixed["states"] = self.path(mixed["times"])
-        return dataclasses.replace(self, **mixed)
+        arrays: dict[str, Any]
+        arrays = {name: self.mixed(getattr(self, name), share) for name in ARRAYS}
+        arrays["states"] = self.path(arrays["times"])
+        return dataclasses.replace(self, **arrays)
+
+    def mixed(self, values: np.ndarray, share: float) -> np.ndarray:
+        """Returns what is a straight line between the times there, (F, ...)."""
+        return (1.0 - share) * values[self.flows] + share * values[self.flows + 1]
 
 
 def _expanded(rates: list[Any], like: Jet) -> np.ndarray:
@@ -155,11 +141,10 @@ def make_nominal(
     Its commands are held for a period [s] if that is not 0.
 
     Raises:
-        InputError: the plan is for another glider, the flight needs its servo at a
-            limit, or the glider's dynamics vary with time.
+        InputError: the plan is for another glider or needs its servo at a limit, or the
+            glider's dynamics vary with time.
     """
-    plan = policy.plan
-    check_plan(model, plan)
+    check_plan(model, policy.plan)
     if model.is_time_varying:
         raise InputError("A funnel needs a glider whose dynamics do not vary in time.")
     if period > 0.0:
@@ -167,28 +152,24 @@ def make_nominal(
         gains = policy.sample(flight[0])[1]
     else:
         *flight, gains = _continuous_flight(model, policy, step)
-    count, n = flight[1].shape
-    arrays = (*flight, gains, np.zeros((count, n, n)))
+    arrays = *flight, gains, np.zeros((*gains.shape, gains.shape[1]))
     nominal = Nominal(model=model, **dict(zip(ARRAYS, arrays, strict=True)))
-    servo = model.parameters.servo
-    for u, x in zip(nominal.inputs, nominal.states, strict=True):
-        if limited_rate(u, x[ELEVATOR], servo) != u:
-            raise InputError("The plan needs its servo at a limit: no funnel about it.")
+    elevator, servo = nominal.states[:, ELEVATOR], model.parameters.servo
+    if np.any(limited_rates(nominal.inputs, elevator, servo) != nominal.inputs):
+        raise InputError("The plan needs its servo at a limit: no funnel about it.")
     return nominal
 
 
 def _continuous_flight(model, policy, step):
     """Returns times, states, inputs and gains of the feedback as it is."""
-    plan = policy.plan
-    count = aligned_count(plan, step)
+    plan, count = policy.plan, aligned_count(policy.plan, step)
     fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
-    fine = count * -(-fine // count)
-    step = plan.duration / fine
-    states = fly_plan(model, policy, plan.states[:1], step, fine // count)[0]
+    every = -(-fine // count)
+    step = plan.duration / (count * every)
+    states = fly_plan(model, policy, plan.states[:1], step, every)[0]
     times = np.linspace(0.0, plan.duration, count + 1)
     offset, gains = policy.sample(times)
-    inputs = offset - np.sum(gains * states, axis=1)
-    return times, states, inputs, gains
+    return times, states, offset - np.sum(gains * states, axis=1), gains
 
 
 def fly_plan(
@@ -198,11 +179,8 @@ def fly_plan(
     step: float,
     every: int,
 ) -> np.ndarray:
-    """Flies states (B, n) to a plan's end; returns paths (B, T, n).
-
-    They are of every so many steps [s], which divide the plan.
-    """
-    step = step * (1.0 + 1e-9)
+    """Flies states (B, n) to a plan's end; returns every so many steps, (B, T, n)."""
+    step = step * (1.0 + 1e-9)  # They divide the plan.
     flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
     assert flights.paths is not None
     return flights.paths[:, ::every]
@@ -240,7 +218,7 @@ def rate_dependences(
     """Returns what each of the n rates depends on.
 
     Variables are the n states, the command, the named numbers that deviate, and the
-    wind along x and z beyond the model's own.
+    wind along x and z.
     """
     n, of = model.num_states, model.num_states + 1 + len(names)
     own = dependences(of + 2)
@@ -253,10 +231,7 @@ def rate_dependences(
 def nonlinear_parts(
     model: GliderModel, names: tuple[str, ...] = ()
 ) -> tuple[list[int], list[int]]:
-    """Returns the indices of the variables and of the rates that are not linear.
-
-    Variables are the n states, the command, and the named numbers that deviate.
-    """
+    """Returns the indices of the variables, and of the rates, that are not linear."""
     nonlinear = [rate.nonlinear for rate in rate_dependences(model, names)]
     which = frozenset[int]().union(*nonlinear)
     return sorted(which), [row for row, of in enumerate(nonlinear) if of]
@@ -264,9 +239,8 @@ def nonlinear_parts(
 
 def evaluate(coefficients: np.ndarray, errors: np.ndarray) -> np.ndarray:
     """Returns ė (..., B, n) by the Taylor polynomials, at errors (..., B, n)."""
-    n = errors.shape[-1]
-    values = table_of(n).values(errors.reshape(-1, n))
-    values = values.reshape(*errors.shape[:-1], -1)
+    n, shape = errors.shape[-1], (*errors.shape[:-1], -1)
+    values = table_of(n).values(errors.reshape(-1, n)).reshape(shape)
     return values @ np.swapaxes(coefficients, -1, -2)
 
 
@@ -274,7 +248,7 @@ def open_loop_rates(model, states, command, theta=None, wind=(0.0, 0.0)):
     """Returns ẋ for any kind of number, without the servo limits.
 
     Args:
-        command: u, a number [rad/s].
+        command: u [rad/s].
         theta: the numbers of a glider that deviates from it; None for its own.
         wind: along x and z, beyond the model's own [m/s].
     """

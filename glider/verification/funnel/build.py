@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from glider.control.tvlqr import TrackingPolicy
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.physics.confidence import ConfidenceSet
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
@@ -51,20 +51,18 @@ from glider.verification.sos.sphere import (
 )
 
 ROUNDS = 16
-"""Rounds of scaling and looking again: it converges in four or five, and in eleven
-where commands are held."""
+"""Rounds of scaling; four or five as a rule, and eleven where commands are held."""
 
 MARGIN_SHARE = 0.6
 """Share of the margin that is enough, everywhere, to end the rounds."""
 
 STARTS = 60
 """Points where the ascent to the largest growth starts, besides the axes of its
-quadratic part. With 12, and none from neighbors in time, it missed so much that one
-funnel was not certified, and another not proven between two times."""
+quadratic part. With 12, and none from neighbors in time, one funnel was not certified,
+and another not proven between two times."""
 
 EIGENVALUE_SHARE = 0.1
-"""Least eigenvalue of a Gram matrix, as a share of the margin of V̇/V. On the sphere
-bᵀb = 2, so that all of the margin would be a half."""
+"""Least eigenvalue of a Gram matrix over the margin of V̇/V; all of it would be 0.5."""
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
@@ -86,8 +84,8 @@ def make_funnel(
         settings: goal and margins.
         confidence: set of gliders that are to stay, each in the funnel about its own
             center; None for the model's own. Needs a `remainder`.
-        hook_of: problem whose hook is to accept every state of the last set
-            (`hook_goal`); None for the goal of the settings.
+        hook_of: problem whose hook is to accept every state of the last set; None for
+            the goal of the settings.
         seed: of the points where remainder and growth are sampled.
         progress: called with the current stage.
 
@@ -105,18 +103,16 @@ def make_funnel(
             "A funnel of a confidence set accounts for the differences of its gliders "
             "by a remainder: 'remainder' is 0; expected a positive number."
         )
-    if confidence and settings.period:
+    if confidence:
         words = "0, for the funnel of a confidence set"
-        raise InputError(f"field 'period' is {settings.period:g}; expected {words}.")
+        expect(not settings.period, "field 'period'", settings.period, words)
     nominal = make_nominal(model, policy, settings.step, settings.period)
     if hook_of is not None:
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
         settings = dataclasses.replace(settings, goal=goal)
-    n = nominal.states.shape[1]
-    of_set = confidence.dimension if confidence else 0
-    is_pushed = bool(settings.pushes.any() or settings.period)
-    total = n + of_set + (3 if is_pushed else 0)
-    directions = normalized(rng.normal(size=(SAMPLES, total)))
+    n, of_set = model.num_states, confidence.dimension if confidence else 0
+    of_pushes = 3 if settings.pushes.any() or settings.period else 0
+    directions = normalized(rng.normal(size=(SAMPLES, n + of_set + of_pushes)))
     if settings.elevator_gain > 0.0:
         own = normalized(np.delete(directions, np.s_[n : n + of_set], axis=1))
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
@@ -129,13 +125,9 @@ def make_funnel(
     sets, forms = Gauge(task).scaled(S)
     say("funnel: its certificate")
     grams = certify(nominal.times, forms, settings.margin)
-    return Funnel(
-        **{field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)},
-        grams=grams,
-        solver=next(iter(SOLVERS)),
-        seconds=time.perf_counter() - began,
-        gliders=center,
-    )
+    made = {field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)}
+    solver, seconds = next(iter(SOLVERS)), time.perf_counter() - began
+    return Funnel(**made, grams=grams, solver=solver, seconds=seconds, gliders=center)
 
 
 def _shape(flow: ShapeFlow, say: Progress, what: str) -> np.ndarray:
@@ -149,8 +141,8 @@ def _shape(flow: ShapeFlow, say: Progress, what: str) -> np.ndarray:
 def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarray:
     """Returns a Gram matrix (T, E) of -V̇/V on the boundary, at each time.
 
-    The first comes from a solver, the others from their neighbors, and again from a
-    solver where that fails. Least eigenvalues are EIGENVALUE_SHARE of the margin [1/s].
+    It comes from its neighbor, or from a solver where that fails. Least eigenvalues are
+    EIGENVALUE_SHARE of the margin [1/s].
 
     Raises:
         SolverError: at some time -V̇/V is no sum of squares.
@@ -159,11 +151,10 @@ def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarra
     polynomials = tables.coefficients(-forms.quadratic, -forms.cubic, -forms.quartic)
     least = EIGENVALUE_SHARE * margin
     grams = np.zeros((len(polynomials), len(tables.rows)))
-    before: np.ndarray | None = None
+    gram: np.ndarray | None = None
     for k in range(len(polynomials) - 1, -1, -1):
-        gram = None
-        if before is not None:
-            gram = nearby_gram(tables, before, polynomials[k], least)
+        if gram is not None:
+            gram = nearby_gram(tables, gram, polynomials[k], least)
         if gram is None:
             gram = _solve(tables, polynomials[k])
             if least_eigenvalue(tables, gram) < least:
@@ -171,7 +162,7 @@ def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarra
                     f"The funnel is not certified at {times[k]:.3f} s; a larger margin "
                     "or another seed may help."
                 )
-        grams[k] = before = gram
+        grams[k] = gram
     return grams
 
 
@@ -216,11 +207,9 @@ class Gauge:
     def _scale(self, S):
         times, margin = self._nominal.times, self._task.settings.margin
         for turn in range(ROUNDS):
-            growth = self.growth(S)
-            directions, limits = self._limits
+            growth, (directions, limits) = self.growth(S), self._limits
             errors, _ = self._task.errors(S, np.arange(len(S)))
-            limits = limits - error_reach(errors)
-            largest = margin_to_limits(S, directions, limits)
+            largest = margin_to_limits(S, directions, limits - error_reach(errors))
             if growth.max() <= -MARGIN_SHARE * margin and largest.min() >= 1.0 - 1e-9:
                 break
             excess = growth + margin
@@ -231,48 +220,33 @@ class Gauge:
 
     def _sets(self, S):
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
-        times = self._nominal.times
-        bounds = self._task.bound(S, np.arange(len(S)))
-        holds = np.split(np.arange(len(S)), np.flatnonzero(np.diff(times) == 0.0) + 1)
-        slopes = np.concatenate(
-            [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
-        )
-        sets = BoundarySets(
-            nominal=self._nominal,
-            settings=self._task.settings,
-            S=S,
-            slopes=slopes,
-            **vars(bounds),
-        )
+        times, at = self._nominal.times, np.arange(len(S))
+        holds = np.split(at, np.flatnonzero(np.diff(times) == 0.0) + 1)
+        slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
+        sets = self._task.sets(self._nominal, S, np.concatenate(slopes), at)
         forms = boundary_forms(sets, self._nominal.push_slopes)
-        drift = self._drift(S)[:, None, None] * np.eye(S.shape[1])
-        quadratic = forms.quadratic + drift
-        return sets, forms._replace(quadratic=quadratic)
+        drift = defect_growth(S, self._defect)[:, None, None] * np.eye(S.shape[1])
+        return sets, forms._replace(quadratic=forms.quadratic + drift)
 
     def growth(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest V̇/V (T,) at and around each time [1/s]."""
         (sets, forms), starts = self._sets(S), self._starts
         growth = largest_growth(forms, starts)
-        drift = self._drift(S)
+        drift = defect_growth(S, self._defect)
         drift = np.maximum(drift[:-1], drift[1:])
         # Between the times it is looked for only where it is good at them.
         for share, here in self._between.items() if growth.max() < 0.0 else ():
             k = self._nominal.flows
             found = growth_between(sets, share, starts, here=here) + drift[k]
-            growth[k + 1] = np.maximum(growth[k + 1], found)
-            growth[k] = np.maximum(growth[k], found)
+            for ends in (k + 1, k):
+                growth[ends] = np.maximum(growth[ends], found)
         return growth
-
-    def _drift(self, S):
-        return defect_growth(S, self._defect)
 
 
 def _levels(times, rate, largest):
     """Returns ρ (T, 1, 1), backward from 1 and within the servo's margin."""
-    log = np.zeros(len(times))
-    cap = np.log(largest)
-    log[-1] = min(0.0, cap[-1])
+    log = np.minimum(0.0, np.log(largest))
+    change = 0.5 * (rate[:-1] + rate[1:]) * np.diff(times)
     for k in range(len(times) - 2, -1, -1):
-        mean = 0.5 * (rate[k] + rate[k + 1])
-        log[k] = min(log[k + 1] - mean * (times[k + 1] - times[k]), cap[k])
+        log[k] = min(log[k + 1] - change[k], np.log(largest[k]))
     return np.exp(log)[:, None, None]

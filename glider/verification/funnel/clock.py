@@ -17,11 +17,8 @@ from glider.verification.dynamics.nominal import Nominal, table_of
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
-ROOM = 1.15
-"""Factor on the largest q̇ at a time: for what is between, and norms of it."""
-
-BEND_ROOM = 1.05
-"""Factor on the largest eᵀ M e at a time: for what is between."""
+ROOM, BEND_ROOM = 1.15, 1.05
+"""Factors on the largest q̇ and eᵀ M e at a time: for what is between, and norms."""
 
 
 def hold_starts(times: np.ndarray) -> np.ndarray:
@@ -52,11 +49,8 @@ def effect_of_hold(nominal: Nominal, first: int, last: int) -> np.ndarray:
 def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> None:
     """Writes the feedback of a hold that ends with gains (n,) into a flight."""
     nominal.gains[last] = gains
-    for k, (move, push) in zip(
-        range(last - 1, first - 1, -1), _steps(nominal, first, last)[::-1], strict=True
-    ):
-        gains = gains @ move / (1.0 + gains @ push)
-        nominal.gains[k] = gains
+    for k, (move, push) in reversed([*enumerate(_steps(nominal, first, last), first)]):
+        nominal.gains[k] = gains = gains @ move / (1.0 + gains @ push)
     here = slice(first, last + 1)
     nominal.bends[here] = 0.0
     nominal.closed_loop[here] = nominal.part(here).closed_loop
@@ -78,12 +72,10 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
 def _bend_rates(nominal, here=slice(None)):
     """Returns K F₂ (K, n, n), K B (K,) and A (K, n, n) at some times."""
     n, rates = nominal.states.shape[1], nominal.closed_loop[here]
-    own = np.einsum("ti,tim->tm", nominal.gains[here], rates)
-    pulls = np.einsum(
-        "ti,ti->t", nominal.gains[here], nominal.push_slopes[here][:, :, 0, 0]
-    )
+    gains, push = nominal.gains[here], nominal.push_slopes[here][:, :, 0, 0]
+    own = np.einsum("ti,tim->tm", gains, rates)
     square = spread_form(own[:, table_of(n).of_degree(2)], n, 2)
-    return square, pulls, linear_part(rates)
+    return square, np.einsum("ti,ti->t", gains, push), linear_part(rates)
 
 
 def hold_slopes(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
@@ -97,13 +89,12 @@ def hold_slopes(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
 
 def form_size(tensors: np.ndarray) -> np.ndarray:
     """Returns bounds (T,) of forms on the unit ball, given tensors (T, n, ..., n)."""
-    count, n, axes = len(tensors), tensors.shape[-1], tensors.ndim - 1
-    orders = itertools.permutations(range(1, axes + 1))
+    orders = itertools.permutations(range(1, tensors.ndim))
     total = np.mean([tensors.transpose(0, *order) for order in orders], axis=0)
-    if axes == 1:
+    if total.ndim == 2:
         return np.linalg.norm(total, axis=1)
-    rows = n ** (axes // 2)
-    return np.linalg.norm(total.reshape(count, rows, -1), 2, axis=(1, 2))
+    rows = tensors.shape[-1] ** ((tensors.ndim - 1) // 2)
+    return np.linalg.norm(total.reshape(len(total), rows, -1), 2, axis=(1, 2))
 
 
 def bend_sizes(S: np.ndarray, bends: np.ndarray) -> np.ndarray:
@@ -125,12 +116,7 @@ def command_errors(
     """Returns how far held commands may be off u₀ - K e + eᵀ M e at K times, (K,).
 
     At all times each error has grown from the one before it; at some of them, ever
-    since its sample as it does there.
-
-    Args:
-        S: (K, n, n) of the sets.
-        settings: error of a command when it is computed, and wind.
-        beta, focus: β and F of R, which counts for little; zero if None.
+    since its sample as it does there. β and F of R count for little; zero if None.
     """
     beta = np.zeros(S.shape[:2]) if beta is None else beta
     focus = np.zeros_like(S) if focus is None else focus

@@ -58,18 +58,8 @@ EARLIER = {
 MOST_BYTES = 30_000_000
 """Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
 
-_FAULTS = (
-    OSError,
-    EOFError,
-    ValueError,
-    TypeError,
-    KeyError,
-    RuntimeError,
-    OverflowError,
-    MemoryError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+_OF_PYTHON = OSError, EOFError, ValueError, TypeError, KeyError, RuntimeError
+_FAULTS = (*_OF_PYTHON, OverflowError, MemoryError, zipfile.BadZipFile, zlib.error)
 """Exceptions on reading a file that was truncated, edited or made elsewhere."""
 
 
@@ -104,23 +94,18 @@ class Notes:
     format: str = FORMAT  #: FORMAT.
 
 
+_SYMMETRIC = ("S", "slopes", "focus", "bends")
+
+
 def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
     """Returns the shape of each array, given the numbers of times and states."""
     size = n + n * (n + 1) // 2
-    return {
-        "times": (count,),
-        "states": (count, n),
-        "inputs": (count,),
-        "gains": (count, n),
-        "S": (count, n, n),
-        "slopes": (count, n, n),
-        "beta": (count, n),
-        "focus": (count, n, n),
-        "weights": (count, n),
+    shapes: dict[str, tuple[int, ...]]
+    shapes = dict.fromkeys(("times", "inputs", "errors", "rests"), (count,))
+    shapes |= dict.fromkeys(("states", "gains", "beta", "weights"), (count, n))
+    shapes |= dict.fromkeys(_SYMMETRIC, (count, n, n))
+    return shapes | {
         "push_weights": (count, 2),
-        "errors": (count,),
-        "rests": (count,),
-        "bends": (count, n, n),
         "grams": (count, size * (size + 1) // 2),
     }
 
@@ -146,12 +131,10 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
             shapes = _shapes(count[0], len(notes.state_names))
             if 8 * sum(map(math.prod, shapes.values())) > MOST_BYTES:
                 raise ValueError(f"its arrays are larger than {MOST_BYTES:,} bytes")
-            lacking = {
-                k: np.zeros(shapes.pop(k)) for k in EARLIER.get(notes.format, ())
-            }
-            arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes} | lacking
-        for name in lacking.keys() & {"errors", "rests"}:
-            arrays[name] += notes.settings.command_error
+            arrays = {k: np.zeros(shapes.pop(k)) for k in EARLIER.get(notes.format, ())}
+            for name in arrays.keys() & {"errors", "rests"}:
+                arrays[name] += notes.settings.command_error
+            arrays |= {k: _read_array(archive, k, shapes[k]) for k in shapes}
         _check(arrays, notes)
         return notes, arrays, hashlib.sha256(content).hexdigest()
     except InputError:
@@ -231,7 +214,7 @@ def _check(arrays: dict[str, np.ndarray], notes: Notes) -> None:
         raise ValueError("'times' has samples, but there is no 'period'")
     if not np.array_equal(states[samples], states[samples + 1]):
         raise ValueError("'states' jump at a sample")
-    for name in ("S", "slopes", "focus", "bends"):
+    for name in _SYMMETRIC:
         if not np.array_equal(arrays[name], np.swapaxes(arrays[name], 1, 2)):
             raise ValueError(f"'{name}' is not symmetric")
     for name in ("beta", "weights", "push_weights", "errors", "rests"):

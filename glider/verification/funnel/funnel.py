@@ -28,8 +28,7 @@ class Funnel(BoundarySets):
     solver: str  #: Name of the solver that was tried first.
     seconds: float  #: Duration of the computation [s].
     sha256: str = ""  #: Hash of the file that it was loaded from, in hexadecimal.
-    #: Set of gliders that it was made for, each with its own center; None where it is
-    #: of the model's own alone.
+    #: Set of gliders that it was made for; None where it is of the model's own alone.
     gliders: MovingCenter | None = None
 
     @property
@@ -54,11 +53,9 @@ class Funnel(BoundarySets):
         return self.curve(self._inside(times))
 
     def level(self, times: np.ndarray | float, states: np.ndarray) -> np.ndarray:
-        """Returns V = (x - x₀)ᵀ S (x - x₀), at most 1 inside, (...).
+        """Returns V = (x - x₀)ᵀ S (x - x₀), at most 1 inside, of states (..., n).
 
-        Args:
-            times: (...) within the flight; earlier and later ones count as its ends.
-            states: (..., n).
+        Times (...) before and after the flight count as its ends.
         """
         error = states - self.center(times)
         return np.einsum("...i,...ij,...j->...", error, self.shape(times), error)
@@ -82,7 +79,7 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
     # The check corrects a Gram matrix: half of its digits are enough.
     arrays["grams"] = funnel.grams.astype(np.float32)
     notes = Notes(
-        state_names=tuple(funnel.nominal.state_names),
+        state_names=funnel.nominal.model.state_names,
         settings=funnel.settings,
         model=model_text(funnel.nominal.model),
         solver=funnel.solver,
@@ -110,11 +107,7 @@ def gliders_note(funnel: Funnel) -> GlidersNote | None:
 
 
 def load_funnel(path: Path | str) -> Funnel:
-    """Loads a funnel.
-
-    Its numbers are finite doubles of the right shapes, S and Ṡ are symmetric, and its
-    states are those of its glider. Whether they are a certificate is for
-    `glider.verification.proof.check`.
+    """Loads a funnel; whether it is a certificate is for `check_funnel`.
 
     Raises:
         InputError: the file holds no funnel, or one of a time-varying glider.
@@ -130,13 +123,14 @@ def funnel_of(
     Raises:
         InputError: its glider can have no funnel.
     """
-    model, _ = parse_model(notes.model, f"{path}: not a funnel: its glider")
+    fault = f"{path}: not a funnel: its"
+    model, _ = parse_model(notes.model, f"{fault} glider")
     if model.is_time_varying:
-        raise InputError(f"{path}: not a funnel: its glider's dynamics vary with time.")
+        raise InputError(f"{fault} glider's dynamics vary with time.")
     if notes.state_names != model.state_names:
         raise InputError(
-            f"{path}: not a funnel: its states are {', '.join(notes.state_names)}; its "
-            f"glider's are {', '.join(model.state_names)}."
+            f"{fault} states are {', '.join(notes.state_names)}; its glider's are "
+            f"{', '.join(model.state_names)}."
         )
     nominal = Nominal(model=model, **{name: arrays[name] for name in ARRAYS})
     gliders = None
@@ -145,7 +139,7 @@ def funnel_of(
             confidence = noted_confidence(model, notes.confidence)
             gliders = make_moving_center(nominal, confidence)
         except InputError as error:
-            raise InputError(f"{path}: not a funnel: its gliders: {error}") from None
+            raise InputError(f"{fault} gliders: {error}") from None
     return Funnel(
         nominal=nominal,
         settings=notes.settings,
@@ -178,8 +172,8 @@ def funnel_policy(funnel: Funnel, first: int = 0, held: bool = False) -> Trackin
     Raises:
         InputError: it is for held commands, and these are not.
     """
-    nominal = funnel.nominal
-    if funnel.settings.period and not held:
+    nominal, period = funnel.nominal, funnel.settings.period
+    if period and not held:
         raise InputError(
             "The funnel is for commands that are held; expected one for a feedback "
             "that acts at all times."
@@ -193,30 +187,7 @@ def funnel_policy(funnel: Funnel, first: int = 0, held: bool = False) -> Trackin
         states=nominal.states[kept],
         slopes=nominal.slopes[kept],
         inputs=nominal.inputs[kept],
-        state_names=nominal.state_names,
+        state_names=nominal.model.state_names,
         cost=0.0,
     )
-    period = funnel.settings.period
     return linear_policy(plan, nominal.gains[kept], funnel.S[kept], period)
-
-
-def tube_radii(funnel: Funnel, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns unit normals of the path in the plane (K, 2) and radii (K,) [m].
-
-    A radius is how far a state of the funnel may be from the path, across it.
-    """
-    place = np.linalg.inv(funnel.shape(times))[:, :2, :2]
-    along = funnel.nominal.path(times, 1)[:, :2]
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    radii = np.sqrt(np.einsum("ki,kij,kj->k", normals, place, normals))
-    return normals, radii
-
-
-def tube_outline(funnel: Funnel) -> np.ndarray:
-    """Returns the tube's edge as a polygon (2 T, 2) of x, z [m]."""
-    times = funnel.nominal.times
-    normals, radii = tube_radii(funnel, times)
-    centers = funnel.center(times)[:, :2]
-    above, below = (centers + sign * radii[:, None] * normals for sign in (1.0, -1.0))
-    return np.concatenate([above, below[::-1]])

@@ -1,9 +1,8 @@
 """V̇/V on the boundary of a funnel, at its times and between them: its largest value.
 
-Between the times the flight and the sets are cubic Hermite polynomials. The largest
-value on the unit sphere is found by ascent from many points: a lower bound of the truth
-and in all cases seen the truth itself, or nearly. It only guides the choice of a
-funnel, which sums of squares then certify.
+The largest value on the unit sphere is found by ascent from many points: a lower bound,
+in all cases seen of the truth itself, or nearly. It only guides the choice of a funnel,
+which sums of squares then certify.
 """
 
 import dataclasses
@@ -23,47 +22,37 @@ from glider.verification.sos.forms import (
     spread_form,
     to_ball,
 )
+from glider.verification.sos.sphere import normalized
 
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-"""Points of each interval between two times where V̇ is examined. With three, and with
-five, a funnel was made whose V̇ rises between two of them, where a servo limit cuts it
-down; it could not be proven."""
+"""Points of each interval where V̇ is examined. With five, a funnel was made whose V
+rises between two of them, where a servo limit cuts it down; it could not be proven."""
 
 NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Bounds:
-    """What acts on sets at T times; the names are keys in a funnel's file."""
-
-    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
-    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
-    #: F (T, n, n) of where the remainder is large: |R_k| <= β_k (1 + eᵀ F e).
-    focus: np.ndarray
-    #: Weights λ (T, 2) of the command's error and of the wind.
-    push_weights: np.ndarray
-    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
-    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
-
-
-BOUNDS = tuple(Bounds.__dataclass_fields__)
-"""Their names."""
+BOUNDS = ("beta", "weights", "focus", "push_weights", "errors", "rests")
+"""Names of the arrays of `BoundarySets` that are straight lines between the times."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BoundarySets(Bounds):
-    """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and the remainder in their growth.
+class BoundarySets:
+    """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and what acts on them.
 
-    S is the cubic Hermite polynomial through its values and slopes. The names of the
-    arrays are keys in a funnel's file.
+    The names of the arrays are keys in a funnel's file.
     """
 
-    #: Nominal flight x₀, and the feedback that keeps the glider inside.
-    nominal: Nominal
-    S: np.ndarray  #: Matrices S (T, n, n).
-    slopes: np.ndarray  #: Slopes Ṡ (T, n, n) [1/s].
+    nominal: Nominal  #: Flight x₀, and the feedback that keeps the glider inside.
     settings: FunnelSettings  #: Settings that it was made with.
+    S: np.ndarray  #: Matrices S (T, n, n), between the times cubic Hermite polynomials.
+    slopes: np.ndarray  #: Slopes Ṡ (T, n, n) [1/s].
+    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
+    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
+    focus: np.ndarray  #: F (T, n, n) of |R_k| <= β_k (1 + eᵀ F e), where R is large.
+    push_weights: np.ndarray  #: λ (T, 2) of the command's error and of the wind.
+    errors: np.ndarray  #: Largest error of the command u₀ - K e (T,) [rad/s].
+    rests: np.ndarray  #: Of it, what is not eᵀ M e (T,) [rad/s].
 
     @functools.cached_property
     def curve(self) -> PPoly:
@@ -99,10 +88,7 @@ PUSHES = [0, 1, 1]
 
 
 def boundary_forms(sets: BoundarySets, G: np.ndarray) -> BoundaryForms:
-    """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R, and pushes.
-
-    These act along G (T, n, 3, 1 + n), see `push_form`.
-    """
+    """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R and `push_form`."""
     S, nominal = sets.S, sets.nominal
     cubic, quartic = higher_forms(S, nominal.closed_loop)
     _, L_inv_T = to_ball(S)
@@ -126,7 +112,7 @@ def push_form(
 ) -> BoundaryForms:
     """Returns what pushes (T, 2) along G add to V̇/V, G (T, n, 3, 1 + n) in (1, e).
 
-    The command is off by eᵀ M e too, M the bends (T, n, n), which has its own sign.
+    The command is off by eᵀ M e too, of either sign, M the bends (T, n, n).
     2 eᵀ S G w <= λ |Gᵀ S e|² + w² / λ of both axes of the wind: half of w² each.
     Gᵀ S e = pᵀ z + zᵀ M z, so that its square is a quartic.
     """
@@ -169,9 +155,8 @@ def remainder_form(
 def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
     """Returns the largest V̇/V (T,) found by ascent, at times in order [1/s].
 
-    One ascent misses the truth at some time or other, by up to 0.08 1/s with 12 starts.
-    The worst point moves steadily, so that what a neighbor in time found leads there.
-    The axes of the quadratic part are starts too.
+    One ascent misses the truth at some times, by up to 0.08 1/s with 12 starts; what a
+    neighbor in time found leads there. The quadratic part's axes are starts too.
     """
     axes = np.swapaxes(np.linalg.eigh(forms.quadratic)[1], 1, 2)
     seeds = np.broadcast_to(starts, (len(axes), *starts.shape))
@@ -196,12 +181,11 @@ def growth_between(
     Args:
         share: of an interval, where the point is; from 0 to 1.
         every: examine every so many intervals only.
-        here: the nominal flight at these points, where it is expanded already.
+        here: the nominal flight there, where it is expanded already.
     """
-    k = sets.nominal.flows[::every]
 
     def mixed(values):
-        return (1.0 - share) * values[k] + share * values[k + 1]
+        return sets.nominal.mixed(values, share)[::every]
 
     here = here or sets.nominal.between(share).part(slice(None, None, every))
     own = {name: mixed(getattr(sets, name)) for name in BOUNDS}
@@ -211,11 +195,8 @@ def growth_between(
     return largest_growth(forms, starts)
 
 
-ROUNDS = 40
-"""Steps of the power iteration on a polynomial."""
-
-CLIMB_ROUNDS = 8
-"""Steps of a climb on any function."""
+ROUNDS, CLIMB_ROUNDS = 40, 8
+"""Steps of the power iteration on a polynomial, and of a climb on any function."""
 
 STRIDE = 0.3
 """First step of a climb on the unit sphere."""
@@ -229,48 +210,41 @@ def largest_values(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns max over |z| = 1 of zᵀ N z + c₃(z) + c₄(z) for T polynomials, and where.
 
-    Shifted power iteration, z ← (∇p + α z) / |∇p + α z| with α large enough for p
-    never to fall (Kolda and Mayo 2011), from starts (T, B, n) and their negatives.
+    Shifted power iteration (Kolda and Mayo 2011): z ← (∇p + α z) / |∇p + α z|, from
+    starts (T, B, n) and their negatives.
     """
-    n = quadratic.shape[-1]
+    n, z = quadratic.shape[-1], np.concatenate([starts, -starts], axis=1)
     third, fourth = spread_form(cubic, n, 3), spread_form(quartic, n, 4)
-    z = np.concatenate([starts, -starts], axis=1)
     norms = [np.linalg.norm(a.reshape(len(a), -1), axis=1) for a in (third, fourth)]
     bound = np.linalg.norm(quadratic, axis=(1, 2)) + 2.0 * norms[0] + 3.0 * norms[1]
     shift = np.broadcast_to(0.2 * bound[:, None, None], (*z.shape[:2], 1)).copy()
     value, slope = _value_and_half_slope(quadratic, third, fourth, z)
     for _ in range(ROUNDS):
-        moved = slope + shift * z
-        moved /= np.linalg.norm(moved, axis=2, keepdims=True)
+        moved = normalized(slope + shift * z)
         new_value, new_slope = _value_and_half_slope(quadratic, third, fourth, moved)
         up = (new_value >= value)[..., None]
         z = np.where(up, moved, z)
         slope = np.where(up, new_slope, slope)
         value = np.maximum(value, new_value)
         shift *= np.where(up, 0.7, 3.0)
-    best = np.argmax(value, axis=1)
-    rows = np.arange(len(value))
-    return value[rows, best], z[rows, best]
+    best = np.arange(len(value)), np.argmax(value, axis=1)
+    return value[best], z[best]
 
 
 def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns what climbing on unit spheres reaches: values (K, B), points (K, B, n).
 
-    Args:
-        function: of points (K, B N, n), N in a row for each of B, to values (K, B N).
-        z: (K, B, n) where to start.
+    The function is of points (K, B N, n), N in a row for each of B, to values (K, B N);
+    z (K, B, n) is where to start.
     """
-    n = z.shape[-1]
-    value = function(z)
-    stride = np.full((*value.shape, 1), STRIDE)
-    steps = DIFFERENCE * np.eye(n)
+    n, value = z.shape[-1], function(z)
+    stride, steps = np.full((*value.shape, 1), STRIDE), DIFFERENCE * np.eye(n)
     for _ in range(CLIMB_ROUNDS):
         around = function((z[:, :, None] + steps).reshape(len(z), -1, n))
         slope = around.reshape(*value.shape, n) - value[..., None]
         slope -= np.sum(slope * z, axis=2, keepdims=True) * z
         slope /= np.maximum(np.linalg.norm(slope, axis=2, keepdims=True), 1e-300)
-        moved = z + stride * slope
-        moved /= np.linalg.norm(moved, axis=2, keepdims=True)
+        moved = normalized(z + stride * slope)
         reached = function(moved)
         up = (reached > value)[..., None]
         z = np.where(up, moved, z)
@@ -282,8 +256,7 @@ def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndar
 def _value_and_half_slope(quadratic, third, fourth, z):
     """Returns p (T, B) and ∇p / 2 (T, B, n) at points, given symmetric tensors."""
     count, batch, n = z.shape
-    twice = z[..., :, None] * z[..., None, :]
-    flat = twice.reshape(count, batch, n * n)
+    flat = (z[..., :, None] * z[..., None, :]).reshape(count, batch, n * n)
     linear = z @ quadratic
     square = flat @ third.reshape(count, n * n, n)
     matrix = (flat @ fourth.reshape(count, n * n, n * n)).reshape(count, batch, n, n)

@@ -5,9 +5,8 @@ the set,
     2 zᵀ Lᵀ R <= zᵀ D z (1 + eᵀ F e),
     D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
 on its boundary. F is where R is large (docs/certificate.md has why). Here the largest
-|R_k| is looked for; `glider.verification.proof` proves a bound. For the gliders of a
-confidence set R is also the difference of their rates, about their own center
-(`glider.verification.dynamics.moving_center`).
+|R_k| is looked for; `glider.verification.proof` proves a bound. For a set of gliders R
+is also the difference of their rates, about their own centers (`moving_center`).
 """
 
 import numpy as np
@@ -30,16 +29,15 @@ SAMPLES = 500
 """Directions in which the remainder is sampled; the same at all times."""
 
 CLIMBS = 4
-"""Climbs for each rate and sign, each from the best of its share of the directions: R
-has several hills."""
+"""Climbs for each rate and sign, each from the best of its share of the directions."""
 
 NEIGHBORS = 2
 """Rounds of climbing from where the neighbors in time reached their largest R. Without
 any, a hill of R in pitch was missed at times, and a funnel was not proven there."""
 
 LEAST_REMAINDER = 1e-9
-"""Sampled remainder that counts [m/s², rad/s²]. A smaller one may be rounding, of which
-6e-14 was seen; in the shipped funnels those that count are 0.02 or more."""
+"""Sampled remainder that counts [m/s², rad/s²]. Rounding makes 6e-14; in the shipped
+funnels those that count are 0.02 or more."""
 
 
 def sample_remainder(
@@ -53,64 +51,50 @@ def sample_remainder(
 ) -> np.ndarray:
     """Returns the largest |R_k| / (1 + eᵀ F e) on the boundaries of sets, (K, n).
 
-    It is the largest that climbing reaches from the best of the given directions: no
-    bound, but seldom less than nine tenths of one.
+    It is what climbing reaches: no bound, but seldom less than nine tenths of one.
 
     Args:
         S: (K, n, n) of the sets, at K times in order.
-        directions: (B, n + r) to sample, r the dimension of the gliders' set; their
-            negatives too. The first n are of the deviation e, the others of δ; the
-            last 3 are of pushes, where there are any.
+        directions: (B, n + r) to sample, and their negatives: of e, of δ, and where
+            there are any, three of pushes.
         focus: (K, n, n) F; zero if None.
         pushes: (K, 2) bounds of the command's error and the wind; none if None.
     """
     remainders = _Remainders(nominal, S, at, center, focus, pushes)
-    highest, _ = remainders.climb(directions)
     found = np.zeros(S.shape[:2])
-    found[:, remainders.rows] = _of_both_signs(highest)
+    found[:, remainders.rows] = _of_both_signs(remainders.climb(directions)[0])
     return found
-
-
-def towards(pushes: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Returns the largest pushes (K, B, 3), of bounds (K, 2), towards directions."""
-    error, wind = np.sign(directions[..., :1]), normalized(directions[..., 1:])
-    return np.concatenate([error, wind], axis=-1) * pushes[:, None, PUSHES]
 
 
 class _Remainders:
     """R / (1 + eᵀ F e) on the boundaries of K sets, of the rates that have one."""
 
-    def __init__(self, nominal, S, at, center, focus, pushes=None):
-        names = center.confidence.names if center else ()
-        self.which, self.rows = nonlinear_parts(nominal.model, names)
+    def __init__(self, nominal, S, at, center, focus, pushes):
+        self._names = center.confidence.names if center else ()
+        self.which, self.rows = nonlinear_parts(nominal.model, self._names)
         self._nominal, self._center, self._at = nominal, center, at
-        self._pushes = pushes
-        self._L_inv = np.swapaxes(to_ball(S)[1], 1, 2)
+        self._pushes, self._L_inv = pushes, np.swapaxes(to_ball(S)[1], 1, 2)
         self.focus = np.zeros_like(S) if focus is None else focus
 
-    def errors(self, y, here=slice(None)):
-        """Returns e (K, B, n) on the sets' boundaries, and δ on that of the gliders'.
-
-        Points are (K, B, n + r), or have three more.
-        """
-        L_inv, center = self._L_inv[here], self._center
-        n, r = L_inv.shape[-1], center.confidence.dimension if center else 0
-        errors = normalized(y[..., :n]) @ L_inv
-        if center is None:
-            return errors, None
-        deviations = center.confidence.on_boundary(y[..., n : n + r])
-        names = center.confidence.names
-        return errors, physical(self._nominal.model, names, deviations)
+    def errors(self, y, here):
+        """Returns e (K, B, n) on the sets' boundaries, towards points."""
+        L_inv = self._L_inv[here]
+        return normalized(y[..., : L_inv.shape[-1]]) @ L_inv
 
     def __call__(self, y, here=slice(None)):
-        """Returns values (K, B, rows) at points of the spheres, at some times."""
-        errors, deviations = self.errors(y, here)
-        push = None
+        """Returns values (K, B, rows) at points (K, B, n + r + 3), at some times."""
+        errors, center = self.errors(y, here), self._center
+        deviations = push = None
+        if center:
+            n, r = errors.shape[-1], center.confidence.dimension
+            on_boundary = center.confidence.on_boundary(y[..., n : n + r])
+            deviations = physical(self._nominal.model, self._names, on_boundary)
         if self._pushes is not None:
-            push = towards(self._pushes[here], y[..., -3:])
-        found = remainder_of(
-            self._nominal, self._at[here], errors, self._center, deviations, push
-        )
+            error, wind = np.sign(y[..., -3:-2]), normalized(y[..., -2:])
+            push = np.concatenate([error, wind], axis=-1)
+            push *= self._pushes[here][:, None, PUSHES]
+        given = errors, center, deviations, push
+        found = remainder_of(self._nominal, self._at[here], *given)
         bent = np.einsum("kbi,kij,kbj->kb", errors, self.focus[here], errors)
         # Where 1 + eᵀ F e is not positive, nothing is a bound.
         return found[..., self.rows] / np.maximum(1.0 + bent, 1e-12)[..., None]
@@ -133,14 +117,17 @@ class _Remainders:
             picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
             return np.where(which < count, 1.0, -1.0) * picked[..., 0]
 
-        starts = starts.reshape(len(starts), -1, total)
-        highest, points = _best(*climb_sphere(climbed, starts), count)
-        for _ in range(NEIGHBORS if len(points) > 1 else 0):
-            around = np.concatenate([points[:1], points, points[-1:]])
-            starts = np.stack([around[:-2], points, around[2:]], axis=2)
-            starts = starts.reshape(len(points), -1, total)
-            highest, points = _best(*climb_sphere(climbed, starts), count)
-        return highest, points
+        for turn in range(1 + (NEIGHBORS if len(starts) > 1 else 0)):
+            if turn:
+                around = np.concatenate([points[:1], points, points[-1:]])
+                starts = np.stack([around[:-2], points, around[2:]], axis=2)
+            starts = starts.reshape(len(starts), -1, total)
+            values, points = climb_sphere(climbed, starts)
+            values = values.reshape(len(values), 2 * count, -1)
+            best = values.argmax(axis=2)[..., None, None]
+            points = points.reshape(*values.shape, total)
+            points = np.take_along_axis(points, best, axis=2)[:, :, 0]
+        return values.max(axis=2), points
 
 
 def _of_both_signs(highest):
@@ -164,34 +151,28 @@ def find_focus(
 ) -> np.ndarray:
     """Returns F (K, n, n), positive semidefinite, of where R is large.
 
-    At the points that were seen, 1 + eᵀ F e is at least the largest of R's shares of
-    its largest values, relative to a floor, and tr(Σ F) is small; Σ is `sizes`. F has
-    the axes of the second moment of these points.
+    At points that were seen, whose second moment's axes it has, 1 + eᵀ F e is at least
+    R over a floor of its largest value, and tr(Σ F) is small; Σ is `sizes`.
     """
-    bare = _Remainders(nominal, S, at, center, None, pushes)
-    bent = _Remainders(nominal, S, at, center, np.zeros_like(S), pushes)
+    bare, bent = (_Remainders(nominal, S, at, center, None, pushes) for _ in range(2))
     states = [i for i in bare.which if i < S.shape[-1]]
     scales = np.sqrt(np.diagonal(np.linalg.inv(S), axis1=1, axis2=2))[:, states]
-    largest: np.ndarray | None = None
+    square, block = scales[:, :, None] * scales[:, None], np.ix_(states, states)
     seen: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in at]
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         highest, tops = bent.climb(directions)
-        if largest is None:
-            largest = _of_both_signs(highest)
-            largest = np.where(largest > LEAST_REMAINDER, largest, np.inf)
+        if turn == 0:
+            top = _of_both_signs(highest)
+            largest = np.where(top > LEAST_REMAINDER, top, np.inf)
         for k in range(len(at)):
-            more = [] if seen[k] else [directions, -directions]
-            points = np.concatenate([tops[k], *more])[None]
-            here = slice(k, k + 1)
+            more = [] if turn else [directions, -directions]
+            points, here = np.concatenate([tops[k], *more])[None], slice(k, k + 1)
             values = np.abs(bare(points, here)[0]) / largest[k]
-            own = bare.errors(points, here)[0][0][:, states] / scales[k]
+            own = bare.errors(points, here)[0][:, states] / scales[k]
             seen[k].append((values.max(axis=1), own))
             shares, own = map(np.concatenate, zip(*seen[k], strict=True))
-            scaled = sizes[k][np.ix_(states, states)] / np.outer(scales[k], scales[k])
-            F = _least_focus(shares / floor, own, scaled) / np.outer(
-                scales[k], scales[k]
-            )
-            bent.focus[k][np.ix_(states, states)] = F
+            F = _least_focus(shares / floor, own, sizes[k][block] / square[k])
+            bent.focus[k][block] = F / square[k]
     return bent.focus
 
 
@@ -208,15 +189,6 @@ def _least_focus(shares, own, sizes):
     return 0.5 * (F + F.T)
 
 
-def _best(values, points, count):
-    """Returns the best of each rate's and sign's climbs, (K, 2 count), and where."""
-    values = values.reshape(len(values), 2 * count, -1)
-    points = points.reshape(*values.shape, -1)
-    best = values.argmax(axis=2)[..., None]
-    points = np.take_along_axis(points, best[..., None], axis=2)[:, :, 0]
-    return np.take_along_axis(values, best, axis=2)[..., 0], points
-
-
 def remainder_of(
     nominal: Nominal,
     at: np.ndarray,
@@ -230,45 +202,36 @@ def remainder_of(
     Errors e are from x₀ + X δ where a center moves, with deviations δ (K, B, m). A
     push (K, B, 3) is d_u and w, which act in R but for G (d_u, w).
     """
-    polynomial = evaluate(nominal.closed_loop[at], errors)
+    known, moved = evaluate(nominal.closed_loop[at], errors), errors
+    drift, theta = 0.0, None
     if push is not None:
-        along = nominal.push_slopes[at]
-        slopes = along[:, None, ..., 0] + np.einsum(
-            "kijl,kbl->kbij", along[..., 1:], errors
-        )
-        polynomial = polynomial + (slopes @ push[..., None])[..., 0]
+        G = nominal.push_slopes[at]
+        slopes = G[:, None, ..., 0] + np.einsum("kijl,kbl->kbij", G[..., 1:], errors)
+        known = known + (slopes @ push[..., None])[..., 0]
     own = rates_about(nominal, at, np.zeros_like(errors[:, :1]))
-    if center is None or deviations is None:
-        return rates_about(nominal, at, errors, push=push) - own - polynomial
-    moved = errors + deviations @ np.swapaxes(center.shifts[at], 1, 2)
-    drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
-    theta = theta_at(
-        nominal.model, center.confidence.names, np.moveaxis(deviations, 2, 0)
-    )
-    return rates_about(nominal, at, moved, theta, push) - own - drift - polynomial
+    if center is not None and deviations is not None:
+        moved = errors + deviations @ np.swapaxes(center.shifts[at], 1, 2)
+        drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
+        names, each = center.confidence.names, np.moveaxis(deviations, 2, 0)
+        theta = theta_at(nominal.model, names, each)
+    return rates_about(nominal, at, moved, theta, push) - own - drift - known
 
 
 def rates_about(nominal, at, errors, theta=None, push=None):
     """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀, with a push (K, B, 3)."""
     states = nominal.states[at][:, None] + errors
     error, *wind = (0.0,) * 3 if push is None else np.moveaxis(push, 2, 0)
-    rates = closed_loop_rates(
-        nominal.model,
-        list(np.moveaxis(states, 2, 0)),
-        nominal.gains[at].T[..., None],
-        nominal.states[at].T[..., None],
-        nominal.inputs[at][:, None] + error,
-        theta,
-        wind,
+    x, gains, x0 = (
+        np.moveaxis(values, -1, 0)
+        for values in (states, nominal.gains[at][:, None], nominal.states[at][:, None])
     )
+    u0 = nominal.inputs[at][:, None] + error
+    rates = closed_loop_rates(nominal.model, list(x), gains, x0, u0, theta, wind)
     return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)
 
 
 def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Returns λ (T, n) that add little growth in the sense of Σ, `sizes`.
-
-    With W = Lᵀ Σ L, these minimize tr(W D).
-    """
+    """Returns λ (T, n) that minimize tr(W D), W = Lᵀ Σ L, Σ `sizes`."""
     weight, pulls = _pulls(S, np.eye(S.shape[-1]), sizes)
     return beta * np.sqrt(weight[:, None] / pulls)
 

@@ -5,10 +5,8 @@ elevator's angle φ = φ₀ + e_φ keep
     |u| <= rate limit  and  low <= φ + τ u <= high,  τ the stopping time.
 Inside the funnel both hold, so that its dynamics need no saturation.
 
-The feedback is the steepest descent of V that the servo can follow: a linear one along
-Bᵀ S e, B = ∂f/∂u,
-    u = u₀ - κ Bᵀ S e,  κ √(Bᵀ S B) = a share of the rate that u₀ leaves,
-nowhere meets the limit on eᵀ S e <= 1, however wide the set.
+The feedback is the steepest descent of V that the servo can follow, with B = ∂f/∂u:
+    u = u₀ - κ Bᵀ S e,  κ √(Bᵀ S B) = a share of the rate that u₀ leaves.
 """
 
 import numpy as np
@@ -20,8 +18,8 @@ from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 
 SHRINK = 0.995
-"""Factor on the bounds, to keep them between the times too: there the shipped funnels
-reach 0.9942 of them."""
+"""Factor on the bounds, to keep them between the times too; shipped funnels reach
+0.9942 of them there."""
 
 
 def servo_bounds(
@@ -56,8 +54,8 @@ def error_reach(errors: np.ndarray) -> np.ndarray:
 def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
     """Returns S (n, n) of the goal's part that each glider's last set may fill.
 
-    The ellipsoid of half-axes (n,) is the unit ball of a norm. Where no center's last
-    is farther than s < 1 in it, a set 1 - s times as large stays in the goal.
+    Where no center ends farther than s < 1, the goal's half-axes (n,) being 1, a set
+    1 - s times as large stays in it.
 
     Raises:
         InputError: the gliders' centers alone leave the goal.
@@ -65,18 +63,15 @@ def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
     left = 1.0 - goal_reach(axes, center)
     if left <= 0.0:
         raise InputError(
-            "The gliders of the confidence set end up to "
-            f"{1.0 - left:.3g} times as far from the nominal's end as the goal "
-            "reaches; expected more flights, or a wider goal."
+            f"The gliders of the confidence set end up to {1.0 - left:.3g} times as "
+            "far from the nominal's end as the goal reaches; expected more flights, or "
+            "a wider goal."
         )
     return np.diag(1.0 / (left * axes) ** 2)
 
 
 def goal_reach(axes: np.ndarray, center: MovingCenter | None) -> float:
-    """Returns how far a center of the gliders ends, at most, where the goal is 1.
-
-    It is a bound: the norm of the largest parts along the set's axes.
-    """
+    """Returns a bound of how far a center of the gliders ends, where the goal is 1."""
     if center is None:
         return 0.0
     scaled = center.shifts[-1] @ center.confidence.factor / axes[:, None]
@@ -90,8 +85,7 @@ def keep_bounds(
 ) -> np.ndarray:
     """Returns S (n, n) of a set that is cut down until it keeps K bounds: S grows.
 
-    S + a aᵀ (1 / b² - 1 / (aᵀ S⁻¹ a)) where aᵀ S⁻¹ a > b². Going backward in time a
-    smaller set is a valid one.
+    It is S + a aᵀ (1 / b² - 1 / (aᵀ S⁻¹ a)) where aᵀ S⁻¹ a > b².
     """
     for a, bound in zip(directions, bounds, strict=True):
         reach = a @ np.linalg.solve(S, a)
@@ -110,8 +104,8 @@ def margin_to_limits(
 
 
 SHARE = 0.97
-"""Share of the servo's rate that the feedback uses on the boundary: the set changes
-until the gains are used, one time earlier."""
+"""Share of the servo's rate that the feedback uses on the boundary: the gains are used
+one time earlier, for another set."""
 
 
 def steepest_gains(
@@ -119,10 +113,8 @@ def steepest_gains(
 ) -> np.ndarray:
     """Returns the gains K (n,) along Bᵀ S that the servo can follow on the set.
 
-    Args:
-        slopes: (n,) B.
-        rate: what the nominal's command leaves of the servo's rate [rad/s].
-        largest: gain on the elevator's own deviation that is not exceeded [1/s].
+    Given are B (n,), the rate that the nominal's command leaves [rad/s], and the
+    largest gain on the elevator's own deviation [1/s].
     """
     along = slopes @ S
     reach = np.sqrt(along @ slopes)

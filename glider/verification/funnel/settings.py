@@ -6,12 +6,11 @@ import math
 import numpy as np
 
 from glider.errors import InputError, expect
-from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
+from glider.physics.state import NUM_STATES, PITCH, POSITION, STATE_NAMES, VELOCITY
 from glider.planning.problem import Hook, PerchingProblem
 
 LAUNCH_SIZES = (0.02, 0.1, 0.05, 0.1, 0.1, 0.2, 0.6)
-"""Launch errors that count equally where a high inlet is wanted, in the order of
-STATE_NAMES [m, rad, m/s, rad/s]."""
+"""Launch errors that count equally where a high inlet is wanted, as `launch_sizes`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -22,8 +21,8 @@ class FunnelSettings:
     [m, rad, m/s, rad/s].
     """
 
-    #: Half-axes of the goal ellipsoid about the nominal's end. A hook reaches that far;
-    #: the speeds are such that the Taylor polynomial still fits there.
+    #: Half-axes of the goal about the nominal's end. A hook reaches that far; the
+    #: speeds are such that the Taylor polynomial still fits there.
     goal: tuple[float, ...] = (Hook().reach, Hook().reach, 0.5, 0.39, 0.82, 0.82, 2.0)
     #: Half-axis of the goal in each of the effects' own states, in its unit.
     goal_extra: float = 4.0
@@ -31,9 +30,8 @@ class FunnelSettings:
     #: other. It is not sensitive to them, but diverges without any.
     sizes: tuple[float, ...] = (0.05, 0.05, 0.15, 0.3, 0.3, 0.3, 1.0)
     #: Launch errors that count equally: carried along the flight, they shape the funnel
-    #: together with a share of `sizes` (`glider.verification.funnel.shape_flow`). None
-    #: for `sizes` alone, the same at all times. LAUNCH_SIZES makes an inlet that is
-    #: wider in all but the elevator.
+    #: together with a share of `sizes`; None for `sizes` alone, at all times.
+    #: LAUNCH_SIZES makes an inlet that is wider in all but the elevator.
     launch_sizes: tuple[float, ...] | None = None
     #: Deviation that counts as much, of each of the effects' own states.
     sizes_extra: float = 2.0
@@ -41,23 +39,19 @@ class FunnelSettings:
     #: Time between the programs that shape the funnel [s]. More is faster and narrower:
     #: with 0.026, one times the remainder leaves less than 9 cm of height.
     hold: float = 0.022
-    #: Margin by which V̇/V is to stay below zero on the boundary [1/s].
-    margin: float = 0.03
-    #: Inflation: factor on the largest Taylor remainder that is found, which then acts
-    #: as a disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.6 it can
-    #: be proven that the true one is no larger, at all times; with less, that takes
-    #: many times as long.
+    margin: float = 0.03  #: By which V̇/V is to stay below zero on the boundary [1/s].
+    #: Factor on the largest Taylor remainder that is found, which then acts as a
+    #: disturbance; 0 for a funnel of the Taylor polynomial alone. With less than 1.6,
+    #: the proof that the true one is no larger takes many times as long.
     remainder: float = 0.0
     #: Share of the largest remainder that its bound keeps where the remainder is small.
     #: Less makes a funnel wider and its proof longer; with 1 the bound is constant.
     floor: float = 0.3
-    #: Largest gain on the elevator's own deviation [1/s] of a feedback that is made
-    #: with the funnel's shape (`glider.verification.funnel.servo_limits`); 0 for the
-    #: policy's own feedback. 40 is slow enough for commands held for 20 ms.
+    #: Largest gain on the elevator's own deviation of a feedback that is made with the
+    #: shape; 0 for the policy's own. 40 suits commands held for 20 ms [1/s].
     elevator_gain: float = 0.0
     command_error: float = 0.0  #: Largest error of the command, at any time [rad/s].
-    #: Time that each command is held, from the launch on; 0 for a feedback that acts
-    #: at all times [s].
+    #: Time that each command is held; 0 for a feedback that acts at all times [s].
     period: float = 0.0
     wind: float = 0.0  #: Largest wind beyond the model's own, at any time [m/s].
 
@@ -67,21 +61,24 @@ class FunnelSettings:
         for name in ("goal", "sizes", "launch_sizes"):
             values = getattr(self, name)
             if name != "launch_sizes" or values is not None:
-                good = len(values) == NUM_STATES and all(map(_is_positive, values))
+                good = all(0.0 < value < math.inf for value in values)
+                good = good and len(values) == NUM_STATES
                 expect(good, f"field '{name}'", values, vector)
+
+        def expect_positive(name, words="a positive number", or_zero=False):
+            value = getattr(self, name)
+            good = 0.0 < value < math.inf or (or_zero and value == 0.0)
+            expect(good, f"field '{name}'", value, words)
+
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin", "floor"):
-            value = getattr(self, name)
-            expect(_is_positive(value), f"field '{name}'", value, "a positive number")
-        for name in _NOT_NEGATIVE:
-            value = getattr(self, name)
-            good = _is_positive(value) or value == 0.0
-            expect(good, f"field '{name}'", value, "a number that is zero or positive")
-        words = "a positive number where there is a command_error, wind or period"
-        good = self.remainder > 0.0 or not (self.pushes.any() or self.period)
-        expect(good, "field 'remainder'", self.remainder, words)
-        words = "a positive number where there is a period"
-        good = self.elevator_gain > 0.0 or not self.period
-        expect(good, "field 'elevator_gain'", self.elevator_gain, words)
+            expect_positive(name)
+        for name in ("remainder", "elevator_gain", "command_error", "wind", "period"):
+            expect_positive(name, "a number that is zero or positive", or_zero=True)
+        where = "a positive number where there is a"
+        if self.pushes.any() or self.period:
+            expect_positive("remainder", f"{where} command_error, wind or period")
+        if self.period:
+            expect_positive("elevator_gain", f"{where} period")
 
     @property
     def pushes(self) -> np.ndarray:
@@ -94,26 +91,15 @@ class FunnelSettings:
 
     def launch_axes(self, num_states: int) -> np.ndarray:
         """Returns the launch's sizes (n,): 0 for the effects' own states, at rest."""
-        given = self.launch_sizes or (0.0,) * NUM_STATES
-        return np.append(given, [0.0] * (num_states - NUM_STATES))
+        return np.append(self.launch_sizes or (), np.zeros(num_states - NUM_STATES))
 
     def size_axes(self, num_states: int) -> np.ndarray:
         """Returns the sizes (n,), the effects' own states included."""
         return np.append(self.sizes, [self.sizes_extra] * (num_states - NUM_STATES))
 
 
-_NOT_NEGATIVE = ("remainder", "elevator_gain", "command_error", "wind", "period")
-
-
-def _is_positive(value: float) -> bool:
-    return 0.0 < value < math.inf
-
-
 HOOK_MARGIN = 1e-6
-"""Margin to each of the hook's limits [m, m/s, rad], which are compared in floating
-point."""
-
-_X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
+"""Margin to the hook's limits [m, m/s, rad], which are compared in floating point."""
 
 
 def hook_goal(
@@ -121,22 +107,22 @@ def hook_goal(
 ) -> tuple[float, ...]:
     """Returns the half-axes (7,) of the goal that fills what a problem's hook accepts.
 
-    The largest distance, speed and pitch in an ellipsoid with axes along the states are
-    at most those of its center, the nominal's end, and the longest of their half-axes
-    together. Of the given axes, those of the elevator and the pitch's rate are kept.
+    Distance, speed and pitch in the ellipsoid are at most those of its center, the
+    nominal's end, and the longest of their half-axes together. Of the given axes, those
+    of the elevator and the pitch's rate are kept.
 
     Raises:
         InputError: the hook does not take the nominal's end itself.
     """
     hook = problem.hook
     low, high = hook.pitch_limits
-    pitch, place = float(end[_PITCH]), [_X, _Z]
-    miss = float(np.linalg.norm(end[place] - problem.wire))
+    pitch = float(end[PITCH])
+    miss = float(np.linalg.norm(end[POSITION] - problem.wire))
     speed = float(np.linalg.norm(end[VELOCITY]))
     limits = {
-        "distance from the wire": (miss, hook.reach - miss, place),
+        "distance from the wire": (miss, hook.reach - miss, POSITION),
         "speed": (speed, hook.speed_limit - speed, VELOCITY),
-        "pitch": (pitch, min(pitch - low, high - pitch), [_PITCH]),
+        "pitch": (pitch, min(pitch - low, high - pitch), [PITCH]),
     }
     goal = np.array(axes, dtype=float)
     for name, (value, left, of) in limits.items():

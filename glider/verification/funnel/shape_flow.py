@@ -8,35 +8,23 @@ the least growth of S, in the sense of Σ, for which no deviation leaves. N is c
 every few steps and continues in a straight line between. A servo limit that the set
 would break cuts it down. The feedback may be made on the way, from S one time later.
 
-Σ says which deviations count at a time. What is wanted is a wide inlet: with Φ̇ = F₁ Φ,
-tr(Σ₀ S(0)) is tr(Φ Σ₀ Φᵀ S(t)) and what else makes S grow before t. So Σ is Φ Σ₀ Φᵀ and
-a share of deviations that count equally at all times, without which it is flat.
+Σ says which deviations count at a time. For a wide inlet, with Φ̇ = F₁ Φ, it is Φ Σ₀ Φᵀ,
+as tr(Σ₀ S(0)) is tr(Φ Σ₀ Φᵀ S(t)) and what else makes S grow before t; and a share of
+deviations that count equally at all times, without which it is flat.
 """
 
 import dataclasses
 import functools
-from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import expm
 
 from glider.control.predictor import advance
+from glider.progress import Shares
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.funnel.clock import (
-    BEND_ROOM,
-    bend_sizes,
-    command_errors,
-    effect_of_hold,
-    hold_starts,
-    undo_hold,
-)
-from glider.verification.funnel.growth import (
-    BoundarySets,
-    Bounds,
-    boundary_forms,
-    pushes_of,
-)
+from glider.verification.funnel import clock, servo_limits
+from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
     find_focus,
@@ -44,21 +32,13 @@ from glider.verification.funnel.remainder import (
     remainder_weights,
     sample_remainder,
 )
-from glider.verification.funnel.servo_limits import (
-    error_reach,
-    goal_about,
-    keep_bounds,
-    servo_bounds,
-    steepest_gains,
-)
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, quadratic_form
 from glider.verification.sos.programs import SolverError, first_success, least_growth
 
 SHARE = 0.1
-"""Share of the sizes that is added to the errors of a launch. Of the nominal glider's
-funnel for the hook, 0.32, 0.17, 0.1 and 0.05 leave 14.4, 15.4, 15.9 and 15.3 cm of
-height, in steps twice as long."""
+"""Share of the sizes that is added to the errors of a launch. Of a funnel for the hook,
+0.32, 0.17, 0.1 and 0.05 leave 14.4, 15.4, 15.9 and 15.3 cm of height."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,8 +48,7 @@ class FunnelTask:
     nominal: Nominal  #: Nominal flight.
     settings: FunnelSettings  #: Its goal and margins.
     directions: np.ndarray  #: (B, n + r) of `sample_remainder`.
-    #: Of the gliders that may fly; None for the model's own.
-    center: MovingCenter | None = None
+    center: MovingCenter | None = None  #: Of a set of gliders, if it is for one.
 
     @functools.cached_property
     def sizes(self) -> np.ndarray:
@@ -97,8 +76,8 @@ class FunnelTask:
         settings = self.settings
         if not settings.period:
             return np.full((2, len(S)), settings.command_error)
-        rests = command_errors(self.nominal, S, at, settings, *remainder)
-        known = BEND_ROOM * bend_sizes(S, self.nominal.bends[at])
+        rests = clock.command_errors(self.nominal, S, at, settings, *remainder)
+        known = clock.BEND_ROOM * clock.bend_sizes(S, self.nominal.bends[at])
         return np.stack([known + rests, rests])
 
     def servo_bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -106,41 +85,51 @@ class FunnelTask:
 
         A command that is held keeps the rate's limit if it does when it is computed.
         """
-        directions, bounds = servo_bounds(self.nominal, self.center)
+        directions, bounds = servo_limits.servo_bounds(self.nominal, self.center)
         if self.settings.period:
-            starts = hold_starts(self.nominal.times)
+            starts = clock.hold_starts(self.nominal.times)
             bounds[starts != np.arange(len(starts)), 0] = np.inf
         return directions, bounds
 
-    def bound(self, S: np.ndarray, at: np.ndarray) -> Bounds:
-        """Returns what acts on K sets: R and the pushes from outside.
+    def sets(
+        self, nominal: Nominal, S: np.ndarray, slopes: np.ndarray, at: np.ndarray
+    ) -> BoundarySets:
+        """Returns K sets of a flight at K times, with what acts on them.
 
-        β (1 + eᵀ F e) is the inflated remainder, but for rounding. All are zero where
+        β (1 + eᵀ F e) is the inflated remainder, but for rounding. All is zero where
         the funnel is to be of the Taylor polynomial alone.
         """
         inflation, sizes = self.settings.remainder, self.sizes[at]
         pushes = pushes_of(self.errors(S, at)[0], self.settings)
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
-        focus, floor = np.zeros_like(S), self.settings.floor
+        focus, beta = np.zeros_like(S), np.zeros(S.shape[:2])
+        floor = self.settings.floor
         if inflation > 0.0 and floor < 1.0:
             focus = smoothed(find_focus(*given, sizes, acting, floor))
-        sampled = np.zeros(S.shape[:2])
         if inflation > 0.0:
             sampled = sample_remainder(*given, focus, acting)
-        beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
-        weights = remainder_weights(S, beta, sizes)
-        errors = self.errors(S, at, beta, focus)
-        pushes = pushes_of(errors[1], self.settings)
-        of_pushes = push_weights(S, pushes, self.nominal.push_slopes[at], sizes)
-        return Bounds(beta, weights, focus, of_pushes, *errors)
+            beta = inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
+        errors, rests = self.errors(S, at, beta, focus)
+        pushes = pushes_of(rests, self.settings)
+        return BoundarySets(
+            nominal=nominal,
+            settings=self.settings,
+            S=S,
+            slopes=slopes,
+            beta=beta,
+            weights=remainder_weights(S, beta, sizes),
+            focus=focus,
+            push_weights=push_weights(S, pushes, self.nominal.push_slopes[at], sizes),
+            errors=errors,
+            rests=rests,
+        )
 
 
 def smoothed(values: np.ndarray) -> np.ndarray:
     """Returns values at times in order, averaged with their neighbors.
 
-    F is found at each time alone, and may be another one at the next: the proof needs
-    many boxes on the straight line between them.
+    F is found at each time alone: where it changes much, the proof needs many boxes.
     """
     padded = np.concatenate([values[:1], values, values[-1:]])
     return 0.25 * padded[:-2] + 0.5 * values + 0.25 * padded[2:]
@@ -150,8 +139,7 @@ SAMPLE_ROOM = 1e-9
 """Share by which S is larger before a sample than after it."""
 
 CHANGE_SHARE = 0.3
-"""Largest change of N, as a share of it, on its straight line to the next program: the
-line is a guess and may not take over."""
+"""Largest change of N, as a share of it, on its line to the next program."""
 
 
 class ShapeFlow:
@@ -162,11 +150,7 @@ class ShapeFlow:
     """
 
     def __init__(self, task: FunnelTask, steer: bool = False):
-        """Takes what the flow depends on.
-
-        Where it may steer, the feedback is made on the way, in place of the nominal's.
-        Centers depend on that, so it excludes them.
-        """
+        """Takes a task; where it may steer, without a center, it makes the feedback."""
         nominal = task.nominal
         if steer:
             own = {name: getattr(nominal, name).copy() for name in ("gains", "bends")}
@@ -176,25 +160,22 @@ class ShapeFlow:
         self._bounds = task.servo_bounds()
         self._slopes = nominal.push_slopes[:, :, 0, 0] if steer else None
 
-    def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
+    def run(self, progress: Shares | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
 
         Raises:
             SolverError: no solver gave a usable answer, or the set vanishes.
         """
         times = self.nominal.times
-        last, n = len(times) - 1, self.nominal.states.shape[1]
-        settings = self._task.settings
+        settings, (count, n) = self._task.settings, self.nominal.states.shape
+        last = count - 1
         # Where commands are held, at least at the end of each and in its middle.
         hold = min(settings.hold, 0.5 * settings.period or np.inf)
         hold = max(1, round(hold / (times[1] - times[0])))
-        S = goal_about(settings.goal_axes(n), self._task.center)
+        S = servo_limits.goal_about(settings.goal_axes(n), self._task.center)
         self._steer(S, last)
-        S = self._cut(S, last)
-        shapes = np.zeros((last + 1, n, n))
-        shapes[last] = S
-        before: np.ndarray | None = None
-        growth, slope, since = np.zeros((n, n)), np.zeros((n, n)), 0
+        shapes, before, since = np.zeros((count, n, n)), None, 0
+        shapes[last] = S = self._cut(S, last)
         for k in range(last, 0, -1):
             self._steer(S, k - 1)
             if times[k] == times[k - 1]:  # A sample: the set must not be larger before.
@@ -223,18 +204,20 @@ class ShapeFlow:
         if settings.period:
             if k + 1 < len(times) and times[k + 1] > times[k]:
                 return  # It was made from the end of its hold.
-            first = hold_starts(times)[k]
-            toward = effect_of_hold(nominal, first, k) / settings.period
+            first = clock.hold_starts(times)[k]
+            toward = clock.effect_of_hold(nominal, first, k) / settings.period
         rate = bounds[first, 0] - settings.command_error
-        gains = steepest_gains(S, toward, rate, settings.elevator_gain)
-        undo_hold(nominal, first, k, gains)  # Ours: of a copy.
-        directions[first : k + 1] = servo_bounds(nominal.part(slice(first, k + 1)))[0]
+        gains = servo_limits.steepest_gains(S, toward, rate, settings.elevator_gain)
+        clock.undo_hold(nominal, first, k, gains)  # Ours: of a copy.
+        here = slice(first, k + 1)
+        directions[here], _ = servo_limits.servo_bounds(nominal.part(here))
 
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""
         directions, bounds = self._bounds
         error, _ = self._task.errors(S[None], np.array([k]))
-        return keep_bounds(S, directions[k], bounds[k] - error_reach(error)[0])
+        left = bounds[k] - servo_limits.error_reach(error)[0]
+        return servo_limits.keep_bounds(S, directions[k], left)
 
     def _growth(self, S, k):
         """Returns N + D at a time."""
@@ -242,28 +225,17 @@ class ShapeFlow:
         nominal = self.nominal.part(slice(k, k + 1))
         # What is left of V̇ where S moves with the linear part of the flow.
         still = -quadratic_form(S, np.zeros_like(S), nominal.closed_loop[0])
-        sets = BoundarySets(
-            nominal=nominal,
-            settings=self._task.settings,
-            S=S[None],
-            slopes=still[None],
-            **vars(self._task.bound(S[None], at)),
-        )
+        sets = self._task.sets(nominal, S[None], still[None], at)
         forms = boundary_forms(sets, self.nominal.push_slopes[at])
-        [growth] = first_success(
-            least_growth,
-            forms.cubic[0],
-            forms.quartic[0],
-            L.T @ self._sizes[k] @ L,
-            fault="No solver shaped the funnel; the goal may be too wide.",
-        )
+        fault = "No solver shaped the funnel; the goal may be too wide."
+        given = forms.cubic[0], forms.quartic[0], L.T @ self._sizes[k] @ L
+        [growth] = first_success(least_growth, *given, fault=fault)
         return growth + forms.quadratic[0]
 
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""
         step = self.nominal.times[k] - self.nominal.times[k - 1]
-        first = linear_part(self.nominal.closed_loop[k])
-        second = linear_part(self.nominal.closed_loop[k - 1])
+        first, second = linear_part(self.nominal.closed_loop[[k, k - 1]])
 
         def rate(S, since):
             L, share = np.linalg.cholesky(S), since / step

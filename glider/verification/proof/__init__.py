@@ -8,12 +8,12 @@ that no flight leaves, interval by interval. interval_proof: one of them. interv
 polynomials in time, its servo, a ball that holds its sets, and the centers of a set of
 gliders. interval_growth: that V falls. enclosure, boxes: that the Taylor remainder is
 within the bounds that the certificate assumes. held: what held commands are off by.
-phases: several funnels, for a clock of any phase. written: the proof as a file.
+latency, slopes: what predicted ones are. phases: several funnels, for a clock of any
+phase. written: the proof as a file.
 
 The theorem follows where a funnel passes `check_funnel` with a problem and
-`prove_flights` is whole. After `check_funnel` alone, or with every > 1, what it says is
-known at the times, or on the intervals, that were examined, and nothing follows for a
-whole flight.
+`prove_flights` is whole. After `check_funnel` alone, or with every > 1, nothing follows
+for a whole flight.
 
 Exact: that sets are ellipsoids, that the servo follows its command, that balls hold the
 sets, and that V falls; at the end, E(T) in the goal to 1e-9.

@@ -1,19 +1,17 @@
 """The check of a funnel's certificate, exactly and without a solver.
 
-`purpose`: the funnel is one of the intended problem and glider.
-`glider.verification.dynamics.defect`: its nominal is a flight, or nearly.
-`gliders_faults`: each glider of its set has margin about its own center.
-`exact_check`: V falls on the boundary at each time, in exact arithmetic. Then, in
-floating point: ascent from new random points finds no remainder larger than β_k, and
-none where V rises between the times.
-Both are proven, in continuous time, by `flight_proof`; the theorem is in
-`glider.verification.proof`.
+`purpose`: the funnel is one of the intended problem and glider. `dynamics.defect`: its
+nominal is a flight, or nearly. `gliders_faults`: each glider of its set has margin
+about its own center. `held`: what commands that are held are off by. `exact_check`: V
+falls on the boundary at each time, in exact arithmetic. Then, in floating point: ascent
+from new random points finds no remainder larger than β_k, and none where V rises
+between the times; `flight_proof` proves both, in continuous time.
 """
 
 import dataclasses
 import math
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import scipy.linalg
@@ -22,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.progress import Shares
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, growth_between
@@ -35,25 +34,17 @@ from glider.verification.funnel.servo_limits import (
     margin_to_limits,
     servo_bounds,
 )
+from glider.verification.proof import purpose
 from glider.verification.proof.exact_check import (
     GOAL_ROUNDING,
     exact_faults,
     proven_slack,
 )
 from glider.verification.proof.held import held_faults
-from glider.verification.proof.purpose import (
-    hook_faults,
-    inlet_faults,
-    model_faults,
-    problem_faults,
-    push_faults,
-    set_faults,
-)
 from glider.verification.sos.sphere import normalized
 
 STARTS = 8
-"""Points where the ascent to the largest growth starts, besides the axes of its
-quadratic part."""
+"""Points where the ascent to the largest growth starts, besides `largest_growth`'s."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -66,17 +57,12 @@ class Verdict:
     #: funnel is not the intended one, or not a flight, nothing else is checked.
     faults: tuple[str, ...]
     slack: float  #: Slack of V̇ <= -slack V, which is proven at these times [1/s].
-    #: Largest V̇/V that the nominal's defect may make, which is counted [1/s].
-    defect: float
-    #: Largest change of an eigenvalue by what rounding and solver left over [1/s].
-    rounding: float
-    #: Largest |R_k| / β_k found by ascent at these times, in floating point; infinite
-    #: where β_k is zero and R_k is not; zero where the certificate accounts for no
-    #: remainder at all.
+    defect: float  #: Largest V̇/V by the nominal's defect, which is counted [1/s].
+    rounding: float  #: Largest change of an eigenvalue by what is left over [1/s].
+    #: Largest |R_k| / β_k found by ascent at these times; infinite where only β_k is
+    #: zero; zero where the certificate accounts for no remainder at all.
     remainder_seen: float
-    #: Largest V̇/V found between the times, in floating point [1/s]; infinite after any
-    #: other fault.
-    between: float
+    between: float  #: Largest V̇/V found between them; infinite after a fault [1/s].
     seed: int  #: Seed of the points where the ascents start.
 
     @property
@@ -94,7 +80,7 @@ class Verdict:
 def check_funnel(
     funnel: Funnel,
     every: int = 1,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
     *,
     problem: PerchingProblem | None = None,
     from_launch: bool = True,
@@ -110,48 +96,52 @@ def check_funnel(
 
     Args:
         every: check every so many times only, the first and last included.
-        progress: called with the share that is done, of held commands and then of the
-            times.
+        progress: called with the share that is done, of held commands, then of times.
         problem: the problem that it must be a funnel of; any if None.
         from_launch: whether it must start at that problem's launch.
         model: the glider that it must be a funnel of; any if None.
-        covariance: of that glider: the funnel's set of gliders, if it is of one, must
-            contain the set of the same level; any if None.
+        covariance: of that glider, whose set of the same level the funnel's set of
+            gliders, if it is of one, must contain; any if None.
         hook: whether the problem's hook must accept every state of the last set.
         least_inlet: least half-widths of the inlet, of states that deviate alone.
         least_pushes: command error [rad/s] and wind [m/s] that it must account for.
         period: time that its commands must be held [s]; any if None.
         seed: of the points where ascents start; one that no file can know if None.
     """
-    last = len(funnel.nominal.times) - 1
+    last, settings = len(funnel.nominal.times) - 1, funnel.settings
     at = sorted({*range(0, last, every), last})
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
     seed = secrets.randbits(32) if seed is None else seed
-    rng = np.random.default_rng(seed)
-    faults = model_faults(funnel, model) if model else []
-    faults += set_faults(funnel, covariance) if covariance and not faults else []
-    faults += inlet_faults(funnel, least_inlet or {})
-    faults += push_faults(funnel, least_pushes, period)
-    faults += problem_faults(funnel, problem, from_launch) if problem else []
-    faults += hook_faults(funnel, problem) if hook and problem else []
-    faults += _defect_faults(funnel, growth)
+    rng, worst = np.random.default_rng(seed), int(np.argmax(growth))
+    faults = purpose.model_faults(funnel, model) if model else []
+    if covariance and not faults:
+        faults = purpose.set_faults(funnel, covariance)
+    faults += purpose.inlet_faults(funnel, least_inlet or {})
+    faults += purpose.push_faults(funnel, least_pushes, period)
+    faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
+    faults += purpose.hook_faults(funnel, problem) if hook and problem else []
+    words = (
+        "The nominal is not a flight: its defect makes V̇/V as large as "
+        f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s; the margin "
+        f"is {settings.margin:.2g} 1/s."
+    )
+    faults += purpose.unmet((growth[worst] <= settings.margin, words))
     faults += gliders_faults(funnel)
-    rounding = seen = 0.0
-    between = np.inf
+    rounding, seen, between = 0.0, 0.0, np.inf
     faults += held_faults(funnel, progress) if not faults else []
     if not faults:
         faults, rounding = exact_faults(funnel, at, growth, progress)
     if not faults and funnel.beta.any():
         seen = remainder_seen(funnel, at, rng)
-        if not seen <= 1.0:
-            faults.append(f"The remainder is {seen:.3g} times its bound.")
+        words = f"The remainder is {seen:.3g} times its bound."
+        faults = purpose.unmet((seen <= 1.0, words))
     if not faults:
         between = largest_between(funnel, growth, rng, every)
-        if not between < 0.0:
-            faults.append(f"Between the times V̇/V reaches {between:.2g} 1/s.")
+        words = f"Between the times V̇/V reaches {between:.2g} 1/s."
+        faults = purpose.unmet((between < 0.0, words))
     return Verdict(
         times=len(at),
-        of_times=len(funnel.nominal.times),
+        of_times=last + 1,
         faults=tuple(faults),
         slack=proven_slack(funnel),
         defect=float(growth.max()),
@@ -162,36 +152,18 @@ def check_funnel(
     )
 
 
-def _defect_faults(funnel, growth):
-    """Returns a fault where the nominal's defect alone exceeds the margin."""
-    worst = int(np.argmax(growth))
-    if growth[worst] <= funnel.settings.margin:
-        return []
-    return [
-        "The nominal is not a flight: its defect makes V̇/V as large as "
-        f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s; the margin "
-        f"is {funnel.settings.margin:.2g} 1/s."
-    ]
-
-
 def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> float:
-    """Returns the largest |R_k| / β_k that ascent finds on the boundary at some times.
-
-    For a funnel of a set of gliders, it is R of those on the set's boundary too.
-    """
-    nominal, n = funnel.nominal, funnel.num_states
-    sets, beta, focus = funnel.S[at], funnel.beta[at], funnel.focus[at]
-    worst = 0.0
+    """Returns the largest |R_k| / β_k found at some times, also of a set's gliders."""
+    pushes, worst = funnel.pushes[at] if funnel.pushes.any() else None, 0.0
     for center in dict.fromkeys((None, funnel.gliders)):
-        total = n + (center.confidence.dimension if center else 0)
-        pushes = funnel.pushes[at] if funnel.pushes.any() else None
-        total += 0 if pushes is None else 3
+        total = funnel.num_states + (0 if pushes is None else 3)
+        total += center.confidence.dimension if center else 0
         directions = normalized(rng.normal(size=(SAMPLES, total)))
-        given = directions, np.array(at), center, focus, pushes
-        found = sample_remainder(nominal, sets, *given)
+        given = directions, np.array(at), center, funnel.focus[at], pushes
+        found = sample_remainder(funnel.nominal, funnel.S[at], *given)
         with np.errstate(divide="ignore", invalid="ignore"):
             # What is no number counts.
-            ratios = np.where(found <= LEAST_REMAINDER, 0.0, found / beta)
+            ratios = np.where(found <= LEAST_REMAINDER, 0.0, found / funnel.beta[at])
         worst = float(np.maximum(worst, ratios.max()))  # np's keep a NaN, max does not.
     return worst
 
@@ -201,8 +173,7 @@ def largest_between(
 ) -> float:
     """Returns the largest V̇/V found between the times, by ascent [1/s].
 
-    It includes growth (T,) by the nominal's defect [1/s], and is infinite where a set
-    between them is no ellipsoid.
+    It includes growth (T,) by the defect, and is infinite where a set is no ellipsoid.
     """
     starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
     around = np.maximum(defect[:-1], defect[1:])[funnel.nominal.flows[::every]]
@@ -221,27 +192,26 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     """
     if not funnel.gliders:
         return []
-    faults = []
+    axes = funnel.settings.goal_axes(funnel.num_states)
     given = funnel.nominal, funnel.gliders, 1.0, funnel.errors
     directions, bounds = servo_bounds(*given)
     try:
         reach = margin_to_limits(funnel.S, directions, bounds)
-        met = ~((reach >= 1.0) & np.all(bounds > 0.0, axis=1))
-        if np.any(met):
-            faults.append(
-                "The servo would meet its limits with gliders of the set, first at "
-                f"{funnel.nominal.times[np.argmax(met)]:.4f} s."
-            )
-        axes = funnel.settings.goal_axes(funnel.num_states)
-        largest = scipy.linalg.eigh(
-            np.diag(1.0 / axes**2), funnel.S[-1], eigvals_only=True
-        )[-1]
+        goal, last = np.diag(1.0 / axes**2), funnel.S[-1]
+        largest = scipy.linalg.eigh(goal, last, eigvals_only=True)[-1]
         end = math.sqrt(largest) + goal_reach(axes, funnel.gliders)
     except (np.linalg.LinAlgError, ValueError):
         return ["The set is not an ellipsoid somewhere."]
-    if not end <= 1.0 + GOAL_ROUNDING:
-        faults.append(
-            "The last set is not within the goal about every glider's center: it "
-            f"reaches {end:.4g} times as far."
-        )
-    return faults
+    keeps = (reach >= 1.0) & np.all(bounds > 0.0, axis=1)
+    first = funnel.nominal.times[np.argmin(keeps)]
+    words = (
+        "The last set is not within the goal about every glider's center: it reaches"
+    )
+    return purpose.unmet(
+        (
+            keeps.all(),
+            "The servo would meet its limits with gliders of the set, first at "
+            f"{first:.4f} s.",
+        ),
+        (end <= 1.0 + GOAL_ROUNDING, f"{words} {end:.4g} times as far."),
+    )

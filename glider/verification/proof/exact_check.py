@@ -1,17 +1,17 @@
 """The part of a funnel's check that is in exact arithmetic.
 
 At each time that is checked S is positive definite, the set keeps the servo within its
-limits, and V̇ <= -slack V on the whole boundary, for the third-order dynamics whose
-coefficients are the doubles that `Nominal.closed_loop` computes, with any disturbance
-|R_k| <= β_k, and with the nominal's largest defect in the intervals about that time:
-minus V̇ - slack V has a positive definite Gram matrix. At the end the set lies in the
-goal. `glider.verification.proof` states what rests on more than exact arithmetic.
+limits, and V̇ <= -slack V on the whole boundary: -V̇ - slack V has a positive definite
+Gram matrix, for the third-order dynamics whose coefficients are the doubles of
+`Nominal.closed_loop`, any |R_k| <= β_k, and the nominal's largest defect in the
+intervals about that time. At the end the set lies in the goal.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import at_time, keeps_servo
 from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
@@ -34,12 +34,11 @@ SLACK_SHARE = 0.1
 """Share of the margin of V̇/V that is proven; what is left of it is for rounding."""
 
 GRAM_BITS = 26
-"""Binary places that Gram matrices are rounded to: 1.5e-8, where their least
-eigenvalues are 1e-3 and more."""
+"""Binary places of Gram matrices: 1.5e-8, with least eigenvalues of 1e-3 and more."""
 
 GOAL_ROUNDING = 1e-9
-"""Relative amount by which S(T) may be below the goal's: where they are equal, as in
-the shipped funnels, their difference is not definite."""
+"""Share by which S(T) may be below the goal's: where they are equal, as in the shipped
+funnels, their difference is not definite."""
 
 
 def proven_slack(funnel: Funnel) -> float:
@@ -51,20 +50,15 @@ def exact_faults(
     funnel: Funnel,
     at: Sequence[int],
     defect: np.ndarray,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
 ) -> tuple[list[str], float]:
-    """Checks a funnel in exact arithmetic.
+    """Checks a funnel in exact arithmetic, given the growth (T,) by its defect [1/s].
 
-    Args:
-        defect: growth (T,) by the nominal's defect, `defect_growth` [1/s].
-
-    Returns:
-        what is wrong, a sentence each, and the largest change of an eigenvalue by what
-        rounding left over.
+    Returns what is wrong, a sentence each, and the largest change of an eigenvalue by
+    what rounding left over.
     """
-    slack = proven_slack(funnel)
+    slack, rounding = proven_slack(funnel), 0.0
     found: dict[str, list[float]] = {}
-    rounding = 0.0
     for number, k in enumerate(at):
         faults, change = check_time(funnel, k, slack + defect[k])
         rounding = max(rounding, change)
@@ -88,8 +82,7 @@ def _when(times):
 def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
     """Returns what is not proven at one time, a clause each, and what rounding took.
 
-    Numbers too large or sets too flat for the floating point that proposes a Gram
-    matrix prove nothing.
+    Where floating point fails to propose a Gram matrix, nothing is.
     """
     S, beta, weights = funnel.S[k], funnel.beta[k], funnel.weights[k]
     if not np.all(np.isfinite(funnel.nominal.closed_loop[k])):
@@ -110,13 +103,11 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         A, cubic, quartic, G = growth_forms(here, basis, exact(slack))
         # In floating point: a Gram matrix of nearly this polynomial. The one in the
         # file may or may not have the nominal's defect in it.
-        polynomial = odd_then_even(cubic, quartic + exact_product(A, G))
-        doubles = polynomial.to_float()
+        doubles = odd_then_even(cubic, quartic + exact_product(A, G)).to_float()
         entries = funnel.grams[k].astype(float)
-        entries = entries - 0.5 * slack * tables.entries(np.eye(tables.size))
+        entries -= 0.5 * slack * tables.entries(np.eye(tables.size))
         gram = tables.matrix(represent(tables, entries, doubles))
-        gram = gram * np.multiply.outer(tables.scales, tables.scales)
-        whole = rounded(gram, GRAM_BITS)
+        whole = rounded(gram * np.outer(tables.scales, tables.scales), GRAM_BITS)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return [*faults, rises], 0.0
     even = quartic + exact_product(A - whole[: tables.n, : tables.n], G)

@@ -1,24 +1,17 @@
 """The proof that every flight that starts in a funnel stays there.
 
-Intervals are independent, so that they are proven in several processes, and what is
-proven can be kept in a file: one JSON object a line, of a header and of an interval
-each. An interrupted proof continues from there. The header has the hashes of the funnel
-and of the program that proves it; each line is sealed with a key of this user's, so
-that only what the same program proved before counts.
+Intervals are proven in several processes. What is proven can be kept in a record
+(`glider.files.record`), from which an interrupted proof continues. Its header has the
+hashes of the funnel and of the program that proves it.
 """
 
-import contextlib
 import dataclasses
 import functools
 import hashlib
-import hmac
 import math
-import secrets
 import sys
 import warnings
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import flint
 import joblib
@@ -27,8 +20,9 @@ import numpy as np
 import scipy
 
 from glider.errors import InputError, expect
-from glider.files import schema
-from glider.paths import PACKAGE, cache_folder
+from glider.files.record import append_sealed, read_sealed
+from glider.paths import PACKAGE
+from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval_proof import (
@@ -41,19 +35,13 @@ from glider.verification.proof.interval_proof import (
 
 _FORMAT = "drake-glider funnel proof 2"
 
-_CHECKER = ("verification", "physics", "compiled")
+_CHECKER = ("verification", "physics", "compiled", "files")
 """Packages whose sources a proof depends on."""
-
-_MOST_BYTES = 10_000_000
-"""Largest record that is read; that of a shipped funnel has 40,000."""
 
 
 @functools.cache
 def checker_hash() -> str:
-    """Returns the hash of the program that proves, in hexadecimal.
-
-    It is of the sources, which hold the settings, and of the versions of what they use.
-    """
+    """Returns the hash of the program that proves, and what it uses, in hexadecimal."""
     versions = [sys.version, *(m.__version__ for m in (np, scipy, numba, flint))]
     digest = hashlib.sha256("\n".join(versions).encode())
     for folder in _CHECKER:
@@ -68,12 +56,10 @@ class FlightProof:
     """The outcome of a proof, up to the first interval that is not proven."""
 
     times: np.ndarray  #: The funnel's times (T,) [s].
-    #: Outcome of each interval that was tried, by its index, in order; one at most is
-    #: no proof.
+    #: Of each interval that was tried, by its index, in order; one at most is no proof.
     outcomes: dict[int, IntervalProof]
     from_file: int  #: Number of them that were read from a file.
-    #: Where flights may leave, in an interval that is not proven.
-    candidate: Candidate | None
+    candidate: Candidate | None  #: Where flights may leave the one that is not proven.
 
     @property
     def of_intervals(self) -> int:
@@ -98,8 +84,8 @@ class FlightProof:
     @property
     def until(self) -> float:
         """Time before which nothing that was tried is left unproven [s]."""
-        failed = self.failed
-        return float(self.times[max(self.outcomes) + 1 if failed is None else failed])
+        last = max(self.outcomes) + 1
+        return float(self.times[last if self.failed is None else self.failed])
 
     @property
     def fault(self) -> str:
@@ -118,16 +104,13 @@ class FlightProof:
 
 
 def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
-    """Returns how a funnel's remainder is known.
+    """Returns how a funnel's remainder is known: "none", "sampled", or as it is proven.
 
-    "none" where it accounts for none, else "sampled", or with a proof "rigorous until
-    t=0.8795", the time before which all that was tried is proven, and "in 3 of 200
-    intervals" if these were not all.
+    That is "rigorous until t=0.8795", the time before which all that was tried is
+    proven, and "in 3 of 200 intervals" if these were not all.
     """
-    if not funnel.beta.any():
-        return "none"
-    if proof is None or not proof.count:
-        return "sampled"
+    if proof is None or not proof.count or not funnel.beta.any():
+        return "sampled" if funnel.beta.any() else "none"
     status, tried = f"rigorous until t={proof.until:.4f}", len(proof.outcomes)
     if tried == proof.of_intervals or not proof.complete:
         return status
@@ -141,7 +124,7 @@ def prove_flights(
     budget: int = BUDGET,
     workers: int = -1,
     resume: Path | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
     is_checked: bool = False,
 ) -> FlightProof:
     """Tries to prove that no flight leaves a funnel between its ends.
@@ -151,7 +134,6 @@ def prove_flights(
         budget: boxes of one interval, until the search for a bound gives up.
         workers: processes; as many as there are cores if -1.
         resume: file that is read, if it is there, and that every outcome is added to.
-        progress: called with the share that is done.
         is_checked: whether `check_funnel` holds, which proves held commands too; else
             they are proven first.
 
@@ -166,23 +148,19 @@ def prove_flights(
     header = _Header(
         format=_FORMAT, funnel=funnel.sha256, checker=checker_hash(), budget=budget
     )
-    known = _read(resume, header) if resume else {}
-    known = {k: known[k] for k in wanted if k in known}
-    left = [k for k in wanted if k not in known]
-    done = dict(known)
-    tasks = (
-        joblib.delayed(prove_interval)(funnel.between(k, k + 1), budget) for k in left
+    lines = read_sealed(resume, header, _Record, "a proof", "funnel") if resume else []
+    known = {line.interval: line for line in lines if line.proven}
+    done = {k: known[k] for k in wanted if k in known}
+    left, from_file = [k for k in wanted if k not in known], len(done)
+    pieces = (funnel.between(k, k + 1) for k in left)
+    found = joblib.Parallel(n_jobs=workers, return_as="generator")(
+        joblib.delayed(prove_interval)(piece, budget) for piece in pieces
     )
-    parallel = joblib.Parallel(
-        n_jobs=workers, return_as="generator", pre_dispatch="2*n_jobs"
-    )
-    found = parallel(tasks)
     for k, outcome in zip(left, found, strict=False):
         done[k] = outcome
         if resume and outcome.proven:
-            record = _Record(interval=k, **dataclasses.asdict(outcome))
-            seal = _seal(header, record)
-            _append(resume, dataclasses.replace(record, seal=seal))
+            line = _Record(interval=k, **dataclasses.asdict(outcome))
+            append_sealed(resume, header, line)
         if progress:
             progress(len(done) / len(wanted))
         if not outcome.proven:
@@ -194,14 +172,14 @@ def prove_flights(
     return FlightProof(
         times=funnel.nominal.times,
         outcomes=dict(sorted(done.items())),
-        from_file=len(known),
+        from_file=from_file,
         candidate=worst_candidate(failed[0]) if failed else None,
     )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Header:
-    """First line of a file that a proof resumes from, with hashes."""
+    """First line of a record, with hashes."""
 
     format: str
     funnel: str
@@ -218,68 +196,5 @@ class _Record(IntervalProof):
 
     def __post_init__(self):
         for name in ("interval", "boxes", "parts", "ratio"):
-            value = getattr(self, name)
-            good = 0 <= value < math.inf
-            expect(good, f"field '{name}'", value, "a number that is zero or positive")
-
-
-def _seal(header, record):
-    """Returns what only this user can write below a header, in hexadecimal."""
-    bare = dataclasses.replace(record, seal="")
-    text = "".join(schema.json_text(line, indent=-1) for line in (header, bare))
-    return hmac.new(_key(), text.encode(), "sha256").hexdigest()
-
-
-def _key():
-    """Returns this user's key; makes it where there is none."""
-    path = cache_folder() / "proof_key"
-    with contextlib.suppress(FileExistsError), open(path, "xb", 0) as stream:
-        stream.write(secrets.token_bytes(32))
-    return path.read_bytes()
-
-
-def _read(path, header):
-    """Returns the proven intervals in a file; starts it where there is none."""
-    if not path.exists():
-        _append(path, header)
-        return {}
-    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-        raise InputError(
-            f"{path}: is not a record of a proof; expected a smaller file."
-        )
-    text = schema.read_text(path, "a record of a proof")
-    # A line that was cut short is the last, and proven again.
-    whole = text[: text.rfind("\n") + 1]
-    lines: list[Any] = []
-    for line in whole.splitlines():
-        source = f"{path}: line {len(lines) + 1}"
-        kind = _Record if lines else _Header
-        lines.append(schema.convert(schema.parse_json(line, source), kind, source))
-    if not lines or lines[0] != header:
-        raise InputError(
-            f"{path}: cannot be resumed: it is of another funnel or of another version "
-            "of this program or its libraries; expected a file that --resume wrote for "
-            "this funnel, or a new name."
-        )
-    for number, record in enumerate(lines[1:], start=2):
-        if not hmac.compare_digest(
-            record.seal.encode(), _seal(header, record).encode()
-        ):
-            raise InputError(
-                f"{path}: line {number}: cannot be resumed: it was not written by "
-                "--resume with this user's key; expected a new name, to prove it again."
-            )
-    if whole != text:
-        path.write_text(whole, encoding="utf-8")
-    return {record.interval: record for record in lines[1:] if record.proven}
-
-
-def _append(path, line):
-    try:
-        with path.open("a", encoding="utf-8") as stream:
-            stream.write(schema.json_text(line, indent=-1) + "\n")
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}); expected a file that you "
-            "may write."
-        ) from None
+            value, words = getattr(self, name), "a number that is zero or positive"
+            expect(0 <= value < math.inf, f"field '{name}'", value, words)

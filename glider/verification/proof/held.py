@@ -1,22 +1,21 @@
 """The proof that held commands are the funnel's feedback, but for its command error.
 
 A command that is held acts as u₀ - K(t) e + eᵀ M(t) e + q (docs/certificate.md has q̇),
-if u₀ is constant, K and M continuous, and M zero at its sample. The gains and M of the
-file make the linear and the quadratic part of q̇ vanish at its times
-(`glider.verification.funnel.clock`). In between they are straight lines; the proof
-follows the cubic polynomials with those slopes instead, and adds what the two differ
-by. With e = B z, |z| <= 1 on the interval, all parts are polynomials in z and time,
-exactly; norms of their Bernstein coefficients bound them. Where |q̇| <= a + b |q|, |q|
-grows to (|q| + a t) exp(b t) at most in a time t. So |q| is within the file's `rests`,
-and |eᵀ M e + q| within its `errors`, until a state leaves the funnel, which none does.
+if u₀ is constant, K and M continuous, and M zero at its sample. The file's gains and M
+make the linear and the quadratic part of q̇ vanish at its times (`funnel.clock`) and are
+straight lines between; the proof follows the cubic polynomials with those slopes, and
+adds what the two differ by. With e = B z, |z| <= 1 on the interval, all parts are
+polynomials in z and time, exactly; norms of their Bernstein coefficients bound them.
+Where |q̇| <= a + b |q|, |q| grows to (|q| + a t) exp(b t) at most in a time t. So |q| is
+within the file's `rests`, and |eᵀ M e + q| within its `errors`.
 """
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 
 from glider.compiled.taylor import WIDER
+from glider.progress import Shares
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.funnel.clock import form_size, hold_slopes, hold_starts
 from glider.verification.funnel.funnel import Funnel
@@ -35,14 +34,8 @@ PERIOD_ROUNDING = 1e-9
 """Time by which the samples in a file may be off the clock's [s]."""
 
 
-def held_faults(
-    funnel: Funnel, progress: Callable[[float], None] | None = None
-) -> list[str]:
-    """Returns why held commands are not proven to be the feedback, a sentence each.
-
-    Where the feedback acts at all times there is nothing to prove. Progress is called
-    with the share that is done.
-    """
+def held_faults(funnel: Funnel, progress: Shares | None = None) -> list[str]:
+    """Returns why held commands are not proven to be the feedback, a sentence each."""
     settings, nominal = funnel.settings, funnel.nominal
     if np.any(np.minimum(funnel.errors, funnel.rests) < settings.command_error):
         return ["The command's error is smaller than the settings' somewhere."]
@@ -52,11 +45,10 @@ def held_faults(
     if funnel.gliders:
         return ["Held commands are not proven for a set of gliders."]
     times, starts = nominal.times, hold_starts(nominal.times)
-    clock = settings.period * np.arange(len(np.unique(starts)))
-    ends = [*times[np.unique(starts)], times[-1]]
-    if np.any(np.abs(ends[:-1] - clock) > PERIOD_ROUNDING) or (
-        ends[-1] - clock[-1] > settings.period + PERIOD_ROUNDING
-    ):
+    samples = np.unique(starts)
+    clock = settings.period * np.arange(len(samples))
+    off = np.abs(times[samples] - clock).max()
+    if max(off, times[-1] - clock[-1] - settings.period) > PERIOD_ROUNDING:
         return [f"The samples are not {settings.period:g} s apart."]
     if np.any(nominal.inputs != nominal.inputs[starts]):
         return ["The nominal's commands are not held."]
@@ -65,20 +57,18 @@ def held_faults(
             return [f"The set after the sample at {times[k]:.4f} s is not larger."]
     if nominal.bends[starts].any():
         return ["A command is not linear when it is computed."]
-    for k in np.unique(starts):
+    for k in samples:
         if not _keeps_rate(funnel, k):
             return [f"The servo would meet its limit of rate at {times[k]:.4f} s."]
     error = settings.command_error
     for k in nominal.flows:
         if progress:
             progress(k / len(times))
-        before = settings.command_error if starts[k] == k else error
-        error, apart, known = _error_after(funnel.between(k, k + 1), before)
+        before, ends = settings.command_error if starts[k] == k else error, [k, k + 1]
+        error, apart, known = _error_after(funnel.between(*ends), before)
         rests = np.array([before, error]) + apart
-        for allowed, found in (
-            (funnel.rests[k : k + 2], rests),
-            (funnel.errors[k : k + 2], rests + known),
-        ):
+        pairs = (funnel.rests[ends], rests), (funnel.errors[ends], rests + known)
+        for allowed, found in pairs:
             if not np.all(found <= allowed):
                 return [
                     f"The held command may be {found[1]:.3g} rad/s off the feedback at "

@@ -1,25 +1,18 @@
 """A latency that is predicted: how far the prediction, and so its command, may be off.
 
-A command that acts from a time t on is computed from the state a latency ℓ before. A
-predictor flies it on to x̂(t) under the commands that are on their way, in the model's
-own air. The true flight has a wind w too, and errors d of these commands. From the
-state that both start in, δ = x - x̂ follows
-    δ̇ = J δ + G (d, w),
-J = ∂f/∂x and G = ∂f/∂(u, w) averaged between them. For any λ of the time σ until t,
-    λ(0)ᵀ δ(t) = ∫₀^ℓ (Jᵀ λ - dλ/dσ)ᵀ δ + λᵀ G (d, w) dσ.
-Here λ(0) is a gain K, or a row of a root of S; λ goes on along the nominal's slopes, in
-straight lines, so that the first part is small. |δ| is bounded state by state, a time τ
-after the start by
-    Σ τᵏ⁺¹ / (k + 1)! |J|ᵏ |G (d, w)|.
-On the sets of an interval, and on all states as near to them as that, Taylor models on
-boxes bound J, G and both parts of the integral. The prediction's elevator is off by |δ|
-and its command by d: from the stops the sets keep that much more away, so that no
-prediction meets them. A command that is computed keeps the limit of rate.
+docs/certificate.md has the proof. In a wind w and with errors d of the commands on
+their way, the flight is δ = x - x̂ from its prediction,
+    δ̇ = J δ + G (d, w),  J = ∂f/∂x, G = ∂f/∂(u, w) between them,
+    λ(0)ᵀ δ(t) = ∫₀^ℓ (Jᵀ λ - dλ/dσ)ᵀ δ + λᵀ G (d, w) dσ
+for any λ of the time σ until t. Here λ(0) is a gain K, or a row of a root of S. |δ| is
+bounded state by state, and `slopes` bounds J, G and both parts of the integral on the
+sets of an interval and on all states that near. From the servo's stops the sets keep
+that much more away, so that no prediction meets them; a command that is computed keeps
+the limit of rate.
 """
 
 import dataclasses
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import joblib
 import numpy as np
@@ -27,6 +20,7 @@ import scipy.linalg
 
 from glider.compiled.taylor import WIDER
 from glider.errors import InputError, expect
+from glider.progress import Shares
 from glider.verification.funnel.clock import hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.phases import GRID_ROOM, PREDICTED, first_commands
@@ -34,22 +28,16 @@ from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.exact import exact, is_positive_definite
 from glider.verification.sos.forms import linear_part
 
-PARTS = 4
-"""Straight lines of λ."""
+PARTS, TERMS = 4, 30
+"""Straight lines of λ, and terms of the series that bounds |δ|, but for their rest."""
 
-TERMS = 30
-"""Terms of the series that bounds |δ|; the rest is bounded too."""
-
-NEARBY = 1.1
-"""Distance from the sets on which slopes are bounded, over the |δ| that the bounds of
-the turn before give."""
-
-TURNS = 4
-"""Turns until |δ| is no larger than that distance; two are enough as a rule."""
+NEARBY, TURNS = 1.1, 4
+"""Distance from the sets on which slopes are bounded, over |δ| by the turn before, and
+turns until |δ| is no larger; two are enough as a rule."""
 
 COARSE, FINE = (2.5,), (1.1, 1.2, 1.5)
-"""Bounds over the largest sampled value, in the order in which they are tried: for all
-predictions, then for those that leave least."""
+"""Bounds over the largest sampled value that are tried in turn: for all predictions,
+then for those that leave least."""
 
 DIGIT = 1e-4
 """Step to which the error that is left is rounded down [rad/s]."""
@@ -71,10 +59,7 @@ class Prediction:
     root: np.ndarray
 
     def error_left(self, slopes: Slopes, rooms: tuple[float, ...]) -> float:
-        """Returns what is left of the command's error, and for the choice [rad/s].
-
-        A command is off by what its prediction misses, and by an error of its own.
-        """
+        """Returns what predictions leave of the command's error [rad/s]."""
         rows = np.vstack([self.gains, self.root])
         wind, error = _missed(self, slopes, rows, rooms).T
         lefts = [(self.bound - wind[0]) / (1.0 + error[0])]
@@ -107,7 +92,7 @@ def check_latency(funnel: Funnel, latency: float) -> None:
             "--latency is proven of held commands; the funnel is for a feedback that "
             "acts at all times."
         )
-    words = f"less than the funnel's period, {period:g} s"
+    words = f"0 or more, and less than the funnel's period, {period:g} s"
     expect(0.0 <= latency < period, "the latency", latency, words)
     duration, words = float(funnel.nominal.times[-1]), "more than one command's"
     expect(duration > period + GRID_ROOM, "the funnel's duration", duration, words)
@@ -122,12 +107,12 @@ def predictions_of(funnel: Funnel, latency: float) -> list[Prediction]:
     check_latency(funnel, latency)
     nominal = funnel.nominal
     found = []
-    for k in np.unique(hold_starts(nominal.times))[1:]:
+    for k in np.unique(hold_starts(nominal.times))[1:].tolist():
         end = float(nominal.times[k])
-        first = np.searchsorted(nominal.times, end - latency, side="right") - 1
+        first = int(np.searchsorted(nominal.times, end - latency, side="right")) - 1
         found.append(
             Prediction(
-                window=funnel.between(max(int(first), 0), int(k) - 1),
+                window=funnel.between(max(first, 0), k - 1),
                 ends=(end, end),
                 latency=latency,
                 gains=nominal.gains[k],
@@ -173,18 +158,14 @@ def prove_latency(
     least: float = 0.0,
     *,
     workers: int = -1,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
 ) -> ProvenLatency:
-    """Bounds what predictions leave of the bound of the command's error.
-
-    While errors are no larger, but for what predictions miss, both are together within
-    the funnels' `command_error`.
+    """Bounds what predictions leave of the funnels' `command_error` to other errors.
 
     Args:
         predictions: one or more, of one glider and one latency.
         least: what has to be left [rad/s].
         workers: processes; as many as there are cores if -1.
-        progress: called with the share that is done.
     """
     slopes, lefts = Slopes(predictions[0].window.nominal.model), list[float]()
     tasks = (joblib.delayed(own.error_left)(slopes, COARSE) for own in predictions)
@@ -196,10 +177,8 @@ def prove_latency(
     while (k := int(np.argmin(lefts))) not in fine:
         fine.add(k)
         lefts[k] = max(lefts[k], predictions[k].error_left(slopes, FINE))
-    left = math.floor(lefts[k] / DIGIT) * DIGIT if lefts[k] > -np.inf else -np.inf
-    return ProvenLatency(
-        latency=predictions[0].latency, error_left=round(left, 6), least=least
-    )
+    left = round(float(np.floor(lefts[k] / DIGIT) * DIGIT), 6)
+    return ProvenLatency(latency=predictions[0].latency, error_left=left, least=least)
 
 
 @np.errstate(all="ignore")  # What is infinite is bounded by infinity.
@@ -208,17 +187,14 @@ def _missed(prediction, slopes, directions, rooms):
 
     λ are directions (R, n); bounds are infinite where nothing is proven.
     """
-    window, latency = prediction.window, prediction.latency
-    near = np.zeros(window.num_states)
+    window, duration = prediction.window, prediction.latency / PARTS
     pushes = np.array([window.settings.wind, window.settings.command_error])
+    near, flows = np.zeros(window.num_states), window.nominal.flows
     nothing = np.full((len(directions), 2), np.inf)
     for _ in range(TURNS):
-        enclosed = [
-            NearSets(slopes, window.between(k, k + 1), near)
-            for k in window.nominal.flows
-        ]
+        enclosed = [NearSets(slopes, window.between(k, k + 1), near) for k in flows]
         sizes = np.max([part.sizes(rooms) for part in enclosed], axis=0)
-        apart = [_apart(sizes, latency * (1.0 - k / PARTS)) for k in range(PARTS)]
+        apart = [_apart(sizes, duration * (PARTS - k)) for k in range(PARTS)]
         farthest = apart[0] @ pushes
         if np.all(farthest <= near):
             break
@@ -227,7 +203,6 @@ def _missed(prediction, slopes, directions, rooms):
             return nothing
     else:
         return nothing
-    duration = latency / PARTS
     step = scipy.linalg.expm(duration * linear_part(window.nominal.open_loop).mean(0))
     first, total = directions, np.zeros((len(directions), 2))
     for k, away in enumerate(apart):

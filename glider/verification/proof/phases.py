@@ -1,24 +1,15 @@
 """A loop whose clock knows nothing of the launch: a funnel for each of its phases.
 
-Commands are held for a period h by a clock. Each acts a latency after its sample of the
-state, so that the first acts at some time t₁ from T - h to T after the launch; T - h is
-the latency. A launch funnel, 0 <= t <= T, is of the flight until then, in which nothing
-commands the elevator. From t₁ on the flight is in one of several funnels of held
-commands, whose times count from t₁.
+docs/certificate.md has the theorem: where each funnel is proven and `phase_faults`
+finds nothing, every flight from the launch funnel's inlet is in that of a funnel of
+held commands, with V <= LEVEL, when its first command begins to act, at any time t₁
+from T - h to T. T is what the launch funnel lasts, h the period, T - h the latency.
 
-Theorem. Let each funnel be proven as `glider.verification.proof` has it, and let
-`phase_faults` find nothing. Then every flight that starts in the launch funnel's inlet
-is at t₁, whatever it is, in the inlet of a funnel of held commands, with V <= LEVEL.
-Under the feedback of any in whose inlet it is, it stays inside and ends in the goal.
-
-Proof. At t₁ the flight is in E(t₁) of the launch funnel, x₀ + e with eᵀ S e <= 1. With
-d = x₀ - c, V of the center c and matrix S_j is at most LEVEL there if, for some λ >= 0,
+Its set at t₁, x₀ + e with eᵀ S e <= 1, is in that inlet, of center c and matrix S_j, if
+with d = x₀ - c, for some λ >= 0,
      λ S - S_j     -S_j d
      -dᵀ S_j       LEVEL - λ - dᵀ S_j d
-is positive definite: LEVEL - (d + e)ᵀ S_j (d + e) > λ (1 - eᵀ S e) >= 0. On each
-interval of the launch funnel from T - h on, the matrix is a polynomial in time of
-degree 6, and definite throughout, in exact arithmetic, for one j and λ. Times are
-compared to 1e-9 s.
+is positive definite: LEVEL - (d + e)ᵀ S_j (d + e) > λ (1 - eᵀ S e) >= 0.
 
 A loop chooses the funnel i in which the predicted state x̂ has the least V. √V_k(x̂) is
 within PREDICTED of √V_k(x), for all k (`glider.verification.proof.latency`). Then
@@ -35,7 +26,12 @@ from glider.errors import expect
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import stays_definite
-from glider.verification.proof.purpose import launch_faults, model_faults, path_faults
+from glider.verification.proof.purpose import (
+    launch_faults,
+    model_faults,
+    path_faults,
+    unmet,
+)
 from glider.verification.sos.exact import exact, hermite, rounded
 
 LEVEL = 0.98
@@ -59,8 +55,6 @@ def phase_faults(
 ) -> list[str]:
     """Returns why funnels are not one loop at any phase of its clock, in sentences.
 
-    That each of them is proven is for `check_funnel` and `prove_flights`.
-
     Args:
         launch: of the flight until the first command acts.
         rests: of held commands, from then on.
@@ -79,38 +73,38 @@ def phase_faults(
         return ["A funnel is of a set of gliders; expected one glider for any phase."]
     if periods[0] == 0.0 or len(periods) > 1:
         found = ", ".join(f"{1e3 * period:g}" for period in periods)
-        return [
-            f"The phases' funnels are for commands held for {found} ms; expected one "
-            "period for all."
-        ]
-    faults = _problem_faults(launch, rests, problem) if problem else []
-    commands = nominal.inputs, nominal.gains, nominal.bends
-    if launch.settings.period or any(values.any() for values in commands):
-        faults.append(
-            "The launch's funnel commands the elevator before the clock does."
-        )
+        words = f"The phases' funnels are for commands held for {found} ms; expected "
+        return [f"{words}one period for all."]
+    commands = nominal.inputs, nominal.gains, nominal.bends, launch.settings.period
     earliest, end = first_commands(launch, rests)
-    if earliest < -GRID_ROOM:
-        faults.append(
-            f"The launch's funnel ends after {1e3 * end:g} ms, but the first command "
-            f"may act {1e3 * periods[0]:g} ms after the launch."
-        )
-    if earliest >= periods[0]:
-        faults.append(
-            f"The first command may act {1e3 * earliest:g} ms after its sample; "
-            f"expected less than the {1e3 * periods[0]:g} ms between samples."
-        )
-    if latency is not None and not abs(earliest - latency) <= GRID_ROOM:
-        faults.append(
-            f"The funnels are for a latency of {1e3 * earliest:g} ms; expected "
-            f"{1e3 * latency:g} ms."
-        )
-    for k in phase_intervals(launch, rests):
-        if not faults and not any(
-            is_inside(launch.between(k, k + 1), own) for own in rests
-        ):
+    first, last, period = 1e3 * earliest, 1e3 * end, 1e3 * periods[0]
+    wanted = earliest if latency is None else latency
+    faults = _problem_faults(launch, rests, problem) if problem else []
+    faults += unmet(
+        (
+            not any(np.any(values) for values in commands),
+            "The launch's funnel commands the elevator before the clock does.",
+        ),
+        (
+            earliest >= -GRID_ROOM,
+            f"The launch's funnel ends after {last:g} ms, but the first command may "
+            f"act {period:g} ms after the launch.",
+        ),
+        (
+            earliest < periods[0],
+            f"The first command may act {first:g} ms after its sample; expected less "
+            f"than the {period:g} ms between samples.",
+        ),
+        (
+            abs(earliest - wanted) <= GRID_ROOM,
+            f"The funnels are for a latency of {first:g} ms; expected "
+            f"{1e3 * wanted:g} ms.",
+        ),
+    )
+    for k in () if faults else phase_intervals(launch, rests):
+        if not any(is_inside(launch.between(k, k + 1), own) for own in rests):
             first, last = 1e3 * nominal.times[k : k + 2]
-            faults = [
+            return [
                 f"A flight whose first command acts {first:.4g} to {last:.4g} ms after "
                 "the launch is not proven to be in any of the phases' funnels."
             ]
@@ -119,14 +113,11 @@ def phase_faults(
 
 def _problem_faults(launch, rests, problem):
     """Returns where the flight until the end is not the problem's, but for its end."""
-    faults = launch_faults(launch, problem) + path_faults(launch, problem)
     longest = launch.nominal.times[-1] + max(own.nominal.times[-1] for own in rests)
-    if longest > problem.duration_limits[1]:
-        faults.append(
-            f"A flight may last {longest:.4f} s; the problem allows "
-            f"{problem.duration_limits[1]:.4g} s."
-        )
-    return faults
+    most = problem.duration_limits[1]
+    words = f"A flight may last {longest:.4f} s; the problem allows {most:.4g} s."
+    faults = launch_faults(launch, problem) + path_faults(launch, problem)
+    return faults + unmet((longest <= most, words))
 
 
 def choose(rests: Sequence[Funnel], states: np.ndarray) -> np.ndarray:

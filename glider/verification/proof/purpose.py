@@ -1,12 +1,11 @@
 """A funnel is the intended one: its glider, and the problem that it solves.
 
-A certificate is about whatever its file says. That this is the caller's glider, and a
-flight from the caller's launch to the caller's wire, is compared here. The last set
-lies in the goal (`exact_check`): no flight ends farther off than the goal reaches.
+A certificate is about whatever its file says; that this is the caller's glider, launch
+and wire is compared here. The last set lies in the goal (`exact_check`): no flight ends
+farther off than the goal reaches.
 """
 
 import dataclasses
-import hashlib
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,7 +15,7 @@ from glider.files.schema import parse_yaml
 from glider.physics.confidence import describe_set, make_confidence
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
-from glider.physics.state import STATE_NAMES, VELOCITY
+from glider.physics.state import PITCH, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel
 
@@ -28,7 +27,10 @@ PLACE_TOLERANCE = 1e-6
 """Amount by which launch and wire may be off [m, rad, m/s, rad/s]; in the shipped
 funnels it is 6e-8."""
 
-_X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
+
+def unmet(*checks: tuple[object, str]) -> list[str]:
+    """Returns the sentences of pairs of a condition and one where that is false."""
+    return [fault for holds, fault in checks if not holds]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,33 +46,21 @@ class Arrival:
 def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
     """Returns what the goal about the nominal's end reaches, at most."""
     end, axes = funnel.nominal.states[-1], np.array(funnel.settings.goal)
-    place, pitch = [_X, _Z], end[_PITCH]
+    miss = np.linalg.norm(end[POSITION] - problem.wire) + axes[POSITION].max()
     return Arrival(
         time=float(funnel.nominal.times[-1]),
-        miss=float(np.linalg.norm(end[place] - problem.wire) + axes[place].max()),
+        miss=float(miss),
         speed=float(np.linalg.norm(end[VELOCITY]) + axes[VELOCITY].max()),
-        pitch=(float(pitch - axes[_PITCH]), float(pitch + axes[_PITCH])),
+        pitch=(float(end[PITCH] - axes[PITCH]), float(end[PITCH] + axes[PITCH])),
     )
 
 
 def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
-    """Returns how far each state may deviate at a time, in SI units.
-
-    Half-widths are those of a state that deviates alone, extents those of one that
-    deviates together with others.
-    """
+    """Returns how far each state may deviate at a time, alone and with others [SI]."""
     extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
     found = {"half_widths": funnel.half_widths(time), "extents": extents}
-    names = funnel.nominal.state_names
-    return {
-        what: dict(zip(names, values.tolist(), strict=True))
-        for what, values in found.items()
-    }
-
-
-def model_hash(model: GliderModel) -> str:
-    """Returns the hash of a glider's file, in hexadecimal: the same for equal ones."""
-    return hashlib.sha256(model_text(model).encode()).hexdigest()
+    names = funnel.nominal.model.state_names
+    return {k: dict(zip(names, v.tolist(), strict=True)) for k, v in found.items()}
 
 
 def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
@@ -102,27 +92,24 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
 def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
     """Returns why a funnel's set of gliders is not the one of a model's covariance.
 
-    It has to contain the model's set of the level and shape that the file states. A
-    funnel of one glider states no set.
+    It has to contain the model's set of the same level and shape. A funnel of one
+    glider states no set.
     """
     if funnel.gliders is None:
         return []
     own, model = funnel.gliders.confidence, funnel.nominal.model
     given = make_confidence(model, covariance, own.level, own.shape)
-    if own.covers(given):
-        return []
-    return [
-        f"The funnel's set of gliders, the {describe_set(own)}, is smaller than the "
-        f"model's, the {describe_set(given)}."
-    ]
+    words = f"The funnel's set of gliders, the {describe_set(own)}, is smaller than"
+    fault = f"{words} the model's, the {describe_set(given)}."
+    return unmet((own.covers(given), fault))
 
 
 def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
     """Returns the wind that a funnel leaves to every glider of a model's set [m/s].
 
-    The set is the default one. Gliders that differ in a steady wind alone fly as the
-    estimated one does in another wind. None where they differ in more, or the funnel
-    is of a set; negative where it accounts for less wind than they differ by.
+    Gliders that differ in a steady wind alone fly as the estimated one does in another.
+    None where those of the default set differ in more, or the funnel is of a set;
+    negative where it accounts for less wind than they differ by.
     """
     given = make_confidence(funnel.nominal.model, covariance)
     if funnel.gliders or not {*given.names} <= {"wind.x", "wind.z"}:
@@ -132,21 +119,19 @@ def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
 
 
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
-    """Returns where the inlet is narrower than it has to be, a sentence for each state.
-
-    Args:
-        least: least half-widths of states that deviate alone, by name.
-    """
-    widths = dict(zip(funnel.nominal.state_names, funnel.half_widths(), strict=True))
-    for name in least:
-        words = f"one of {', '.join(widths)}"
-        expect(name in widths, "the least inlet: a state", name, words)
-    return [
-        f"The inlet's half-width in {name} is {widths[name]:.3g}; expected at least "
-        f"{width:.3g}."
-        for name, width in least.items()
-        if not widths[name] >= width
-    ]
+    """Returns where the inlet is narrower than least half-widths of states alone."""
+    names, faults = funnel.nominal.model.state_names, []
+    widths = dict(zip(names, funnel.half_widths(), strict=True))
+    for name, width in least.items():
+        expect(
+            name in names,
+            "the least inlet: a state",
+            name,
+            f"one of {', '.join(names)}",
+        )
+        words = f"The inlet's half-width in {name} is {widths[name]:.3g}; expected at"
+        faults += unmet((widths[name] >= width, f"{words} least {width:.3g}."))
+    return faults
 
 
 def push_faults(
@@ -156,17 +141,16 @@ def push_faults(
 
     It is to be for commands that are held for a period [s]; any if None.
     """
-    words = ("a command error of {:g} rad/s", "wind of {:g} m/s")
-    own, faults = funnel.settings.period, []
-    if period is not None and own != period:
-        held = f"commands that are held for {1e3 * own:g} ms"
-        held = held if own else "a feedback that acts at all times"
-        faults = [f"The funnel is for {held}; expected a hold of {1e3 * period:g} ms."]
-    return faults + [
-        f"The funnel accounts for {word.format(own)}; expected at least {bound:g}."
-        for word, own, bound in zip(words, funnel.settings.pushes, least, strict=True)
-        if not own >= bound
-    ]
+    own = funnel.settings.period
+    held = f"commands that are held for {1e3 * own:g} ms"
+    held = held if own else "a feedback that acts at all times"
+    expected = f"expected a hold of {1e3 * (period or 0.0):g} ms."
+    faults = unmet((period in (None, own), f"The funnel is for {held}; {expected}"))
+    words = "a command error of {:g} rad/s", "wind of {:g} m/s"
+    for word, bound, wanted in zip(words, funnel.settings.pushes, least, strict=True):
+        found = f"The funnel accounts for {word.format(bound)}; expected at least"
+        faults += unmet((bound >= wanted, f"{found} {wanted:g}."))
+    return faults
 
 
 def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
@@ -177,7 +161,7 @@ def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
         f"The flight starts with {name} = {value:.6g}; the problem's launch has "
         f"{expected:.6g}."
         for name, value, expected in zip(
-            nominal.state_names, nominal.states[0], launch, strict=True
+            nominal.model.state_names, nominal.states[0], launch, strict=True
         )
         if not abs(value - expected) <= PLACE_TOLERANCE
     ]
@@ -185,26 +169,20 @@ def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
 
 def path_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     """Returns where a nominal flight leaves the bounds of a problem's path."""
-    states = funnel.nominal.states
-    return _beyond(
-        ("passes an x", states[:, _X], problem.x_limits),
-        ("passes a z", states[:, _Z], problem.z_limits),
-        ("passes a pitch", states[:, _PITCH], problem.pitch_limits),
-    )
+    x, z, pitch = funnel.nominal.states.T[[*POSITION, PITCH]]
+    return [
+        *_beyond("passes an x", x, problem.x_limits),
+        *_beyond("passes a z", z, problem.z_limits),
+        *_beyond("passes a pitch", pitch, problem.pitch_limits),
+    ]
 
 
-def _beyond(*bounds):
-    """Returns a sentence for each bound of a flight, (what, values, limits)."""
-    faults = []
-    for what, values, (least, most) in bounds:
-        beyond = np.maximum(least - values, values - most)
-        if not np.max(beyond) <= PLAN_TOLERANCE:
-            value = np.ravel(values)[np.argmax(beyond)]
-            faults.append(
-                f"The flight {what} of {value:.4g}; the problem allows {least:.4g} to "
-                f"{most:.4g}."
-            )
-    return faults
+def _beyond(what, values, limits):
+    """Returns a sentence where a flight's values leave their limits, if it does."""
+    beyond = np.maximum(limits[0] - values, values - limits[1])
+    value = np.ravel(values)[np.argmax(beyond)]
+    words = f"The flight {what} of {value:.4g}; the problem allows {limits[0]:.4g} to "
+    return unmet((np.max(beyond) <= PLAN_TOLERANCE, f"{words}{limits[1]:.4g}."))
 
 
 def problem_faults(
@@ -214,33 +192,36 @@ def problem_faults(
 
     It may start elsewhere if it is not `from_launch`.
     """
-    nominal, reached = funnel.nominal, arrival(funnel, problem)
-    last, speed = nominal.states[-1], problem.final_speed_limit
-    faults = launch_faults(funnel, problem) if from_launch else []
-    if not reached.miss <= problem.hook.reach + PLACE_TOLERANCE:
-        faults.append(
-            f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches "
-            f"{problem.hook.reach:.4g} m."
-        )
-    low, high = problem.duration_limits
-    if not low <= reached.time <= high:
-        faults.append(
-            f"The flight ends at {reached.time:.4f} s; the problem's duration_limits "
-            f"are {low:.4g} to {high:.4g} s."
-        )
-    faults += path_faults(funnel, problem)
-    faults += _beyond(
-        ("ends with a pitch", last[_PITCH], problem.final_pitch_limits),
-        *(("ends with a speed", v, [-speed, speed]) for v in last[VELOCITY]),
-    )
-    least, most = problem.pitch_limits
-    low, high = reached.pitch
-    if not (least <= low and high <= most):
-        faults.append(
-            f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem "
-            f"allows {least:.4g} to {most:.4g}."
-        )
-    return faults
+    reached, reach = arrival(funnel, problem), problem.hook.reach
+    end, speed = funnel.nominal.states[-1], problem.final_speed_limit
+    soonest, latest = problem.duration_limits
+    (low, high), (least, most) = reached.pitch, problem.pitch_limits
+    return [
+        *(launch_faults(funnel, problem) if from_launch else []),
+        *unmet(
+            (
+                reached.miss <= reach + PLACE_TOLERANCE,
+                f"The goal reaches {reached.miss:.4g} m from the wire; the hook "
+                f"reaches {reach:.4g} m.",
+            ),
+            (
+                soonest <= reached.time <= latest,
+                f"The flight ends at {reached.time:.4f} s; the problem's "
+                f"duration_limits are {soonest:.4g} to {latest:.4g} s.",
+            ),
+        ),
+        *path_faults(funnel, problem),
+        *_beyond("ends with a pitch", end[PITCH], problem.final_pitch_limits),
+        *_beyond("ends with a speed", end[VELOCITY[0]], [-speed, speed]),
+        *_beyond("ends with a speed", end[VELOCITY[1]], [-speed, speed]),
+        *unmet(
+            (
+                least <= low and high <= most,
+                f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem "
+                f"allows {least:.4g} to {most:.4g}.",
+            )
+        ),
+    ]
 
 
 def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
@@ -250,7 +231,7 @@ def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     """
     reached, hook = arrival(funnel, problem), problem.hook
     (low, high), (least, most) = np.degrees([reached.pitch, hook.pitch_limits])
-    checks = [
+    return unmet(
         (
             reached.miss < hook.reach,
             f"The goal reaches {reached.miss:.8g} m from the wire; the hook accepts "
@@ -266,5 +247,4 @@ def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
             f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook accepts "
             f"{least:.1f}° to {most:.1f}°.",
         ),
-    ]
-    return [fault for good, fault in checks if not good]
+    )

@@ -1,7 +1,7 @@
 """Slopes of a glider's dynamics, bounded over the sets of an interval.
 
-A slope ∂f/∂(x, u, w) is not a polynomial: Taylor models on boxes of a ball that covers
-the sets bound it. A bound is first guessed by samples and then proven.
+Taylor models on boxes of a ball that covers the sets bound ∂f/∂(x, u, w). A bound is
+first guessed by samples and then proven.
 """
 
 import dataclasses
@@ -37,18 +37,15 @@ DEGREE = 2
 SAMPLES, WIDTHS = 300, (0.5, 0.2, 0.1, 0.05)
 """Points that are sampled, and the steps by which they climb."""
 
-LEAST = 1e-9
-"""Bound of what is zero."""
-
-BUDGET = 10_000
-"""Boxes on which a bound is tried."""
+LEAST, BUDGET = 1e-9, 10_000
+"""Bound of what is zero, and boxes on which a bound is tried."""
 
 
 class Slopes:
     """∂f/∂(x, u, w) of a glider, as operations on Taylor models.
 
     Boxes are of v in the ball that covers sets, the command's error, the wind in a
-    ball, and two times: that of a line of λ, and s of an interval.
+    ball, the time of a line of λ, and s of an interval.
     """
 
     def __init__(self, model: GliderModel):
@@ -79,13 +76,7 @@ class NearSets:
     """Bounds of slopes on the sets of an interval, and on what is near them."""
 
     def __init__(self, slopes: Slopes, part: Funnel, near: np.ndarray):
-        """Covers them, where that is proven.
-
-        Args:
-            slopes: of the funnel's glider.
-            part: funnel of two times.
-            near: distance (n,) that is near.
-        """
+        """Covers those of a funnel of two times, and what is as near as `near` (n,)."""
         nominal, n, m = part.nominal, part.num_states, len(slopes.which)
         self.first, self.last = nominal.times
         self._slopes = slopes
@@ -101,8 +92,8 @@ class NearSets:
         curve = hermite_powers(nominal.states, nominal.slopes, half)
         found = np.zeros((n + 3, len(slopes.table.degrees)))
         found[:n, self._time] = curve[:, : DEGREE + 1]
-        ends = nominal.inputs
-        found[n, self._time[:2]] = ends.mean(), 0.5 * np.diff(ends)[0]
+        first, last = nominal.inputs
+        found[n, self._time[:2]] = 0.5 * (first + last), 0.5 * (last - first)
         found[slopes.which, 1 : m + 1] = basis
         found[n, m + 1] = wider.errors.max()
         found[[n + 1, n + 2], [m + 2, m + 3]] = part.settings.wind
@@ -114,28 +105,17 @@ class NearSets:
             self._lacks[:] = np.inf
 
     def sizes(self, rooms: tuple[float, ...]) -> np.ndarray:
-        """Returns bounds of |J|, and of |G| by the wind and the command's error.
-
-        They are (n, n + 2), by pushes of 1; rooms are those of bounds that are tried.
-        """
+        """Returns bounds (n, n + 2) of |J|, and of |G| by wind and error of 1."""
         n = len(self._polynomials) - 3
-        lines = np.zeros((2 * n, self._polynomials.shape[1]))
-        found = self._bounded(self._slopes.of_states, lines[None], rooms)
+        lines = np.zeros((1, 2 * n, self._polynomials.shape[1]))
+        found = self._bounded(self._slopes.of_states, lines, rooms)
         return found.reshape(n, n + 2)
 
-    def pulls(
-        self,
-        first: np.ndarray,
-        last: np.ndarray,
-        duration: float,
-        apart: np.ndarray,
-        rooms: tuple[float, ...],
-    ) -> np.ndarray:
+    def pulls(self, first, last, duration, apart, rooms):
         """Returns bounds (R, 2) of d(λᵀ δ)/dt, by a wind and a command's error of 1.
 
         Args:
-            first, last: ends of lines λ (R, n).
-            duration: of these lines [s].
+            first, last: ends (R, n) of lines λ of some duration [s].
             apart: bounds of |δ| (n, 2) by these pushes.
             rooms: of bounds that are tried.
         """
@@ -152,8 +132,7 @@ class NearSets:
     def _bounded(self, program, lines, rooms, weights=None):
         """Returns bounds of all results, those of both winds together, for R lines.
 
-        Each has the room of its own size, or where a weighted sum of some counts, an
-        equal share of the room of that.
+        Each has the room of its own size, or an equal share of a weighted sum's.
         """
         own = np.broadcast_to(self._polynomials, (len(lines), *self._polynomials.shape))
         boxes = _Boxes(
@@ -165,8 +144,8 @@ class NearSets:
         largest = own_room = boxes.largest()
         if weights is not None:
             total = largest.reshape(-1, len(weights)) @ weights / len(weights)
-            even = np.ravel(total[:, None] / np.maximum(weights, LEAST))
-            own_room = 0.5 * (largest + even)
+            even = total[:, None] / np.maximum(weights, LEAST)
+            own_room = 0.5 * (largest + even.ravel())
         for room in rooms if np.all(np.isfinite(self._lacks)) else ():
             boxes.limits = largest + (room - 1.0) * own_room + LEAST
             if bound_remainder(boxes, BUDGET).proven:
@@ -178,7 +157,7 @@ class NearSets:
 class _Boxes:
     """Results of a program on boxes, and limits which they are to keep.
 
-    It is like a `TaylorRemainder`; a row is a result, or both of the wind.
+    A row is a result, or both of the wind.
     """
 
     slopes: Slopes
@@ -188,36 +167,25 @@ class _Boxes:
     limits: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
     span: tuple[float, float] = (-1.0, 1.0)
 
-    @property
-    def dimension(self) -> int:
-        """Number of the boxes' coordinates."""
-        return self.slopes.table.num_variables
-
-    @property
-    def balls(self) -> tuple[slice, ...]:
-        """Coordinates that are in a ball."""
-        return self.slopes.balls
+    def __post_init__(self):
+        self.balls, self.dimension = self.slopes.balls, self.slopes.table.num_variables
 
     def bounds(self, center, half):
         """Returns bounds over limits, what centers reach, and what is to blame."""
         table, (found, lost) = self.slopes.table, self._run(center, half)
         boxes = center, half, table.exponents, self.balls
-        tops = [
-            np.maximum(*(top_in_balls(s * one, left, *boxes) for s in (1.0, -1.0)))
-            for one, left in zip(found, lost, strict=True)
-        ]
-        blame = [
-            blame_of(table, one, left, one)
-            for one, left in zip(found, lost, strict=True)
-        ]
+        tops, blame = [], []
+        for one, left in zip(found, lost, strict=True):
+            signs = (top_in_balls(s * one, left, *boxes) for s in (1.0, -1.0))
+            tops.append(np.maximum(*signs))
+            blame.append(blame_of(table, one, left, one))
         surely = np.maximum(np.abs(found[:, 0]) - lost, 0.0)
-        most, least = (
-            self._rows(values) / self.limits[:, None]
-            for values in (np.array(tops), surely)
+        most, least, blamed = (
+            (self._rows(np.array(values)).T / self.limits).T
+            for values in (tops, surely, blame)
         )
-        blame = self._rows(np.array(blame)) / self.limits[:, None, None]
         inside = [np.linalg.norm(center[ball], axis=0) <= 1.0 for ball in self.balls]
-        return most, np.where(np.all(inside, axis=0), least, 0.0), blame
+        return most, np.where(np.all(inside, axis=0), least, 0.0), blamed
 
     def largest(self) -> np.ndarray:
         """Returns the largest values (rows,) that are found by a climb."""
@@ -236,13 +204,10 @@ class _Boxes:
 
     def _run(self, center, half):
         """Returns results (R K, M, B) on boxes, and what is lost (R K, B)."""
-        table = self.slopes.table
-        runs = [
-            self.program.run(inputs, (left + self.lacks[:, None]) * WIDER)
-            for inputs, left in (
-                shifted(table, own, center, half) for own in self.polynomials
-            )
-        ]
+        runs = []
+        for own in self.polynomials:
+            inputs, left = shifted(self.slopes.table, own, center, half)
+            runs.append(self.program.run(inputs, (left + self.lacks[:, None]) * WIDER))
         found, lost = (np.concatenate(of) for of in zip(*runs, strict=True))
         return found, lost
 

@@ -1,13 +1,12 @@
 """A proof as a file, for a program that verifies it without this package.
 
-`tools/verify_proof.py` reads it and says what the file holds: a header, the funnel's
-values at its times, and for each interval the Gram matrices that prove that V falls and
-the balls that contain the deviations. Integers count binary places.
+`tools/verify_proof.py` reads it and describes it: a header, the funnel's values at its
+times, and for each interval the Gram matrices that prove that V falls and the balls
+that contain the deviations. Integers count binary places.
 """
 
 import gzip
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from glider.files.writing import replace_file
 from glider.physics.effects import KINDS
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.planning.problem import PerchingProblem
+from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import proven_slack
@@ -37,10 +37,7 @@ STRETCH = 1.02
 
 
 def write_proof(
-    path: Path,
-    funnel: Funnel,
-    problem: PerchingProblem,
-    progress: Callable[[float], None] | None = None,
+    path: Path, funnel: Funnel, problem: PerchingProblem, progress: Shares | None = None
 ) -> None:
     """Writes the proof of a funnel that was proven, as JSON lines in gzip.
 
@@ -48,8 +45,8 @@ def write_proof(
         InputError: see `expect_writable`; or a part is not proven.
     """
     expect_writable(funnel)
-    count, lines = len(funnel.nominal.times) - 1, [_header(funnel, problem)]
-    lines.append(_knots(funnel))
+    count = len(funnel.nominal.times) - 1
+    lines = [_header(funnel, problem), _knots(funnel)]
     for k in range(count):
         lines.append({"interval": k, **_interval_proof(funnel.between(k, k + 1))})
         if progress:
@@ -60,11 +57,7 @@ def write_proof(
 
 
 def expect_writable(funnel: Funnel) -> None:
-    """Raises InputError for a funnel whose proof the verifying program cannot read.
-
-    That is of a glider of more than flat plates and a steady wind, of a set of gliders,
-    or for disturbances.
-    """
+    """Raises InputError for a funnel whose proof the verifying program cannot read."""
     model = funnel.nominal.model
     if len(model.effects) != len(_winds(model)) or model.has_field:
         raise InputError(
@@ -119,23 +112,23 @@ def _interval_proof(piece):
     proofs = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
     if proofs is None:
         raise InputError("--write-proof needs a funnel that --prove proves.")
-    parts = []
-    for part in proofs:
-        n = len(part.basis)
-        grams = (gram.integers(-GRAM_BITS)[0, n:] for gram in part.grams)
-        parts.append(
-            {
-                "span": _shares(part),
-                "basis": part.basis.integers(-BALL_BITS)[0].tolist(),
-                "multiplier": part.multiplier.integers(-GRAM_BITS).tolist(),
-                "grams": [
-                    [row[: n + 1 + k].tolist() for k, row in enumerate(gram)]
-                    for gram in grams
-                ],
-            }
-        )
-    balls = list(_balls(piece, interval))
-    return {"slack": slack, "parts": parts, "balls": balls}
+    parts = [
+        {
+            "span": _shares(part),
+            "basis": part.basis.integers(-BALL_BITS)[0].tolist(),
+            "multiplier": part.multiplier.integers(-GRAM_BITS).tolist(),
+            "grams": [
+                [
+                    row[: k + 1].tolist()
+                    for k, row in enumerate(gram)
+                    if k >= len(part.basis)
+                ]
+                for [gram] in (own.integers(-GRAM_BITS) for own in part.grams)
+            ],
+        }
+        for part in proofs
+    ]
+    return {"slack": slack, "parts": parts, "balls": list(_balls(piece, interval))}
 
 
 def _shares(part):

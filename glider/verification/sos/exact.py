@@ -1,11 +1,10 @@
 """Exact arithmetic on arrays of integers times powers of two, and polynomials of them.
 
-Every double is such a number, so that nothing needs rounding. Values that are not
-finite are refused. Polynomials are in time over an interval, without a division: with τ
-from 0 to 1,
+Every finite double is such a number, so that nothing needs rounding. Polynomials are in
+time over an interval, without a division: with τ from 0 to 1,
     p(τ) = Σ_j p_j τʲ (1 - τ)^(d - j),
-the p_j being arrays: Bernstein's form without its factor, binomial(d, j). Products are
-convolutions, and where all p_j are positive definite, so is p at every τ.
+Bernstein's form without its factor, binomial(d, j). Products are convolutions, and
+where all p_j are positive definite, so is p at every τ.
 """
 
 import itertools
@@ -20,10 +19,7 @@ from flint import fmpz_mat
 
 
 class Exact:
-    """An exact array, or a polynomial of such in time, with + - * @ and [].
-
-    Operators are NumPy's of the arrays, or of the values at each time. Both of + and -
-    have as many axes.
+    """An exact array, or a polynomial of such in time, with NumPy's + - * @ and [].
 
     Attributes:
         numbers: (d + 1, ...) those of the p_j, one of a constant, as Python's int: in
@@ -32,7 +28,6 @@ class Exact:
     """
 
     def __init__(self, numbers: Any, exponent: int):
-        """Takes the integers and their common exponent."""
         self.numbers = np.asarray(numbers, dtype=object)
         self.exponent = exponent
 
@@ -99,11 +94,8 @@ class Exact:
 
     def to_float(self) -> np.ndarray:
         """Returns the nearest doubles of a constant."""
-        shift = self.exponent
-        values = [
-            float(v << shift) if shift >= 0 else v / (1 << -shift)
-            for v in self.numbers.ravel()
-        ]
+        more, less = 1 << max(self.exponent, 0), 1 << max(-self.exponent, 0)
+        values = [v * more / less for v in self.numbers.ravel()]
         return np.array(values).reshape(self.numbers.shape[1:])
 
     def raised(self, degree: int) -> "Exact":
@@ -145,11 +137,7 @@ def exact(values: np.ndarray | float) -> Exact:
 
 
 def rounded(values: np.ndarray, bits: int) -> Exact:
-    """Rounds doubles to so many binary places.
-
-    Raises:
-        ValueError: where they are not finite, or overflow.
-    """
+    """Rounds doubles to so many binary places; ValueError where they overflow."""
     with np.errstate(over="ignore"):
         whole = np.rint(_finite(np.ldexp(np.asarray(values, dtype=float), bits)))
     return Exact([np.vectorize(int, otypes=[object])(whole)], -bits)
@@ -171,8 +159,8 @@ def _finite(values):
 def is_positive_definite(matrix: Exact) -> bool:
     """Determines whether a symmetric matrix is, by its characteristic polynomial.
 
-    All roots of that are real. They are positive exactly if its coefficients alternate
-    in sign and none is zero (Descartes).
+    All its roots are real: they are positive exactly if its coefficients alternate in
+    sign and none is zero (Descartes).
     """
     [numbers] = matrix.numbers
     if not np.array_equal(numbers, numbers.T):
@@ -220,10 +208,6 @@ def hermite(values: np.ndarray, slopes: np.ndarray, step: Exact) -> tuple[Exact,
 
 def _first_half(numbers):
     """With τ = σ / 2 and 1 - τ = (1 - σ) + σ / 2; times 2^d."""
-    degree = len(numbers) - 1
-    weights = [
-        [math.comb(degree - j, i - j) << (degree - i) for j in range(i + 1)]
-        + [0] * (degree - i)
-        for i in range(degree + 1)
-    ]
-    return np.tensordot(np.array(weights, dtype=object), numbers, 1)
+    d, all_ = len(numbers) - 1, range(len(numbers))
+    rows = [[math.comb(d - j, d - i) << (d - i) for j in all_] for i in all_]
+    return np.tensordot(np.array(rows, dtype=object), numbers, 1)

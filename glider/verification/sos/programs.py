@@ -3,12 +3,10 @@
 A least λ such that λᵀ r(z) - p(z) is a sum of squares on the sphere is found as a
 problem of moments, its dual: with m the moments of z up to degree 4,
     maximize  pᵀ m   subject to   rows m = targets,  E[b bᵀ](m) ⪰ 0,
-whose multipliers are λ and the Gram matrix. That has 294 unknowns instead of 658 and
-takes two thirds of the time.
+whose multipliers are λ and the Gram matrix. That takes two thirds of the time.
 
-A semidefinite solver can abort its whole process (Clarabel on a hard program, CSDP in
-Drake's SolveInParallel). So programs are functions of arrays that run in a process of
-their own, and the caller gets a SolverError.
+A semidefinite solver can abort its whole process (Clarabel on a hard program). So
+programs run in a process of their own, and the caller gets a SolverError.
 """
 
 import functools
@@ -32,7 +30,7 @@ SOLVERS = {"clarabel": ClarabelSolver, "scs": ScsSolver}
 
 CLARABEL_TOLERANCE = 1e-4
 """Gap and infeasibility where Clarabel stops: below the margins of a funnel. Its
-default, 1e-8, takes half as long again; the check relies on neither."""
+default, 1e-8, takes half as long again."""
 
 
 class SolverError(RuntimeError):
@@ -42,10 +40,8 @@ class SolverError(RuntimeError):
 def first_success(program: Callable, *arguments: Any, fault: str) -> tuple:
     """Returns what a program returns with the first solver that succeeds.
 
-    Args:
-        program: `least_growth` or `largest_margin`, run in another process.
-        arguments: all of its arguments but the solver.
-        fault: message of the SolverError where no solver succeeds.
+    It is `least_growth` or `largest_margin`, run in another process with its arguments
+    but the solver; the fault is that of the SolverError where none succeeds.
     """
     for solver in SOLVERS:
         success, *found = solve_apart(program, *arguments, solver)
@@ -57,12 +53,7 @@ def first_success(program: Callable, *arguments: Any, fault: str) -> tuple:
 def solve_moments(
     polynomial: np.ndarray, rows: np.ndarray, targets: np.ndarray, n: int, solver: str
 ) -> tuple[bool, np.ndarray, np.ndarray]:
-    """Solves the problem of moments above.
-
-    Args:
-        polynomial: (C,) coefficients of p, odd then even.
-        rows: (K, C) of the equations, in the same coefficients.
-        targets: (K,) right-hand sides.
+    """Solves the problem of moments, p (C,), rows (K, C) and targets (K,).
 
     Returns:
         whether the solver reports success, on which nothing relies; the multipliers λ
@@ -121,11 +112,7 @@ _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "RAYON
 
 
 def solve_apart(function: Callable, *arguments: Any) -> Any:
-    """Returns function(*arguments), computed in another process.
-
-    Raises:
-        SolverError: the process died.
-    """
+    """Returns function(*arguments) of another process; SolverError if that died."""
     executor = _pool()
     try:
         return executor.submit(function, *arguments).result()
@@ -140,7 +127,7 @@ def solve_apart(function: Callable, *arguments: Any) -> Any:
 def _pool() -> ProcessPoolExecutor:
     """Returns a process of our own: joblib uses loky's shared ones itself.
 
-    It imports Drake's solvers once, which takes half a second. It never ends when it is
-    idle: loky does not notice the death of a process that comes after one.
+    It never ends when it is idle: loky does not notice the death of a process that
+    comes after one.
     """
     return ProcessPoolExecutor(max_workers=1, env=_ONE_THREAD, timeout=None)

@@ -3,8 +3,8 @@
 On |z| = 1 such a polynomial is the sum of an even form of degree 4, its quadratic part
 times |z|² included, and an odd form of degree 3. It is a sum of squares there if
     p(z) = b(z)ᵀ Q b(z),  b = (z, √w z⊗z),  Q ⪰ 0,
-with w = 1 for squares and 2 for mixed products, so that |z⊗z| = |z|². No multiplier is
-needed: the sphere is in the arithmetic. With 7 variables, Q has 35 rows.
+with w = 1 for squares and 2 for mixed products, so that |z⊗z| = |z|². With 7 variables,
+Q has 35 rows.
 
 From one time of a flight to the next, Q barely changes. Douglas-Rachford splitting
 between the matrices that represent the polynomial and those with all eigenvalues above

@@ -1,21 +1,20 @@
 """Flights of the loop as it is flown: held commands, latency, moving air.
 
 Commands come from a clock, each computed from the state one latency ago and held, at
-any phase between clock and launch; the wind beyond the model's and an error of the
-command are at most so large. Flights start on the boundary of the inlet; from the worst
-of them, their start, phase and wind climb. Half of them meet a steady wind and error,
-and half what at each moment makes V rise fastest. Nothing here is proven.
+any phase between clock and launch. Flights start on the boundary of the inlet; from the
+worst of them, start, phase and wind climb. Half of them meet a steady wind and error of
+the command, and half what at each moment makes V rise fastest.
 
 A funnel that was made for held commands has its own clock: its first command acts from
-the launch on. Each command has an error of its own, which stays while it is held. A
-launch funnel with funnels of held commands (`glider.verification.proof.phases`) is for
-any phase: the flight goes on in the one in which the predicted state has the least V.
+the launch on, and an error stays while its command is held. From a launch funnel
+(`proof.phases`) the flight goes on in the funnel in which the predicted state has the
+least V.
 """
 
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from glider.control.predictor import (
     rates_of,
 )
 from glider.errors import expect
+from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
 from glider.verification.sos.sphere import normalized
@@ -40,11 +40,8 @@ from glider.verification.trials.falsify import (
     boundary_states,
 )
 
-MOST_WIND = 20.0
-"""Strongest wind that is flown [m/s]."""
-
-MOST_ERROR = 100.0
-"""Largest error of the command that is flown [rad/s]."""
+MOST_WIND, MOST_ERROR = 20.0, 100.0
+"""Strongest wind [m/s] and largest error of the command [rad/s] that are flown."""
 
 _FRESH = 1e-3
 """Push by which the direction where V rises fastest is found [m/s, rad/s]."""
@@ -60,8 +57,8 @@ class FlownLoop:
 
     def __post_init__(self):
         """Raises InputError where the wind or the error is out of range."""
-        good = 0.0 <= self.wind <= MOST_WIND
-        expect(good, "the wind", self.wind, f"a speed from 0 to {MOST_WIND:g} m/s")
+        wind, words = self.wind, f"a speed from 0 to {MOST_WIND:g} m/s"
+        expect(0.0 <= wind <= MOST_WIND, "the wind", wind, words)
         error, words = self.command_error, f"from 0 to {MOST_ERROR:g} rad/s"
         expect(0.0 <= error <= MOST_ERROR, "the command error", error, words)
 
@@ -94,7 +91,7 @@ def fly_loop(
     loop: FlownLoop,
     samples: int,
     rng: np.random.Generator,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
     *,
     rests: Sequence[Funnel] = (),
 ) -> FlownTrial:
@@ -103,20 +100,14 @@ def fly_loop(
     Args:
         funnel: of the whole flight, or a launch funnel.
         samples: flights from random points; the climb adds as many and a fifth more.
-        progress: called with the share that is done.
         rests: the funnels of held commands that go on from the launch funnel.
     """
     n, fly = funnel.num_states, functools.partial(_flights, funnel, loop, rests=rests)
     check_clock(funnel, loop.hold, rests)
     # Directions of start (n) and wind (2), the phase, whether the wind is steady.
-    genes = np.hstack(
-        [
-            normalized(rng.normal(size=(samples, n))),
-            normalized(rng.normal(size=(samples, 2))),
-            rng.uniform(size=(samples, 1)),
-            np.arange(samples)[:, None] % 2,
-        ]
-    )
+    toward = (normalized(rng.normal(size=(samples, of))) for of in (n, 2))
+    steady = np.arange(samples)[:, None] % 2
+    genes = np.hstack([*toward, rng.uniform(size=(samples, 1)), steady])
     found = genes, *fly(genes)
     for turn in range(CLIMB_ROUNDS):
         if progress:
@@ -124,13 +115,13 @@ def fly_loop(
         genes, levels, later, _ = found
         worst = np.where(levels > ESCAPE_LEVEL, levels, later)
         best = genes[np.argsort(-worst)[: max(1, samples // 25)]]
-        width = CLIMB_WIDTH * CLIMB_NARROWING**turn
         moved = np.repeat(best, 5, axis=0)
-        noise = width * rng.normal(size=moved[:, : n + 3].shape)
+        noise = rng.normal(size=moved[:, : n + 3].shape)
+        noise *= CLIMB_WIDTH * CLIMB_NARROWING**turn
         noise[:, :n] /= math.sqrt(n)
         moved[:, : n + 3] += noise
-        moved[:, :n] = normalized(moved[:, :n])
-        moved[:, n : n + 2] = normalized(moved[:, n : n + 2])
+        for axes in (np.s_[:, :n], np.s_[:, n : n + 2]):
+            moved[axes] = normalized(moved[axes])
         moved[:, n + 2] %= 1.0
         more = moved, *fly(moved)
         found = tuple(map(np.concatenate, zip(found, more, strict=True)))
@@ -146,14 +137,9 @@ def fly_loop(
     )
 
 
-def _phases(
-    funnel: Funnel, hold: Hold, genes: np.ndarray, rests: Sequence[Funnel] = ()
-) -> np.ndarray:
-    """Times (B,) from the launch to the clock's first sample after it [s].
-
-    Of a funnel with a clock of its own that is when its second command was computed.
-    """
-    if period := funnel.settings.period:
+def _phases(funnel, hold, genes, rests=()):
+    """Returns times (B,) from the launch to the clock's first sample after it [s]."""
+    if period := funnel.settings.period:  # Its second command was computed then.
         return np.full(len(genes), period - hold.latency)
     first = first_commands(funnel, rests)[0] - hold.latency if rests else 0.0
     return first + genes[:, funnel.num_states + 2] * hold.period
@@ -161,18 +147,17 @@ def _phases(
 
 def check_clock(funnel: Funnel, hold: Hold, rests: Sequence[Funnel] = ()) -> None:
     """Raises InputError where funnels' clock is not that of the commands."""
+    latency, found = hold.latency, hold.period
     for own in rests or (funnel,):
         if period := own.settings.period:
-            words = "the funnel's"
-            expect(hold.period == period, "the period of commands", hold.period, words)
-            good = hold.latency < period and (hold.predicts or hold.latency == 0.0)
+            expect(found == period, "the period of commands", found, "the funnel's")
+            good = latency < period and (hold.predicts or latency == 0.0)
             words = "less than the period, with a predictor"
-            expect(good, "the latency", hold.latency, words)
+            expect(good, "the latency", latency, words)
     if rests:
-        latency = first_commands(funnel, rests)[0]
-        good = abs(hold.latency - latency) <= GRID_ROOM
-        words = f"the launch funnel's, {latency:.6g} s"
-        expect(good, "the latency", hold.latency, words)
+        first = first_commands(funnel, rests)[0]
+        words = f"the launch funnel's, {first:.6g} s"
+        expect(abs(latency - first) <= GRID_ROOM, "the latency", latency, words)
 
 
 BATCH = 4000
@@ -181,11 +166,13 @@ BATCH = 4000
 
 def _flights(funnel, loop, genes, rests=()):
     """Returns the largest V, the largest later and that at the end, (B,), of genes."""
-    parts = np.array_split(genes, math.ceil(len(genes) / BATCH))
-    if rests:
-        found = [_phase_levels(funnel, rests, loop, part) for part in parts]
-    else:
-        found = [_Flight(funnel, loop, part).levels() for part in parts]
+
+    def fly(part):
+        if rests:
+            return _phase_levels(funnel, rests, loop, part)
+        return _Flight(funnel, loop, part).levels()
+
+    found = map(fly, np.array_split(genes, math.ceil(len(genes) / BATCH)))
     # What diverges has no level: it is the worst.
     columns = map(np.concatenate, zip(*found, strict=True))
     return tuple(np.where(np.isfinite(v), v, np.inf) for v in columns)
@@ -194,18 +181,17 @@ def _flights(funnel, loop, genes, rests=()):
 def _phase_levels(launch, rests, loop, genes):
     """Returns the same of flights from a launch funnel on in one of the others."""
     model, latency = launch.nominal.model, loop.hold.latency
-    still = np.zeros(len(genes))
-    flight = _Flight(launch, loop, genes)
+    flight, still = _Flight(launch, loop, genes), np.zeros(len(genes))
     flight.fly(still, _phases(launch, loop.hold, genes, rests), begins=True)
     predicted = flown_under(model, flight.states, latency, lambda x, t: still)
     flight.fly(still, latency)
-    chosen = choose(rests, predicted)
-    levels = np.zeros((3, len(genes)))
+    chosen, levels = choose(rests, predicted), np.zeros((3, len(genes)))
     for j in np.unique(chosen):
         here = chosen == j
-        rest = _Flight(rests[j], loop, genes[here], flight.states[here])
-        start = rests[j].level(0.0, flight.states[here])
+        states = flight.states[here]
+        rest = _Flight(rests[j], loop, genes[here], states)
         later, _, ends = rest.levels(predicted[here])
+        start = rests[j].level(0.0, states)
         levels[:, here] = np.maximum(later, start), later, ends
     levels[0] = np.maximum(levels[0], flight.largest)
     return tuple(levels)
@@ -214,13 +200,7 @@ def _phase_levels(launch, rests, loop, genes):
 class _Flight:
     """Flights of a batch, each at its own time: their clocks are."""
 
-    def __init__(
-        self,
-        funnel: Funnel,
-        loop: FlownLoop,
-        genes: np.ndarray,
-        states: np.ndarray | None = None,
-    ):
+    def __init__(self, funnel, loop, genes, states=None):
         """Launches them, from the boundary if not from some states."""
         n = funnel.num_states
         self._funnel, self._loop = funnel, loop
@@ -232,8 +212,7 @@ class _Flight:
         self._first = _phases(funnel, loop.hold, genes)
         launched = boundary_states(funnel, 0, genes[:, :n])
         self.states = launched if states is None else states
-        self._times = np.zeros(len(genes))
-        self.largest, self._later = np.zeros((2, len(genes)))
+        self._times, self.largest, self._later = np.zeros((3, len(genes)))
 
     def levels(self, seen=None):
         """Flies to the funnel's end; returns levels, later and ends, (B,).
@@ -248,16 +227,13 @@ class _Flight:
         self.fly(before, self._first, begins=True)
         with np.errstate(over="ignore", invalid="ignore"):  # A flight may diverge.
             while np.any(self._times < policy.duration):
-                new = held_command(
-                    model, policy, self._times, self.states, waiting, hold
-                )
+                now = self._times, self.states
+                new = held_command(model, policy, *now, waiting, hold)
                 self.fly(waiting.pop(0), hold.rest)
                 waiting.append(new)
                 self.fly(waiting[0], hold.period - hold.rest, begins=True)
-        return self.largest, self._later, self._level()
-
-    def _level(self):
-        return self._funnel.level(self._times, self.states)
+        ends = self._funnel.level(self._times, self.states)
+        return self.largest, self._later, ends
 
     def fly(self, command, duration, begins=False):
         """Flies under a command (B,) for some time, (B,) or one for all [s].
@@ -265,39 +241,39 @@ class _Flight:
         The command begins to act, or it has acted before.
         """
         count = max(math.ceil(np.max(duration) / STEP - 1e-9), 1)
-        step = duration / count * np.ones(len(self._times))
+        step, end = duration / count * np.ones(len(self._times)), self._policy.duration
         for number in range(count):
-            left = np.clip(self._policy.duration - self._times, 0.0, step)
+            left = np.clip(end - self._times, 0.0, step)
             chooses = (begins and number == 0) or not self._funnel.settings.period
             error, wind = self._pushes_now(command, chooses)
-            flown = advance(
-                lambda x, t, u=command + error, w=wind: rates_of(self._model, x, u, w),
-                self.states,
-                left[:, None],
-            )
+
+            def rates(x, t, u=command + error, w=wind):
+                return rates_of(self._model, x, u, w)
+
+            flown = advance(rates, self.states, left[:, None])
             self.states = np.where(left[:, None] > 0.0, flown, self.states)
-            self._times = self._times + np.where(left < step, left, step)
-            late = left < step - 1e-15
-            self._times[late] = self._policy.duration
-            level, hold = self._level(), self._loop.hold
+            self._times = np.where(left < step - 1e-15, end, self._times + left)
+            level = self._funnel.level(self._times, self.states)
             self.largest = np.maximum(self.largest, level)
-            acts = self._times > self._first + hold.latency
+            acts = self._times > self._first + self._loop.hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)
 
     def _pushes_now(self, command, chooses):
         """Returns error (B,) and wind (B, 2): steady, or where V rises fastest.
 
-        Where it may not choose another, the error is that of before.
+        The error is that of before where it may not choose another.
         """
         if not (self._loop.wind or self._loop.command_error):
             return 0.0, None
         error = self.states - self._funnel.center(self._times)
         pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
         slopes = []
-        for axis in np.eye(3):
-            push = np.broadcast_to(_FRESH * axis, (len(error), 3))
-            pushed = self._rates(command, push) - self._rates(command, -push)
-            slopes.append(np.sum(pull * pushed, axis=1))
+        for push in _FRESH * np.eye(3):
+            ahead, behind = (
+                rates_of(self._model, self.states, command + p[0], p[None, 1:])
+                for p in (push, -push)
+            )
+            slopes.append(np.sum(pull * (ahead - behind), axis=1))
         toward = np.array(slopes[1:]).T
         size = np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
         worst = self._loop.wind * toward / size
@@ -306,7 +282,3 @@ class _Flight:
             highest = self._loop.command_error * np.sign(slopes[0])
             self._error = np.where(self._steady, self._error, highest)
         return self._error, wind
-
-    def _rates(self, command, push):
-        u = command + push[:, 0]
-        return rates_of(self._model, self.states, u, push[:, 1:])

@@ -1,13 +1,13 @@
 """The estimation error that a funnel tolerates, by flights on an estimate.
 
 A funnel is proven for a feedback of the true state. Here the same feedback acts on an
-extended Kalman filter's estimate from motion capture, and launches from inside the
-inlet may leave. An estimate's error e is measured as the funnel measures a deviation,
-√(eᵀ S e): 1 is as far as the boundary. Nothing here is proven: launches and noise are
-random, and no escape in 300 flights still allows one in a hundred.
+extended Kalman filter's estimate from motion capture. An estimate's error e is measured
+as √(eᵀ S e): 1 is as far as the boundary. Launches and noise are random: no escape in
+300 flights still allows one in a hundred.
 """
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -32,8 +32,7 @@ UNKNOWN = (0.1, 0.2, 0.5, 1.0)
 """Shares of a launch's deviation that the filter does not know."""
 
 TICKS = 4
-"""Predictions of the filter to each sample of motion capture; the feedback follows
-each of them."""
+"""Predictions of the filter, each followed by a command, to each sample."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -52,10 +51,7 @@ class EstimatedFlights:
 
     @property
     def escaped(self) -> np.ndarray:
-        """Whether the true state left the funnel, (B,).
-
-        Without the allowance of ESCAPE_LEVEL: launches are inside, not on the boundary.
-        """
+        """Whether the true state left the funnel, (B,); launches are inside."""
         return ~(self.levels.max(axis=1) <= 1.0)  # NaN is an escape.
 
     @property
@@ -78,9 +74,7 @@ def study_estimates(
     unknown: Sequence[float] = UNKNOWN,
     progress: Progress | None = None,
 ) -> list[EstimatedFlights]:
-    """Flies the same launches with the same noise, scaled, at each level of noise.
-
-    The launches are uniform in the inlet; progress is called with the current level.
+    """Flies launches uniform in the inlet with the same noise, scaled to each level.
 
     Returns:
         outcomes, one for each share and noise, the noises of a share in a row.
@@ -89,11 +83,10 @@ def study_estimates(
     samples = math.ceil((funnel.nominal.times[-1] + AFTER) * CAPTURE.rate)
     draws = rng.normal(size=(flights, samples, len(CAPTURE.std)))
     found = []
-    for share in unknown:
-        for noise in noises:
-            if progress:
-                progress(f"on the estimate, noise {1e3 * noise:g} mm")
-            found.append(fly_estimated(funnel, starts, noise, share, draws))
+    for share, noise in itertools.product(unknown, noises):
+        if progress:
+            progress(f"on the estimate, noise {1e3 * noise:g} mm")
+        found.append(fly_estimated(funnel, starts, noise, share, draws))
     return found
 
 
@@ -102,16 +95,13 @@ def fly_estimated(
 ) -> EstimatedFlights:
     """Flies launches with the funnel's feedback on a filter's estimate.
 
-    As `fly_on_estimate` has it, with TICKS predictions to a sample of motion capture.
-    The filter's process noise is PROCESS. The funnel's own glider flies.
-
     Args:
         starts: (B, n) launches.
         noise: standard deviation of a measured position [m]; the angles' are in
-            proportion, as in CAPTURE.std.
-        unknown: from 0 to 1: the share of the launch's deviation from the plan that the
-            filter does not know. Its covariance is that of launches uniform in the
-            inlet, S⁻¹ / (n + 2), times the share squared.
+            proportion, as in CAPTURE.std. The process noise is PROCESS.
+        unknown: share, 0 to 1, of the launch's deviation that the filter does not know.
+            Its covariance is that of launches uniform in the inlet, S⁻¹ / (n + 2),
+            times the share squared.
         draws: (B, K, 4) standard normal, scaled by the noise; of the samples until
             AFTER the funnel's end, one period after launch and so on.
 
@@ -135,9 +125,8 @@ def fly_estimated(
     passes = [closest_pass(times, path, np.zeros(2)) for path in states]
     kept = times <= funnel.nominal.times[-1]
     truth, estimate, times = states[:, kept], means[:, kept], times[kept]
-    _, gain = policy.sample(times)
     errors = np.sqrt(funnel.level(times, funnel.center(times) + estimate - truth))
-    off = np.einsum("bki,ki->bk", estimate - truth, gain)
+    off = np.einsum("bki,ki->bk", estimate - truth, policy.sample(times)[1])
     return EstimatedFlights(
         noise=noise,
         unknown=unknown,

@@ -1,15 +1,14 @@
 """Flights of the full dynamics in a funnel, above all from its boundary to falsify it.
 
 Full means: the physics, not its Taylor polynomial, and the servo with its limits, under
-the funnel's own feedback. An attempt to falsify starts from random points of the
-boundary, then near the worst of them. For a confidence set, gliders are drawn too and
-climb along the boundary of their set; at last its worst corner is flown. For a funnel
-that was made for such a set, V of each glider is about its own center. Flights that
-escape are counted, never dropped.
+the funnel's own feedback. Flights start from random points of the boundary, then near
+the worst of them. For a confidence set, gliders are drawn too and climb along the
+boundary of their set; at last its worst corner is flown. For a funnel of such a set, V
+of each glider is about its own center. Flights that escape are counted, never dropped.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,14 +16,15 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.confidence import ConfidenceSet, glider_at, physical
 from glider.physics.model import GliderModel
+from glider.progress import Shares
 from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
 
 ESCAPE_LEVEL = 1.005
-"""Level V that only flights which have left the funnel exceed. They start at 1, and
-those that stay reach 1 + 1e-6 by rounding and integration."""
+"""Level V that only flights which have left the funnel exceed: from 1, rounding and
+integration take others to 1 + 1e-6."""
 
 START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
 """Times when flights start, as shares of the funnel's duration."""
@@ -32,18 +32,13 @@ START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
 CLIMB_ROUNDS = 6
 """Rounds of ascent along the boundary, each with a fifth as many flights."""
 
-CLIMB_WIDTH = 0.3
-"""Length by which the first round strays from the worst points, on the unit sphere."""
+CLIMB_WIDTH, CLIMB_NARROWING = 0.3, 0.6
+"""Length by which the first round strays from the worst points, on the unit sphere, and
+the factor on it from a round to the next."""
 
-CLIMB_NARROWING = 0.6
-"""Factor on that length from a round to the next."""
-
-GLIDERS = 24
-"""Gliders drawn at each start time, besides the set's corners: half of them within the
-set and half on its boundary."""
-
-CLIMBERS = 8
-"""Gliders that fly in each round of the climb."""
+GLIDERS, CLIMBERS = 24, 8
+"""Gliders drawn at each start time, besides the set's corners, half of them within the
+set and half on its boundary; and those that fly in each round of the climb."""
 
 NUDGE = 0.05
 """Step towards the set's boundary by which its worst corner is looked for."""
@@ -58,10 +53,8 @@ class Falsification:
     later: np.ndarray  #: Largest V (B,) of each at the funnel's times after its start.
     ends: np.ndarray  #: V at the end (B,), in the goal if at most 1.
     states: np.ndarray  #: States (B, n) where they started.
-    #: Deviations δ (B, m) of the gliders that flew; m is 0 where it was the same.
-    deviations: np.ndarray
-    #: Set that they were drawn from; None where all flew the same glider.
-    confidence: ConfidenceSet | None = None
+    deviations: np.ndarray  #: δ (B, m) of the gliders; m is 0 where all flew the same.
+    confidence: ConfidenceSet | None = None  #: Set that they were drawn from, if any.
 
     @property
     def samples(self) -> int:
@@ -69,14 +62,9 @@ class Falsification:
         return len(self.levels)
 
     @property
-    def escaped(self) -> np.ndarray:
-        """Whether each flight left the funnel, (B,)."""
-        return ~(self.levels <= ESCAPE_LEVEL)  # NaN is an escape.
-
-    @property
     def escapes(self) -> int:
         """Number of flights that left the funnel."""
-        return int(self.escaped.sum())
+        return int((~(self.levels <= ESCAPE_LEVEL)).sum())  # NaN is an escape.
 
 
 def falsify_funnel(
@@ -88,7 +76,7 @@ def falsify_funnel(
     confidence: ConfidenceSet | None = None,
     shares: Sequence[float] = START_SHARES,
     climb: bool = True,
-    progress: Callable[[float], None] | None = None,
+    progress: Shares | None = None,
 ) -> Falsification:
     """Flies from random points of the boundary, then climbs from the worst of them.
 
@@ -101,7 +89,6 @@ def falsify_funnel(
             place of `model`.
         shares: of the duration: when flights start.
         climb: whether to look for worse points, and gliders, near the worst.
-        progress: called with the share that is done.
 
     Raises:
         InputError: the funnel is of gliders that deviate in other numbers.
@@ -124,35 +111,29 @@ def falsify_funnel(
 class _Trial:
     """Flights from the boundary, of one glider or of those of a set."""
 
-    def __init__(
-        self,
-        funnel: Funnel,
-        rng: np.random.Generator,
-        model: GliderModel | None,
-        confidence: ConfidenceSet | None,
-    ):
+    def __init__(self, funnel, rng, model, confidence):
         """Has flown nothing yet."""
         self._funnel, self._rng = funnel, rng
         self._model, self._confidence = model, confidence
-        self._found: list[tuple[np.ndarray, ...]] = []
+        self._found = []
 
     def fly_at(self, share, count, climb):
         """Flies from one time: random points first, then near the worst."""
         last = len(self._funnel.nominal.times) - 1
         k = min(round(share * last), last - 1)
-        worst = self._fly_all(k, self._draw(count))
+        found = self._fly_all(k, self._draw(count))
         width, kept = CLIMB_WIDTH, max(1, count // 25)
         for _ in range(CLIMB_ROUNDS if climb else 0):
-            worst = self._fly_all(k, self._stray(worst, kept, width))
+            found = self._fly_all(k, self._stray(_worst(found, kept), width))
             width *= CLIMB_NARROWING
         if climb and self._confidence:
-            self._fly_corner(self._confidence, k, worst, kept, width)
+            self._fly_corner(self._confidence, k, _worst(found, kept), width)
 
     def outcome(self) -> Falsification:
         """Returns all that was flown."""
-        names = [field.name for field in dataclasses.fields(Falsification)]
+        names = ("starts", "levels", "later", "ends", "states", "deviations")
         columns = map(np.concatenate, zip(*self._found, strict=True))
-        found: dict[str, Any] = dict(zip(names, columns, strict=False))
+        found: dict[str, Any] = dict(zip(names, columns, strict=True))
         return Falsification(**found, confidence=self._confidence)
 
     def _draw(self, count):
@@ -160,9 +141,10 @@ class _Trial:
         rng, allowed, n = self._rng, self._confidence, self._funnel.num_states
         if allowed is None:
             return [(np.empty(0), normalized(rng.normal(size=(count, n))))]
-        half = GLIDERS // 2
-        inside = allowed.draw(half, rng)
-        at_edge = allowed.on_boundary(rng.normal(size=(half, allowed.dimension)))
+        inside = allowed.draw(GLIDERS // 2, rng)
+        at_edge = allowed.on_boundary(
+            rng.normal(size=(GLIDERS // 2, allowed.dimension))
+        )
         gliders = np.concatenate([allowed.corners(), inside, at_edge])
         parts = np.array_split(np.arange(count), len(gliders))
         return [
@@ -170,35 +152,30 @@ class _Trial:
             for glider, part in zip(gliders, parts, strict=True)
         ]
 
-    def _stray(self, before, kept, width):
+    def _stray(self, worst, width):
         """Returns points near the worst, and gliders near theirs."""
-        values, points, gliders = before
-        best, rng = np.argsort(-values)[:kept], self._rng
-        allowed = self._confidence
+        (_, points, gliders), allowed, rng = worst, self._confidence, self._rng
         if allowed is None:
-            return [(gliders[0], strayed(points[best], width, rng))]
+            return [(gliders[0], strayed(points, width, rng))]
         flights = []
-        for first in range(min(CLIMBERS, len(best))):
-            group = best[first::CLIMBERS]
-            w = np.linalg.pinv(allowed.factor) @ gliders[group[0]]
+        for first in range(min(CLIMBERS, len(points))):
+            w = np.linalg.pinv(allowed.factor) @ gliders[first]
             w = w / max(np.linalg.norm(w), 1e-300)
             glider = allowed.on_boundary(w + width * rng.normal(size=w.shape))
-            flights.append((glider, strayed(points[group], width, rng)))
+            flights.append((glider, strayed(points[first::CLIMBERS], width, rng)))
         return flights
 
-    def _fly_corner(self, allowed, k, before, kept, width):
+    def _fly_corner(self, allowed, k, worst, width):
         """Flies the worst corner of the set, to first order from the worst flight."""
-        values, points, gliders = before
-        best = np.argsort(-values)[:kept]
-        worst = best[0]
-        if not allowed.dimension or not np.isfinite(values[worst]):
+        values, points, gliders = worst
+        if not allowed.dimension or not np.isfinite(values[0]):
             return
-        shrunk, start = (1.0 - NUDGE) * gliders[worst], points[worst][None]
+        shrunk, start = (1.0 - NUDGE) * gliders[0], points[:1]
         around = [self._fly(k, shrunk + NUDGE * a, start)[0] for a in allowed.factor.T]
         slope = np.array(around)[:, 0] - self._fly(k, shrunk, start)[0]
         if allowed.shape == "box":
             slope = np.sign(slope)
-        points = strayed(points[best], width, self._rng)
+        points = strayed(points, width, self._rng)
         self._fly_all(k, [(allowed.on_boundary(slope), points)])
 
     def _fly_all(self, k, flights):
@@ -210,8 +187,7 @@ class _Trial:
 
     def _fly(self, k, deviation, points):
         """Flies a glider from points of the boundary; returns what to climb, and δ."""
-        funnel, glider = self._funnel, self._model
-        own = None
+        funnel, glider, own = self._funnel, self._model, None
         if self._confidence:
             estimate, names = funnel.nominal.model, self._confidence.names
             own = deviation = physical(estimate, names, deviation)
@@ -223,12 +199,16 @@ class _Trial:
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
-        later = levels[:, 1:].max(axis=1)
+        later, most = levels[:, 1:].max(axis=1), levels.max(axis=1)
         flown = np.tile(deviation, (len(points), 1))
-        self._found.append(
-            (time, levels.max(axis=1), later, levels[:, -1], states, flown)
-        )
+        self._found.append((time, most, later, levels[:, -1], states, flown))
         return later, deviation
+
+
+def _worst(found, kept):
+    """Returns values, points and gliders of the largest values, the worst first."""
+    best = np.argsort(-found[0])[:kept]
+    return [values[best] for values in found]
 
 
 def strayed(points: np.ndarray, width: float, rng: np.random.Generator) -> np.ndarray:
@@ -247,20 +227,16 @@ def fly_from(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flies states (B, n) from one of the funnel's times to its end.
 
-    Args:
-        model: the glider that flies; the funnel's own if None.
-        deviation: δ (m,) of that glider in the funnel's set; V is then about its own
-            center. None: about the nominal.
+    V is about the center of a glider with a deviation δ (m,) in the funnel's set, or
+    about the nominal. The funnel's own glider flies if no other does.
 
     Returns:
         V of each at the funnel's times from `first` on, (B, T - first), and the
         paths (B, T - first, n'), n' the states of the glider that flies.
     """
-    policy = funnel_policy(funnel, first)
-    step = (policy.plan.times[1] - policy.plan.times[0]) / 2.0
-    model = funnel.nominal.model if model is None else model
-    paths = fly_plan(model, policy, states, step, 2)
-    times = funnel.nominal.times[first:]
+    policy, times = funnel_policy(funnel, first), funnel.nominal.times[first:]
+    model = model or funnel.nominal.model
+    paths = fly_plan(model, policy, states, (times[1] - times[0]) / 2.0, 2)
     known = paths[..., : funnel.num_states]
     if deviation is not None and funnel.gliders:
         known = known - funnel.gliders.at(times, deviation)
