@@ -50,7 +50,7 @@ from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
 
-SAMPLES = 300
+SAMPLES = 1000
 """Points on the sphere where R and its variation are sampled."""
 
 
@@ -129,7 +129,7 @@ class TaylorRemainder:
                 above = WIDER + excess / np.maximum(low, 0.0)
                 most.append(np.where(excess > 0.0, above, 1.0 + excess / high))
                 least.append(np.where(within, (size - lost) / high, 0.0))
-            blame.append(blame_of(table, worse, lost, rate) / limit[0])
+                blame.append(blame_of(table, worse, lost, rate) / limit[0])
         return np.array(most), np.array(least), np.array(blame)
 
     @functools.cached_property

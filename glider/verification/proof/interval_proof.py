@@ -60,7 +60,7 @@ FAR = 2.0
 """Bound of a box above which it is halved along two axes: its halves would not do."""
 
 LEFT = 1.3
-"""Power of an axis' share of its width that is left of its blame."""
+"""Power of the share of an axis' width that is left of its blame."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -278,8 +278,8 @@ def halve(center, half, blame, balls=(slice(0, -1),)):
     """Returns both halves of boxes along an axis each, and which box each is a half of.
 
     Boxes are (m + 1, B), the last coordinate time; the axis is where the blame is
-    largest. Balls have the coordinates that are those of a unit ball each; halves
-    that miss one are left out.
+    largest. Balls have the coordinates that are those of a unit ball each. A half
+    shrinks to a box about what of it is in all balls; what misses one is left out.
     """
     # Where nothing is known yet, the widest.
     axis = np.where(np.isfinite(blame).all(axis=0), blame, half).argmax(axis=0)
@@ -289,14 +289,15 @@ def halve(center, half, blame, balls=(slice(0, -1),)):
     center = np.concatenate([center - step, center + step], axis=1)
     half = np.tile(half - step, 2)
     low, high = center - half, center + half
-    touches = np.ones(2 * len(axis), dtype=bool)
+    touches = np.full(len(center[0]), True)
     for ball in balls:
         nearest = np.maximum(np.abs(center[ball]) - half[ball], 0.0) ** 2
         room = 1.0 + 1e-12 - nearest.sum(axis=0)
         touches &= room >= 0.0
-        # What the others leave at least, of a point of the box that is in the ball.
+        # In the ball w_i² is at most 1 less the least squares of the others.
         reach = np.sqrt(np.maximum(room + nearest, 0.0))
-        low[ball], high[ball] = np.maximum(low[ball], -reach), np.minimum(high[ball], reach)
+        low[ball] = np.maximum(low[ball], -reach)
+        high[ball] = np.minimum(high[ball], reach)
     # A little wider, so that rounding leaves no gap between them.
     center, half = 0.5 * (low + high), 0.5 * (high - low) + 1e-15
     return center[:, touches], half[:, touches], np.tile(boxes, 2)[touches]
