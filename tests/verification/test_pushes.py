@@ -1,5 +1,6 @@
 """Errors of the command and wind, of any time course: bounded, proven, counted."""
 
+import copy
 import dataclasses
 import json
 from fractions import Fraction
@@ -253,6 +254,10 @@ def test_wind_acts_only_where_the_remainder_has_it(piece, row, monkeypatch):
         return found
 
     monkeypatch.setattr(dynamics, "open_loop_rates", blown)
+    # What the rates of a glider depend on is remembered.
+    model = copy.copy(piece.nominal.model)
+    nominal = dataclasses.replace(piece.nominal, model=model)
+    piece = dataclasses.replace(piece, nominal=nominal)
     assert unproven_wind(piece)
     assert not unproven_wind(pushed(piece, wind=0.0))
 

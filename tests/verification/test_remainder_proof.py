@@ -330,8 +330,28 @@ def test_halving_loses_no_point_of_the_ball():
         center, half, _ = halve(center, half, blame)
     inside = np.abs(points[:, :, None] - center[:, None]) <= half[:, None]
     assert np.all(inside.all(axis=0).any(axis=1))
-    assert 100 < center.shape[1] < 2**8
+    assert 100 < center.shape[1] <= 2**8
+    assert half.prod(axis=0).sum() < 0.85  # Of the cube.
     assert np.all(np.maximum(np.abs(center) - half, 0.0) <= 1.0)
+
+
+def test_a_half_is_no_larger_than_what_of_it_is_in_its_balls():
+    center, half = np.zeros((4, 1)), np.ones((4, 1))
+    blame = np.array([1.0, 0.0, 0.0, 0.0])[:, None]
+    for _ in range(2):  # 0 to 1, then 0.5 to 1, of the first coordinate.
+        center, half, _ = halve(center, half, blame, (slice(0, 3),))
+        center, half = center[:, [-1]], half[:, [-1]]
+    rest = np.sqrt(0.75)
+    assert center[:, 0] == pytest.approx([0.75, 0.0, 0.0, 0.0])
+    assert half[:, 0] == pytest.approx([0.25, rest, rest, 1.0])
+    # Off its middle, that of a ball of its own does not count.
+    center, half = np.array([[0.7], [0.7], [0.7]]), np.array([[0.3], [0.3], [0.2]])
+    center, half, of = halve(center, half, blame[1:], (slice(0, 2), slice(2, 3)))
+    assert of.tolist() == [0, 0]
+    low, high = center - half, center + half
+    assert low[:, 0] == pytest.approx([0.4, 0.4, 0.5])
+    assert high[:, 0] == pytest.approx([0.7, np.sqrt(0.84), 0.9])
+    assert high[:, 1] == pytest.approx([np.sqrt(0.84), np.sqrt(0.51), 0.9])
 
 
 class Invented:

@@ -8,7 +8,7 @@ from glider.compiled.taylor import FUNCTIONS, INPUT, PRODUCT
 from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.jets import dependences, monomials
-from glider.verification.dynamics.nominal import nonlinear_parts
+from glider.verification.dynamics.nominal import for_one_glider, nonlinear_parts
 from glider.verification.dynamics.taylor_models import Recording
 
 FORMULAS = {
@@ -261,3 +261,18 @@ def test_a_gliders_accelerations_are_nonlinear_in_all_but_its_position():
     slow = GliderModel(effects=(SERVO_LAG(time_constant=0.03), WIND(x=1.0)))
     # The elevator turns at the servo's rate, state 7, not as commanded.
     assert nonlinear_parts(slow) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
+
+
+def test_what_is_remembered_is_of_one_glider_and_of_the_same_numbers():
+    calls = []
+
+    @for_one_glider
+    def found(model, *others):
+        calls.append((model, others))
+        return len(calls)
+
+    one, equal = GliderModel(), GliderModel()
+    assert [found(one, 1), found(one, 1), found(one, 2), found(one, 1)] == [1, 1, 2, 1]
+    # Another object may have other numbers, at the same place in memory later.
+    assert [found(equal, 1), found(one, 1), found(one, 2)] == [3, 4, 5]
+    assert calls[2][0] is equal

@@ -12,7 +12,8 @@ as long as the servo follows its command, which the funnel ensures; `defect` bou
 
 import dataclasses
 import functools
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -34,6 +35,8 @@ from glider.verification.dynamics.jets import (
     monomials,
     variables,
 )
+
+T = TypeVar("T")
 
 FLIGHT_STEP = 0.0005
 """Longest step of the integration [s]."""
@@ -212,6 +215,26 @@ def hermite_powers(values: np.ndarray, slopes: np.ndarray, half: float) -> np.nd
     return np.stack(powers, axis=-1)
 
 
+def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:
+    """Remembers what a function of a model and hashable numbers returned.
+
+    It does so for one model, an object that the parts of a funnel share.
+    """
+    last, known = list[GliderModel](), dict[tuple, T]()
+
+    @functools.wraps(function)
+    def remembered(model: GliderModel, *others: Any) -> T:
+        if not last or last[0] is not model:
+            last[:] = [model]
+            known.clear()
+        if others not in known:
+            known[others] = function(model, *others)
+        return known[others]
+
+    return remembered
+
+
+@for_one_glider
 def rate_dependences(
     model: GliderModel, names: tuple[str, ...] = (), in_wind: bool = False
 ) -> list[Dependence]:

@@ -31,6 +31,7 @@ from glider.physics.model import GliderModel
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import (
     ORDER,
+    for_one_glider,
     hermite_powers,
     nonlinear_parts,
     open_loop_rates,
@@ -107,63 +108,80 @@ class TaylorRemainder:
         program, polynomials, lacks = self._program
         inputs, left = shifted(table, polynomials, center, half)
         left = (left + lacks[:, None]) * WIDER
-        limits = inputs[-len(self.rows) :]
+        r = len(self.rows)
+        limits, lacking = inputs[-r:], left[-r:]
         found, left = program.run(inputs, left)
         inside = [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls]
         within = np.all(inside, axis=0)
         boxes = center, half, table.exponents, self.balls
         most, least, blame = [], [], []
-        parts = (np.split(both, len(self.rows)) for both in (found, left))
-        for limit, one, lost in zip(limits, *parts, strict=True):
-            # Of |R| - β either sign, and the rate.
-            tops = [top_in_balls(one[i], lost[i], *boxes) for i in (0, 1)]
+        each = limits, lacking, found[:r], found[r:], left[r:]
+        for limit, lacks, rate, one, off in zip(*each, strict=True):
+            lost, size = (off + lacks) * WIDER, np.abs(one[0])
+            # |R| - β, of either sign.
+            tops = [top_in_balls(s * one - limit, lost, *boxes) for s in (1.0, -1.0)]
             excess = np.maximum(*tops)
-            worse = np.where(one[0, 0] >= one[1, 0], one[0], one[1])
-            reach = spread(limit, lost[0])
+            worse = np.where(one[0] >= 0.0, one, -one) - limit
+            reach = spread(limit, lost)
             high, low = limit[0] + reach, limit[0] - reach
             # |R| / β <= 1 + (|R| - β) / β, with the worst β on the box.
-            seen = np.maximum(one[0, 0], one[1, 0]) + limit[0] - 2.0 * lost[0]
             with np.errstate(divide="ignore", invalid="ignore"):
                 above = WIDER + excess / np.maximum(low, 0.0)
                 most.append(np.where(excess > 0.0, above, 1.0 + excess / high))
-                least.append(np.where(within, seen / high, 0.0))
-                blame.append(blame_of(table, worse, lost[0], one[2]) / limit[0])
+                least.append(np.where(within, (size - lost) / high, 0.0))
+                blame.append(blame_of(table, worse, lost, rate) / limit[0])
         return np.array(most), np.array(least), np.array(blame)
 
     @functools.cached_property
     def _program(self):
-        """What computes |R| - β on a box, of either sign, and the rates, for each row.
+        """What computes the rates, and R, on a box, for each row.
 
         Returned with the polynomials (I, M) that are its inputs and what these lack,
         (I,); the last are the limits.
         """
-        m, d, n = len(self.basis), self.dimension, len(self.inputs) - 1
+        m, d = len(self.basis), self.dimension
         unit = np.eye(1 + d, self.inputs.shape[1])
         factor = self.allowed.factor if self.allowed else np.zeros((0, 0))
         deviations = factor @ unit[1 + m : 1 + m + factor.shape[1]]
         air = self.pushes[1] * unit[[d - 2, d - 1]]
         groups = [self.inputs, deviations, air, unit[[d]]]
-        groups += [self.highest, self.polynomials, self.limits]
+        groups += [self.highest, self.polynomials]
         lacks = [np.zeros(len(group)) for group in groups]
-        lacks[0], lacks[-2] = self.beyond, self.rounding
-        table = monomials(d, ORDER)
-        recording = Recording(table)
-        models = (recording.add(INPUT, i) for i in itertools.count())
-        inputs, deviated, wind, (time,), *others = (
-            list(itertools.islice(models, len(group))) for group in groups
+        lacks[0], lacks[-1] = self.beyond, self.rounding
+        polynomials = np.concatenate([*groups, self.limits])
+        program = _recorded(
+            self.model,
+            d,
+            tuple(self.allowed.names) if self.allowed else None,
+            tuple(self.rows),
+            bool(self.pushes[1] > 0.0),
+            tuple(map(len, groups)),
+            shifted_from(monomials(d, ORDER), polynomials).tobytes(),
         )
-        theta = None
-        if self.allowed:
-            theta = theta_at(self.model, self.allowed.names, deviated)
-        air = wind if self.pushes[1] > 0.0 else [0.0, 0.0]
-        rates = open_loop_rates(self.model, inputs[:n], inputs[n], theta, air)
-        results = []
-        for row, highest, polynomial, limit in zip(self.rows, *others, strict=True):
-            difference = rates[row] - polynomial - time * highest
-            results += [difference - limit, -difference - limit, rates[row]]
-        polynomials = np.concatenate(groups)
-        program = recording.program(results, shifted_from(table, polynomials))
+        lacks.append(np.zeros(len(self.limits)))
         return program, polynomials, np.concatenate(lacks)
+
+
+@for_one_glider
+def _recorded(model, d, names, rows, is_windy, sizes, present):
+    """Returns what computes f, and f - ẋ₀ - P, of each row, in d variables.
+
+    Inputs are groups of these sizes, and others; present is of `Recording.program`,
+    as bytes.
+    """
+    recording = Recording(monomials(d, ORDER))
+    models = (recording.add(INPUT, i) for i in itertools.count())
+    inputs, deviated, wind, (time,), *others = (
+        list(itertools.islice(models, size)) for size in sizes
+    )
+    theta = None if names is None else theta_at(model, names, deviated)
+    air = wind if is_windy else [0.0, 0.0]
+    rates = open_loop_rates(model, inputs[:-1], inputs[-1], theta, air)
+    results = [rates[row] for row in rows]
+    for row, highest, polynomial in zip(rows, *others, strict=True):
+        results.append(rates[row] - polynomial - time * highest)
+    there = np.frombuffer(present, dtype=bool)
+    return recording.program(results, there.reshape(-1, len(recording.table.degrees)))
 
 
 def make_remainder(
@@ -295,21 +313,20 @@ def _turned(model, center, polynomials, basis):
     which, rows = nonlinear_parts(model)
     table = table_of(len(which))
 
-    def rates(y):
+    def remainder(w):
+        y = w @ basis.T
         inputs = np.repeat(center[:, None], len(y), axis=1)
         inputs[which] += y.T
         found = open_loop_rates(model, list(inputs[:-1]), inputs[-1])
-        return np.array([found[row] for row in rows]).T
-
-    def remainder(w):
-        y = w @ basis.T
-        return rates(y) - rates(0.0 * y) - table.values(y) @ polynomials.T
+        rates = np.array([found[row] for row in rows]).T
+        return rates - table.values(y) @ polynomials.T
 
     m = len(basis)
     w = normalized(np.random.default_rng(0).normal(size=(SAMPLES, m)))
     steps = DIFFERENCE * np.eye(m)
-    slopes = np.array([remainder(w + step) - remainder(w - step) for step in steps])
-    largest = np.abs(remainder(w)).max(axis=0)
-    slopes /= np.maximum(largest, 1e-300)
+    around = np.concatenate([0.0 * steps, steps, -steps])[:, None] + w
+    here, ahead, back = remainder(around.reshape(-1, m)).reshape(3, m, SAMPLES, -1)
+    slopes = ahead - back
+    slopes /= np.maximum(np.abs(here - remainder(0.0 * steps[:1])).max((0, 1)), 1e-300)
     _, axes = np.linalg.eigh(np.einsum("ibr,jbr->ij", slopes, slopes))
     return basis @ axes[:, ::-1]

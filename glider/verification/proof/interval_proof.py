@@ -59,8 +59,8 @@ BATCH = 256
 FAR = 2.0
 """Bound of a box above which it is halved along two axes: its halves would not do."""
 
-LEFT = 0.4
-"""Share of its blame that is left to an axis along which a box was halved."""
+LEFT = 1.3
+"""Power of the share of an axis' width that is left of its blame."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -255,7 +255,7 @@ def bound_remainder(remainder: OnBoxes, budget: int = BUDGET) -> IntervalProof:
         here, width, blame = here[:, split], width[:, split], blame[:, split]
         new, smaller, of = halve(here, width, blame, remainder.balls)
         again = ~(bounds.max(axis=0)[split][of] <= FAR)
-        left = np.where(smaller < width[:, of], LEFT, 1.0) * blame[:, of]
+        left = blame[:, of] * (smaller / width[:, of]) ** LEFT
         newer, smallest, _ = halve(
             new[:, again], smaller[:, again], left[:, again], remainder.balls
         )
@@ -278,21 +278,26 @@ def halve(center, half, blame, balls=(slice(0, -1),)):
     """Returns both halves of boxes along an axis each, and which box each is a half of.
 
     Boxes are (m + 1, B), the last coordinate time; the axis is where the blame is
-    largest. Balls have the coordinates that are those of a unit ball each; halves
-    that miss one are left out.
+    largest. Balls have the coordinates that are those of a unit ball each. A half
+    shrinks to a box about what of it is in all balls; what misses one is left out.
     """
     # Where nothing is known yet, the widest.
     axis = np.where(np.isfinite(blame).all(axis=0), blame, half).argmax(axis=0)
     boxes = np.arange(len(axis))
-    half = half.copy()
-    half[axis, boxes] *= 0.5
     step = np.zeros_like(half)
-    step[axis, boxes] = half[axis, boxes]
-    # A little wider, so that rounding leaves no gap between them.
-    half[axis, boxes] += 1e-15
+    step[axis, boxes] = 0.5 * half[axis, boxes]
     center = np.concatenate([center - step, center + step], axis=1)
-    half = np.concatenate([half, half], axis=1)
-    nearest = np.maximum(np.abs(center) - half, 0.0) ** 2
-    squares = np.array([nearest[ball].sum(axis=0) for ball in balls])
-    touches = np.all(squares <= 1.0 + 1e-12, axis=0)
+    half = np.tile(half - step, 2)
+    low, high = center - half, center + half
+    touches = np.full(len(center[0]), True)
+    for ball in balls:
+        nearest = np.maximum(np.abs(center[ball]) - half[ball], 0.0) ** 2
+        room = 1.0 + 1e-12 - nearest.sum(axis=0)
+        touches &= room >= 0.0
+        # In the ball w_i² is at most 1 less the least squares of the others.
+        reach = np.sqrt(np.maximum(room + nearest, 0.0))
+        low[ball] = np.maximum(low[ball], -reach)
+        high[ball] = np.minimum(high[ball], reach)
+    # A little wider, so that rounding leaves no gap between them.
+    center, half = 0.5 * (low + high), 0.5 * (high - low) + 1e-15
     return center[:, touches], half[:, touches], np.tile(boxes, 2)[touches]
