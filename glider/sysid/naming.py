@@ -157,7 +157,7 @@ def names_of(
         return np.hstack([rows_at(model, together, at), by_formula])
 
     flown = flown_values(task.records, model.theta)
-    flown = flown[:: max(1, len(flown) // _ROWS)][:, model.by_name[pair].block.columns]
+    flown = flown[:: max(1, len(flown) // _ROWS)][:, model.by_name[pair].columns]
     static, whole = rows(flown * [1.0, 0.0]), rows(flown)
 
     def shown(rows: np.ndarray) -> float:
@@ -200,7 +200,7 @@ def rows_at(model: FitResult, blocks: Sequence[str], at: np.ndarray) -> np.ndarr
     `at` (n, 2) are angles of attack and reduced rates.
     """
     rows = []
-    for own in (model.by_name[name].block for name in blocks):
+    for own in (model.by_name[name] for name in blocks):
         columns = [("alpha", "reduced_rate").index(v) for v in own.variables]
         rows.append(own.functions(at[:, columns]) @ own.mix)
     return np.hstack(rows)

@@ -78,8 +78,8 @@ class Candidates:
 
         Blocks that do not act yet have a prior spread of one; see `columns`.
         """
-        idle = (block.fitted(1.0) for block in self.blocks)
-        model = dataclasses.replace(self.model, blocks=(*self.model.blocks, *idle))
+        blocks = (*self.model.blocks, *self.blocks)
+        model = dataclasses.replace(self.model, blocks=blocks)
         prior = model_fit.prior_of(self.task, model, self.slots)
         is_shape = [j for j, slot in enumerate(self.slots) if self.task.is_shape(slot)]
         share = -prior.mean

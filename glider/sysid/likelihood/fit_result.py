@@ -6,7 +6,7 @@ import numpy as np
 
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.effects.field import joined, make_field
-from glider.sysid.likelihood.blocks import FittedBlock
+from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.linear_flight import Surroundings
 from glider.sysid.likelihood.scales import Scales, start_scales
 from glider.sysid.likelihood.task import Task
@@ -21,7 +21,7 @@ class FitResult:
     theta: np.ndarray  #: Its parameters and coefficients.
     free: tuple[int, ...]  #: Slots of theta that are fitted.
     #: Free functions that act: those of `kinds`, and of a forecast those carried.
-    blocks: tuple[FittedBlock, ...] = ()
+    blocks: tuple[Block, ...] = ()
     scales: Scales  #: Of all noise.
     #: Name of each flight to what it is linear about.
     about: dict[str, Surroundings] = dataclasses.field(default_factory=dict)
@@ -33,14 +33,14 @@ class FitResult:
     freedom: float = 0.0
 
     @property
-    def by_name(self) -> dict[str, FittedBlock]:
+    def by_name(self) -> dict[str, Block]:
         """Blocks that act, by name."""
-        return {own.block.name: own for own in self.blocks}
+        return {own.name: own for own in self.blocks}
 
     @property
     def free_kinds(self) -> tuple[str, ...]:
         """Free functions among the kinds."""
-        return tuple(b.block.name for b in self.blocks if b.block.name in self.kinds)
+        return tuple(b.name for b in self.blocks if b.name in self.kinds)
 
     @property
     def coordinates(self) -> np.ndarray:
@@ -51,8 +51,8 @@ class FitResult:
         """Returns the columns of each block; by default after those of `free`."""
         first, found = len(self.free) if first is None else first, {}
         for own in self.blocks:
-            found[own.block.name] = range(first, first + own.block.count)
-            first += own.block.count
+            found[own.name] = range(first, first + own.count)
+            first += own.count
         return found
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:

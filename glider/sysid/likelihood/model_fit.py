@@ -53,7 +53,7 @@ def linear_flights(
     By default the columns before them are those of the model's free parameters. Those
     of offered blocks may be added later.
     """
-    field, blocks = field_of(model), [own.block for own in model.blocks]
+    field, blocks = field_of(model), model.blocks
     terms = {term for block in (*blocks, *offered) for term in block.terms}
     terms |= set(FORCES if model.has_force_errors else ())
     if directions is None:

@@ -23,7 +23,7 @@ def without(task: Task, model: FitResult, *gone: str) -> FitResult:
     theta = model.theta.copy()
     slots = [i for kind in gone for i in task.layout.slots_of(kind)]
     theta[slots] = task.vehicle.theta[slots]
-    blocks = tuple(own for own in model.blocks if own.block.name not in gone)
+    blocks = tuple(own for own in model.blocks if own.name not in gone)
     return dataclasses.replace(model.with_kinds(task, kinds, theta), blocks=blocks)
 
 
@@ -47,12 +47,14 @@ class FirstOrder(Scorer):
         blocks = model.by_name
         for kind, variant in members:
             step = np.array([steps[c] for c in variant])
-            if kind in blocks:  # It acts.
-                blocks[kind] = dataclasses.replace(blocks[kind], coordinates=step)
-                continue
-            if kind in task.blocks:
-                strength = self.candidates.columns[variant[0]][1]
-                blocks[kind] = task.blocks[kind].fitted(strength, step.tolist())
+            if own := blocks.get(kind) or task.blocks.get(kind):
+                strength = own.strength  # That of one that acts.
+                if kind not in blocks:
+                    strength = self.candidates.columns[variant[0]][1]
+                step = np.pad(step, (0, own.count - len(step)))
+                blocks[kind] = dataclasses.replace(
+                    own, coordinates=step, strength=strength
+                )
                 continue
             directions = [self.candidates.directions[c] for c in variant]
             for slot, shape in (pair for d in directions for pair in d.shapes):

@@ -5,6 +5,7 @@ sets are proposed in closed form and fitted, until no move finds one. What resam
 flights do not support is dropped, and the loop goes on without it.
 """
 
+import dataclasses
 from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
@@ -100,12 +101,15 @@ def begun_from(task: Task, earlier: FitResult) -> FitResult:
     """
     free, theta = list(task.free(earlier.kinds)), task.vehicle.theta.copy()
     theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
-    blocks = (task.blocks[b.block.name].fitted(b.strength) for b in earlier.blocks)
+    blocks = tuple(
+        dataclasses.replace(task.blocks[own.name], strength=own.strength)
+        for own in earlier.blocks
+    )
     return FitResult(
         kinds=earlier.kinds,
         theta=theta,
         free=tuple(free),
-        blocks=tuple(blocks),
+        blocks=blocks,
         scales=earlier.scales,
     )
 
