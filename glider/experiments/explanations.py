@@ -32,7 +32,6 @@ from glider.sysid.likelihood.uncertainty import jackknife, larger_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import Report, read_report
 from glider.sysid.result import Result
-from glider.sysid.search.fits import FirstOrder
 from glider.sysid.search.subsets import Members, Scorer
 
 MOST = 5
@@ -137,7 +136,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     chosen = _chosen(task, noise, findings)
     candidates = gather(task, chosen)
     evidence = candidates.evidence(candidates.grams(chosen.scales).sum(axis=0))
-    score = FirstOrder(candidates, evidence, lambda kind, kinds: penalty)
+    score = Scorer(candidates, evidence, lambda kind, kinds: penalty)
     own = score.by_first(chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}

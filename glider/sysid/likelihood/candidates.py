@@ -12,7 +12,13 @@ from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
 from glider.sysid.likelihood.fit_result import FitResult, field_of
-from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
+from glider.sysid.likelihood.information import (
+    Evidence,
+    counted_from,
+    eliminate,
+    solve,
+    solve_scaled,
+)
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
@@ -25,6 +31,8 @@ _STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
 _LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
 _AT_ONCE = 8  # Flights whose information is in memory at once.
 _IN_PART = 32  # Flights whose columns are.
+_MOST_ENTRIES = 1_000_000  # Of matrices that are solved at once, for the memory.
+_SLACK = 1e-9  # Rounding by which a bound may be passed.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -100,6 +108,76 @@ class Candidates:
             lower=prior.lower[at],
             upper=prior.upper[at],
         )
+
+
+class HeldOutEvidence:
+    """Log-likelihood that columns gain on flights, each held out in turn [nats].
+
+    An error common to all flights is evidence for any effect that imitates it, more of
+    it with more flights; cross-validation does not reward that (Stone, J. R. Stat. Soc.
+    B 39, 1977). Everything is linear, so that each flight is held out exactly, the
+    unknown parameters of the vehicle refitted without it.
+    """
+
+    def __init__(self, candidates: Candidates, grams: np.ndarray, counts: np.ndarray):
+        """Takes the flights' information and how often each counts."""
+        drawn = np.flatnonzero(counts)
+        self._counts, self._always = counts[drawn], np.array(candidates.always, int)
+        self._own, self._prior = candidates.from_nothing(grams[drawn])
+        weighted = self._counts[:, None, None] * self._own
+        self._sum = weighted.sum(axis=0, keepdims=True)
+        self._rest = self._sum - weighted
+        self._alone = self._costs(np.zeros((1, 0), dtype=int))
+
+    def extended(
+        self, columns: Sequence[int], more: Sequence[Sequence[int]]
+    ) -> list[float]:
+        """Gain of columns with each of several others over none; -inf: not physical."""
+        sets = [[*columns, *variant] for variant in more]
+        gains = np.zeros(len(sets))
+        for size in {*map(len, sets)} - {0}:
+            at = np.flatnonzero([len(own) == size for own in sets])
+            entries = len(self._own) * (len(self._always) + size) ** 2
+            parts = 1 + len(at) * entries // _MOST_ENTRIES
+            for part in np.array_split(at, min(parts, len(at))):
+                gains[part] = self._gains(np.array([sets[i] for i in part]))
+        return gains.tolist()
+
+    def step(self, columns: Sequence[int]) -> np.ndarray:
+        """Returns the coefficients of columns, counted from zero."""
+        sets = np.array([columns], dtype=int)
+        return self._steps(self._sum, sets)[0, 0, len(self._always) :]
+
+    def _gains(self, sets: np.ndarray) -> np.ndarray:
+        """Returns the gains of sets of columns (v, k) over none, (v,)."""
+        steps = self._steps(self._sum, sets)[0, :, len(self._always) :]
+        lower, upper = self._prior.lower[sets], self._prior.upper[sets]
+        is_out = steps < lower - _SLACK * np.abs(lower)
+        is_out |= steps > upper + _SLACK * np.abs(upper)
+        gains = self._counts @ (self._alone - self._costs(sets))
+        return np.where(is_out.any(axis=1), -np.inf, gains)
+
+    def _steps(self, grams: np.ndarray, sets: np.ndarray) -> np.ndarray:
+        """Returns the most likely changes of columns, after those that act, (n, v, m).
+
+        By each of the information (n, M + 1, M + 1).
+        """
+        index = self._with_always(sets)
+        precision = self._prior.precision[index][..., None] * np.eye(index.shape[1])
+        systems = grams[:, index[..., None], index[:, None]] + precision
+        return solve_scaled(systems, grams[:, index, -1], 0.0)
+
+    def _costs(self, sets: np.ndarray) -> np.ndarray:
+        """Returns flights' costs by what the others say of sets of columns (n, v)."""
+        steps = self._steps(self._rest, sets)
+        weights = np.concatenate([-steps, np.ones((*steps.shape[:2], 1))], axis=2)
+        index = np.pad(self._with_always(sets), ((0, 0), (0, 1)), constant_values=-1)
+        own = self._own[:, index[..., None], index[:, None]]
+        return 0.5 * np.sum(weights * (own @ weights[..., None])[..., 0], axis=2)
+
+    def _with_always(self, sets: np.ndarray) -> np.ndarray:
+        """Returns sets with the columns that always act before them."""
+        return np.hstack([np.tile(self._always, (len(sets), 1)), sets])
 
 
 def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candidates:

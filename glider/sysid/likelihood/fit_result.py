@@ -67,6 +67,15 @@ class FitResult:
             self, kinds=kinds, theta=theta, free=task.free(kinds)
         )
 
+    def without(self, task: Task, *gone: str) -> "FitResult":
+        """Returns the model without some of its effects."""
+        theta = self.theta.copy()
+        slots = [i for kind in gone for i in task.layout.slots_of(kind)]
+        theta[slots] = task.vehicle.theta[slots]
+        kinds = tuple(kind for kind in self.kinds if kind not in gone)
+        blocks = tuple(own for own in self.blocks if own.name not in gone)
+        return dataclasses.replace(self.with_kinds(task, kinds, theta), blocks=blocks)
+
 
 def start_of(task: Task, noise: Noise) -> FitResult:
     """Returns the nominal model, unfitted, in still air."""

@@ -2,69 +2,18 @@
 
 import dataclasses
 from collections.abc import Collection, Iterable
-from math import log
 from typing import Any
 
 import numpy as np
 
 from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress
-from glider.sysid.constants import CLEAR, EVIDENCE_THRESHOLD, MANY_FLIGHTS, RIVAL_GAP
-from glider.sysid.likelihood.candidates import Candidates, gather, saturated
+from glider.sysid.constants import CLEAR, MANY_FLIGHTS, RIVAL_GAP
+from glider.sysid.likelihood.candidates import gather, saturated
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import Task
-from glider.sysid.search.subsets import Members, Penalty, Scorer, SetEvidence
-
-
-def without(task: Task, model: FitResult, *gone: str) -> FitResult:
-    """Returns a model without some of its effects."""
-    kinds = tuple(k for k in model.kinds if k not in gone)
-    theta = model.theta.copy()
-    slots = [i for kind in gone for i in task.layout.slots_of(kind)]
-    theta[slots] = task.vehicle.theta[slots]
-    blocks = tuple(own for own in model.blocks if own.name not in gone)
-    return dataclasses.replace(model.with_kinds(task, kinds, theta), blocks=blocks)
-
-
-class FirstOrder(Scorer):
-    """Scorer of sets of effects, to first order about the model of candidates."""
-
-    def __init__(self, candidates: Candidates, evidence: SetEvidence, penalty: Penalty):
-        """Takes the evidence of the candidates' columns, without their flights."""
-        super().__init__(evidence, candidates.variants, penalty)
-        # They are large.
-        self.candidates = dataclasses.replace(candidates, flights=())
-
-    def begin(self, members: Members) -> FitResult:
-        """Returns the model with the coefficients of a set, not fitted yet."""
-        task, model = self.candidates.task, self.candidates.model
-        kinds = tuple(kind for kind, _ in members)
-        model = without(task, model, *(set(model.kinds) - set(kinds)))
-        theta = model.theta
-        columns = [c for _, variant in members for c in variant]
-        steps = dict(zip(columns, self.evidence.step(columns), strict=True))
-        blocks = model.by_name
-        for kind, variant in members:
-            step = np.array([steps[c] for c in variant])
-            if own := blocks.get(kind) or task.blocks.get(kind):
-                strength = own.strength  # That of one that acts.
-                if kind not in blocks:
-                    strength = self.candidates.columns[variant[0]][1]
-                step = np.pad(step, (0, own.count - len(step)))
-                blocks[kind] = dataclasses.replace(
-                    own, coordinates=step, strength=strength
-                )
-                continue
-            directions = [self.candidates.directions[c] for c in variant]
-            for slot, shape in (pair for d in directions for pair in d.shapes):
-                theta[slot] = shape
-            slots = [d.slot for d in directions]
-            values = task.priors(slots, theta)[0] + step
-            theta[slots] = np.clip(values, *task.bounds(slots))
-        return dataclasses.replace(
-            model, kinds=kinds, free=task.free(kinds), blocks=tuple(blocks.values())
-        )
+from glider.sysid.search.subsets import Members, Scorer, penalty_in, scorer_of
 
 
 @dataclasses.dataclass
@@ -146,16 +95,16 @@ class Search:
 
     def fit_without(self, model: FitResult, kind: str) -> FitResult:
         """Fits a model without one of its effects."""
-        return self.fit(without(self.task, model, kind), f"is {kind} needed?")
+        return self.fit(model.without(self.task, kind), f"is {kind} needed?")
 
-    def near(self, model: FitResult) -> FirstOrder | None:
+    def near(self, model: FitResult) -> Scorer | None:
         """Compares sets about a model; None where the model diverges."""
         if self._near[0] is not self.task or self._near[1] is not model:
             offered = self.task.offered
             self._near = self.task, model, self.compare(model, offered)
         return self._near[2]
 
-    def compare(self, model: FitResult, kinds: Collection[str]) -> FirstOrder | None:
+    def compare(self, model: FitResult, kinds: Collection[str]) -> Scorer | None:
         """Compares sets of some kinds about a model; None where it diverges.
 
         On some of many flights: what is proposed is fitted to all.
@@ -172,7 +121,8 @@ class Search:
         gram = candidates.total(about.scales)
         if not np.all(np.isfinite(gram)):
             return None
-        score = marginal_scorer(candidates, gram[None], np.ones(1))
+        light = dataclasses.replace(candidates, flights=())
+        score = scorer_of(light, gram[None], np.ones(1))
         if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
             self.alone = score.among(few.kinds).alone() | self.alone
         return score
@@ -180,7 +130,7 @@ class Search:
     def better(
         self,
         model: FitResult,
-        near: FirstOrder,
+        near: Scorer,
         sets: Iterable[Members],
         first: bool = False,
     ) -> FitResult | None:
@@ -193,36 +143,3 @@ class Search:
             if first and found is not model:
                 break
         return None if found is model else found
-
-
-def marginal_scorer(
-    candidates: Candidates, grams: np.ndarray, counts: np.ndarray
-) -> FirstOrder:
-    """Returns the evidence of sets on flights that count so often, penalized."""
-    evidence = candidates.evidence(np.tensordot(counts, grams, 1))
-    return FirstOrder(candidates, evidence, penalty_in(candidates.task))
-
-
-def penalty_in(task: Task) -> Penalty:
-    """Returns the evidence that each effect of a set must bring.
-
-    A marginal likelihood penalizes the prior volume of coefficients already. The only
-    effect of a set need but be likelier than that none of all acts. Others may stand in
-    for errors of its formula, and must bring more, with what the first was spared. A
-    free function that bends a formula of the set claims nothing new, and need only be
-    likelier than that none of them acts; any other claims that no formula will do,
-    which is its rival.
-    """
-    more = max(1.0, len(task.records) / MANY_FLIGHTS)
-
-    def penalty(kind: str, kinds: Collection[str]) -> float:
-        if kind not in BLOCKS:
-            is_alone = len(kinds) <= 1
-            own = log(len(task.vehicle.kinds)) if is_alone else EVIDENCE_THRESHOLD
-        elif not BLOCKS[kind].bends.isdisjoint(kinds):
-            own = log(len(BLOCKS))
-        else:
-            own = EVIDENCE_THRESHOLD + RIVAL_GAP
-        return more * own
-
-    return penalty

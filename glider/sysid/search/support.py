@@ -2,17 +2,16 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import CLEAR, LEAST_SUPPORT, RIVAL_GAP
-from glider.sysid.likelihood.candidates import Candidates, gather
+from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.task import Task
 from glider.sysid.report import Combination, EvidenceThreshold
-from glider.sysid.search.subsets import Members, Scorer, climb
+from glider.sysid.search.subsets import Members, Scorer, climb, scorer_of
 
 _LEAST_DRAWS, _MOST_DRAWS = 25, 200  # Sets of flights: the most where in doubt.
 
@@ -31,19 +30,15 @@ class EffectSupport:
         return abs(self.support - LEAST_SUPPORT) > 2.0 * error
 
 
-Scoring = Callable[[Candidates, np.ndarray, np.ndarray], Scorer]
-"""Makes a scorer of candidates, of flights and of how often each counts."""
-
-
 def weigh(
-    task: Task, model: FitResult, scoring: Scoring, rng: np.random.Generator
+    task: Task, model: FitResult, rng: np.random.Generator
 ) -> dict[str, EffectSupport]:
     """Returns the support of each effect of a model."""
     if not model.kinds:
         return {}
     candidates = gather(task, model)
     grams = candidates.grams(model.scales)
-    score = scoring(candidates, grams, np.ones(len(grams)))
+    score = scorer_of(candidates, grams, np.ones(len(grams)))
     chosen = score.by_first(model.kinds)
     near, rivals = near_and_rivals(score, chosen)
     backers = {k: {k, *rivals[k], *_family_of(k, model)} for k in model.kinds}
@@ -52,7 +47,7 @@ def weigh(
         for _ in range(_LEAST_DRAWS):
             drawn = rng.integers(len(grams), size=len(grams))
             times = np.bincount(drawn, minlength=len(grams)).astype(float)
-            again = scoring(candidates, grams, times).among(near)
+            again = scorer_of(candidates, grams, times).among(near)
             resampled.append({kind for kind, _ in climb(again, chosen)})
         draws = len(resampled)
         found = {

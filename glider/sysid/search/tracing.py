@@ -19,8 +19,8 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import EvidenceThreshold
 from glider.sysid.search import fits, moves
-from glider.sysid.search.force_search import held_out_scorer, search_forces
-from glider.sysid.search.subsets import climb, ranked
+from glider.sysid.search.force_search import search_forces
+from glider.sysid.search.subsets import climb, penalty_in, ranked, scorer_of
 from glider.sysid.search.support import (
     EffectSupport,
     SearchResult,
@@ -59,7 +59,7 @@ def trace(
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
-    bare = search.fit(fits.without(task, model, *model.kinds))
+    bare = search.fit(model.without(task, *model.kinds))
     least = search.penalized_cost(bare)
     costs = {m.kinds: search.penalized_cost(m) for m in search.finished}
     return SearchResult(
@@ -72,7 +72,7 @@ def trace(
         families=moves.families_of(search, model),
         found_by={kind: search.found_by.get(kind, "") for kind in model.kinds},
         rivals=rivals_of(search, model, weighed),
-        threshold=EvidenceThreshold(effect=fits.penalty_in(task)("", model.kinds)),
+        threshold=EvidenceThreshold(effect=penalty_in(task)("", model.kinds)),
     )
 
 
@@ -208,14 +208,14 @@ def supported(
         if search.prefers(best, model):
             model = grown(best)
             continue
-        weighed = weigh(search.task, model, fits.marginal_scorer, rng)
+        weighed = weigh(search.task, model, rng)
         evidence = evidence_of(search.task, model, fewer)
         weak = weakest(weighed, evidence)
         if weak is None:
             return model, evidence, weighed
         task, least = search.task, model
         search.task = task.offering(task.offered - {weak})
-        model = grown(search.fit(fits.without(task, model, weak)))
+        model = grown(search.fit(model.without(task, weak)))
 
 
 def evidence_of(
@@ -254,10 +254,9 @@ def search_about(
     Returns:
         the model with their coefficients, all else as it is, and their columns.
     """
-    is_of_forces = candidates.model.has_force_errors
-    scorer = held_out_scorer if is_of_forces else fits.marginal_scorer
-    score = scorer(candidates, grams, counts)
+    score = scorer_of(candidates, grams, counts)
     chosen = score.by_first(candidates.model.kinds)
-    offered, _ = near_and_rivals(scorer(candidates, grams, np.ones(len(grams))), chosen)
+    evenly = scorer_of(candidates, grams, np.ones(len(grams)))
+    offered, _ = near_and_rivals(evenly, chosen)
     members = climb(score.among(offered), chosen)
     return score.begin(members), [c for _, variant in members for c in variant]
