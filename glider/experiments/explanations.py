@@ -13,7 +13,6 @@ from glider.physics.model import GliderModel
 from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.candidates import gather, tamed
 from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
-from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.information import (
     Evidence,
     counted_from,
@@ -27,7 +26,7 @@ from glider.sysid.likelihood.model_fit import (
     prior_of,
 )
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.likelihood.uncertainty import jackknife, larger_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import Report, read_report

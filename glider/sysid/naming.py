@@ -12,8 +12,7 @@ import numpy as np
 from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, SLACK, SLIGHT, Z
 from glider.sysid.likelihood.blocks import flown_values
-from glider.sysid.likelihood.fit_result import FitResult
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.search.support import SearchResult
 

@@ -18,11 +18,10 @@ from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
 from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
 from glider.sysid.replay.vehicle import parameters_of

@@ -152,18 +152,19 @@ def carried_blocks(data: FieldData | None) -> tuple[Block, ...]:
     for i, part in enumerate(() if data is None else (data, *data.more)):
         weights = np.array(list(part.weights.values())).T.reshape(-1, 1)
         centers = np.array(part.centers).reshape(-1, len(part.variables))
-        block = Block(
-            name=f"carried {i}",
-            terms=tuple(part.weights),
-            variables=tuple(part.variables),
-            centers=centers,
-            widths=np.column_stack([np.full(len(centers), w) for w in part.widths]),
-            flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
-            mix=weights,
-            leading=1,
-            coordinates=np.ones(1),
+        found.append(
+            Block(
+                name=f"carried {i}",
+                terms=tuple(part.weights),
+                variables=tuple(part.variables),
+                centers=centers,
+                widths=np.column_stack([np.full(len(centers), w) for w in part.widths]),
+                flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
+                mix=weights,
+                leading=1,
+                coordinates=np.ones(1),
+            )
         )
-        found.append(block)
     return tuple(found)
 
 

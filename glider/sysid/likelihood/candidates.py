@@ -11,7 +11,6 @@ from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
-from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.information import (
     Evidence,
     counted_from,
@@ -22,7 +21,7 @@ from glider.sysid.likelihood.information import (
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, field_of
 
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
 Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
@@ -296,13 +295,11 @@ def tamed(
     # So is what is not a number; the last column, the error, stays as it is.
     is_wild = ~np.all(np.array(largest) * scale < _LARGEST_PUSH, axis=0)
     is_wild[-1] = False
-    tame = list(flights)
     if is_wild.any():
-        tame = [
-            dataclasses.replace(f, inputs=np.where(is_wild, 0.0, f.inputs))
-            for f in flights
-        ]
-    return tame, set(np.flatnonzero(is_wild).tolist())
+        inputs = (np.where(is_wild, 0.0, f.inputs) for f in flights)
+        pairs = zip(flights, inputs, strict=True)
+        flights = [dataclasses.replace(f, inputs=own) for f, own in pairs]
+    return list(flights), set(np.flatnonzero(is_wild).tolist())
 
 
 def saturated(candidates: Candidates, rounds: int) -> FitResult:

@@ -20,7 +20,6 @@ from glider.sysid.likelihood.filtering import (
     surroundings_of,
     whiten,
 )
-from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.information import bounded_step, inverse
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
@@ -31,7 +30,7 @@ from glider.sysid.likelihood.linear_flight import (
 )
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES, Scales, lifted
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, field_of
 from glider.sysid.replay.record import Record
 
 FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import inverse, solve_scaled
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 
 _LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
 

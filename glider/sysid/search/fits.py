@@ -10,9 +10,8 @@ from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, MANY_FLIGHTS, RIVAL_GAP
 from glider.sysid.likelihood.candidates import gather, saturated
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.search.subsets import Members, Scorer, penalty_in, scorer_of
 
 

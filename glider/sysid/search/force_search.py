@@ -12,11 +12,10 @@ import numpy as np
 from glider.progress import Progress, Step
 from glider.sysid.constants import ALONG_ATTITUDE
 from glider.sysid.likelihood.candidates import gather
-from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES, start_scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.search.subsets import HELD_OUT, best_set, scorer_of
 from glider.sysid.search.support import SearchResult, weigh

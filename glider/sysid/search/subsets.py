@@ -20,9 +20,8 @@ from glider.sysid.constants import (
     RIVAL_GAP,
 )
 from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import Evidence
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.report import Combination, EvidenceThreshold
 
 Members = tuple[Member, ...]

@@ -8,8 +8,7 @@ import numpy as np
 from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import CLEAR, LEAST_SUPPORT, RIVAL_GAP
 from glider.sysid.likelihood.candidates import gather
-from glider.sysid.likelihood.fit_result import FitResult
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.report import Combination, EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer, climb, scorer_of
 

@@ -14,8 +14,7 @@ from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress, Step
 from glider.sysid.constants import CLEAR, FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
-from glider.sysid.likelihood.fit_result import FitResult, start_of
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import EvidenceThreshold
 from glider.sysid.search import fits, moves
@@ -31,6 +30,8 @@ from glider.sysid.search.support import (
 
 # Tried last: scales are seldom wrong, and to first order they imitate many effects.
 LATE = ("position_scale", "elevator_scale")
+
+_FIRST = ("best set",)  # Moves among effects that are new to the search.
 
 EARLIER = "earlier flights"
 """In the place of a move: the effect was there when the search began."""
@@ -120,20 +121,15 @@ def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
     No move betters the last one.
     """
     task, early = search.task, without_late(search.task, model.kinds)
-    search.task = early.offering({*early.kinds, *model.free_kinds})
-    of_formulas = model
-    for of_formulas in improvements(search, model, ("best set",)):
-        yield of_formulas
-    search.task, usual = early, of_formulas
-    for usual in improvements(search, of_formulas):
-        yield usual
-    if search.task is task:
-        return
-    search.task, late = task, usual
-    for late in improvements(search, usual, ("best set",)):
-        yield late
-    if late is not usual:
-        yield from improvements(search, late)
+    formulas = early.offering({*early.kinds, *model.free_kinds})
+    stages = [(formulas, _FIRST), (early, moves.MOVES), (task, _FIRST)]
+    usual = model
+    for search.task, names in stages if early is not task else stages[:2]:
+        usual = model
+        for model in improvements(search, usual, names):
+            yield model
+    if early is not task and model is not usual:
+        yield from improvements(search, model)
 
 
 def rivals_of(

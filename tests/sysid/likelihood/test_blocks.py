@@ -292,11 +292,12 @@ def test_a_bent_floor_is_an_error_of_the_measured_height():
 def test_the_field_in_a_model_file_has_the_blocks_values(vent, name):
     block = vent[0].task.blocks[name]
     coordinates = np.random.default_rng(0).normal(size=block.count)
+    block = dataclasses.replace(block, coordinates=coordinates)
     low, high = block.centers.min(axis=0), block.centers.max(axis=0)
     values = np.random.default_rng(1).uniform(low, high, size=(31, len(low)))
-    expected = block.values(coordinates, values)
+    expected = block.functions(values) @ block.weights
     assert np.abs(expected).max() > 1e-4
-    field = make_field(block.data(coordinates))
+    field = make_field(block.data)
     column = [FIELD_TERMS.index(term) for term in block.terms]
     found = gaussians(field, block.columns, values) @ field.weights.T
     np.testing.assert_allclose(found[:, column], expected, atol=1e-12)

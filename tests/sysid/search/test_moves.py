@@ -4,7 +4,7 @@ import dataclasses
 import types
 
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.fit_result import start_of
+from glider.sysid.likelihood.task import start_of
 from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import MOVES, one_less, pruned, reshaped, with_another
 from glider.sysid.search.tracing import improved
