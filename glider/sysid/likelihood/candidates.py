@@ -126,57 +126,49 @@ class HeldOutEvidence:
         weighted = self._counts[:, None, None] * self._own
         self._sum = weighted.sum(axis=0, keepdims=True)
         self._rest = self._sum - weighted
-        self._alone = self._costs(np.zeros((1, 0), dtype=int))
+        self._alone = self._costs(self._always[None])
 
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
         """Gain of columns with each of several others over none; -inf: not physical."""
-        sets = [[*columns, *variant] for variant in more]
+        sets = [[*self._always, *columns, *variant] for variant in more]
         gains = np.zeros(len(sets))
-        for size in {*map(len, sets)} - {0}:
+        for size in {*map(len, sets)} - {len(self._always)}:
             at = np.flatnonzero([len(own) == size for own in sets])
-            entries = len(self._own) * (len(self._always) + size) ** 2
-            parts = 1 + len(at) * entries // _MOST_ENTRIES
+            parts = 1 + len(at) * len(self._own) * size**2 // _MOST_ENTRIES
             for part in np.array_split(at, min(parts, len(at))):
                 gains[part] = self._gains(np.array([sets[i] for i in part]))
         return gains.tolist()
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the coefficients of columns, counted from zero."""
-        sets = np.array([columns], dtype=int)
+        sets = np.array([[*self._always, *columns]], dtype=int)
         return self._steps(self._sum, sets)[0, 0, len(self._always) :]
 
     def _gains(self, sets: np.ndarray) -> np.ndarray:
-        """Returns the gains of sets of columns (v, k) over none, (v,)."""
-        steps = self._steps(self._sum, sets)[0, :, len(self._always) :]
+        """Returns the gains of sets of columns (v, m) over what always acts, (v,)."""
+        steps = self._steps(self._sum, sets)[0]
         lower, upper = self._prior.lower[sets], self._prior.upper[sets]
         is_out = steps < lower - _SLACK * np.abs(lower)
         is_out |= steps > upper + _SLACK * np.abs(upper)
+        is_out[:, : len(self._always)] = False
         gains = self._counts @ (self._alone - self._costs(sets))
         return np.where(is_out.any(axis=1), -np.inf, gains)
 
     def _steps(self, grams: np.ndarray, sets: np.ndarray) -> np.ndarray:
-        """Returns the most likely changes of columns, after those that act, (n, v, m).
-
-        By each of the information (n, M + 1, M + 1).
-        """
-        index = self._with_always(sets)
-        precision = self._prior.precision[index][..., None] * np.eye(index.shape[1])
-        systems = grams[:, index[..., None], index[:, None]] + precision
-        return solve_scaled(systems, grams[:, index, -1], 0.0)
+        """Returns the likeliest changes (n, v, m) by information (n, M + 1, M + 1)."""
+        precision = self._prior.precision[sets][..., None] * np.eye(sets.shape[1])
+        systems = grams[:, sets[..., None], sets[:, None]] + precision
+        return solve_scaled(systems, grams[:, sets, -1], 0.0)
 
     def _costs(self, sets: np.ndarray) -> np.ndarray:
         """Returns flights' costs by what the others say of sets of columns (n, v)."""
         steps = self._steps(self._rest, sets)
         weights = np.concatenate([-steps, np.ones((*steps.shape[:2], 1))], axis=2)
-        index = np.pad(self._with_always(sets), ((0, 0), (0, 1)), constant_values=-1)
+        index = np.pad(sets, ((0, 0), (0, 1)), constant_values=-1)
         own = self._own[:, index[..., None], index[:, None]]
         return 0.5 * np.sum(weights * (own @ weights[..., None])[..., 0], axis=2)
-
-    def _with_always(self, sets: np.ndarray) -> np.ndarray:
-        """Returns sets with the columns that always act before them."""
-        return np.hstack([np.tile(self._always, (len(sets), 1)), sets])
 
 
 def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candidates:

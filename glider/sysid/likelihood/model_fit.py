@@ -20,7 +20,7 @@ from glider.sysid.likelihood.filtering import (
     surroundings_of,
     whiten,
 )
-from glider.sysid.likelihood.information import bounded_step, inverse
+from glider.sysid.likelihood.information import bounded_step, solve_scaled
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
     STILL_AIR,
@@ -253,10 +253,11 @@ def fit_strength(
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
     of_blocks, start = slice(len(model.free), None), model.coordinates
+    unit = np.eye(len(gram) - 1)
     before = float(prior_of(task, model).added_to(gram)[-1, -1])
     for _ in range(_STRENGTH_ROUNDS if model.blocks else 0):
         total = prior_of(task, model).added_to(gram)
-        covariance = inverse(total[:-1, :-1])
+        covariance = solve_scaled(total[:-1, :-1], unit, 1e-12)
         value = start + (covariance @ total[:-1, -1])[of_blocks]
         squares = value**2 + np.diag(covariance)[of_blocks]
         blocks = []
@@ -268,7 +269,7 @@ def fit_strength(
     prior = prior_of(task, model)
     total = prior.added_to(gram)
     precision = prior.precision[own]
-    relative = inverse(total[:-1, :-1])[np.ix_(own, own)]
+    relative = solve_scaled(total[:-1, :-1], unit, 1e-12)[np.ix_(own, own)]
     relative *= np.sqrt(precision[:, None] * precision)
     model = dataclasses.replace(
         model, freedom=-0.5 * float(np.linalg.slogdet(relative)[1])

@@ -17,8 +17,8 @@ from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import Search
 from glider.sysid.search.subsets import Members, best_of_sizes, climb
+from glider.sysid.search.support import Search
 
 Move = Callable[[Search, FitResult], FitResult | None]
 

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import functools
 import heapq
 from collections.abc import Callable, Collection, Iterable, Mapping
 from itertools import combinations
@@ -10,15 +11,7 @@ from math import log
 import numpy as np
 
 from glider.physics.effects.families import BLOCKS
-from glider.sysid.constants import (
-    CLEAR,
-    EVIDENCE_THRESHOLD,
-    FOLLOWED,
-    HELD_OUT_THRESHOLD,
-    MANY_FLIGHTS,
-    MOST_EFFECTS,
-    RIVAL_GAP,
-)
+from glider.sysid import constants
 from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
@@ -29,7 +22,7 @@ Penalty = Callable[[str, Collection[str]], float]
 """Penalty of a kind in a set of kinds [nats]."""
 
 
-HELD_OUT = EvidenceThreshold(**HELD_OUT_THRESHOLD)
+HELD_OUT = EvidenceThreshold(**constants.HELD_OUT_THRESHOLD)
 """Gain on held-out flights that an effect must bring."""
 
 EVERY_GLIDER_HAS = (  # No wing's lift is exactly a flat plate's.
@@ -167,7 +160,7 @@ class Scorer:
         own = frozenset(members)
         for rest in self.smaller(members):
             others = (m for m in self.larger(rest) if frozenset(m) != own)
-            for other in heapq.nlargest(FOLLOWED, others, key=self):
+            for other in heapq.nlargest(constants.FOLLOWED, others, key=self):
                 yield from self.larger(other)
 
 
@@ -185,7 +178,7 @@ def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> 
         held_out = HeldOutEvidence(candidates, grams, counts)
         return Scorer(candidates, held_out, lambda kind, kinds: thresholds[kind])
     evidence = candidates.evidence(np.tensordot(counts, grams, 1))
-    return Scorer(candidates, evidence, penalty_in(task))
+    return Scorer(candidates, evidence, functools.partial(threshold_of, task))
 
 
 def held_out_threshold(task: Task, kind: str) -> float:
@@ -196,8 +189,8 @@ def held_out_threshold(task: Task, kind: str) -> float:
     return HELD_OUT.effect + HELD_OUT.coefficient * (sizes - 1) + cause
 
 
-def penalty_in(task: Task) -> Penalty:
-    """Returns the evidence that each effect of a set must bring.
+def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
+    """Returns the evidence that an effect of a set must bring [nats].
 
     A marginal likelihood penalizes the prior volume of coefficients already. The only
     effect of a set need but be likelier than that none of all acts. Others may stand in
@@ -206,19 +199,14 @@ def penalty_in(task: Task) -> Penalty:
     likelier than that none of them acts; any other claims that no formula will do,
     which is its rival.
     """
-    more = max(1.0, len(task.records) / MANY_FLIGHTS)
-
-    def penalty(kind: str, kinds: Collection[str]) -> float:
-        if kind not in BLOCKS:
-            is_alone = len(kinds) <= 1
-            own = log(len(task.vehicle.kinds)) if is_alone else EVIDENCE_THRESHOLD
-        elif not BLOCKS[kind].bends.isdisjoint(kinds):
-            own = log(len(BLOCKS))
-        else:
-            own = EVIDENCE_THRESHOLD + RIVAL_GAP
-        return more * own
-
-    return penalty
+    if kind not in BLOCKS:
+        is_alone = len(kinds) <= 1
+        own = log(len(task.vehicle.kinds)) if is_alone else constants.EVIDENCE_THRESHOLD
+    elif not BLOCKS[kind].bends.isdisjoint(kinds):
+        own = log(len(BLOCKS))
+    else:
+        own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
+    return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
 
 
 def _columns_of(members: Members) -> list[int]:
@@ -241,7 +229,7 @@ def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
         options = [*score.swapped(members)]
         if not same_size:
             options += score.smaller(members)
-        if not same_size and len(members) < MOST_EFFECTS:
+        if not same_size and len(members) < constants.MOST_EFFECTS:
             options += score.larger(members)
         best = max(options, key=score, default=members)
         if not same_size and not score(best) > score(members) + 1e-6:
@@ -256,10 +244,10 @@ def best_of_sizes(score: Scorer) -> list[Members]:
     beam: list[Members] = [()]
     found: list[Members] = []
     best: Members = ()
-    for _ in range(MOST_EFFECTS):
+    for _ in range(constants.MOST_EFFECTS):
         pool = {frozenset(m): m for parent in beam for m in score.larger(parent)}
-        ranked = sorted(pool.values(), key=score, reverse=True)[:FOLLOWED]
-        if not ranked or score(ranked[0]) < score(best) - CLEAR:
+        ranked = sorted(pool.values(), key=score, reverse=True)[: constants.FOLLOWED]
+        if not ranked or score(ranked[0]) < score(best) - constants.CLEAR:
             break
         reached = [climb(score, m, same_size=True) for m in ranked]
         beam = list({frozenset(m): m for m in reached}.values())

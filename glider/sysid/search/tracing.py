@@ -17,11 +17,12 @@ from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import EvidenceThreshold
-from glider.sysid.search import fits, moves
+from glider.sysid.search import moves
 from glider.sysid.search.force_search import search_forces
-from glider.sysid.search.subsets import climb, penalty_in, ranked, scorer_of
+from glider.sysid.search.subsets import climb, ranked, scorer_of, threshold_of
 from glider.sysid.search.support import (
     EffectSupport,
+    Search,
     SearchResult,
     near_and_rivals,
     weakest,
@@ -52,10 +53,10 @@ def trace(
     """
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
-    search, start = fits.Search(task, progress), start_of(task, noise)
+    search, start = Search(task, progress), start_of(task, noise)
     model = resumed(search, start, earlier) if earlier else None
     if model is None:
-        search = fits.Search(task, progress)
+        search = Search(task, progress)
         *_, model = start, *searched(search, start)
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
@@ -73,13 +74,11 @@ def trace(
         families=moves.families_of(search, model),
         found_by={kind: search.found_by.get(kind, "") for kind in model.kinds},
         rivals=rivals_of(search, model, weighed),
-        threshold=EvidenceThreshold(effect=penalty_in(task)("", model.kinds)),
+        threshold=EvidenceThreshold(effect=threshold_of(task, "", model.kinds)),
     )
 
 
-def resumed(
-    search: fits.Search, start: FitResult, earlier: FitResult
-) -> FitResult | None:
+def resumed(search: Search, start: FitResult, earlier: FitResult) -> FitResult | None:
     """Returns an earlier model fitted to other flights, unless a move improves on it.
 
     Effects are compared about the start first, as in any search.
@@ -115,7 +114,7 @@ def begun_from(task: Task, earlier: FitResult) -> FitResult:
     )
 
 
-def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
+def searched(search: Search, model: FitResult) -> Iterator[FitResult]:
     """Yields better models: of formulas, of free functions too, of all effects.
 
     No move betters the last one.
@@ -133,7 +132,7 @@ def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
 
 
 def rivals_of(
-    search: fits.Search, model: FitResult, weighed: Mapping[str, EffectSupport]
+    search: Search, model: FitResult, weighed: Mapping[str, EffectSupport]
 ) -> tuple[tuple[FitResult, float], ...]:
     """Returns the fitted sets that lack little evidence, and how much [nats].
 
@@ -162,7 +161,7 @@ def rivals_of(
 
 
 def improvements(
-    search: fits.Search, model: FitResult, names: Collection[str] = moves.MOVES
+    search: Search, model: FitResult, names: Collection[str] = moves.MOVES
 ) -> Iterator[FitResult]:
     """Yields better models until none of the moves finds one."""
     while True:
@@ -178,14 +177,14 @@ def improvements(
             return
 
 
-def improved(search: fits.Search, model: FitResult) -> FitResult:
+def improved(search: Search, model: FitResult) -> FitResult:
     """Returns the model that no move betters."""
     *_, best = model, *improvements(search, model)
     return best
 
 
 def supported(
-    search: fits.Search, model: FitResult, rng: np.random.Generator
+    search: Search, model: FitResult, rng: np.random.Generator
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
     """Returns a model of effects that resampled flights support, and their support.
 

@@ -17,8 +17,8 @@ from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model, with_blocks
 from glider.sysid.outcome import model_of
-from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import families_of, renamed
+from glider.sysid.search.support import Search
 from glider.sysid.search.tracing import improved
 from tests.benchmarks.bench_forms import draw
 from tests.helpers.other_forms import FORMS

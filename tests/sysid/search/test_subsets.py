@@ -14,7 +14,7 @@ from glider.sysid.search.subsets import (
     best_of_sizes,
     best_set,
     climb,
-    penalty_in,
+    threshold_of,
 )
 from tests.helpers.searches import gain_of
 
@@ -166,7 +166,7 @@ def test_thresholds_grow_with_many_flights_only():
     def threshold(flights):
         vehicle = types.SimpleNamespace(kinds=("wind", "mass"))
         task = types.SimpleNamespace(records=range(flights), vehicle=vehicle)
-        return penalty_in(task)("wind", ("wind", "mass"))
+        return threshold_of(task, "wind", ("wind", "mass"))
 
     assert threshold(6) == threshold(40) == EVIDENCE
     assert threshold(400) == 10.0 * EVIDENCE

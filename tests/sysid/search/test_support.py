@@ -13,10 +13,9 @@ from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search import support, tracing
-from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import shown_by
 from glider.sysid.search.subsets import Scorer, scorer_of
-from glider.sysid.search.support import EffectSupport, weakest, weigh
+from glider.sysid.search.support import EffectSupport, Search, weakest, weigh
 from glider.sysid.search.tracing import evidence_of, rivals_of
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import begin, fly, task_of
