@@ -18,9 +18,6 @@ from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.report import Combination, EvidenceThreshold
 
 Members = tuple[Member, ...]
-Penalty = Callable[[str, Collection[str]], float]
-"""Penalty of a kind in a set of kinds [nats]."""
-
 
 HELD_OUT = EvidenceThreshold(**constants.HELD_OUT_THRESHOLD)
 """Gain on held-out flights that an effect must bring."""
@@ -38,9 +35,9 @@ class Scorer:
         self,
         candidates: Candidates,
         evidence: Evidence | HeldOutEvidence,
-        penalty: Penalty,
+        penalty: Callable[[str, Collection[str]], float],
     ):
-        """Takes the evidence of the candidates' columns."""
+        """Takes the columns' evidence and the penalty of a kind in a set [nats]."""
         self.candidates, self.variants = candidates, candidates.variants
         self.evidence, self.penalty = evidence, penalty
         self._kept: dict[frozenset[Member], float] = {}
@@ -98,7 +95,7 @@ class Scorer:
         kinds = tuple(kind for kind, _ in members)
         model = model.without(task, *(set(model.kinds) - set(kinds)))
         theta = model.theta
-        columns = [c for _, variant in members for c in variant]
+        columns = _columns_of(members)
         steps = dict(zip(columns, self.evidence.step(columns), strict=True))
         blocks = model.by_name
         for kind, variant in members:
