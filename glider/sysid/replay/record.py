@@ -108,9 +108,11 @@ def prepare(
     if campaign.elevator == "servo":
         stops = find_stops(campaign, masks, noise.elevator)
     settings = dataclasses.replace(campaign, flights=())
-    mask_of = {f.name: masks.get(f.name) or no_masks(f) for f in flights}
     return in_parallel(
-        lambda f: _record(f, mask_of[f.name], settings, noise, layout, stops), flights
+        lambda f: _record(
+            f, masks.get(f.name) or no_masks(f), settings, noise, layout, stops
+        ),
+        flights,
     )
 
 
