@@ -13,7 +13,6 @@ from glider.physics.model import GliderModel
 from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.candidates import gather, tamed
 from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
-from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.information import (
     Evidence,
     counted_from,
@@ -27,12 +26,11 @@ from glider.sysid.likelihood.model_fit import (
     prior_of,
 )
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.likelihood.uncertainty import jackknife, larger_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import Report, read_report
 from glider.sysid.result import Result
-from glider.sysid.search.fits import FirstOrder
 from glider.sysid.search.subsets import Members, Scorer
 
 MOST = 5
@@ -137,7 +135,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     chosen = _chosen(task, noise, findings)
     candidates = gather(task, chosen)
     evidence = candidates.evidence(candidates.grams(chosen.scales).sum(axis=0))
-    score = FirstOrder(candidates, evidence, lambda kind, kinds: penalty)
+    score = Scorer(candidates, evidence, lambda kind, kinds: penalty)
     own = score.by_first(chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}

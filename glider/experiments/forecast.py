@@ -29,10 +29,9 @@ from glider.experiments.throws import Range, Throw, is_safe, log_of, missed
 from glider.physics.effects import Field
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.filtering import whiten
-from glider.sysid.likelihood.fit_result import field_of
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import Task, field_of
 from glider.sysid.replay.record import Noise, Record, prepare
 
 Grams = tuple[np.ndarray, ...]

@@ -25,9 +25,8 @@ from glider.experiments.throws import GENES, Throw, throw_of
 from glider.progress import Progress, Step
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.filtering import start_variances, whiten
-from glider.sysid.likelihood.fit_result import field_of
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import Task, field_of
 from glider.sysid.replay.record import Record
 
 _FIRST, DRAWN, ELITES = 144, 48, 8

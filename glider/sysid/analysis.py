@@ -28,10 +28,9 @@ from glider.sysid.constants import FOLDS
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.folds import HeldOut
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
-from glider.sysid.likelihood.task import Task, make_task
+from glider.sysid.likelihood.task import FitResult, Task, make_task
 from glider.sysid.likelihood.uncertainty import averaged, uncertainty_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle

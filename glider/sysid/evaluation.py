@@ -19,11 +19,10 @@ from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.filtering import whiten
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.outliers import find_unexplained
 from glider.sysid.likelihood.scales import NAMES, Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.outcome import SPREAD_KINDS, curves_of
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table, signals

@@ -12,8 +12,7 @@ import numpy as np
 from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, SLACK, SLIGHT, Z
 from glider.sysid.likelihood.blocks import flown_values
-from glider.sysid.likelihood.fit_result import FitResult
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.search.support import SearchResult
 
@@ -157,7 +156,7 @@ def names_of(
         return np.hstack([rows_at(model, together, at), by_formula])
 
     flown = flown_values(task.records, model.theta)
-    flown = flown[:: max(1, len(flown) // _ROWS)][:, model.by_name[pair].block.columns]
+    flown = flown[:: max(1, len(flown) // _ROWS)][:, model.by_name[pair].columns]
     static, whole = rows(flown * [1.0, 0.0]), rows(flown)
 
     def shown(rows: np.ndarray) -> float:
@@ -200,7 +199,7 @@ def rows_at(model: FitResult, blocks: Sequence[str], at: np.ndarray) -> np.ndarr
     `at` (n, 2) are angles of attack and reduced rates.
     """
     rows = []
-    for own in (model.by_name[name].block for name in blocks):
+    for own in (model.by_name[name] for name in blocks):
         columns = [("alpha", "reduced_rate").index(v) for v in own.variables]
         rows.append(own.functions(at[:, columns]) @ own.mix)
     return np.hstack(rows)

@@ -16,13 +16,12 @@ from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
-from glider.sysid.likelihood.blocks import FittedBlock
+from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
 from glider.sysid.replay.vehicle import parameters_of
@@ -188,24 +187,22 @@ def rivals_of(
     )
 
 
-def numbers_of_lift(
-    own: FittedBlock, known: Uncertainty, family: str
-) -> dict[str, Estimate]:
+def numbers_of_lift(own: Block, known: Uncertainty, family: str) -> dict[str, Estimate]:
     """What a formula's coefficient says of a normal force, of its curve at α = 0.
 
     Of lift the slope, of camber the zero-lift angle, of which C_n is -2 sin there.
     """
     places, step = known.places[LIFT], 0.02
-    low, middle, high = own.block.functions(step * np.array([[-1.0], [0.0], [1.0]]))
+    low, middle, high = own.functions(step * np.array([[-1.0], [0.0], [1.0]]))
     is_camber = family == "camber"
-    row = (-0.5 * middle if is_camber else (high - low) / (2.0 * step)) @ own.block.mix
+    row = (-0.5 * middle if is_camber else (high - low) / (2.0 * step)) @ own.mix
     value, std = float(row @ own.coordinates), float(known.std_along(places, row))
     if is_camber:
         return {"zero_lift_angle": Estimate(value, std, "rad")}
     return {"slope": Estimate(value, std, "1/rad")}
 
 
-def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Estimate]:
+def find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimate]:
     """The largest value of a free function's term, and where it is.
 
     Standard errors follow from the covariance C of the coordinates w. With a term
@@ -214,8 +211,7 @@ def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Esti
     the edge of the flown range is not one of the function: its place has no error,
     nor has that of a function of two variables.
     """
-    block, places = own.block, known.places[own.block.name]
-    count = 401 if len(block.variables) == 1 else 61
+    places, count = known.places[block.name], 401 if len(block.variables) == 1 else 61
     low, high = block.flown
     axes = [*np.linspace(low, high, count).T]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
@@ -224,14 +220,14 @@ def find_peak(own: FittedBlock, known: Uncertainty, term: str) -> dict[str, Esti
         @ (block.mix[block.terms.index(term) :: len(block.terms)])
     )  # b, (n, q)
     rows = rows.reshape(*points.shape[:-1], -1)
-    values = rows @ own.coordinates
+    values = rows @ block.coordinates
     peak = np.unravel_index(np.argmax(np.abs(values)), values.shape)
     height = float(known.std_along(places, rows[peak]))
     unit = TERM_UNITS.get(term, "-")
     found = {f"{term}_peak": Estimate(float(values[peak]), height, unit)}
     for i, (axis, variable) in enumerate(zip(axes, block.variables, strict=True)):
         slopes, place = np.gradient(rows, axis, axis=i), math.nan
-        bend = np.gradient(slopes @ own.coordinates, axis, axis=i)[peak]
+        bend = np.gradient(slopes @ block.coordinates, axis, axis=i)[peak]
         if len(axes) == 1 and 0 < peak[i] < count - 1 and bend:
             place = float(known.std_along(places, slopes[peak])) / abs(float(bend))
         at = Estimate(float(axis[peak[i]]), place, FIELD_UNITS[variable])

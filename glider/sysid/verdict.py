@@ -16,9 +16,8 @@ from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
 from glider.sysid import constants
 from glider.sysid.fit.folds import WAYS, Gains, HeldOut, ratio_of
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.scales import CEILING
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.replayed import signals
 from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.report import LIBRARY_SHAPE, Errors, Residual

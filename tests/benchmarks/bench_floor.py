@@ -18,7 +18,7 @@ import numpy as np
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit.floor import air_depends_on, find_floor
-from glider.sysid.fit.prediction import flown_by, mean_squares, predict_all
+from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.outcome import spreads_of
 from tests.helpers.known_truth import starts_of, task_of
@@ -73,7 +73,7 @@ def measure(
     truth = without_model_errors(traced, gusts, spreads_of(task, model))
     ratio, rng = noise.smoothing[2].ratio, np.random.default_rng(seed)
     floor = find_floor(flown, unseen, truth, ratio, rng)
-    pairs = zip(unseen, predict_all(flown, unseen), strict=True)
+    pairs = [(record, predict(flown, record)) for record in unseen]
     errors = np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
     flown = np.isfinite(errors).all(axis=1)
     rms = np.sqrt(np.average(errors[flown] ** 2, axis=0, weights=floor.rows[flown]))

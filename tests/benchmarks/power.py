@@ -32,12 +32,11 @@ from glider.sysid.likelihood.directions import (
     slopes,
     starts_of,
 )
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import grams_of, linear_flights
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 
 FALSE_ALARMS = 0.01
 """Share of campaigns without an effect in which the oracle may claim one."""

@@ -18,7 +18,6 @@ from glider.physics.effects import KINDS, NO_FIELD
 from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import marginal_scorer
 from glider.sysid.search.support import weigh
 from tests.helpers.tasks import begin, fly, task_of, typical
 
@@ -94,7 +93,7 @@ def test_a_cluster_of_processes_finds_what_threads_find():
         def traced():
             model = fit_model(task, start, iterations=1)
             known = uncertainty_of(task, model)
-            weighed = weigh(task, model, marginal_scorer, np.random.default_rng(0))
+            weighed = weigh(task, model, np.random.default_rng(0))
             flown = RolloutModel(
                 theta=model.theta,
                 field=NO_FIELD,

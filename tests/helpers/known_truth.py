@@ -10,9 +10,8 @@ from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.effects.field import FieldData
 from glider.sysid.fit.prediction import flown_by, measure_errors
 from glider.sysid.likelihood.blocks import carried_blocks
-from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.likelihood.task import Task, make_task
+from glider.sysid.likelihood.task import FitResult, Task, make_task, start_of
 from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result

@@ -4,9 +4,10 @@ import dataclasses
 from collections.abc import Sequence
 
 from glider.physics.effects.effect import Effect
-from glider.sysid.likelihood.fit_result import FitResult
-from glider.sysid.search.fits import Search
-from glider.sysid.search.subsets import SetEvidence
+from glider.sysid.likelihood.candidates import HeldOutEvidence
+from glider.sysid.likelihood.information import Evidence
+from glider.sysid.likelihood.task import FitResult
+from glider.sysid.search.support import Search
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -17,7 +18,7 @@ def search_among(effect: Effect, *offered: str) -> tuple[Search, FitResult]:
     return Search(task, lambda text: None), begin(task, noise)
 
 
-def gain_of(evidence: SetEvidence, columns: Sequence[int]) -> float:
+def gain_of(evidence: Evidence | HeldOutEvidence, columns: Sequence[int]) -> float:
     """Returns what a set of columns gains over none [nats]."""
     [gain] = evidence.extended(columns, [()])
     return gain

@@ -9,9 +9,8 @@ from glider.campaign.logs import Campaign
 from glider.physics.effects import KINDS, Effect
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from tests.helpers.known_truth import begin, task_of
 
 

@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg
 
 from glider.campaign.turning import Signs
-from glider.sysid.likelihood.blocks import FittedBlock, flown_values
+from glider.sysid.likelihood.blocks import flown_values
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import (
@@ -46,7 +46,7 @@ def test_what_is_carried_is_in_the_model_and_nothing_else_is(plain):
     campaign = fly(flights=1, duration=0.2)
     whole = model_of(task, bent, Signs(), campaign)
     (own,) = bent.blocks
-    assert whole.field == own.block.data(own.coordinates)
+    assert whole.field == own.data
     assert model_of(task, model, Signs(), campaign).field is None
     (effect,) = model_of(task, model, Signs(pitch=-1), campaign).effects
     assert effect.to_dict()["pitch"] == -1.0
@@ -96,7 +96,7 @@ def with_block(task, model, name):
     """Returns a trace of a model with a free function."""
     block = task.blocks[name]
     values = np.linspace(2.0, 1.0, block.count)  # So that peaks are near the start.
-    own = FittedBlock(block=block, coordinates=values, strength=1.0)
+    own = dataclasses.replace(block, coordinates=values)
     model = dataclasses.replace(model, kinds=(name,), blocks=(own,))
     return types.SimpleNamespace(
         model=model,
@@ -326,7 +326,7 @@ def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
     shown = block.functions(at) @ block.mix
     weights, covariance = likeliest(shown, function(*at.T))
     errors = scipy.linalg.block_diag(1e-8, covariance)
-    own = FittedBlock(block=block, coordinates=weights, strength=1.0)
+    own = dataclasses.replace(block, coordinates=weights)
     theta, [slot] = task.vehicle.theta.copy(), task.layout.slots_of(formula)
     theta[slot] = slope
     model = types.SimpleNamespace(kinds=(name,), theta=theta, by_name={name: own})
@@ -366,7 +366,7 @@ def test_a_normal_force_where_the_plate_has_none_is_camber(force, names, beside)
     alone = force(alpha) - 2.0 * (np.sin(alpha - beside) - np.sin(alpha))
     shown = block.functions(alpha[:, None]) @ block.mix
     weights = np.linalg.lstsq(shown, alone, rcond=1e-6)[0]
-    own = FittedBlock(block=block, coordinates=weights, strength=1.0)
+    own = dataclasses.replace(block, coordinates=weights)
     kinds = (LIFT, "camber") if beside else (LIFT,)
     model = types.SimpleNamespace(kinds=kinds, theta=theta, by_name={LIFT: own})
     places = {LIFT: range(1, 1 + block.count)}

@@ -2,9 +2,9 @@
 
 import pytest
 
-from glider.sysid.likelihood.fit_result import start_of
+from glider.sysid.likelihood.task import start_of
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.search.fits import Search
+from glider.sysid.search.support import Search
 from glider.sysid.search.tracing import improved
 from tests.helpers.tasks import fly, task_of, typical
 

@@ -25,11 +25,10 @@ from glider.sysid.fit.prediction import (
 )
 from glider.sysid.likelihood.blocks import values_at_nodes, variables_between
 from glider.sysid.likelihood.filtering import negative_log_likelihood, start_variances
-from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, field_of
 from glider.sysid.replay.record import Record
 from glider.sysid.report import EquationErrors, Errors
 

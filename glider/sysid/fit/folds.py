@@ -11,10 +11,9 @@ from glider.sysid.constants import FOLDS, WORSE
 from glider.sysid.fit.prediction import compare, flown_by, mean_squares, near_median
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import counted_from, solve_scaled
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.report import Fold
 from glider.sysid.search.tracing import search_about, without_late
 

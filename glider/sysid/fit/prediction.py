@@ -20,7 +20,6 @@ from glider.physics.effects import Field
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import BEGINNING, Z
 from glider.sysid.likelihood.filtering import negative_log_likelihood, smooth
-from glider.sysid.likelihood.fit_result import FitResult, field_of
 from glider.sysid.likelihood.linear_flight import (
     STILL_AIR,
     Surroundings,
@@ -29,7 +28,7 @@ from glider.sysid.likelihood.linear_flight import (
 )
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, field_of
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
 from glider.sysid.report import EquationErrors, Errors, Fit, PathErrors, RolloutErrors
@@ -181,11 +180,6 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     return Prediction(pose=pose, translated=along, trim=float(trim))
 
 
-def predict_all(model: RolloutModel, records: Sequence[Record]) -> list[Prediction]:
-    """Predicts flights from their beginnings."""
-    return in_parallel(functools.partial(predict, model), records)
-
-
 class Compared(NamedTuple):
     """Predictions of the same flights by several models, by name."""
 
@@ -196,7 +190,10 @@ class Compared(NamedTuple):
 
 def compare(models: Mapping[str, tuple[RolloutModel, Sequence[Record]]]) -> Compared:
     """Predicts flights by models, each with its records of them."""
-    found = {name: predict_all(*own) for name, own in models.items()}
+    found = {
+        name: in_parallel(functools.partial(predict, model), records)
+        for name, (model, records) in models.items()
+    }
     finite = [
         any(p.is_finite for p in own) for own in zip(*found.values(), strict=True)
     ]

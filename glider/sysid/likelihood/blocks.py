@@ -75,6 +75,8 @@ class Block:
     flown: np.ndarray  #: (2, d) least and largest values of the variables in flight.
     mix: np.ndarray  #: (M T, q) weights of coordinates, the most shown ones first.
     leading: int  #: Number of coordinates by which it is compared with others.
+    coordinates: np.ndarray  #: (q,) zero unless it acts in a model.
+    strength: float = 1.0  #: Prior spread of the coordinates.
 
     @property
     def count(self) -> int:
@@ -84,7 +86,8 @@ class Block:
     @property
     def leading_only(self) -> "Block":
         """The block with its leading coordinates alone."""
-        return dataclasses.replace(self, mix=self.mix[:, : self.leading])
+        own = self.mix[:, : self.leading], self.coordinates[: self.leading]
+        return dataclasses.replace(self, mix=own[0], coordinates=own[1])
 
     @property
     def columns(self) -> list[int]:
@@ -98,25 +101,19 @@ class Block:
         is_within = (low <= self.centers) & (self.centers <= high)
         return self.centers[is_within.all(axis=1)]
 
-    def fitted(self, strength: float, leading: Sequence[float] = ()) -> "FittedBlock":
-        """Returns the block in a model, coordinates being zero but the leading ones."""
-        coordinates = np.zeros(self.count)
-        coordinates[: len(leading)] = leading
-        return FittedBlock(block=self, coordinates=coordinates, strength=strength)
-
     def functions(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (n, M) at values of the variables (n, d)."""
         return gaussian(values, self.centers, self.widths)
 
-    def values(self, coordinates: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Returns the terms (n, T) at values of the variables (n, d)."""
-        weights = (self.mix @ coordinates).reshape(-1, len(self.terms))
-        return self.functions(at) @ weights
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights of the Gaussians in each term, (M, T)."""
+        return (self.mix @ self.coordinates).reshape(-1, len(self.terms))
 
-    def data(self, coordinates: np.ndarray) -> FieldData:
-        """Returns the function as a model file has it, without terms of no weight."""
-        by_term = (self.mix @ coordinates).reshape(-1, len(self.terms)).T
-        weights = zip(self.terms, by_term.tolist(), strict=True)
+    @property
+    def data(self) -> FieldData:
+        """The function as a model file has it, without terms of no weight."""
+        weights = zip(self.terms, self.weights.T.tolist(), strict=True)
         return FieldData(
             kind="unexplained",
             variables=list(self.variables),
@@ -149,37 +146,25 @@ def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.
     return np.exp(-0.5 * np.sum(scaled**2, axis=2))
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FittedBlock:
-    """A block that acts in a model."""
-
-    block: Block
-    coordinates: np.ndarray  #: (q,)
-    strength: float  #: Prior spread of the coordinates.
-
-    @property
-    def data(self) -> FieldData:
-        """The function as a model file has it."""
-        return self.block.data(self.coordinates)
-
-
-def carried_blocks(data: FieldData | None) -> tuple[FittedBlock, ...]:
+def carried_blocks(data: FieldData | None) -> tuple[Block, ...]:
     """Returns the functions that a model carries, each with a factor to fit."""
     found = []
     for i, part in enumerate(() if data is None else (data, *data.more)):
         weights = np.array(list(part.weights.values())).T.reshape(-1, 1)
         centers = np.array(part.centers).reshape(-1, len(part.variables))
-        block = Block(
-            name=f"carried {i}",
-            terms=tuple(part.weights),
-            variables=tuple(part.variables),
-            centers=centers,
-            widths=np.column_stack([np.full(len(centers), w) for w in part.widths]),
-            flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
-            mix=weights,
-            leading=1,
+        found.append(
+            Block(
+                name=f"carried {i}",
+                terms=tuple(part.weights),
+                variables=tuple(part.variables),
+                centers=centers,
+                widths=np.column_stack([np.full(len(centers), w) for w in part.widths]),
+                flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
+                mix=weights,
+                leading=1,
+                coordinates=np.ones(1),
+            )
         )
-        found.append(FittedBlock(block=block, coordinates=np.ones(1), strength=1.0))
     return tuple(found)
 
 
@@ -254,6 +239,7 @@ def _make_block(
         flown=range_,
         mix=SPREADS[kind.term] * basis,
         leading=int(np.count_nonzero(spreads > SLACK)),
+        coordinates=np.zeros(basis.shape[1]),
     )
 
 

@@ -11,12 +11,17 @@ from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
-from glider.sysid.likelihood.fit_result import FitResult, field_of
-from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
+from glider.sysid.likelihood.information import (
+    Evidence,
+    counted_from,
+    eliminate,
+    solve,
+    solve_scaled,
+)
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, field_of
 
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
 Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
@@ -25,6 +30,8 @@ _STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
 _LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
 _AT_ONCE = 8  # Flights whose information is in memory at once.
 _IN_PART = 32  # Flights whose columns are.
+_MOST_ENTRIES = 1_000_000  # Of matrices that are solved at once, for the memory.
+_SLACK = 1e-9  # Rounding by which a bound may be passed.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -78,8 +85,8 @@ class Candidates:
 
         Blocks that do not act yet have a prior spread of one; see `columns`.
         """
-        idle = (block.fitted(1.0) for block in self.blocks)
-        model = dataclasses.replace(self.model, blocks=(*self.model.blocks, *idle))
+        blocks = (*self.model.blocks, *self.blocks)
+        model = dataclasses.replace(self.model, blocks=blocks)
         prior = model_fit.prior_of(self.task, model, self.slots)
         is_shape = [j for j, slot in enumerate(self.slots) if self.task.is_shape(slot)]
         share = -prior.mean
@@ -100,6 +107,68 @@ class Candidates:
             lower=prior.lower[at],
             upper=prior.upper[at],
         )
+
+
+class HeldOutEvidence:
+    """Log-likelihood that columns gain on flights, each held out in turn [nats].
+
+    An error common to all flights is evidence for any effect that imitates it, more of
+    it with more flights; cross-validation does not reward that (Stone, J. R. Stat. Soc.
+    B 39, 1977). Everything is linear, so that each flight is held out exactly, the
+    unknown parameters of the vehicle refitted without it.
+    """
+
+    def __init__(self, candidates: Candidates, grams: np.ndarray, counts: np.ndarray):
+        """Takes the flights' information and how often each counts."""
+        drawn = np.flatnonzero(counts)
+        self._counts, self._always = counts[drawn], np.array(candidates.always, int)
+        self._own, self._prior = candidates.from_nothing(grams[drawn])
+        weighted = self._counts[:, None, None] * self._own
+        self._sum = weighted.sum(axis=0, keepdims=True)
+        self._rest = self._sum - weighted
+        self._alone = self._costs(self._always[None])
+
+    def extended(
+        self, columns: Sequence[int], more: Sequence[Sequence[int]]
+    ) -> list[float]:
+        """Gain of columns with each of several others over none; -inf: not physical."""
+        sets = [[*self._always, *columns, *variant] for variant in more]
+        gains = np.zeros(len(sets))
+        for size in {*map(len, sets)} - {len(self._always)}:
+            at = np.flatnonzero([len(own) == size for own in sets])
+            parts = 1 + len(at) * len(self._own) * size**2 // _MOST_ENTRIES
+            for part in np.array_split(at, min(parts, len(at))):
+                gains[part] = self._gains(np.array([sets[i] for i in part]))
+        return gains.tolist()
+
+    def step(self, columns: Sequence[int]) -> np.ndarray:
+        """Returns the coefficients of columns, counted from zero."""
+        sets = np.array([[*self._always, *columns]], dtype=int)
+        return self._steps(self._sum, sets)[0, 0, len(self._always) :]
+
+    def _gains(self, sets: np.ndarray) -> np.ndarray:
+        """Returns the gains of sets of columns (v, m) over what always acts, (v,)."""
+        steps = self._steps(self._sum, sets)[0]
+        lower, upper = self._prior.lower[sets], self._prior.upper[sets]
+        is_out = steps < lower - _SLACK * np.abs(lower)
+        is_out |= steps > upper + _SLACK * np.abs(upper)
+        is_out[:, : len(self._always)] = False
+        gains = self._counts @ (self._alone - self._costs(sets))
+        return np.where(is_out.any(axis=1), -np.inf, gains)
+
+    def _steps(self, grams: np.ndarray, sets: np.ndarray) -> np.ndarray:
+        """Returns the likeliest changes (n, v, m) by information (n, M + 1, M + 1)."""
+        precision = self._prior.precision[sets][..., None] * np.eye(sets.shape[1])
+        systems = grams[:, sets[..., None], sets[:, None]] + precision
+        return solve_scaled(systems, grams[:, sets, -1], 0.0)
+
+    def _costs(self, sets: np.ndarray) -> np.ndarray:
+        """Returns flights' costs by what the others say of sets of columns (n, v)."""
+        steps = self._steps(self._rest, sets)
+        weights = np.concatenate([-steps, np.ones((*steps.shape[:2], 1))], axis=2)
+        index = np.pad(sets, ((0, 0), (0, 1)), constant_values=-1)
+        own = self._own[:, index[..., None], index[:, None]]
+        return 0.5 * np.sum(weights * (own @ weights[..., None])[..., 0], axis=2)
 
 
 def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candidates:
@@ -218,13 +287,11 @@ def tamed(
     # So is what is not a number; the last column, the error, stays as it is.
     is_wild = ~np.all(np.array(largest) * scale < _LARGEST_PUSH, axis=0)
     is_wild[-1] = False
-    tame = list(flights)
     if is_wild.any():
-        tame = [
-            dataclasses.replace(f, inputs=np.where(is_wild, 0.0, f.inputs))
-            for f in flights
-        ]
-    return tame, set(np.flatnonzero(is_wild).tolist())
+        inputs = (np.where(is_wild, 0.0, f.inputs) for f in flights)
+        pairs = zip(flights, inputs, strict=True)
+        flights = [dataclasses.replace(f, inputs=own) for f, own in pairs]
+    return list(flights), set(np.flatnonzero(is_wild).tolist())
 
 
 def saturated(candidates: Candidates, rounds: int) -> FitResult:

@@ -16,21 +16,17 @@ from glider.compiled.evidence import extended
 def solve_scaled(
     matrix: np.ndarray, right: np.ndarray, ridge: float = 1e-10
 ) -> np.ndarray:
-    """Solves A x = b for coefficients of any units, (..., m).
+    """Solves A x = b for coefficients of any units, (..., m); of one A for many b.
 
     Rows and columns are scaled to a diagonal of one, where `ridge` is added.
     """
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
     scaled = matrix * scale[..., :, None] * scale[..., None, :]
     scaled = scaled + ridge * np.eye(matrix.shape[-1])
-    return scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
-
-
-def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Returns the inverse of a matrix (m, m) of coefficients of any units."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * scale[:, None] * scale + 1e-12 * np.eye(len(matrix))
-    return np.linalg.inv(scaled) * scale[:, None] * scale
+    right = scale * right
+    if matrix.ndim == 2:
+        return scale * np.linalg.solve(scaled, right.T).T
+    return scale * np.linalg.solve(scaled, right[..., None])[..., 0]
 
 
 def solve(information: np.ndarray) -> np.ndarray:

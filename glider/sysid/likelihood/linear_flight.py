@@ -55,10 +55,6 @@ class AddedColumns(NamedTuple):
     mix: np.ndarray  #: (M, T, q) mixtures of functions times terms.
     are_read: bool  #: Whether sensors read them.
 
-    def made(self) -> np.ndarray:
-        """Returns the columns (K, n, q), of sensors (K + 1, C, q)."""
-        return self.by_term @ np.tensordot(self.basis, self.mix, 1)
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LinearFlight:
@@ -136,7 +132,8 @@ class LinearFlight:
         inputs, outputs, start = (np.insert(own, places, 0.0, -1) for own in arrays)
         for own in self.forces:
             last = first + own.mix.shape[2]
-            (outputs if own.are_read else inputs)[..., first:last] = own.made()
+            made = own.by_term @ np.tensordot(own.basis, own.mix, 1)
+            (outputs if own.are_read else inputs)[..., first:last] = made
             first = last
         return dataclasses.replace(
             self, forces=(), inputs=inputs, outputs=outputs, start=start

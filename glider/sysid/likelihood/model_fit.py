@@ -20,8 +20,7 @@ from glider.sysid.likelihood.filtering import (
     surroundings_of,
     whiten,
 )
-from glider.sysid.likelihood.fit_result import FitResult, field_of
-from glider.sysid.likelihood.information import bounded_step, inverse
+from glider.sysid.likelihood.information import bounded_step, solve_scaled
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
     STILL_AIR,
@@ -31,7 +30,7 @@ from glider.sysid.likelihood.linear_flight import (
 )
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES, Scales, lifted
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, field_of
 from glider.sysid.replay.record import Record
 
 FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
@@ -53,7 +52,7 @@ def linear_flights(
     By default the columns before them are those of the model's free parameters. Those
     of offered blocks may be added later.
     """
-    field, blocks = field_of(model), [own.block for own in model.blocks]
+    field, blocks = field_of(model), model.blocks
     terms = {term for block in (*blocks, *offered) for term in block.terms}
     terms |= set(FORCES if model.has_force_errors else ())
     if directions is None:
@@ -254,10 +253,11 @@ def fit_strength(
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
     of_blocks, start = slice(len(model.free), None), model.coordinates
+    unit = np.eye(len(gram) - 1)
     before = float(prior_of(task, model).added_to(gram)[-1, -1])
     for _ in range(_STRENGTH_ROUNDS if model.blocks else 0):
         total = prior_of(task, model).added_to(gram)
-        covariance = inverse(total[:-1, :-1])
+        covariance = solve_scaled(total[:-1, :-1], unit, 1e-12)
         value = start + (covariance @ total[:-1, -1])[of_blocks]
         squares = value**2 + np.diag(covariance)[of_blocks]
         blocks = []
@@ -269,7 +269,7 @@ def fit_strength(
     prior = prior_of(task, model)
     total = prior.added_to(gram)
     precision = prior.precision[own]
-    relative = inverse(total[:-1, :-1])[np.ix_(own, own)]
+    relative = solve_scaled(total[:-1, :-1], unit, 1e-12)[np.ix_(own, own)]
     relative *= np.sqrt(precision[:, None] * precision)
     model = dataclasses.replace(
         model, freedom=-0.5 * float(np.linalg.slogdet(relative)[1])

@@ -14,10 +14,9 @@ from glider.sysid.constants import FOLDS, LEAST_DEVIATION, LEAST_SPREAD, NOISE, 
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values, whiten
-from glider.sysid.likelihood.fit_result import FitResult, start_of
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 
 _COARSE = "position", "pitch", "elevator", "air", "moment", "servo", "rest"
@@ -55,15 +54,12 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
 
 def find_unexplained(task: Task, model: FitResult) -> list[str]:
     """Returns the flights whose errors are out of line under a model with its noise."""
-    if len(task.records) < FOLDS:
-        return []
     found = [whiten(f, model.scales) for f in model_fit.error_flights(task, model)]
     counts = [np.sum(record.seen) for record in task.records]
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         squares = np.array([np.sum(own.innovations**2) for own in found]) / counts
     squares = np.maximum(np.nan_to_num(squares, nan=np.inf), _LEAST_SQUARE)
-    places = np.flatnonzero(stand_out(squares)).tolist()
-    return [task.records[i].name for i in places]
+    return [task.records[i].name for i in np.flatnonzero(stand_out(squares)).tolist()]
 
 
 def stand_out(squares: np.ndarray) -> np.ndarray:
@@ -91,7 +87,7 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
     A flight's constants may absorb that it has another unit or glider; the variation
     then grows to include it and hides the effects of all others.
     """
-    if not task.vehicle.knows_forces or len(task.records) < FOLDS:
+    if not task.vehicle.knows_forces:
         return {}
     own = flight_values(model_fit.error_flights(task, model), model.scales)
     found: dict[str, str] = {}

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.fit_result import FitResult
-from glider.sysid.likelihood.information import inverse, solve_scaled
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.task import FitResult, Task
 
 _LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as none.
 
@@ -101,7 +100,7 @@ def jackknife(
     flights, m = len(grams), grams.shape[1] - 1
     hessians = grams[:, :m, :m]
     total = hessians.sum(axis=0) + np.diag(precision)
-    covariance = inverse(total)
+    covariance = solve_scaled(total, np.eye(m), 1e-12)
     changes = solve_scaled(total - hessians, grams[:, :m, m], 1e-12)
     symmetric = 0.5 * (covariance + covariance.T)
     return symmetric, changes * np.sqrt((flights - 1.0) / flights)

@@ -108,12 +108,12 @@ def prepare(
     if campaign.elevator == "servo":
         stops = find_stops(campaign, masks, noise.elevator)
     settings = dataclasses.replace(campaign, flights=())
-
-    def one(flight: Flight) -> Record:
-        own = masks.get(flight.name) or no_masks(flight)
-        return _record(flight, own, settings, noise, layout, stops)
-
-    return in_parallel(one, flights)
+    return in_parallel(
+        lambda f: _record(
+            f, masks.get(f.name) or no_masks(f), settings, noise, layout, stops
+        ),
+        flights,
+    )
 
 
 def _record(

@@ -13,13 +13,12 @@ import numpy as np
 from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS, SLACK, Z
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import error_flights
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import Search
 from glider.sysid.search.subsets import Members, best_of_sizes, climb
+from glider.sysid.search.support import Search
 
 Move = Callable[[Search, FitResult], FitResult | None]
 

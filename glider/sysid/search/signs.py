@@ -11,10 +11,9 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.turning import Signs, turn
 from glider.sysid.constants import CLEAR, FEW_FLIGHTS
-from glider.sysid.likelihood.fit_result import start_of
 from glider.sysid.likelihood.model_fit import error_flights, fit_model, grams_of
 from glider.sysid.likelihood.outliers import COARSE_SCALES
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import Task, start_of
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle
 

@@ -1,34 +1,31 @@
 """Sets of effects by their evidence: a beam with swaps, and hill climbing."""
 
+import copy
+import dataclasses
+import functools
 import heapq
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from itertools import combinations
-from typing import Protocol
+from math import log
 
 import numpy as np
 
-from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS
-from glider.sysid.likelihood.candidates import Member, Variant
-from glider.sysid.report import Combination
+from glider.physics.effects.families import BLOCKS
+from glider.sysid import constants
+from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
+from glider.sysid.likelihood.information import Evidence
+from glider.sysid.likelihood.task import FitResult, Task
+from glider.sysid.report import Combination, EvidenceThreshold
 
 Members = tuple[Member, ...]
-Penalty = Callable[[str, Collection[str]], float]
-"""Penalty of a kind in a set of kinds [nats]."""
 
+HELD_OUT = EvidenceThreshold(**constants.HELD_OUT_THRESHOLD)
+"""Gain on held-out flights that an effect must bring."""
 
-class SetEvidence(Protocol):
-    """How much better a set of columns explains the flights than none."""
-
-    def extended(
-        self, columns: Sequence[int], more: Sequence[Sequence[int]]
-    ) -> list[float]:
-        """Returns the gain of columns with each of several others [nats].
-
-        It is minus infinity where coefficients are not physical.
-        """
-
-    def step(self, columns: Sequence[int]) -> np.ndarray:
-        """Returns the columns' coefficients, counted from zero."""
+EVERY_GLIDER_HAS = (  # No wing's lift is exactly a flat plate's.
+    *("camber", "profile_drag", "axial_drag", "induced_drag"),
+    *("attached_lift", "pitch_rate_lift"),
+)
 
 
 class Scorer:
@@ -36,12 +33,13 @@ class Scorer:
 
     def __init__(
         self,
-        evidence: SetEvidence,
-        variants: Mapping[str, Sequence[Variant]],
-        penalty: Penalty,
+        candidates: Candidates,
+        evidence: Evidence | HeldOutEvidence,
+        penalty: Callable[[str, Collection[str]], float],
     ):
-        """Takes the penalty of a member [nats]."""
-        self.evidence, self.variants, self.penalty = evidence, variants, penalty
+        """Takes the columns' evidence and the penalty of a kind in a set [nats]."""
+        self.candidates, self.variants = candidates, candidates.variants
+        self.evidence, self.penalty = evidence, penalty
         self._kept: dict[frozenset[Member], float] = {}
         self._scores: dict[frozenset[Member], float] = {}
 
@@ -87,10 +85,39 @@ class Scorer:
 
     def among(self, kinds: Collection[str]) -> "Scorer":
         """Returns the scorer with only some kinds to choose from."""
-        few = {kind: own for kind, own in self.variants.items() if kind in kinds}
-        other = Scorer(self.evidence, few, self.penalty)
-        other._kept = self._kept
+        other = copy.copy(self)
+        other.variants = {k: own for k, own in self.variants.items() if k in kinds}
         return other
+
+    def begin(self, members: Members) -> FitResult:
+        """Returns the model with the coefficients of a set, not fitted yet."""
+        task, model = self.candidates.task, self.candidates.model
+        kinds = tuple(kind for kind, _ in members)
+        model = model.without(task, *(set(model.kinds) - set(kinds)))
+        theta = model.theta
+        columns = _columns_of(members)
+        steps = dict(zip(columns, self.evidence.step(columns), strict=True))
+        blocks = model.by_name
+        for kind, variant in members:
+            step = np.array([steps[c] for c in variant])
+            if own := blocks.get(kind) or task.blocks.get(kind):
+                strength = own.strength  # That of one that acts.
+                if kind not in blocks:
+                    strength = self.candidates.columns[variant[0]][1]
+                step = np.pad(step, (0, own.count - len(step)))
+                blocks[kind] = dataclasses.replace(
+                    own, coordinates=step, strength=strength
+                )
+                continue
+            directions = [self.candidates.directions[c] for c in variant]
+            for slot, shape in (pair for d in directions for pair in d.shapes):
+                theta[slot] = shape
+            slots = [d.slot for d in directions]
+            values = task.priors(slots, theta)[0] + step
+            theta[slots] = np.clip(values, *task.bounds(slots))
+        return dataclasses.replace(
+            model, kinds=kinds, free=task.free(kinds), blocks=tuple(blocks.values())
+        )
 
     def larger(self, members: Members) -> Iterable[Members]:
         """Returns the sets with one member more."""
@@ -130,8 +157,53 @@ class Scorer:
         own = frozenset(members)
         for rest in self.smaller(members):
             others = (m for m in self.larger(rest) if frozenset(m) != own)
-            for other in heapq.nlargest(FOLLOWED, others, key=self):
+            for other in heapq.nlargest(constants.FOLLOWED, others, key=self):
                 yield from self.larger(other)
+
+
+def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> Scorer:
+    """Returns the evidence of sets on flights that count so often, penalized.
+
+    To first order about the candidates' model: the gain on held-out flights of one with
+    errors of the forces, else the marginal likelihood.
+    """
+    task = candidates.task
+    if candidates.model.has_force_errors:
+        thresholds = {
+            kind: held_out_threshold(task, kind) for kind in candidates.variants
+        }
+        held_out = HeldOutEvidence(candidates, grams, counts)
+        return Scorer(candidates, held_out, lambda kind, kinds: thresholds[kind])
+    evidence = candidates.evidence(np.tensordot(counts, grams, 1))
+    return Scorer(candidates, evidence, functools.partial(threshold_of, task))
+
+
+def held_out_threshold(task: Task, kind: str) -> float:
+    """Returns the gain that an effect must bring on held-out flights [nats]."""
+    slots = task.layout.slots_of(kind)
+    sizes = sum(not task.is_shape(i) for i in slots)
+    cause = 0.0 if kind in EVERY_GLIDER_HAS else HELD_OUT.uncommon
+    return HELD_OUT.effect + HELD_OUT.coefficient * (sizes - 1) + cause
+
+
+def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
+    """Returns the evidence that an effect of a set must bring [nats].
+
+    A marginal likelihood penalizes the prior volume of coefficients already. The only
+    effect of a set need but be likelier than that none of all acts. Others may stand in
+    for errors of its formula, and must bring more, with what the first was spared. A
+    free function that bends a formula of the set claims nothing new, and need only be
+    likelier than that none of them acts; any other claims that no formula will do,
+    which is its rival.
+    """
+    if kind not in BLOCKS:
+        is_alone = len(kinds) <= 1
+        own = log(len(task.vehicle.kinds)) if is_alone else constants.EVIDENCE_THRESHOLD
+    elif not BLOCKS[kind].bends.isdisjoint(kinds):
+        own = log(len(BLOCKS))
+    else:
+        own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
+    return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
 
 
 def _columns_of(members: Members) -> list[int]:
@@ -154,7 +226,7 @@ def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
         options = [*score.swapped(members)]
         if not same_size:
             options += score.smaller(members)
-        if not same_size and len(members) < MOST_EFFECTS:
+        if not same_size and len(members) < constants.MOST_EFFECTS:
             options += score.larger(members)
         best = max(options, key=score, default=members)
         if not same_size and not score(best) > score(members) + 1e-6:
@@ -169,10 +241,10 @@ def best_of_sizes(score: Scorer) -> list[Members]:
     beam: list[Members] = [()]
     found: list[Members] = []
     best: Members = ()
-    for _ in range(MOST_EFFECTS):
+    for _ in range(constants.MOST_EFFECTS):
         pool = {frozenset(m): m for parent in beam for m in score.larger(parent)}
-        ranked = sorted(pool.values(), key=score, reverse=True)[:FOLLOWED]
-        if not ranked or score(ranked[0]) < score(best) - CLEAR:
+        ranked = sorted(pool.values(), key=score, reverse=True)[: constants.FOLLOWED]
+        if not ranked or score(ranked[0]) < score(best) - constants.CLEAR:
             break
         reached = [climb(score, m, same_size=True) for m in ranked]
         beam = list({frozenset(m): m for m in reached}.values())

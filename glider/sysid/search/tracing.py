@@ -5,6 +5,7 @@ sets are proposed in closed form and fitted, until no move finds one. What resam
 flights do not support is dropped, and the loop goes on without it.
 """
 
+import dataclasses
 from collections.abc import Collection, Generator, Iterator, Mapping
 
 import numpy as np
@@ -13,15 +14,15 @@ from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress, Step
 from glider.sysid.constants import CLEAR, FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
-from glider.sysid.likelihood.fit_result import FitResult, start_of
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import EvidenceThreshold
-from glider.sysid.search import fits, moves
-from glider.sysid.search.force_search import held_out_scorer, search_forces
-from glider.sysid.search.subsets import climb, ranked
+from glider.sysid.search import moves
+from glider.sysid.search.force_search import search_forces
+from glider.sysid.search.subsets import climb, ranked, scorer_of, threshold_of
 from glider.sysid.search.support import (
     EffectSupport,
+    Search,
     SearchResult,
     near_and_rivals,
     weakest,
@@ -30,6 +31,8 @@ from glider.sysid.search.support import (
 
 # Tried last: scales are seldom wrong, and to first order they imitate many effects.
 LATE = ("position_scale", "elevator_scale")
+
+_FIRST = ("best set",)  # Moves among effects that are new to the search.
 
 EARLIER = "earlier flights"
 """In the place of a move: the effect was there when the search began."""
@@ -50,15 +53,15 @@ def trace(
     """
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
-    search, start = fits.Search(task, progress), start_of(task, noise)
+    search, start = Search(task, progress), start_of(task, noise)
     model = resumed(search, start, earlier) if earlier else None
     if model is None:
-        search = fits.Search(task, progress)
+        search = Search(task, progress)
         *_, model = start, *searched(search, start)
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
-    bare = search.fit(fits.without(task, model, *model.kinds))
+    bare = search.fit(model.without(task, *model.kinds))
     least = search.penalized_cost(bare)
     costs = {m.kinds: search.penalized_cost(m) for m in search.finished}
     return SearchResult(
@@ -71,13 +74,11 @@ def trace(
         families=moves.families_of(search, model),
         found_by={kind: search.found_by.get(kind, "") for kind in model.kinds},
         rivals=rivals_of(search, model, weighed),
-        threshold=EvidenceThreshold(effect=fits.penalty_in(task)("", model.kinds)),
+        threshold=EvidenceThreshold(effect=threshold_of(task, "", model.kinds)),
     )
 
 
-def resumed(
-    search: fits.Search, start: FitResult, earlier: FitResult
-) -> FitResult | None:
+def resumed(search: Search, start: FitResult, earlier: FitResult) -> FitResult | None:
     """Returns an earlier model fitted to other flights, unless a move improves on it.
 
     Effects are compared about the start first, as in any search.
@@ -100,17 +101,20 @@ def begun_from(task: Task, earlier: FitResult) -> FitResult:
     """
     free, theta = list(task.free(earlier.kinds)), task.vehicle.theta.copy()
     theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
-    blocks = (task.blocks[b.block.name].fitted(b.strength) for b in earlier.blocks)
+    blocks = tuple(
+        dataclasses.replace(task.blocks[own.name], strength=own.strength)
+        for own in earlier.blocks
+    )
     return FitResult(
         kinds=earlier.kinds,
         theta=theta,
         free=tuple(free),
-        blocks=tuple(blocks),
+        blocks=blocks,
         scales=earlier.scales,
     )
 
 
-def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
+def searched(search: Search, model: FitResult) -> Iterator[FitResult]:
     """Yields better models: of formulas, of free functions too, of all effects.
 
     No move betters the last one.
@@ -118,18 +122,18 @@ def searched(search: fits.Search, model: FitResult) -> Iterator[FitResult]:
     task, early = search.task, without_late(search.task, model.kinds)
     if not model.kinds:  # A formula's own free function would come before it.
         search.task = early.offering(early.kinds)
-        model = yield from improvements(search, model, ("best set",))
+        model = yield from improvements(search, model, _FIRST)
     search.task = early
     model = yield from improvements(search, model)
     if early is not task:
         search.task = task
-        late = yield from improvements(search, model, ("best set",))
+        late = yield from improvements(search, model, _FIRST)
         if late is not model:
             yield from improvements(search, late)
 
 
 def rivals_of(
-    search: fits.Search, model: FitResult, weighed: Mapping[str, EffectSupport]
+    search: Search, model: FitResult, weighed: Mapping[str, EffectSupport]
 ) -> tuple[tuple[FitResult, float], ...]:
     """Returns the fitted sets that lack little evidence, and how much [nats].
 
@@ -158,7 +162,7 @@ def rivals_of(
 
 
 def improvements(
-    search: fits.Search, model: FitResult, names: Collection[str] = moves.MOVES
+    search: Search, model: FitResult, names: Collection[str] = moves.MOVES
 ) -> Generator[FitResult, None, FitResult]:
     """Yields better models until none of the moves finds one; returns the last."""
     while True:
@@ -174,14 +178,14 @@ def improvements(
             return model
 
 
-def improved(search: fits.Search, model: FitResult) -> FitResult:
+def improved(search: Search, model: FitResult) -> FitResult:
     """Returns the model that no move betters."""
     *_, best = model, *improvements(search, model)
     return best
 
 
 def supported(
-    search: fits.Search, model: FitResult, rng: np.random.Generator
+    search: Search, model: FitResult, rng: np.random.Generator
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
     """Returns a model of effects that resampled flights support, and their support.
 
@@ -200,14 +204,14 @@ def supported(
         if search.prefers(best, model):
             model = grown(best)
             continue
-        weighed = weigh(search.task, model, fits.marginal_scorer, rng)
+        weighed = weigh(search.task, model, rng)
         evidence = evidence_of(search.task, model, fewer)
         weak = weakest(weighed, evidence)
         if weak is None:
             return model, evidence, weighed
         task, least = search.task, model
         search.task = task.offering(task.offered - {weak})
-        model = grown(search.fit(fits.without(task, model, weak)))
+        model = grown(search.fit(model.without(task, weak)))
 
 
 def evidence_of(
@@ -246,10 +250,9 @@ def search_about(
     Returns:
         the model with their coefficients, all else as it is, and their columns.
     """
-    is_of_forces = candidates.model.has_force_errors
-    scorer = held_out_scorer if is_of_forces else fits.marginal_scorer
-    score = scorer(candidates, grams, counts)
+    score = scorer_of(candidates, grams, counts)
     chosen = score.by_first(candidates.model.kinds)
-    offered, _ = near_and_rivals(scorer(candidates, grams, np.ones(len(grams))), chosen)
+    evenly = scorer_of(candidates, grams, np.ones(len(grams)))
+    offered, _ = near_and_rivals(evenly, chosen)
     members = climb(score.among(offered), chosen)
     return score.begin(members), [c for _, variant in members for c in variant]

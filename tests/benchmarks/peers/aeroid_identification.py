@@ -22,10 +22,9 @@ from glider.compiled import replay
 from glider.compiled.kernel import Family
 from glider.physics.chain import derivatives, theta_of
 from glider.physics.effects import NO_FIELD
-from glider.sysid.likelihood.fit_result import FitResult
 from glider.sysid.likelihood.linear_flight import STILL_AIR, path_of
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.replayed import signals, true_nodes

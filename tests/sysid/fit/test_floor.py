@@ -8,7 +8,7 @@ from scipy.stats import norm
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit.floor import air_depends_on, find_floor
-from glider.sysid.fit.prediction import flown_by, mean_squares, predict_all
+from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.report import EquationErrors, Spread
@@ -40,7 +40,7 @@ def floor_and_errors(campaign, truth, effect=None):
     flown = flown_by(task, model, scales)
     ratio = noise.smoothing[2].ratio
     floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))
-    pairs = zip(task.records, predict_all(flown, task.records), strict=True)
+    pairs = [(record, predict(flown, record)) for record in task.records]
     return floor, np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
 
 

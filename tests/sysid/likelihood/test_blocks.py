@@ -17,8 +17,8 @@ from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model, with_blocks
 from glider.sysid.outcome import model_of
-from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import families_of, renamed
+from glider.sysid.search.support import Search
 from glider.sysid.search.tracing import improved
 from tests.benchmarks.bench_forms import draw
 from tests.helpers.other_forms import FORMS
@@ -108,7 +108,7 @@ def test_the_block_is_the_vent(vent):
     assert renamed(search, found) is None and families_of(search, found) == {}
     (own,) = found.blocks
     x = np.linspace(-2.6, -1.0, 161)[:, None]
-    blown = own.block.values(own.coordinates, x)
+    blown = own.functions(x) @ own.weights
     assert x[np.argmax(blown), 0] == pytest.approx(-1.8, abs=0.05)
     assert blown.max() == pytest.approx(1.0, abs=0.1)
 
@@ -120,7 +120,7 @@ def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     assert set(found.kinds) <= {"push over t", "thrust"}
     own = found.by_name["push over t"]
     t = np.array([0.03, 0.06, 0.3, 0.7])
-    pushed = own.block.values(own.coordinates, t[:, None])[:, 0]
+    pushed = (own.functions(t[:, None]) @ own.weights)[:, 0]
     index, start = search.task.layout.index, search.task.vehicle.theta
     thrust = found.theta[index["thrust", "force"]]
     pushed += thrust / start[index["parameters", "mass"]]
@@ -136,7 +136,7 @@ def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha()
     assert set(found.kinds) <= {"added mass over alpha", "added_mass"}
     own = found.by_name["added mass over alpha"]
     alpha = np.linspace(0.1, 1.0, 19)[:, None]
-    carried = own.block.values(own.coordinates, alpha)[:, 0]
+    carried = (own.functions(alpha) @ own.weights)[:, 0]
     index, start = search.task.layout.index, search.task.vehicle.theta
     mass = found.theta[index["added_mass", "mass"]]
     carried += mass / start[index["parameters", "mass"]]
@@ -292,11 +292,12 @@ def test_a_bent_floor_is_an_error_of_the_measured_height():
 def test_the_field_in_a_model_file_has_the_blocks_values(vent, name):
     block = vent[0].task.blocks[name]
     coordinates = np.random.default_rng(0).normal(size=block.count)
+    block = dataclasses.replace(block, coordinates=coordinates)
     low, high = block.centers.min(axis=0), block.centers.max(axis=0)
     values = np.random.default_rng(1).uniform(low, high, size=(31, len(low)))
-    expected = block.values(coordinates, values)
+    expected = block.functions(values) @ block.weights
     assert np.abs(expected).max() > 1e-4
-    field = make_field(block.data(coordinates))
+    field = make_field(block.data)
     column = [FIELD_TERMS.index(term) for term in block.terms]
     found = gaussians(field, block.columns, values) @ field.weights.T
     np.testing.assert_allclose(found[:, column], expected, atol=1e-12)

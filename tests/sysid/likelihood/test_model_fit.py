@@ -9,7 +9,6 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.blocks import FittedBlock
 from glider.sysid.likelihood.filtering import (
     excludes,
     negative_log_likelihood,
@@ -219,7 +218,7 @@ def test_a_model_that_blows_up_is_never_the_best(windy):
 def with_drag(task, model, strength=1.0):
     """The model with a free function of drag, zero so far."""
     block = task.blocks["drag over alpha"]
-    own = FittedBlock(block=block, coordinates=np.zeros(block.count), strength=strength)
+    own = dataclasses.replace(block, strength=strength)
     return dataclasses.replace(model, kinds=(block.name,), blocks=(own,))
 
 
@@ -241,7 +240,7 @@ def test_the_cost_of_other_strengths_is_that_of_the_model_beside_a_shape():
     task, noise = task_of(fly(stall, flights=6))
     start = begin(task, noise, ("attached_lift",))
     block = task.blocks["lift over alpha"]
-    own = FittedBlock(block=block, coordinates=np.zeros(block.count), strength=2.0)
+    own = dataclasses.replace(block, strength=2.0)
     kinds = (*start.kinds, block.name)
     start = dataclasses.replace(start, kinds=kinds, blocks=(own,))
     model = fit_model(task, start, 2, with_strength=True)

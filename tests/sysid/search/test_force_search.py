@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from glider.sysid.replay.replayed import trimmed
-from glider.sysid.search.force_search import (
-    EVERY_GLIDER_HAS,
-    HELD_OUT,
-    OF_FORCES,
-    held_out_threshold,
-    search_forces,
-)
+from glider.sysid.search.force_search import OF_FORCES, search_forces
+from glider.sysid.search.subsets import EVERY_GLIDER_HAS, HELD_OUT, held_out_threshold
 from tests.helpers.lifelike import draw_throws
 from tests.helpers.tasks import task_of
 

@@ -4,9 +4,9 @@ import dataclasses
 import types
 
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.fit_result import start_of
-from glider.sysid.search.fits import Search
+from glider.sysid.likelihood.task import start_of
 from glider.sysid.search.moves import MOVES, one_less, pruned, reshaped, with_another
+from glider.sysid.search.support import Search
 from glider.sysid.search.tracing import improved
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import fly, task_of

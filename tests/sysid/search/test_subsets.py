@@ -9,11 +9,20 @@ import pytest
 from glider.sysid.constants import EVIDENCE_THRESHOLD as EVIDENCE
 from glider.sysid.constants import MOST_EFFECTS
 from glider.sysid.likelihood.information import Evidence
-from glider.sysid.search.fits import penalty_in
-from glider.sysid.search.subsets import Scorer, best_of_sizes, best_set, climb
+from glider.sysid.search.subsets import (
+    Scorer,
+    best_of_sizes,
+    best_set,
+    climb,
+    threshold_of,
+)
 from tests.helpers.searches import gain_of
 
 EVIDENCE_THRESHOLD = 3.0
+
+
+def offering(variants):
+    return types.SimpleNamespace(variants=variants)
 
 
 def scorer(table, variants, price=EVIDENCE_THRESHOLD):
@@ -25,7 +34,7 @@ def scorer(table, variants, price=EVIDENCE_THRESHOLD):
         lower=np.full(count, -np.inf),
         upper=np.full(count, np.inf),
     )
-    return Scorer(evidence, variants, lambda kind, kinds: price)
+    return Scorer(offering(variants), evidence, lambda kind, kinds: price)
 
 
 @pytest.fixture
@@ -76,7 +85,7 @@ def test_a_climb_finds_one_in_the_place_of_two():
     variants = {"turn": [(0,)], "thrust": [(1,)], "tilt": [(2,)]}
     gains = {(): 0.0, (0,): 10.0, (1,): 10.0, (2,): 98.0, (0, 1): 100.0}
     told = Told(gains | {(0, 1, 2): 101.0}, 99.0)
-    score = Scorer(told, variants, lambda kind, kinds: EVIDENCE_THRESHOLD)
+    score = Scorer(offering(variants), told, lambda kind, kinds: EVIDENCE_THRESHOLD)
     pair = (("turn", (0,)), ("thrust", (1,)))
     steps = [*score.swapped(pair), *score.smaller(pair), *score.larger(pair)]
     assert all(score(other) < score(pair) for other in steps)
@@ -88,7 +97,7 @@ def test_one_is_parted_into_two_that_it_stood_for():
     """Neither is worth what the one is, nor adds to it."""
     variants = {"lift": [(0,)], "moment": [(1,)], "both": [(2,)]}
     told = Told({(): 0.0, (0,): 10.0, (1,): 5.0, (2,): 50.0, (0, 1): 60.0}, 51.0)
-    score = Scorer(told, variants, lambda kind, kinds: EVIDENCE_THRESHOLD)
+    score = Scorer(offering(variants), told, lambda kind, kinds: EVIDENCE_THRESHOLD)
     one = (("both", (2,)),)
     assert climb(score, one) == one
     assert kinds_of(max(score.parted(one), key=score)) == {"lift", "moment"}
@@ -157,7 +166,7 @@ def test_thresholds_grow_with_many_flights_only():
     def threshold(flights):
         vehicle = types.SimpleNamespace(kinds=("wind", "mass"))
         task = types.SimpleNamespace(records=range(flights), vehicle=vehicle)
-        return penalty_in(task)("wind", ("wind", "mass"))
+        return threshold_of(task, "wind", ("wind", "mass"))
 
     assert threshold(6) == threshold(40) == EVIDENCE
     assert threshold(400) == 10.0 * EVIDENCE

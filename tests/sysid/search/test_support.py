@@ -1,6 +1,7 @@
 """How sure an effect is: rivals that would do as well, and how often it is chosen."""
 
 import dataclasses
+import types
 
 import numpy as np
 import pytest
@@ -11,11 +12,10 @@ from glider.sysid.constants import EVIDENCE_THRESHOLD, RIVAL_GAP
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search import tracing
-from glider.sysid.search.fits import Search, marginal_scorer
+from glider.sysid.search import support, tracing
 from glider.sysid.search.moves import shown_by
-from glider.sysid.search.subsets import Scorer
-from glider.sysid.search.support import EffectSupport, weakest, weigh
+from glider.sysid.search.subsets import Scorer, scorer_of
+from glider.sysid.search.support import EffectSupport, Search, weakest, weigh
 from glider.sysid.search.tracing import evidence_of, rivals_of
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import begin, fly, task_of
@@ -25,7 +25,7 @@ def weighed(effect, *kinds, offered, flights=8):
     task, noise = task_of(fly(effect, flights=flights))
     task = dataclasses.replace(task, kinds=offered)
     model = fit_model(task, begin(task, noise, kinds))
-    return weigh(task, model, marginal_scorer, np.random.default_rng(0)), task, model
+    return weigh(task, model, np.random.default_rng(0)), task, model
 
 
 def test_a_strong_effect_is_chosen_by_all_and_has_no_rival():
@@ -123,9 +123,9 @@ def test_what_is_worth_less_than_an_unsupported_effect_does_not_take_its_place(
         assert model is expected
 
 
-def test_draws_that_choose_what_is_no_rival_count_against_an_effect():
+def test_draws_that_choose_what_is_no_rival_count_against_an_effect(monkeypatch):
     """As is what does worse by more than a rival may on the flights at hand."""
-    columns = {"right": [(0,)], "other": [(1,)]}
+    offered = types.SimpleNamespace(variants={"right": [(0,)], "other": [(1,)]})
 
     class Drawn:
         """Evidence of two effects; draws with a flight twice prefer the other."""
@@ -143,13 +143,14 @@ def test_draws_that_choose_what_is_no_rival_count_against_an_effect():
             return np.zeros(len(chosen))
 
     def chances(candidates, grams, counts):
-        return Scorer(Drawn(counts), columns, lambda kind, kinds: 4.0)
+        return Scorer(offered, Drawn(counts), lambda kind, kinds: 4.0)
 
     drag = KINDS["profile_drag"](cd0=0.05)
     task, noise = task_of(fly(drag, flights=3))
     task = dataclasses.replace(task, kinds=())
     model = dataclasses.replace(begin(task, noise), kinds=("right",))
-    found = weigh(task, model, chances, np.random.default_rng(0))["right"]
+    monkeypatch.setattr(support, "scorer_of", chances)
+    found = weigh(task, model, np.random.default_rng(0))["right"]
     assert found.rivals == ()
     assert found.support == found.inclusion
     assert found.support == pytest.approx(20.0 / 27.0, abs=0.1)  # Drawn once at most.
@@ -160,7 +161,7 @@ def test_the_only_effect_need_only_be_likelier_than_none():
     task, noise = task_of(fly(flights=3))
     model = begin(task, noise)
     candidates = gather(dataclasses.replace(task, kinds=("mass", "thrust")), model)
-    score = marginal_scorer(candidates, candidates.grams(model.scales), np.ones(3))
+    score = scorer_of(candidates, candidates.grams(model.scales), np.ones(3))
     everything = np.log(len(task.vehicle.kinds))  # Offered or not.
     assert score.penalty("mass", ("mass",)) == pytest.approx(everything)
     for other in ("thrust", "drag over alpha"):
@@ -174,9 +175,7 @@ def test_the_only_effect_need_only_be_likelier_than_none():
 
 def test_without_effects_there_is_nothing_to_weigh():
     task, noise = task_of(fly(flights=2, duration=0.3))
-    assert (
-        weigh(task, begin(task, noise), marginal_scorer, np.random.default_rng(0)) == {}
-    )
+    assert weigh(task, begin(task, noise), np.random.default_rng(0)) == {}
 
 
 def test_of_what_few_draws_support_the_least_is_doubted():

@@ -63,4 +63,4 @@ def test_a_free_function_begins_again_where_the_flights_are():
     assert set(found.found_by.values()) == {EARLIER}
     assert found.model.cost == pytest.approx(full.model.cost, abs=0.5)
     [own], [other] = found.model.blocks, full.model.blocks
-    assert np.array_equal(own.block.centers, other.block.centers)
+    assert np.array_equal(own.centers, other.centers)
