@@ -65,11 +65,17 @@ class Scorer:
         return {kind: max(self.evidence.extended((), own)) for kind, own in variants}
 
     def lost(self, members: Members) -> dict[str, float]:
-        """Returns the loss without each member, without its penalty [nats]."""
-        return {
-            kind: self.gain(members) - self.gain(fewer)
-            for (kind, _), fewer in zip(members, self.smaller(members), strict=True)
-        }
+        """Returns the loss without each member, without its penalty [nats].
+
+        Where the others are not physical without it, the best of them are left.
+        """
+        found = {}
+        for (kind, _), others in zip(members, self.smaller(members), strict=True):
+            left = others
+            if not np.isfinite(self.gain(others)):
+                left = climb(self.among([name for name, _ in others]), ())
+            found[kind] = self.gain(members) - self.gain(left)
+        return found
 
     def ranked(self) -> tuple[Combination, ...]:
         """Returns the kinds of all sets that were scored, best first."""

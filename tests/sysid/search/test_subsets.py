@@ -103,6 +103,16 @@ def test_one_is_parted_into_two_that_it_stood_for():
     assert kinds_of(max(score.parted(one), key=score)) == {"lift", "moment"}
 
 
+def test_a_loss_is_finite_where_the_others_are_not_physical_alone():
+    variants = {"lift": [(0,)], "drag": [(1,)], "moment": [(2,)]}
+    gains = {(): 0.0, (0,): 40.0, (1,): 10.0, (2,): -np.inf, (0, 1): 45.0}
+    gains |= {(0, 2): 60.0, (1, 2): -np.inf, (0, 1, 2): 70.0}
+    score = Scorer(offering(variants), Told(gains, 0.0), lambda kind, kinds: 1.0)
+    three = tuple((kind, own) for kind, (own,) in variants.items())
+    # Without lift, drag alone is physical.
+    assert score.lost(three) == {"lift": 60.0, "drag": 10.0, "moment": 25.0}
+
+
 def test_the_best_of_each_size_is_told(decoyed):
     sizes = best_of_sizes(decoyed)
     assert [len(members) for members in sizes[:3]] == [1, 2, 3]
