@@ -24,6 +24,7 @@ from glider.control.tvlqr import (
     check_plan,
     weight_matrix,
 )
+from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.systems.plant import GliderPlant
@@ -88,7 +89,11 @@ def policy_regulator(policy: TrackingPolicy) -> TrajectoryAffineSystem:
     """Returns a policy as a Drake System, in straight lines between TABLE times.
 
     state -> [ TrajectoryAffineSystem ] -> elevator rate = offset - gain x
+
+    Raises:
+        InputError: the policy holds its commands, which this system does not.
     """
+    expect(policy.period == 0.0, "the policy's period", policy.period, "0: no hold")
     times = np.linspace(0.0, policy.duration, TABLE)
     offset, gain = policy.sample(times)
 

@@ -12,12 +12,14 @@ import secrets
 from pathlib import Path
 from typing import Any, TypeVar
 
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.files import schema
 from glider.paths import cache_folder
 
 MOST_BYTES = 10_000_000
 """Largest record that is read; that of a shipped funnel's proof has 40,000."""
+
+_KEY = 32  # Bytes.
 
 Line = TypeVar("Line")
 
@@ -83,8 +85,10 @@ def _key():
     """Returns this user's key; makes it where there is none."""
     path = cache_folder() / "proof_key"
     with contextlib.suppress(FileExistsError), open(path, "xb", 0) as stream:
-        stream.write(secrets.token_bytes(32))
-    return path.read_bytes()
+        stream.write(secrets.token_bytes(_KEY))
+    key = path.read_bytes()
+    expect(len(key) == _KEY, f"{path}: the key's length", len(key), f"{_KEY} bytes")
+    return key
 
 
 def _append(path, line):

@@ -38,6 +38,7 @@ def checked_once(monkeypatch, seen):
         function = getattr(check, name)
 
         def call(funnel, *given):
+            assert funnel.sha256, "expected a funnel as it is in a file"
             which = [value for value in given if isinstance(value, int | list)]
             key = name, funnel.sha256, str(which)
             if key not in seen:

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from glider.errors import InputError
-from glider.paths import PACKAGE
+from glider.paths import PACKAGE, models_path
 from glider.report.check_funnel import describe_proof
 from glider.verification.dynamics.nominal import open_loop_rates
+from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof import flight_proof
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import (
@@ -273,6 +274,14 @@ def test_an_interval_of_a_corrupted_funnel_is_not_proven(name, proven):
     outcome = prove_interval(dataclasses.replace(piece, **change(piece)))
     assert not outcome.proven
     assert words in outcome.fault
+
+
+def test_a_bound_that_r_passes_on_the_boundary_is_named():
+    """Boxes there have their centers outside the ball: none would do, however small."""
+    piece = load_funnel(models_path("funnels", "head_wind_hook.npz")).between(26, 27)
+    outcome = prove_interval(dataclasses.replace(piece, beta=0.9 * piece.beta))
+    assert re.search(r"the remainder is 1\.0\d+ times its bound", outcome.fault)
+    assert outcome.ratio > 1.0 and outcome.boxes < 50_000
 
 
 def test_a_proof_counts_what_it_has(proven):

@@ -263,6 +263,19 @@ def test_a_gliders_accelerations_are_nonlinear_in_all_but_its_position():
     assert nonlinear_parts(slow) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
 
 
+def test_what_another_thread_remembers_is_of_its_own_glider():
+    gliders, other = [GliderModel(), GliderModel()], []
+
+    @for_one_glider
+    def found(model, key):
+        if model is gliders[0] and not other:  # Another thread comes in between.
+            other.append(found(gliders[1], key))
+        return int(model is gliders[1])
+
+    assert [found(gliders[0], 5), other[0]] == [0, 1]
+    assert [found(own, 5) for own in reversed(gliders)] == [1, 0]
+
+
 def test_what_is_remembered_is_of_one_glider_and_of_the_same_numbers():
     calls = []
 

@@ -12,7 +12,7 @@ as long as the servo follows its command, which the funnel ensures; `defect` bou
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -218,15 +218,18 @@ def hermite_powers(values: np.ndarray, slopes: np.ndarray, half: float) -> np.nd
 def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:
     """Remembers what a function of a model and hashable numbers returned.
 
-    It does so for one model, an object that the parts of a funnel share.
+    It does so for one model, an object that the parts of a funnel share. Threads that
+    have others each keep to their own.
     """
-    last, known = list[GliderModel](), dict[tuple, T]()
+    memory: tuple[GliderModel | None, dict[tuple, T]] = None, {}
 
     @functools.wraps(function)
     def remembered(model: GliderModel, *others: Any) -> T:
-        if not last or last[0] is not model:
-            last[:] = [model]
-            known.clear()
+        nonlocal memory
+        last, known = memory
+        if last is not model:
+            known = {}
+            memory = model, known
         if others not in known:
             known[others] = function(model, *others)
         return known[others]
@@ -234,25 +237,29 @@ def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:
     return remembered
 
 
-@for_one_glider
 def rate_dependences(
-    model: GliderModel, names: tuple[str, ...] = (), in_wind: bool = False
-) -> list[Dependence]:
+    model: GliderModel, names: Sequence[str] = (), in_wind: bool = False
+) -> tuple[Dependence, ...]:
     """Returns what each of the n rates depends on.
 
     Variables are the n states, the command, the named numbers that deviate, and the
     wind along x and z.
     """
+    return _rate_dependences(model, tuple(names), in_wind)
+
+
+@for_one_glider
+def _rate_dependences(model, names, in_wind):
     n, of = model.num_states, model.num_states + 1 + len(names)
     own = dependences(of + 2)
     theta = theta_at(model, names, own[n + 1 : of])
     wind = own[of:] if in_wind else (0.0, 0.0)
     rates = open_loop_rates(model, own[:n], own[n], theta, wind)
-    return [r if isinstance(r, Dependence) else Dependence() for r in rates]
+    return tuple(r if isinstance(r, Dependence) else Dependence() for r in rates)
 
 
 def nonlinear_parts(
-    model: GliderModel, names: tuple[str, ...] = ()
+    model: GliderModel, names: Sequence[str] = ()
 ) -> tuple[list[int], list[int]]:
     """Returns the indices of the variables, and of the rates, that are not linear."""
     nonlinear = [rate.nonlinear for rate in rate_dependences(model, names)]

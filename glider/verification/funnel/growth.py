@@ -32,10 +32,6 @@ NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
 
 
-BOUNDS = ("beta", "weights", "focus", "push_weights", "errors", "rests")
-"""Names of the arrays of `BoundarySets` that are straight lines between the times."""
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BoundarySets:
     """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and what acts on them.
@@ -68,6 +64,14 @@ class BoundarySets:
     def unknown_pushes(self) -> np.ndarray:
         """The same without the command's error that is known, eᵀ M e."""
         return pushes_of(self.rests, self.settings)
+
+
+BOUNDS = tuple(
+    field.name
+    for field in dataclasses.fields(BoundarySets)
+    if field.name not in ("nominal", "settings", "S", "slopes")
+)
+"""Names of the arrays that are straight lines between the times."""
 
 
 def pushes_of(errors: np.ndarray, settings: FunnelSettings) -> np.ndarray:

@@ -91,7 +91,8 @@ class FunnelSettings:
 
     def launch_axes(self, num_states: int) -> np.ndarray:
         """Returns the launch's sizes (n,): 0 for the effects' own states, at rest."""
-        return np.append(self.launch_sizes or (), np.zeros(num_states - NUM_STATES))
+        sizes = self.launch_sizes or (0.0,) * NUM_STATES
+        return np.append(sizes, np.zeros(num_states - NUM_STATES))
 
     def size_axes(self, num_states: int) -> np.ndarray:
         """Returns the sizes (n,), the effects' own states included."""

@@ -101,8 +101,8 @@ class TaylorRemainder:
 
         Returns:
             bounds (r, B) on the parts of the boxes in the unit balls; what is surely
-            reached in their centers, if in the balls, (r, B); how much each
-            coordinate is to blame for the bounds, (r, d, B).
+            reached in the balls, in the center or anywhere in boxes that touch them,
+            (r, B); how much each coordinate is to blame for the bounds, (r, d, B).
         """
         table = monomials(self.dimension, ORDER)
         program, polynomials, lacks = self._program
@@ -118,7 +118,7 @@ class TaylorRemainder:
         each = limits, lacking, found[:r], found[r:], left[r:]
         for limit, lacks, rate, one, off in zip(*each, strict=True):
             lost, size = (off + lacks) * WIDER, np.abs(one[0])
-            # |R| - β, of either sign.
+            # |R| - β, of either sign; the bound adds the rounding of the difference.
             tops = [top_in_balls(s * one - limit, lost, *boxes) for s in (1.0, -1.0)]
             excess = np.maximum(*tops)
             worse = np.where(one[0] >= 0.0, one, -one) - limit
@@ -128,7 +128,8 @@ class TaylorRemainder:
             with np.errstate(divide="ignore", invalid="ignore"):
                 above = WIDER + excess / np.maximum(low, 0.0)
                 most.append(np.where(excess > 0.0, above, 1.0 + excess / high))
-                least.append(np.where(within, (size - lost) / high, 0.0))
+                surely = size - np.where(within, lost, spread(one, lost))
+                least.append(np.maximum(surely, 0.0) / high)
                 blame.append(blame_of(table, worse, lost, rate) / limit[0])
         return np.array(most), np.array(least), np.array(blame)
 

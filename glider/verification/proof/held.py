@@ -7,7 +7,8 @@ straight lines between; the proof follows the cubic polynomials with those slope
 adds what the two differ by. With e = B z, |z| <= 1 on the interval, all parts are
 polynomials in z and time, exactly; norms of their Bernstein coefficients bound them.
 Where |q̇| <= a + b |q|, |q| grows to (|q| + a t) exp(b t) at most in a time t. So |q| is
-within the file's `rests`, and |eᵀ M e + q| within its `errors`.
+within the file's `rests`, and |eᵀ M e + q| within its `errors`, until a state leaves
+the funnel, which none does.
 """
 
 import dataclasses

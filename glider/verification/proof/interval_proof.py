@@ -60,7 +60,7 @@ FAR = 2.0
 """Bound of a box above which it is halved along two axes: its halves would not do."""
 
 LEFT = 1.3
-"""Power of the share of an axis' width that is left of its blame."""
+"""Power by which an axis' blame falls with its width, where a box was halved."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
