@@ -204,33 +204,6 @@ def test_a_wind_leaves_a_prediction_within_its_room(launch, rests):
     assert np.sqrt(LEVEL) + 2.0 * PREDICTED <= 1.0
 
 
-def test_phases_are_made_one_after_the_other(launch, rests, monkeypatch):
-    """The launch funnel is as large as fits; those of the phases start as shipped."""
-    problem, model = PerchingProblem.load("perching_hook"), launch.nominal.model
-    waiting, launches, made = iter(rests), [], phases.make_funnel
-
-    def make(model, policy, settings, **given):
-        is_launch = policy is not None
-        return made(model, policy, settings, **given) if is_launch else next(waiting)
-
-    monkeypatch.setattr(phases, "make_funnel", make)
-    first, found = phases.make_phases(
-        model,
-        lambda problem: launches.append(problem.launch),
-        problem,
-        rests[0].settings,
-        latency=0.01,
-    )
-    assert found == rests
-    starts = [own.nominal.states[0] for own in rests]
-    assert np.array(launches) == pytest.approx(np.array(starts), abs=1e-6)
-    assert phase_faults(first, rests, problem) == []
-    assert phase_faults(scaled(first, 1.06), rests)
-    assert first.half_widths() == pytest.approx(launch.half_widths(), rel=0.02)
-    with pytest.raises(InputError, match="'period' is 0"):
-        phases.make_phases(model, lambda p: None, problem, launch.settings, latency=0.0)
-
-
 @pytest.fixture
 def quick(monkeypatch, checked_once):
     """The command line without what takes minutes; proofs are as if they were whole."""

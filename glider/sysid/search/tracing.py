@@ -81,7 +81,7 @@ def trace(
 def resumed(search: Search, start: FitResult, earlier: FitResult) -> FitResult | None:
     """Returns an earlier model fitted to other flights, unless a move improves on it.
 
-    Effects are compared about the start first, as in any search.
+    Effects are compared about the start first, for what each is worth alone.
     """
     task = search.task
     if not task.offered.issuperset(earlier.kinds):
@@ -117,7 +117,8 @@ def begun_from(task: Task, earlier: FitResult) -> FitResult:
 def searched(search: Search, model: FitResult) -> Iterator[FitResult]:
     """Yields better models: of formulas, of free functions too, of all effects.
 
-    No move betters the last one.
+    No move betters the last one with effects that are tried early, nor the best set
+    with all.
     """
     task, early = search.task, without_late(search.task, model.kinds)
     if not model.kinds:  # A formula's own free function would come before it.
