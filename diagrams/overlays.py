@@ -18,7 +18,7 @@ from diagrams.scene import FRAMES_PER_SECOND
 from diagrams.urdf import COLORS
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
-from glider.physics.state import STATE_NAMES, VELOCITY
+from glider.physics.state import PITCH, VELOCITY
 
 ARROW_SCALE = 0.2
 """Length of an arrow over its force [m/N]."""
@@ -32,7 +32,6 @@ _TRAIL_RADIUS = 0.004
 _TRAIL_STEP = 0.03
 """Distance between two pieces of the trail [m]."""
 
-_PITCH = STATE_NAMES.index("pitch")
 
 _INK = Rgba(0.45, 0.15, 0.6)
 
@@ -84,7 +83,7 @@ def GliderOverlays_(T):
             self._draw_trail(t, np.array([state[0], 0.0, state[1]]))
             if len(state) > max(VELOCITY):
                 speed = float(np.linalg.norm(state[VELOCITY]))
-                numbers = RigidTransform([t, speed, state[_PITCH]])
+                numbers = RigidTransform([t, speed, state[PITCH]])
                 meshcat.SetTransform(readout_path(name), numbers, t)
             forces = self.GetInputPort("forces")
             if forces.HasValue(context):

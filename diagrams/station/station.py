@@ -35,7 +35,7 @@ from diagrams.station.sender import Sender
 from diagrams.station.session import Session
 from diagrams.station.throw import Throw
 from diagrams.station.tracker import CommandTape, ReleaseDetector
-from glider.physics.state import ELEVATOR, POSITION, STATE_NAMES, VELOCITY
+from glider.physics.state import ELEVATOR, POSITION, VELOCITY
 from glider.simulation.fly import AFTER
 
 WAITING, READY, FLYING, STOPPED = "waiting", "ready", "flying", "stopped"
@@ -51,8 +51,6 @@ PATIENCE = 2.0
 
 NEAR = 0.5
 """Distance within which a pass of the wire ends a flight [m]."""
-
-_PITCH = STATE_NAMES.index("pitch")
 
 
 class Station:

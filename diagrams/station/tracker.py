@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.station.scenario import Release
-from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, STATE_NAMES, VELOCITY
-
-_PITCH = STATE_NAMES.index("pitch")
+from glider.physics.state import ELEVATOR, NUM_STATES, PITCH, POSITION, VELOCITY
 
 NO_COMMANDS = np.full((32, 3), (-1e12, 0.0, 0.0))
 """Rows of a tape before there were any: time [s], angle [rad] and rate [rad/s]. As many
@@ -144,7 +142,7 @@ class ReleaseDetector:
     def find_fault(self, state: np.ndarray, planned: np.ndarray) -> str:
         """Why a release at a state (7,) is no start of a plan, "" if it is one."""
         limits, away = self._limits, state[:NUM_STATES] - planned[:NUM_STATES]
-        speed, pitch = math.hypot(*away[VELOCITY]), float(away[_PITCH])
+        speed, pitch = math.hypot(*away[VELOCITY]), float(away[PITCH])
         if speed > limits.off_speed:
             return f"released with a velocity {speed:.1f} m/s off the plan"
         if abs(pitch) > limits.off_pitch:

@@ -30,7 +30,7 @@ from glider.experiments.throws import (
     tape_towards,
 )
 from glider.physics.effects import Field
-from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES
+from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, STATE_NAMES
 from glider.simulation.campaigns import fly_path
 
 FUNNEL_GENES = GENES + 2
@@ -44,7 +44,7 @@ _STEP = 0.002
 """Longest time between two evaluations of V [s]. V of the shipped funnels grows by 10
 1/s within 0.05 s: in between it deviates from a line by less than 0.001."""
 
-_X, _Z = STATE_NAMES.index("x"), STATE_NAMES.index("z")
+_X, _Z = POSITION
 _PITCHDOT = STATE_NAMES.index("pitchdot")
 
 

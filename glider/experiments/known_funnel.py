@@ -11,7 +11,7 @@ from glider.errors import InputError, expect, show
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.confidence import describe_set
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
+from glider.physics.state import NUM_STATES, PITCH, POSITION, VELOCITY
 from glider.sysid.replay.vehicle import Vehicle
 from glider.verification.funnel.funnel import Funnel, load_funnel
 from glider.verification.proof.check import Verdict, check_funnel
@@ -84,7 +84,7 @@ class KnownFunnel:
         start = self.funnel.center(0.0)
         xdot, zdot = start[VELOCITY]
         return np.array(
-            [start[_Z], np.hypot(xdot, zdot), np.arctan2(zdot, xdot), start[_PITCH]]
+            [start[_Z], np.hypot(xdot, zdot), np.arctan2(zdot, xdot), start[PITCH]]
         )
 
     @property
@@ -93,7 +93,7 @@ class KnownFunnel:
         shape, (_, speed, climb, _) = self.funnel.shape(0.0), self.launch
         along = np.array([np.cos(climb), np.sin(climb)])
         directions = np.zeros((4, NUM_STATES))
-        directions[0, _Z] = directions[3, _PITCH] = 1.0
+        directions[0, _Z] = directions[3, PITCH] = 1.0
         directions[1, VELOCITY] = along
         directions[2, VELOCITY] = speed * np.array([-along[1], along[0]])
         return 1.0 / np.sqrt(np.einsum("ki,ij,kj->k", directions, shape, directions))
@@ -111,7 +111,7 @@ class KnownFunnel:
         return dataclasses.replace(given, **kept)
 
 
-_X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
+_X, _Z = POSITION
 
 
 def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:

@@ -9,10 +9,10 @@ import numpy as np
 
 from glider.errors import expect
 from glider.files import schema
-from glider.physics.state import STATE_NAMES, VELOCITY
+from glider.physics.state import PITCH, POSITION, VELOCITY
 from glider.sysid.replay.record import Record
 
-_PITCH, _X, _Z = (STATE_NAMES.index(name) for name in ("pitch", "x", "z"))
+_X, _Z = POSITION
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -64,7 +64,7 @@ class ThrowLimits:
             return False
         inside = all(
             low <= float(np.min(states[:, i])) and float(np.max(states[:, i])) <= high
-            for i, (low, high) in ((_X, self.x), (_Z, self.z), (_PITCH, self.pitch))
+            for i, (low, high) in ((_X, self.x), (_Z, self.z), (PITCH, self.pitch))
         )
         fastest = float(np.max(np.linalg.norm(states[:, VELOCITY], axis=1)))
         return inside and fastest <= self.speed
@@ -101,12 +101,12 @@ def limits_flown(
     velocity = starts[:, VELOCITY]
     angles = np.concatenate([r.elevator[r.seen[:, 3]] for r in records])
     commands = np.abs(np.concatenate([r.commands for r in records]))
-    pitch = _range(nodes[:, _PITCH])
+    pitch = _range(nodes[:, PITCH])
     flown = ThrowLimits(
         launch_height=_range(starts[:, _Z]),
         launch_speed=_range(np.linalg.norm(velocity, axis=1)),
         launch_climb=_range(np.arctan2(velocity[:, 1], velocity[:, 0])),
-        launch_pitch=_range(starts[:, _PITCH]),
+        launch_pitch=_range(starts[:, PITCH]),
         x=_range(nodes[:, _X]),
         z=_range(nodes[:, _Z]),
         pitch=[min(pitch[0], -_STEEP), max(pitch[1], _STEEP)],

@@ -12,7 +12,7 @@ from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.model import GliderModel
-from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
+from glider.physics.state import ELEVATOR, NUM_STATES, PITCH, POSITION, VELOCITY
 from glider.simulation.campaigns import fly_commands, fly_path, measured
 from glider.sysid.constants import Z
 from glider.sysid.replay.record import Record
@@ -34,7 +34,7 @@ USUAL_COMMAND_RATE = 50.0
 _FINE = 4
 """Integration steps between two rows of a predicted flight."""
 
-_Z, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
+_Z = POSITION[1]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -186,7 +186,7 @@ def perturbed(
     """A throw whose launch is off by multiples of the launch errors of the limits."""
     launch = throw.launch.copy()
     launch[_Z] += limits.missed_height * height
-    launch[_PITCH] += limits.missed_pitch * pitch
+    launch[PITCH] += limits.missed_pitch * pitch
     launch[VELOCITY] *= 1.0 + limits.missed_speed * speed / throw.speed
     return dataclasses.replace(throw, launch=launch)
 

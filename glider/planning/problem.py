@@ -11,9 +11,9 @@ from glider.errors import expect, show
 from glider.files import schema
 from glider.paths import models_path
 from glider.physics.parameters import is_number
-from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
+from glider.physics.state import NUM_STATES, PITCH, POSITION, STATE_NAMES, VELOCITY
 
-_HEIGHT, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
+_HEIGHT = POSITION[1]
 
 
 def _list(*values: float) -> Any:
@@ -42,7 +42,7 @@ class Hook:
         """
         low, high = self.pitch_limits
         speed = np.linalg.norm(arrivals[..., VELOCITY], axis=-1)
-        pitch = arrivals[..., _PITCH]
+        pitch = arrivals[..., PITCH]
         is_slow = speed <= self.speed_limit
         return (miss < self.reach) & is_slow & (low <= pitch) & (pitch <= high)
 
@@ -116,7 +116,7 @@ class PerchingProblem:
         along = velocity / np.linalg.norm(velocity[0])
         starts[:, _HEIGHT] += errors[:, 0]
         starts[:, VELOCITY] += errors[:, 1:2] * along
-        starts[:, _PITCH] += errors[:, 2]
+        starts[:, PITCH] += errors[:, 2]
         return starts
 
     @classmethod

@@ -203,8 +203,8 @@ def describe_phases(checked: Checked) -> str:
     """Returns the same in sentences, and what is proven of all of them together."""
     least, (launch, *rests) = _least_of(checked), checked.funnels
     times = 1e3 * np.array(first_commands(launch, rests))
-    given = least, LEVEL, checked.faults, times, checked.is_proven
-    return _text("phases", len(rests), *given)
+    faults, proven = checked.faults, checked.is_proven
+    return _text("phases", len(rests), least, LEVEL, faults, times, proven)
 
 
 def describe_latency(latency: ProvenLatency) -> str:

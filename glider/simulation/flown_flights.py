@@ -9,14 +9,13 @@ from scipy.interpolate import CubicHermiteSpline
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 from glider.physics.actuator_replay import latest_command
-from glider.physics.state import POSITION, STATE_NAMES, VELOCITY
+from glider.physics.state import PITCH, POSITION, VELOCITY
 from glider.planning.problem import Hook, PerchingProblem
 
 INSTANT = 1e-9
 """Time within which two steps of an integrator are one [s]: events make some that are
 a rounding error apart."""
 
-_PITCH = STATE_NAMES.index("pitch")
 
 REFINEMENT = 16
 """Segments that each step of a simulator's log is divided into."""
@@ -161,7 +160,7 @@ class Perches:
     @property
     def pitches(self) -> list[float]:
         """Pitch of each flight there [rad]."""
-        return [float(flight.arrival[_PITCH]) for flight in self.flights]
+        return [float(flight.arrival[PITCH]) for flight in self.flights]
 
     @property
     def perched(self) -> int:

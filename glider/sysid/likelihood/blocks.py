@@ -86,8 +86,8 @@ class Block:
     @property
     def leading_only(self) -> "Block":
         """The block with its leading coordinates alone."""
-        own = self.mix[:, : self.leading], self.coordinates[: self.leading]
-        return dataclasses.replace(self, mix=own[0], coordinates=own[1])
+        mix, coordinates = self.mix[:, : self.leading], self.coordinates[: self.leading]
+        return dataclasses.replace(self, mix=mix, coordinates=coordinates)
 
     @property
     def columns(self) -> list[int]:

@@ -161,6 +161,7 @@ def reshaped(search: Search, model: FitResult) -> FitResult | None:
     """The model with the shapes of a formula searched again, its effect removed first.
 
     A fit keeps near the shapes that its formula began with, and at a bound that it met.
+    What else was found acts; no move before this one found that anything is missing.
     """
     task = search.task
     for kind in model.kinds:
