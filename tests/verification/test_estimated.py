@@ -11,10 +11,13 @@ from pydrake.systems.primitives import LogVectorOutput
 from diagrams.loops import estimated_loop
 from diagrams.wiring import tape_rows
 from examples.perching_funnel import estimate_figures
+from glider.control.tvlqr_drake import policy_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
+from glider.paths import models_path
+from glider.verification.funnel.funnel import funnel_policy, load_funnel
 from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.trials.estimated import fly_estimated, study_estimates
 from glider.verification.trials.falsify import boundary_states, fly_from
@@ -158,3 +161,9 @@ def test_bad_levels_are_refused(funnel, launch, draws):
     for noise, share in ((0.0, 0.5), (np.nan, 0.5), (0.001, 1.5), (0.001, -0.1)):
         with pytest.raises(InputError, match=r"fly_estimated: the .*expected a"):
             fly_estimated(funnel, launch, noise, share, draws)
+
+
+def test_commands_that_are_held_have_no_regulator_that_acts_at_all_times():
+    held = load_funnel(models_path("funnels", "held_hook.npz"))
+    with pytest.raises(InputError, match=r"period is 0\.02; expected 0: no hold"):
+        policy_regulator(funnel_policy(held, held=True))
