@@ -40,6 +40,7 @@ NOISE = {
     "pitch_zero": (5e-3, 1e-4, 0.03),
     "rate": (1e-2, 1e-4, 5.0),
     "rest": (0.01, 1e-4, 0.5),
+    "memory": (0.1, 1e-3, 1.0),
 }
 # Correlation time of unmodelled pitch accelerations, and of an elevator's departure
 # from its path, over which its travel counts [s] (c).
@@ -69,8 +70,7 @@ CLOCK_ERROR = 0.015
 # ---------------------------------------------------------- outlying flights
 # Least deviation of a log mean square: twice the median one (m: docs/how_it_works.md).
 LEAST_DEVIATION = 0.15
-# Flight-to-flight variation, in a coefficient's scale, and of the states of effects at
-# launch, in theirs (c).
+# Flight-to-flight variation that is reported, in a coefficient's scale (c).
 LEAST_SPREAD = 0.1
 
 # ------------------------------------------------- gliders of unknown forces

@@ -15,7 +15,6 @@ from glider.errors import InputError
 from glider.physics.effects import KINDS, Replay
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.constants import LEAST_SPREAD
 from glider.sysid.fit import prediction
 from glider.sysid.fit.prediction import RolloutModel, find_launch
 from glider.sysid.likelihood.directions import slopes
@@ -173,7 +172,7 @@ def test_a_flight_begins_near_rest():
     spread = np.sqrt(start_variances(flight, Scales()))
     [state] = flight.states[7:]  # The others' effects do nothing.
     assert start[state] == rest[state - 7] and spread[7] == pytest.approx(
-        LEAST_SPREAD * 5.0
+        Scales.memory * 5.0
     )
 
 

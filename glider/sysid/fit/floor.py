@@ -15,6 +15,7 @@ from glider.campaign.smoothing import smoothing_maps
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_VARIABLES
+from glider.physics.state import NUM_STATES
 from glider.sysid import constants
 from glider.sysid.fit.prediction import (
     RolloutModel,
@@ -136,8 +137,8 @@ def _squares(
     seen, sensors = record.seen, np.array(model.scales.sensors[:channels])
     first = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
     stds = np.sqrt(start_variances(flight, truth))
-    # The launch but for the elevator's rest; unmodelled pitch accelerations.
-    stds[[*(i for i in range(n) if i != ELEVATOR), n + 2]] = 0.0
+    # The launch but for the elevator's rest and memory; unmodelled accelerations.
+    stds[[*(i for i in range(NUM_STATES) if i != ELEVATOR), n + 2]] = 0.0
     shocks = rng.normal(size=(nodes, total, count)) * stds[:, None]
     keep = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
     shocks[1:, :n], shocks[1:, n:] = 0.0, np.sqrt(1.0 - keep**2) * shocks[1:, n:]

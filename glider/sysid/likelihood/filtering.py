@@ -15,7 +15,7 @@ from glider.compiled.filter_error import (
 from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import OFFSET
 from glider.physics.state import NUM_STATES
-from glider.sysid.constants import LAUNCH_SPREAD, LEAST_SPREAD, Z
+from glider.sysid.constants import LAUNCH_SPREAD, Z
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings
 from glider.sysid.likelihood.scales import NAMES, Scales
 from glider.sysid.replay.record import Record
@@ -66,7 +66,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
-    extra = LEAST_SPREAD * record.layout.state_scale[flight.states[NUM_STATES:]]
+    extra = s.memory * record.layout.state_scale[flight.states[NUM_STATES:]]
     return np.square(np.concatenate([launch, extra, own]))
 
 
@@ -189,6 +189,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         "pitch_zero": constants[3],
         "rate": sensors[4],
         "rest": by_start[OFFSET] if rests(flight.record, scales) else 0.0,
+        "memory": by_start[NUM_STATES:n].sum(),
     }
     cost = WhitenedFlight(arguments[13], np.log(arguments[14])).cost
     return cost, np.array([by_name[name] for name in NAMES])

@@ -8,7 +8,7 @@ from glider.sysid.constants import MOMENT_TIME, NOISE
 from glider.sysid.replay.record import Noise
 
 _AT_FLOOR = 2.0  # Over the least scale, which a fit only comes near.
-_MAY_BE_NOTHING = "air", "moment", "servo", "wind", "trim", "pitch_zero"
+_MAY_BE_NOTHING = "air", "moment", "servo", "wind", "trim", "pitch_zero", "memory"
 _NOTHING = 1e-9  # Of a scale in its unit.
 _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 
@@ -29,6 +29,7 @@ class Scales:
     pitch_zero: float = NOISE["pitch_zero"][0]  #: Of their pitch readings [rad].
     rate: float = NOISE["rate"][0]  #: Of the pitch rate of a gyro [rad/s].
     rest: float = NOISE["rest"][0]  #: Of elevators at rest, about zero [rad].
+    memory: float = NOISE["memory"][0]  #: Of effects' states at launch, in theirs.
 
     @property
     def logs(self) -> np.ndarray:

@@ -127,8 +127,9 @@ def _rate_forms(interval, B, K, M, known):
     K is (n,), M is Bᵀ M (n, n), and known is Bᵀ M B of the straight line.
     """
     push, field = interval.push_slopes[:, 0], interval.linear @ interval.outputs @ B
-    square, cube = pulled_forms(interval, B, K[:, None], 0)
-    bent_square, bent_cube = pulled_forms(interval, B, M.T, 1)
+    rates, rows = interval.rates(B), interval.rows
+    square, cube = pulled_forms(rates, K[rows])
+    bent_square, bent_cube = pulled_forms(rates, M.T[rows])
     pull, tilt = K @ push[:, 0], K @ push[:, 1:] @ B
     bent, twist = M @ push[:, 0], M @ push[:, 1:] @ B
     bent_square = bent_square + exact_product(bent, known)
@@ -151,7 +152,7 @@ def _pull(slopes, B, K, M):
 
 def _form(matrix):
     """Returns the coefficients of zᵀ A z."""
-    return gathered(matrix, len(matrix), 2)
+    return gathered(matrix, len(matrix))
 
 
 def _size(form, n, degree):

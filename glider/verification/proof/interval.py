@@ -37,6 +37,7 @@ from glider.verification.sos.exact import (
     is_positive_definite,
     line,
 )
+from glider.verification.sos.forms import substituted
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -80,6 +81,11 @@ class Interval:
             )
             for side, span in enumerate([(first, middle), (middle, last)])
         )
+
+    def rates(self, basis: Exact) -> tuple[Exact, Exact]:
+        """Returns P₂ and P₃, (r, C) each, as forms in z, for e = basis z."""
+        own = (self.outputs @ basis)[self.which]
+        return substituted(self.quadratic, 2, own), substituted(self.cubic, 3, own)
 
 
 def make_interval(piece: Funnel) -> Interval:

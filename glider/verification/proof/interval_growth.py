@@ -9,6 +9,7 @@ definite, both halves of the interval are tried.
 """
 
 import math
+from collections.abc import Iterator
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -20,7 +21,6 @@ from glider.verification.sos.exact import Exact, in_time, leaves_definite, round
 from glider.verification.sos.forms import (
     contracted,
     exact_product,
-    form_tensor,
     gathered,
     mixed_forms,
     odd_then_even,
@@ -109,7 +109,8 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     push = push + interval.push_bearing.sum() * G
     growth = half + half.T + disturbance + push + slack * G
     A = basis.T @ interval.rise @ basis + h * growth
-    cubic, quartic = (f * -2 for f in pulled_forms(interval, basis, h * H.T, 1))
+    pull = (h * H.T)[interval.rows]
+    cubic, quartic = (f * -2 for f in pulled_forms(interval.rates(basis), pull))
     focus = basis.T @ interval.focus @ basis
     if focus.numbers.any():
         quartic = quartic - h * exact_product(disturbance, focus)
@@ -157,24 +158,12 @@ def _prove_whole(interval, slack, grams):
     return back.T @ middle @ back / h, grams and (basis, N, grams)
 
 
-def pulled_forms(
-    interval: Interval, basis: Exact, pull: Exact, more: int
-) -> list[Exact]:
-    """Returns P₂ᵀ p and P₃ᵀ p as forms in z, e = B z, for a pull p (n, k).
-
-    There are no more factors z in p, and k is 1, or there is one more, and p (n, n) z.
-    """
-    n, m = len(basis), len(interval.which)
-    # Of the rates that are not linear, and what they depend on.
-    own, pull = (interval.outputs @ basis)[interval.which], pull[interval.rows]
-    forms = []
-    for degree, part in ((2, interval.quadratic), (3, interval.cubic)):
-        tensor = form_tensor(part, m, degree)
-        for _ in range(degree):
-            tensor = contracted(tensor, own)
-        tensor = contracted(tensor, pull, axis=0)
-        forms.append(gathered(tensor, n, degree + more))
-    return forms
+def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
+    """Returns P₂ᵀ p and P₃ᵀ p as forms in z, for a pull p, given (r,), or (r, n) z."""
+    for degree, rate in enumerate(rates, 2):
+        form = contracted(rate, pull, axis=0)
+        is_constant = pull.numbers.ndim == 2
+        yield form if is_constant else gathered(form, pull.numbers.shape[2], degree)
 
 
 def _search(tables, guess, coefficients, h, block=None):

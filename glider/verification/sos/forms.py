@@ -106,32 +106,53 @@ def _gather(n, degree):
     return matrix
 
 
-def form_tensor(forms: Exact, n: int, degree: int) -> Exact:
-    """Returns tensors (r, n, ..., n) of forms (r, C), each coefficient in one place."""
-    rows = [np.repeat(np.arange(n), e) for e in exponents_of(n, degree)]
-    tensor = np.zeros((*forms.numbers.shape[:2], *(n,) * degree), dtype=object)
-    for column, row in enumerate(rows):
-        tensor[(..., *row)] = forms.numbers[..., column]
-    return Exact(tensor, forms.exponent)
+def substituted(forms: Exact, degree: int, matrix: Exact) -> Exact:
+    """Returns the coefficients (r, C) of forms (r, C₀) in m variables as those of z.
+
+    The variables are a matrix (m, n) times z.
+    """
+    (m, n), (parts, r, _) = matrix.numbers.shape[1:], forms.numbers.shape
+    tensor = np.zeros((parts, r, m**degree), dtype=object)
+    first = np.unique(tensor_places(m, degree), return_index=True)[1]
+    tensor[..., first] = forms.numbers  # Each coefficient is in one place.
+    changed = Exact(tensor.reshape(parts, r, *(m,) * degree, 1), forms.exponent)
+    for reached in range(degree):
+        changed = gathered(contracted(changed, matrix), n, reached)
+    return changed
 
 
 def contracted(tensor: Exact, matrix: Exact, axis: int = 1) -> Exact:
-    """Returns a tensor with an axis times a matrix; that comes last then."""
+    """Returns a tensor with an axis times a matrix; what that has left comes last."""
     return tensor.product(matrix, functools.partial(np.tensordot, axes=(axis, 0)))
 
 
-def gathered(tensor: Exact, n: int, degree: int) -> Exact:
-    """Returns the coefficients (C,) of a form, given a tensor of it."""
-    places, count = tensor_places(n, degree), len(tensor.numbers)
-    total = np.zeros((count, places.max() + 1), dtype=object)
-    np.add.at(total.T, places, tensor.numbers.reshape(count, -1).T)
-    return Exact(total, tensor.exponent)
+def gathered(products: Exact, n: int, first: int = 1, second: int = 1) -> Exact:
+    """Returns the coefficients (..., C) of sums of products of monomials in z.
+
+    Each (..., C₁, C₂) is of one of the first degree and one of the second: of zᵀ A z,
+    given A.
+    """
+    places = _places_of_products(n, first, second)
+    numbers = np.moveaxis(products.numbers, (-2, -1), (0, 1))
+    total = np.zeros((places.max() + 1, *numbers.shape[2:]), dtype=object)
+    np.add.at(total, places, numbers)
+    return Exact(np.moveaxis(total, 0, -1), products.exponent)
+
+
+@functools.lru_cache(maxsize=16)
+def _places_of_products(n, first, second):
+    """Returns which monomial each product (C₁, C₂) is."""
+    places = {tuple(e): k for k, e in enumerate(exponents_of(n, first + second))}
+    of_second = exponents_of(n, second)
+    products = [one + of_second for one in exponents_of(n, first)]
+    return np.array([[places[tuple(e)] for e in row] for row in products])
 
 
 def exact_product(first: Exact, second: Exact) -> Exact:
     """Returns what `product_form` does, exactly."""
-    product = first.product(second, np.multiply.outer)
-    return gathered(product, len(first), product.numbers.ndim - 1)
+    n, degree = len(second), first.numbers.ndim - 1
+    A, B = first if degree == 1 else gathered(first, n), gathered(second, n)
+    return gathered(A.product(B, np.multiply.outer), n, degree, 2)
 
 
 def odd_then_even(cubic: Exact, quartic: Exact) -> Exact:

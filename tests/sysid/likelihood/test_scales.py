@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.filtering import negative_log_likelihood
 from glider.sysid.likelihood.model_fit import fit_model, linear_flights
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import CEILING, FLOOR, NAMES, Scales
 from tests.helpers.lifelike import turbulence_campaign
-from tests.helpers.tasks import begin, fly, task_of
+from tests.helpers.tasks import begin, fly, task_of, typical
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +89,21 @@ def test_elevators_rest_at_zero_but_for_their_spread(spread):
     found = fit_scales(flights, model.scales, ("rest",), iterations=20).scales
     low, high = (0.5 * spread, 2.0 * spread) if spread else (0.0, 0.1 * noise.elevator)
     assert low < found.rest < high
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.2])
+def test_memory_begins_steady_but_for_its_spread(spread):
+    effect, rng = typical("lagged_downwash", 2.0), np.random.default_rng(0)
+    task, noise = task_of(fly(effect, flights=12))
+    model = begin(task, noise, [effect.kind.kind])
+    model.theta[list(task.layout.slots_of(effect.kind.kind))] = effect.values
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    for flight in flights:  # As if the true flights had begun there.
+        flight.start[NUM_STATES, -1] += spread * rng.normal()
+    free = ("memory", "position", "pitch")
+    found = fit_scales(flights, model.scales, free, iterations=20).scales
+    low, high = (0.5 * spread, 2.0 * spread) if spread else (0.0, 0.03)
+    assert low < found.memory < high
 
 
 def test_logarithms_there_and_back():
