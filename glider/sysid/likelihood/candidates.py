@@ -28,7 +28,7 @@ Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts
 
 _STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
 _LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
-_AT_ONCE = 8  # Flights whose information is in memory at once.
+_AT_ONCE = 4  # Flights whose information is in memory at once.
 _IN_PART = 32  # Flights whose columns are.
 _MOST_ENTRIES = 1_000_000  # Of matrices that are solved at once, for the memory.
 _SLACK = 1e-9  # Rounding by which a bound may be passed.
@@ -64,10 +64,11 @@ class Candidates:
 
     def total(self, scales: Scales) -> np.ndarray:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
-        starts = range(0, len(self.flights), _AT_ONCE)
-        parts = (self.flights[k : k + _AT_ONCE] for k in starts)
-        sums = [np.sum(self._grams(part, scales), axis=0) for part in parts]
-        return np.sum(sums, axis=0)
+        total = np.zeros(())
+        for k in range(0, len(self.flights), _AT_ONCE):
+            for gram in self._grams(self.flights[k : k + _AT_ONCE], scales):
+                total = total + gram
+        return total
 
     def _grams(
         self, flights: Sequence[LinearFlight], scales: Scales
