@@ -82,8 +82,7 @@ def evaluate(
     task, traced, flights = searched.task, searched.traced, searched.flights
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
-    # Rollouts have no gusts: a flight's wind, reported or not, stands for slow ones.
-    scales = dataclasses.replace(truth, wind=traced.model.scales.wind)
+    scales = of_rollouts(traced.model, truth)
     fitted = _fitted_models(task, traced, baseline)
     models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
 
@@ -160,6 +159,14 @@ def without_model_errors(
     return dataclasses.replace(
         traced.model.scales.without(*unknown), **stds
     ).without_floors
+
+
+def of_rollouts(model: FitResult, truth: Scales) -> Scales:
+    """Scales of what rollouts fit to each flight, given those of what happens in it.
+
+    They have no gusts: a flight's wind, reported or not, stands for slow ones.
+    """
+    return dataclasses.replace(truth, wind=model.scales.wind)
 
 
 def _fitted_models(
