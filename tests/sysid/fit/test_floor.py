@@ -6,9 +6,9 @@ import pytest
 from scipy.stats import norm
 
 from glider.sysid.constants import UNLIKELY
-from glider.sysid.evaluation import without_model_errors
+from glider.sysid.evaluation import of_rollouts, without_model_errors
 from glider.sysid.fit.floor import air_depends_on, find_floor
-from glider.sysid.fit.prediction import flown_by, mean_squares, predict
+from glider.sysid.fit.prediction import find_launch, flown_by, mean_squares, predict
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.report import EquationErrors, Spread
@@ -169,3 +169,19 @@ def test_what_is_at_the_floor_of_its_scale_is_not_in_that_of_the_error():
     assert (scales.air, scales.air_time) == (0.1, FLOOR.air_time)
     assert max(scales.wind, scales.trim, scales.moment) < 1e-8
     assert scales.position == FLOOR.position
+
+
+@pytest.mark.parametrize("is_reported", [False, True])
+def test_rollouts_fit_a_trim_where_it_is_reported_and_a_wind_always(still, is_reported):
+    campaign, truth = still
+    task, noise = task_of(campaign)
+    scales = dataclasses.replace(scales_of(truth), trim=0.03, wind=0.05)
+    model = dataclasses.replace(begin(task, noise), scales=scales)
+    trims = Spread(std=0.03, std_error=0.01, unit="rad", values={})
+    spreads = {"elevator_trim": trims} if is_reported else {}
+    traced = types.SimpleNamespace(model=model, forces=None)
+    known = of_rollouts(model, without_model_errors(traced, (), spreads))
+    _, about = find_launch(flown_by(task, model, known), task.records[0])
+    wind, _, trim, _ = np.abs(about.constants)
+    assert wind > 1e-3
+    assert trim > 1e-4 if is_reported else trim < 1e-5
