@@ -844,7 +844,7 @@ class Remainder:
 
     def cover(self, stack):
         """Bounds R on boxes (c, h, claims); returns those where time is too long."""
-        unit, late = 1 << GRID, []
+        late = []
         while stack:
             batch, stack = stack[-64:], stack[:-64]
             self.boxes += len(batch)
@@ -861,15 +861,12 @@ class Remainder:
                     continue
                 if h[axis] == 1:
                     raise OpenFault("R was not bounded on a small box.")
-                half = tuple(v // 2 if i == axis else v for i, v in enumerate(h))
+                half, moved = list(h), list(c)
+                half[axis] = (h[axis] + 1) // 2
                 for sign in (-1, 1):
-                    moved = list(c)
-                    moved[axis] += sign * half[axis]
-                    near = (
-                        max(abs(x) - y, 0) for x, y in zip(moved, half, strict=True)
-                    )
-                    if sum(x * x for x in near) < unit * unit:
-                        stack.append((tuple(moved), half, left))
+                    moved[axis] = c[axis] + sign * (h[axis] - half[axis])
+                    if box := in_ball(moved, half):
+                        stack.append((*box, left))
         return late
 
     def _rates(self, w, step):
@@ -930,6 +927,24 @@ class Remainder:
 
 
 SCALE = 2.0 ** (BITS + 3 * GRID)
+
+
+def in_ball(center, half):
+    """Returns a box about what of another is in the ball, both on the grid.
+
+    There w_i^2 is at most 1 less the least squares of the others. None for nothing.
+    """
+    near = [max(abs(x) - y, 0) ** 2 for x, y in zip(center, half, strict=True)]
+    room = (1 << 2 * GRID) - sum(near)
+    if room < 0:
+        return None
+    centers, halves = [], []
+    for x, y, own in zip(center, half, near, strict=True):
+        reach = math.isqrt(room + own) + 1
+        low, high = max(x - y, -reach), min(x + y, reach)
+        halves.append(max((high - low + 1) // 2, 1))
+        centers.append(low + halves[-1])
+    return tuple(centers), tuple(halves)
 
 
 def cubic_monomials(center):

@@ -466,3 +466,43 @@ def test_what_cannot_be_written_is_refused_before_it_is_proven(tmp_path, capsys)
     out, complaint = capsys.readouterr()
     assert not out
     assert "--write-proof is for a loop without disturbances." in complaint
+
+
+def test_a_box_shrinks_to_no_less_than_what_of_it_is_in_the_ball(verifier):
+    rng, unit = np.random.default_rng(0), 1 << verifier.GRID
+    missed = shrunk = 0
+    for _ in range(300):
+        half = rng.integers(1, unit, 6)
+        center = rng.integers(-unit, unit + 1, 6)
+        low, high = np.maximum(center - half, -unit), np.minimum(center + half, unit)
+        points = rng.uniform(low, high, (3000, 6))
+        points = points[(points**2).sum(axis=1) <= unit**2]
+        box = verifier.in_ball(center.tolist(), half.tolist())
+        if box is None:
+            missed += 1
+            assert not len(points)
+            continue
+        assert np.all(np.abs(points - box[0]) <= box[1])
+        shrunk += np.prod(box[1]) < 0.5 * np.prod(half)
+    assert missed > 30 and shrunk > 30
+
+
+def test_halves_of_a_box_cover_it(verifier, monkeypatch):
+    """Of any width on the grid, also an odd one."""
+    halves, axis = [], 2
+
+    class Remainder(verifier.Remainder):
+        def __init__(self):
+            self.boxes, self.table = 0, verifier.fmpz_mat([[0]] * 84)
+
+        def _examine(self, c, h, claims, values):
+            halves.append((c, h))
+            blame = [0.0] * 7
+            blame[axis] = 1.0
+            return claims if len(halves) == 1 else [], blame
+
+    Remainder().cover([((10, 20, 30, 40, 50, 60), (7, 7, 7, 7, 7, 7), ["one"])])
+    (low, half_low), (high, half_high) = sorted(halves[1:])
+    assert low[axis] - half_low[axis] <= 23
+    assert low[axis] + half_low[axis] >= high[axis] - half_high[axis]
+    assert high[axis] + half_high[axis] >= 37
