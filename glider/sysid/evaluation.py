@@ -82,7 +82,7 @@ def evaluate(
     task, traced, flights = searched.task, searched.traced, searched.flights
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
-    scales = of_rollouts(traced.model, truth)
+    scales = of_rollouts(traced, truth)
     fitted = _fitted_models(task, traced, baseline)
     models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
 
@@ -161,12 +161,14 @@ def without_model_errors(
     ).without_floors
 
 
-def of_rollouts(model: FitResult, truth: Scales) -> Scales:
+def of_rollouts(traced: SearchResult, truth: Scales) -> Scales:
     """Scales of what rollouts fit to each flight, given those of what happens in it.
 
-    They have no gusts: a flight's wind, reported or not, stands for slow ones.
+    They have no gusts: a flight's wind, reported or not, stands for slow ones. Where a
+    search of forces set the scales, they are priors of what differs between flights.
     """
-    return dataclasses.replace(truth, wind=model.scales.wind)
+    own = traced.model.scales
+    return own if traced.forces else dataclasses.replace(truth, wind=own.wind)
 
 
 def _fitted_models(

@@ -70,7 +70,7 @@ def measure(
     gusts = air_depends_on(task, model)
     traced = types.SimpleNamespace(model=model, forces=None)
     truth = without_model_errors(traced, gusts, spreads_of(task, model))
-    flown = flown_by(task, model, of_rollouts(model, truth))
+    flown = flown_by(task, model, of_rollouts(traced, truth))
     ratio, rng = noise.smoothing[2].ratio, np.random.default_rng(seed)
     floor = find_floor(flown, unseen, truth, ratio, rng)
     pairs = [(record, predict(flown, record)) for record in unseen]

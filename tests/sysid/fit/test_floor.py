@@ -180,7 +180,7 @@ def test_rollouts_fit_a_trim_where_it_is_reported_and_a_wind_always(still, is_re
     trims = Spread(std=0.03, std_error=0.01, unit="rad", values={})
     spreads = {"elevator_trim": trims} if is_reported else {}
     traced = types.SimpleNamespace(model=model, forces=None)
-    known = of_rollouts(model, without_model_errors(traced, (), spreads))
+    known = of_rollouts(traced, without_model_errors(traced, (), spreads))
     _, about = find_launch(flown_by(task, model, known), task.records[0])
     wind, _, trim, _ = np.abs(about.constants)
     assert wind > 1e-3
