@@ -80,10 +80,7 @@ def evaluate(
     Returns fields of `Result`, and each flight held out once where signs are right.
     """
     task, traced, flights = searched.task, searched.traced, searched.flights
-    gusts = air_depends_on(task, traced.model)
-    truth = without_model_errors(traced, gusts, spreads)
-    scales = of_rollouts(traced, truth)
-    fitted = _fitted_models(task, traced, baseline)
+    fitted, scales = _fitted_models(task, traced, baseline), traced.model.scales
     models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
 
     def flown(names: Sequence[str]) -> prediction.Compared:
@@ -94,7 +91,7 @@ def evaluate(
     apart = tuple(n for n in flights.corrected if n in held_out and n not in usual)
     found = flown(unseen)
     kept = [unseen[i] for i in found.kept]
-    tests = _hold_out(searched, baseline, scales, rng)
+    tests = _hold_out(searched, baseline, rng)
     records, own = flights.of("corrected", usual), models["corrected"]
     of_nominal = models.get("nominal", models["refitted"])
     before = _table(of_nominal, flights.of("nominal", usual))
@@ -102,6 +99,8 @@ def evaluate(
     if traced.model.blocks:
         bare = dataclasses.replace(traced.model, blocks=())
         named = _table(flown_by(task, bare, scales), records)
+    gusts = air_depends_on(task, traced.model)
+    truth = without_model_errors(traced, gusts, spreads)
     records.sort(key=lambda record: record.name not in kept)
     first, smoothness = records[:MANY_FLIGHTS], flights.noise.smoothing[2].ratio
     floor = find_floor(own, first, truth, smoothness, rng)
@@ -161,16 +160,6 @@ def without_model_errors(
     ).without_floors
 
 
-def of_rollouts(traced: SearchResult, truth: Scales) -> Scales:
-    """Scales of what rollouts fit to each flight, given those of what happens in it.
-
-    They have no gusts: a flight's wind, reported or not, stands for slow ones. Where a
-    search of forces set the scales, they are priors of what differs between flights.
-    """
-    own = traced.model.scales
-    return own if traced.forces else dataclasses.replace(truth, wind=own.wind)
-
-
 def _fitted_models(
     task: Task, traced: SearchResult, baseline: FitResult
 ) -> dict[str, FitResult]:
@@ -189,7 +178,7 @@ def _fitted_models(
 
 
 def _hold_out(
-    searched: Searched, baseline: FitResult, scales: Scales, rng: np.random.Generator
+    searched: Searched, baseline: FitResult, rng: np.random.Generator
 ) -> HeldOut | None:
     """Holds out each flight once, baseline and corrected model refitted.
 
@@ -202,7 +191,7 @@ def _hold_out(
     usual = [record.name for record in searched.everything.records]
     scored = {*searched.extreme, *usual}
     task = searched.task.on([r for r in flights.corrected.values() if r.name in scored])
-    corrected = traced.model
+    corrected, scales = traced.model, traced.model.scales
     apart = {*searched.extreme, *find_unexplained(task, corrected)}
     if traced.forces is not None:
         baseline = forces_alone(task, baseline, traced.forces)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.constants import UNLIKELY
-from glider.sysid.evaluation import of_rollouts, without_model_errors
+from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.model_fit import fit_model
@@ -67,10 +67,10 @@ def measure(
     task = whole.on([r for r in whole.records if r.name not in names])
     starts = starts_of(task, noise, [kind for kind, _ in planted])
     model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)
+    flown = flown_by(task, model, model.scales)
     gusts = air_depends_on(task, model)
     traced = types.SimpleNamespace(model=model, forces=None)
     truth = without_model_errors(traced, gusts, spreads_of(task, model))
-    flown = flown_by(task, model, of_rollouts(traced, truth))
     ratio, rng = noise.smoothing[2].ratio, np.random.default_rng(seed)
     floor = find_floor(flown, unseen, truth, ratio, rng)
     pairs = [(record, predict(flown, record)) for record in unseen]

@@ -155,7 +155,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
     guided = path._replace(pitch=np.ascontiguousarray(pitch))
     start = nodes[0].copy()
-    start[OFFSET] = launch[OFFSET]
+    start[OFFSET], start[NUM_STATES:] = launch[OFFSET], launch[NUM_STATES:]
 
     def places(change: np.ndarray, along: LogPath) -> np.ndarray:
         state = start.copy()

@@ -5,15 +5,22 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from glider.compiled.theta import theta_of
+from glider.physics.effects import NO_FIELD
+from glider.physics.model import GliderModel
+from glider.physics.state import NUM_STATES
 from glider.sysid.constants import UNLIKELY
-from glider.sysid.evaluation import of_rollouts, without_model_errors
+from glider.sysid.evaluation import without_model_errors
+from glider.sysid.fit import floor as floors
 from glider.sysid.fit.floor import air_depends_on, find_floor
-from glider.sysid.fit.prediction import find_launch, flown_by, mean_squares, predict
+from glider.sysid.fit.prediction import flown_by, mean_squares, predict
+from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.report import EquationErrors, Spread
 from tests.helpers.known_truth import begin, task_of
 from tests.helpers.lifelike import draw_campaign, turbulence_campaign
+from tests.helpers.tasks import fly, typical
 
 
 def scales_of(truth):
@@ -163,25 +170,37 @@ def test_only_reported_variations_are_in_the_floor():
     assert without_model_errors(traced, ("V",), {}) == FLOOR.without_floors
 
 
+def test_memory_that_begins_elsewhere_is_predicted_along_the_pitch_too():
+    """As replicas are, which begin there."""
+    effect, rng = typical("lagged_downwash", 2.0), np.random.default_rng(0)
+    campaign = fly(effect, flights=6)
+    theta = theta_of(GliderModel(effects=(effect,)))
+    scales = dataclasses.replace(FLOOR, position=5e-4, pitch=3e-3, memory=0.05)
+    task, noise = task_of(campaign)
+    flights = []
+    for flight, record in zip(campaign.flights, task.records, strict=True):
+        moves, shows = floors._transitions(linearize(record, theta, NO_FIELD), scales)
+        shocks = np.zeros((len(shows), shows.shape[2], 1))
+        # Small enough for the flight to stay linear.
+        shocks[0, NUM_STATES] = 0.05 * rng.choice([-1.0, 1.0])
+        moved = (shows @ floors._flown(moves, shocks))[:, :3, 0]
+        flights.append(dataclasses.replace(flight, pose=flight.pose + moved))
+    task, noise = task_of(dataclasses.replace(campaign, flights=tuple(flights)))
+    model = begin(task, noise, [effect.kind.kind])
+    model = dataclasses.replace(model, theta=theta)
+    flown = flown_by(task, model, scales)
+    ratio = noise.smoothing[2].ratio
+    floor = find_floor(flown, task.records, scales, ratio, rng)
+    pairs = [(record, predict(flown, record)) for record in task.records]
+    errors = np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
+    assert floor.chance(errors) > UNLIKELY
+    rms = np.sqrt(np.mean(errors[:, 1] ** 2))
+    assert rms < 1.5 * floor.errors(NO_NOISE, 6).rollout_measured_pitch.position_rms_m
+
+
 def test_what_is_at_the_floor_of_its_scale_is_not_in_that_of_the_error():
     """A wind of 1 mm/s alone would be half a millimetre of a flight."""
     scales = dataclasses.replace(FLOOR, air=0.1, trim=1.5 * FLOOR.trim).without_floors
     assert (scales.air, scales.air_time) == (0.1, FLOOR.air_time)
     assert max(scales.wind, scales.trim, scales.moment) < 1e-8
     assert scales.position == FLOOR.position
-
-
-@pytest.mark.parametrize("is_reported", [False, True])
-def test_rollouts_fit_a_trim_where_it_is_reported_and_a_wind_always(still, is_reported):
-    campaign, truth = still
-    task, noise = task_of(campaign)
-    scales = dataclasses.replace(scales_of(truth), trim=0.03, wind=0.05)
-    model = dataclasses.replace(begin(task, noise), scales=scales)
-    trims = Spread(std=0.03, std_error=0.01, unit="rad", values={})
-    spreads = {"elevator_trim": trims} if is_reported else {}
-    traced = types.SimpleNamespace(model=model, forces=None)
-    known = of_rollouts(traced, without_model_errors(traced, (), spreads))
-    _, about = find_launch(flown_by(task, model, known), task.records[0])
-    wind, _, trim, _ = np.abs(about.constants)
-    assert wind > 1e-3
-    assert trim > 1e-4 if is_reported else trim < 1e-5
