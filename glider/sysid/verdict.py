@@ -172,9 +172,11 @@ def _beyond_floor(left: Residual) -> str:
     if left.may_be_chance:
         return ""
     varies = dict.fromkeys((*left.depends_on, *left.air_depends_on))
+    free, along = left.ratio_to_floor, left.ratio_along_pitch
     return (
         f": held-out flights are off by {1e3 * left.position_m:.3g} mm (RMS), "
-        f"{left.ratio_to_floor:.3g} times as much as a perfect model would leave"
+        f"{free:.3g} times as much as a perfect model would leave"
+        + (f" ({along:.3g} times along the measured pitch)" if along > free else "")
         + (f", depending on {', '.join(varies)}" if varies else "")
     )
 

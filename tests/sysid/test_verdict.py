@@ -73,6 +73,7 @@ def verdict(
     chance=0.5,
     times_floor=1.5,
     most_by_chance=1.8,
+    times_along=math.nan,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
@@ -90,6 +91,7 @@ def verdict(
     left = Residual(
         position_m=0.05,
         ratio_to_floor=times_floor,
+        ratio_along_pitch=times_along,
         chance=chance,
         most_by_chance=most_by_chance,
         depends_on=left_over or (),
@@ -209,6 +211,15 @@ def test_wrong_signs_need_no_folds():
     assert verdict((), signs=wrong, field=True)[0] == "partly_explained"
     worse = verdict(("wind",), signs=wrong, split=WORSE + 0.01)
     assert worse[0] == "not_trusted"
+
+
+def test_the_reason_says_where_more_than_a_perfect_models_error_is_left():
+    left = {"times_floor": 0.7, "chance": 1e-9}
+    word, reason = verdict(times_along=1.8, **left)
+    assert word == "partly_explained" and "(1.8 times along the measured" in reason
+    word, reason = verdict(times_along=1.8, times_floor=2.5)
+    assert word == "partly_explained" and "along the measured" not in reason
+    assert verdict(times_along=0.9, **left)[0] == "effect_found"
 
 
 def test_what_only_differs_from_flight_to_flight_names_no_lack():
