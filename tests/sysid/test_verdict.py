@@ -215,11 +215,11 @@ def test_wrong_signs_need_no_folds():
 
 def test_the_reason_says_where_more_than_a_perfect_models_error_is_left():
     left = {"times_floor": 0.7, "chance": 1e-9}
-    word, reason = verdict(times_along=1.8, **left)
+    word, reason = verdict(("wind",), times_along=1.8, **left)
     assert word == "partly_explained" and "(1.8 times along the measured" in reason
-    word, reason = verdict(times_along=1.8, times_floor=2.5)
+    word, reason = verdict(("wind",), times_along=1.8, times_floor=2.5)
     assert word == "partly_explained" and "along the measured" not in reason
-    assert verdict(times_along=0.9, **left)[0] == "effect_found"
+    assert verdict(("wind",), times_along=0.9, **left)[0] == "effect_found"
 
 
 def test_what_only_differs_from_flight_to_flight_names_no_lack():
