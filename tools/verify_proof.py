@@ -19,7 +19,8 @@ docs/certificate.md; the notation is the same. Checked are
  3. on each ball: |R_k| <= beta_k (1 + e'F e). Boxes cover it. On each, f is enclosed by
     a cubic polynomial and what it leaves out, in doubles with bounds of their rounding;
     P and the right side are polynomials already, and are shifted in integers. A box on
-    which the bound is not seen to hold is halved; where boxes become too many or too
+    which the bound is not seen to hold is halved, and what of each half is outside the
+    ball is cut off; where boxes become too many or too
     small, this program names the interval and says that this is open there.
 
 The file is JSON lines in gzip: a header, the knots, and a line for each interval. Of

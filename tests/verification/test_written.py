@@ -487,7 +487,7 @@ def test_a_box_shrinks_to_no_less_than_what_of_it_is_in_the_ball(verifier):
     assert missed > 30 and shrunk > 30
 
 
-def test_halves_of_a_box_cover_it(verifier, monkeypatch):
+def test_halves_of_a_box_cover_it(verifier):
     """Of any width on the grid, also an odd one."""
     halves, axis = [], 2
 

@@ -82,9 +82,10 @@ def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
 @functools.lru_cache(maxsize=16)
 def tensor_places(n: int, degree: int) -> np.ndarray:
     """Returns which monomial each entry of a flat tensor adds to, (n^degree,)."""
-    place = {tuple(e): k for k, e in enumerate(exponents_of(n, degree))}
-    indices = np.indices((n,) * degree).reshape(degree, -1).T
-    return np.array([place[tuple(np.bincount(i, minlength=n))] for i in indices])
+    places = np.zeros(1, dtype=int)
+    for reached in range(degree):
+        places = _places_of_products(n, reached, 1)[places].ravel()
+    return places
 
 
 def _moved(tensors, matrix, degree):
@@ -143,8 +144,7 @@ def gathered(products: Exact, n: int, first: int = 1, second: int = 1) -> Exact:
 def _places_of_products(n, first, second):
     """Returns which monomial each product (C₁, C₂) is."""
     places = {tuple(e): k for k, e in enumerate(exponents_of(n, first + second))}
-    of_second = exponents_of(n, second)
-    products = [one + of_second for one in exponents_of(n, first)]
+    products = exponents_of(n, first)[:, None] + exponents_of(n, second)
     return np.array([[places[tuple(e)] for e in row] for row in products])
 
 

@@ -176,7 +176,7 @@ def test_memory_that_begins_elsewhere_is_predicted_along_the_pitch_too():
     campaign = fly(effect, flights=6)
     theta = theta_of(GliderModel(effects=(effect,)))
     scales = dataclasses.replace(FLOOR, position=5e-4, pitch=3e-3, memory=0.05)
-    task, noise = task_of(campaign)
+    task, _ = task_of(campaign)
     flights = []
     for flight, record in zip(campaign.flights, task.records, strict=True):
         moves, shows = floors._transitions(linearize(record, theta, NO_FIELD), scales)
