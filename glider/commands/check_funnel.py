@@ -156,7 +156,7 @@ def run(args: argparse.Namespace) -> int:
     if level is not None:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, covariance, level, shape)
-    loop = _flown_loop(args) if args.as_flown else None
+    loop = _flown_loop(args, confidence) if args.as_flown else None
     if not rests and (latency := _own_latency(args, funnel)):
         check_latency(funnel, latency)
     if loop:
@@ -171,7 +171,7 @@ def run(args: argparse.Namespace) -> int:
 
         given = problem, model, covariance, least_inlet
         checked = _check(args, (funnel, *rests), *given, follow)
-        if confidence and checked.holds:
+        if confidence and checked.holds and not funnel.settings.period:
             rng, say = np.random.default_rng(seed), follow("gliders")
             trial = falsify_funnel(
                 funnel, flights, rng, confidence=confidence, progress=say
@@ -390,7 +390,7 @@ def _level(text: str | None) -> float | None:
     return level
 
 
-def _flown_loop(args):
+def _flown_loop(args, gliders):
     """The loop of --as-flown."""
     from glider.control.predictor import Hold
     from glider.verification.trials.as_flown import FlownLoop
@@ -401,6 +401,7 @@ def _flown_loop(args):
         hold=Hold(period=hold, latency=latency, predicts=args.predict),
         wind=args.wind or 0.0,
         command_error=args.command_error or 0.0,
+        gliders=gliders,
     )
 
 

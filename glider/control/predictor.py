@@ -17,6 +17,7 @@ import numpy as np
 from glider.control.tvlqr import TrackingPolicy
 from glider.errors import expect
 from glider.physics.model import GliderModel
+from glider.physics.parameters import Theta
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 
@@ -55,14 +56,18 @@ def rates_of(
     states: np.ndarray,
     command: np.ndarray,
     wind: np.ndarray | None = None,
+    theta: Theta | None = None,
 ) -> np.ndarray:
     """Returns ẋ (B, n) of gliders under commands (B,), servo limits included.
 
-    The wind (B, 2) is that beyond the model's own [m/s].
+    The wind (B, 2) is that beyond the model's own [m/s]; theta has other numbers than
+    the model's own.
     """
     rate = limited_rates(command, states[:, ELEVATOR], model.parameters.servo)
     air = (0.0, 0.0) if wind is None else (wind[:, 0], wind[:, 1])
-    found = model.chain.derivatives(0.0, list(states.T), rate, *air, model.numbers)
+    found = model.chain.derivatives(
+        0.0, list(states.T), rate, *air, theta or model.numbers
+    )
     rates = np.empty_like(states)
     for column, value in zip(rates.T, found, strict=True):
         column[:] = value

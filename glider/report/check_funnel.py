@@ -142,6 +142,7 @@ def flown_report(trial: FlownTrial, seed: int) -> dict[str, Any]:
         "predicts": hold.predicts,
         "wind_m_s": trial.loop.wind,
         "command_error_rad_s": trial.loop.command_error,
+        "gliders": trial.loop.gliders and describe_set(trial.loop.gliders),
         "flights": len(trial.levels),
         "of_the_ascent": int(trial.climbed.sum()),
         "escapes": trial.escapes,

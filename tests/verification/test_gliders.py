@@ -36,7 +36,8 @@ def allowed_by(share=1.0, shape="ellipsoid"):
 
 def among(funnel, confidence):
     """The same sets, said to be of other gliders."""
-    gliders = make_moving_center(funnel.nominal, confidence)
+    held = funnel.settings.period > 0.0
+    gliders = make_moving_center(funnel.nominal, confidence, held)
     return dataclasses.replace(funnel, gliders=gliders)
 
 

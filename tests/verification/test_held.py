@@ -12,10 +12,11 @@ from glider.__main__ import main
 from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.model import GliderModel
+from glider.physics.confidence import glider_at
+from glider.physics.servo import STOPPING_TIME
+from glider.physics.state import ELEVATOR
 from glider.report.check_funnel import describe_flown
 from glider.verification.dynamics.nominal import evaluate, hermite_path, make_nominal
-from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
@@ -32,12 +33,13 @@ from glider.verification.funnel.funnel import (
     save_funnel,
 )
 from glider.verification.funnel.growth import push_form
+from glider.verification.funnel.remainder import sample_remainder
 from glider.verification.funnel.servo_limits import steepest_gains
 from glider.verification.proof import flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
-from glider.verification.proof.interval import at_time, make_interval
+from glider.verification.proof.interval import at_time, make_interval, servo_reach
 from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
 from glider.verification.proof.purpose import push_faults
@@ -46,7 +48,7 @@ from glider.verification.sos.forms import spread_form, to_ball
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
 from tests.verification.points import sphere_points
-from tests.verification.test_gliders import allowed_by, among
+from tests.verification.test_gliders import NAMES, allowed_by, among
 
 PERIOD, ERROR, WIND = 0.02, 0.05, 0.02
 
@@ -320,14 +322,6 @@ def test_no_form_is_larger_than_its_size(degree):
     assert sizes[1] == pytest.approx(largest[1])
 
 
-def test_held_commands_are_not_for_a_set_of_gliders(clocked):
-    """Which the errors of the commands and the limit of rate leave out."""
-    with pytest.raises(InputError, match="for the funnel of a confidence set"):
-        make_funnel(GliderModel(), None, clocked.settings, confidence=allowed_by())
-    [fault] = held_faults(among(part(clocked, 1), allowed_by()))
-    assert "not proven for a set of gliders" in fault
-
-
 def test_a_continuous_feedback_needs_its_own_error_only(proven):
     assert held_faults(proven) == []
     settings = dataclasses.replace(proven.settings, command_error=0.1)
@@ -381,6 +375,146 @@ def test_a_clock_must_be_the_one_that_is_asked_for(clocked, proven):
     assert push_faults(clocked, (0.0, 0.0), PERIOD) == []
     [fault] = push_faults(proven, (0.0, 0.0), PERIOD)
     assert "at all times; expected a hold of 20 ms" in fault
+
+
+# ---------------------------------------------------------------------- sets of gliders
+
+
+@pytest.fixture(scope="module")
+def clocked_set(clocked):
+    """The same for a set of gliders; still not a certificate."""
+    funnel = among(clocked, allowed_by())
+    nominal, S, at = funnel.nominal, funnel.S, np.arange(len(funnel.S))
+    errors = np.tile([10.0, WIND], (len(S), 1))  # Of commands, more than there are.
+    given = sphere_points(300, 12), at, funnel.gliders, None, errors
+    beta = 1.1 * sample_remainder(nominal, S, *given)
+    rests = command_errors(nominal, S, at, funnel.settings, beta, funnel.focus)
+    errors = rests + BEND_ROOM * bend_sizes(S, nominal.bends)
+    return dataclasses.replace(funnel, beta=beta, rests=rests, errors=errors)
+
+
+def hold_flown(funnel, model, states, command, wind, first):
+    """Times of a hold, and states (B, n) at each, from one of the funnel's times on."""
+    times = funnel.nominal.times
+    which = np.flatnonzero(hold_starts(times) == first)
+    paths = [states]
+    for j in which[:-1]:
+        step = (times[j + 1] - times[j]) / 8
+        for _ in range(8):
+            states = advance(
+                lambda x, t: rates_of(model, x, command, wind), states, step
+            )
+        paths.append(states)
+    return [*zip(which, paths, strict=True)]
+
+
+def command_of(funnel, states, k):
+    """The feedback's command (B,) at one of the funnel's times."""
+    nominal = funnel.nominal
+    return nominal.inputs[k] - (states - nominal.states[k]) @ nominal.gains[k]
+
+
+def test_centers_of_held_commands_are_where_the_gliders_fly(clocked_set):
+    """To first order: what is left falls with the square of the deviation."""
+    nominal, center = clocked_set.nominal, clocked_set.gliders
+    starts = np.unique(hold_starts(nominal.times))[:12]
+    delta = center.confidence.on_boundary(np.array([0.6, 0.8]))
+    lefts = []
+    for size in (0.0, 1.0, 0.5):
+        glider = glider_at(nominal.model, NAMES, size * delta)
+        states, off = nominal.states[:1], []
+        for first in starts:
+            command = command_of(clocked_set, states, first)
+            off += [*(command - nominal.inputs[first])]
+            off[-1] -= size * center.commands[first] @ delta
+            path = hold_flown(clocked_set, glider, states, command, None, first)
+            for k, states in path:
+                moved = states[0] - nominal.states[k]
+                off += [*(moved - size * center.shifts[k] @ delta)]
+        lefts.append(np.array(off))
+    whole, half = (np.abs(left - lefts[0]).max() for left in lefts[1:])
+    assert half == pytest.approx(0.25 * whole, rel=0.1)
+    assert whole < 0.05 * np.abs(center.shifts[starts] @ delta).max()
+    at = nominal.times[20:30:3]
+    found = center.at(at, np.tile(delta, (len(at), 1)))
+    np.testing.assert_allclose(found, center.shifts[20:30:3] @ delta)
+
+
+def test_held_flights_of_a_set_are_within_the_proven_error(clocked_set):
+    """From the boundaries about their centers, in steady wind, with errors."""
+    nominal, center, count = clocked_set.nominal, clocked_set.gliders, 100
+    turn, ratio, seen = np.arange(count), 0.0, 0
+    wind = WIND * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    samples = np.unique(hold_starts(nominal.times))[[2, 8, 14, 20]]
+    for first, angle in zip(samples, (0.0, 2.0, 4.0, 5.0), strict=True):
+        delta = center.confidence.on_boundary(np.array([np.cos(angle), np.sin(angle)]))
+        glider = glider_at(nominal.model, NAMES, delta)
+        e = sphere_points(count, 7) @ to_ball(clocked_set.S[first])[1].T
+        states = nominal.states[first] + center.shifts[first] @ delta + e
+        held = command_of(clocked_set, states, first) + ERROR * np.sign(np.sin(turn))
+        inside = np.ones(count, dtype=bool)
+        for k, x in hold_flown(clocked_set, glider, states, held, wind, first):
+            e = x - nominal.states[k] - center.shifts[k] @ delta
+            inside &= np.einsum("bi,ij,bj->b", e, clocked_set.S[k], e) <= 1.0 + 1e-9
+            feedback = nominal.inputs[k] + center.commands[k] @ delta
+            off = (held - feedback + e @ nominal.gains[k])[inside]
+            rest = off - np.einsum("bi,ij,bj->b", e, nominal.bends[k], e)[inside]
+            ratio = max(ratio, np.abs(rest).max() / clocked_set.rests[k])
+            assert np.all(np.abs(rest) <= clocked_set.rests[k] + 1e-12)
+            assert np.all(np.abs(off) <= clocked_set.errors[k] + 1e-12)
+        seen += inside.sum()
+    assert ratio > 0.2 and seen > 20
+
+
+def test_held_commands_of_a_set_are_proven(clocked_set):
+    assert held_faults(part(clocked_set, 2)) == []
+
+
+def test_held_commands_of_a_set_may_have_no_rate_left(clocked_set):
+    """U δ counts when a command is computed."""
+    piece = part(clocked_set, 6)
+    last = np.unique(hold_starts(piece.nominal.times))[-1]
+    piece = among(piece, allowed_by(1500.0))
+    assert held._keeps_rate(piece, 0)  # All gliders have the same launch.
+    assert held._keeps_rate(dataclasses.replace(piece, gliders=None), last)
+    assert not held._keeps_rate(piece, last)
+
+
+def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
+    k = np.unique(hold_starts(clocked_set.nominal.times))[8] + 1
+    piece = clocked_set.between(k, k + 1)
+    allowed, (start, stop) = piece.gliders.confidence, piece.nominal.times
+    deltas = allowed.on_boundary(np.random.default_rng(3).normal(size=(300, 2)))
+    bound = servo_reach(piece, line(np.zeros((2, 7))), exact(stop) - exact(start))
+    found = [
+        np.abs(
+            piece.gliders.at(np.full(300, t), deltas)[:, ELEVATOR]
+            + STOPPING_TIME * deltas @ piece.gliders.commands[0]
+        ).max()
+        for t in np.linspace(start, stop, 20)
+    ]
+    assert 0.98 * bound < max(found) <= bound
+    np.testing.assert_array_equal(*piece.gliders.commands)
+
+
+def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
+    funnel = among(clocked, allowed_by(10.0))
+    nominal, center = funnel.nominal, funnel.gliders
+    genes = np.hstack([sphere_points(4, 7), np.tile([1.0, 0.0, 0.5, 1.0], (4, 1))])
+    turns, still = sphere_points(4, 2), FlownLoop(hold=Hold(period=PERIOD))
+    loop = dataclasses.replace(still, gliders=center.confidence)
+    ends = as_flown._flights(funnel, loop, np.hstack([genes, turns]))[2]
+    alone = as_flown._flights(funnel, still, genes)[2]
+    launches = nominal.states[0] + genes[:, :7] @ to_ball(funnel.S[0])[1].T
+    for found, own, turn, states in zip(ends, alone, turns, launches, strict=True):
+        delta = center.confidence.on_boundary(turn)
+        glider, path = glider_at(nominal.model, NAMES, delta), [(0, states[None])]
+        for first in np.unique(hold_starts(nominal.times)):
+            given = path[-1][1], command_of(funnel, path[-1][1], first)
+            path = hold_flown(funnel, glider, *given, None, first)
+        e = path[-1][1][0] - nominal.states[-1] - center.shifts[-1] @ delta
+        assert found == pytest.approx(e @ funnel.S[-1] @ e, rel=1e-3)
+        assert abs(found / own - 1.0) > 0.01
 
 
 # ----------------------------------------------------------------------------- flights

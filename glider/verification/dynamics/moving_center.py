@@ -1,8 +1,9 @@
 """Where the gliders of a confidence set fly, to first order: the center moves along.
 
 A glider whose numbers deviate by δ from the estimate c₀ flies near x₀ + X δ, with
-    Ẋ = F₁ X + ∂f/∂c,  X(0) = 0,
-F₁ of the closed loop (docs/certificate.md). With x = x₀ + X δ + e its deviation follows
+    Ẋ = ∂f/∂x X + ∂f/∂u U + ∂f/∂c,  X(0) = 0,  U = -K X,
+where a command that is held keeps the U of its sample (docs/certificate.md). With
+x = x₀ + X δ + e its deviation follows
     ė = p(e) + R(e, δ),  p of the estimate,
 and R is all that is left, the Taylor remainder and what the glider does otherwise.
 """
@@ -10,12 +11,15 @@ and R is all that is left, the Taylor remainder and what the glider does otherwi
 import dataclasses
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from glider.control.predictor import advance
-from glider.errors import InputError
 from glider.physics.confidence import ConfidenceSet, theta_at
-from glider.verification.dynamics.nominal import Nominal, closed_loop_rates
+from glider.verification.dynamics.nominal import (
+    Nominal,
+    closed_loop_rates,
+    hermite_path,
+    hold_starts,
+)
 
 STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
@@ -32,56 +36,71 @@ class MovingCenter:
     times: np.ndarray  #: Times (T,) [s].
     shifts: np.ndarray  #: X (T, n, m).
     slopes: np.ndarray  #: Ẋ (T, n, m) [1/s].
+    commands: np.ndarray  #: U (T, m): the command there is u₀ + U δ.
 
-    def at(self, times: np.ndarray | float, deviation: np.ndarray) -> np.ndarray:
-        """Returns X δ (..., n) at times within the flight, for one δ (m,)."""
-        curve = CubicHermiteSpline(self.times, self.shifts, self.slopes)
-        return curve(np.clip(times, self.times[0], self.times[-1])) @ deviation
+    def at(self, times: np.ndarray | float, deviations: np.ndarray) -> np.ndarray:
+        """Returns X δ (..., n) at times (...) within the flight, for δ (..., m)."""
+        X = hermite_path(self.times, self.shifts, self.slopes)(
+            np.clip(times, self.times[0], self.times[-1])
+        )
+        return np.einsum("...nm,...m->...n", X, deviations)
 
     def between(self, first: int, last: int) -> "MovingCenter":
         """Returns the part from one of the times to another, given their indices."""
         here = slice(first, last + 1)
-        parts = {k: getattr(self, k)[here] for k in ("times", "shifts", "slopes")}
+        names = "times", "shifts", "slopes", "commands"
+        parts = {name: getattr(self, name)[here] for name in names}
         return dataclasses.replace(self, **parts)
 
 
-def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCenter:
-    """Integrates X along a nominal flight.
-
-    Raises:
-        InputError: its commands are held.
-    """
-    if len(nominal.flows) < len(nominal.times) - 1:
-        raise InputError("A funnel of a set of gliders cannot have held commands.")
-    times, names = nominal.times, confidence.names
-    starts = _linear(nominal, names)
+def make_moving_center(
+    nominal: Nominal, confidence: ConfidenceSet, held: bool = False
+) -> MovingCenter:
+    """Integrates X along a nominal flight; its commands may be held."""
+    times, names, starts = nominal.times, confidence.names, hold_starts(nominal.times)
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
-    between = [_linear(nominal.between(share), names) for share in shares]
-    shifts = np.zeros_like(starts[1])
-    for k, step in enumerate(np.diff(times) / STEPS):
-        nodes = [(F1[k], push[k]) for F1, push in (starts, *between)]
-        nodes.append((starts[0][k + 1], starts[1][k + 1]))
-        X = shifts[k]
+    between = [_linear(nominal.between(share), names, held) for share in shares]
+    A, B, push = _linear(nominal, names, held)
+    shifts, commands = np.zeros_like(push), np.zeros((len(times), len(names)))
+    for number, k in enumerate(nominal.flows):
+        if held and starts[k] == k:
+            shifts[k] = shifts[max(k - 1, 0)]
+            commands[k] = -nominal.gains[k] @ shifts[k]
+        U, X, step = commands[k], shifts[k], (times[k + 1] - times[k]) / STEPS
+        nodes = [(A[k], B[k], push[k])]
+        nodes += [tuple(of[number] for of in part) for part in between]
+        nodes.append((A[k + 1], B[k + 1], push[k + 1]))
         for i in range(STEPS):
 
-            def rate(X, since, first=2 * i, step=step, nodes=nodes):
-                F1, push = nodes[first + round(2.0 * since / step)]
-                return F1 @ X + push
+            def rate(X, since, first=2 * i, step=step, nodes=nodes, U=U):
+                A, B, push = nodes[first + round(2.0 * since / step)]
+                return A @ X + np.outer(B, U) + push
 
             X = advance(rate, X, step)
-        shifts[k + 1] = X
-    slopes = starts[0] @ shifts + starts[1]
+        shifts[k + 1], commands[k + 1] = X, U
+    slopes = A @ shifts + B[:, :, None] * commands[:, None] + push
+    if not held:
+        commands = -np.einsum("ti,tim->tm", nominal.gains, shifts)
     return MovingCenter(
-        confidence=confidence, times=times, shifts=shifts, slopes=slopes
+        confidence=confidence,
+        times=times,
+        shifts=shifts,
+        slopes=slopes,
+        commands=commands,
     )
 
 
-def _linear(nominal, names):
-    """Returns F₁ (T, n, n) and ∂f/∂c (T, n, m) along a flight."""
+def _linear(nominal, names, held):
+    """Returns A (T, n, n), B (T, n) and ∂f/∂c (T, n, m) along a flight.
+
+    A is of the closed loop, or of the glider alone if its commands are held.
+    """
     x, push = list(nominal.states.T), np.zeros((*nominal.states.shape, len(names)))
     for j, nudge in enumerate(_TINY * 1j * np.eye(len(names))):
         theta = theta_at(nominal.model, names, nudge)
         given = nominal.model, x, nominal.gains.T, x, nominal.inputs, theta
         for i, rate in enumerate(closed_loop_rates(*given)):
             push[:, i, j] = np.imag(rate) / _TINY
-    return nominal.closed_loop[..., 1 : len(x) + 1], push
+    B = nominal.push_slopes[:, :, 0, 0]
+    A = nominal.closed_loop[..., 1 : len(x) + 1]
+    return A + held * B[:, :, None] * nominal.gains[:, None], B, push

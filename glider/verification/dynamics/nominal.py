@@ -189,6 +189,12 @@ def fly_plan(
     return flights.paths[:, ::every]
 
 
+def hold_starts(times: np.ndarray) -> np.ndarray:
+    """Returns the index (T,) of the sample whose command acts at each time."""
+    begins = np.append(True, np.diff(times) == 0.0)
+    return np.maximum.accumulate(np.where(begins, np.arange(len(times)), 0))
+
+
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:
     """Returns cubic Hermite polynomials, with a kink where a time stands twice."""
     k = np.flatnonzero(np.diff(times) > 0.0)

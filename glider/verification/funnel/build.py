@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from glider.control.tvlqr import TrackingPolicy
-from glider.errors import InputError, expect
+from glider.errors import InputError
 from glider.physics.confidence import ConfidenceSet
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
@@ -103,9 +103,6 @@ def make_funnel(
             "A funnel of a confidence set accounts for the differences of its gliders "
             "by a remainder: 'remainder' is 0; expected a positive number."
         )
-    if confidence:
-        words = "0, for the funnel of a confidence set"
-        expect(not settings.period, "field 'period'", settings.period, words)
     nominal = make_nominal(model, policy, settings.step, settings.period)
     if hook_of is not None:
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
@@ -118,7 +115,8 @@ def make_funnel(
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
         _shape(steered, say, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
-    center = make_moving_center(nominal, confidence) if confidence else None
+    held = settings.period > 0.0
+    center = make_moving_center(nominal, confidence, held) if confidence else None
     task = FunnelTask(nominal, settings, directions, center)
     S = _shape(ShapeFlow(task), say, "shape")
     say("funnel: its size")

@@ -13,18 +13,12 @@ import numpy as np
 from scipy.linalg import expm
 
 from glider.control.predictor import advance
-from glider.verification.dynamics.nominal import Nominal, table_of
+from glider.verification.dynamics.nominal import Nominal, hold_starts, table_of
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
 ROOM, BEND_ROOM = 1.15, 1.05
 """Factors on the largest q̇ and eᵀ M e at a time: for what is between, and norms."""
-
-
-def hold_starts(times: np.ndarray) -> np.ndarray:
-    """Returns the index (T,) of the sample whose command acts at each time."""
-    begins = np.append(True, np.diff(times) == 0.0)
-    return np.maximum.accumulate(np.where(begins, np.arange(len(times)), 0))
 
 
 def _steps(nominal, first, last):

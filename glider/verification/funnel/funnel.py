@@ -137,7 +137,8 @@ def funnel_of(
     if notes.confidence is not None:
         try:
             confidence = noted_confidence(model, notes.confidence)
-            gliders = make_moving_center(nominal, confidence)
+            held = notes.settings.period > 0.0
+            gliders = make_moving_center(nominal, confidence, held)
         except InputError as error:
             raise InputError(f"{fault} gliders: {error}") from None
     return Funnel(

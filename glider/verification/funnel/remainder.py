@@ -202,30 +202,38 @@ def remainder_of(
     Errors e are from x₀ + X δ where a center moves, with deviations δ (K, B, m). A
     push (K, B, 3) is d_u and w, which act in R but for G (d_u, w).
     """
-    known, moved = evaluate(nominal.closed_loop[at], errors), errors
-    drift, theta = 0.0, None
+    known = evaluate(nominal.closed_loop[at], errors)
+    moved = drift = commanded = 0.0
+    theta = None
     if push is not None:
         G = nominal.push_slopes[at]
         slopes = G[:, None, ..., 0] + np.einsum("kijl,kbl->kbij", G[..., 1:], errors)
         known = known + (slopes @ push[..., None])[..., 0]
     own = rates_about(nominal, at, np.zeros_like(errors[:, :1]))
     if center is not None and deviations is not None:
-        moved = errors + deviations @ np.swapaxes(center.shifts[at], 1, 2)
+        moved = deviations @ np.swapaxes(center.shifts[at], 1, 2)
+        commanded = np.einsum("kbm,km->kb", deviations, center.commands[at])
         drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
         names, each = center.confidence.names, np.moveaxis(deviations, 2, 0)
         theta = theta_at(nominal.model, names, each)
-    return rates_about(nominal, at, moved, theta, push) - own - drift - known
+    rates = rates_about(nominal, at, errors, theta, push, moved, commanded)
+    return rates - own - drift - known
 
 
-def rates_about(nominal, at, errors, theta=None, push=None):
-    """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀, with a push (K, B, 3)."""
-    states = nominal.states[at][:, None] + errors
+def rates_about(nominal, at, errors, theta=None, push=None, moved=0.0, commanded=0.0):
+    """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀, with a push (K, B, 3).
+
+    Where a center has moved (K, B, n), they are from there, and the command, which is
+    another by (K, B) there, is for them.
+    """
+    center = nominal.states[at][:, None] + moved
+    states = center + errors
     error, *wind = (0.0,) * 3 if push is None else np.moveaxis(push, 2, 0)
     x, gains, x0 = (
         np.moveaxis(values, -1, 0)
-        for values in (states, nominal.gains[at][:, None], nominal.states[at][:, None])
+        for values in (states, nominal.gains[at][:, None], center)
     )
-    u0 = nominal.inputs[at][:, None] + error
+    u0 = nominal.inputs[at][:, None] + commanded + error
     rates = closed_loop_rates(nominal.model, list(x), gains, x0, u0, theta, wind)
     return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)
 

@@ -15,7 +15,7 @@ from glider.errors import InputError
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import Nominal, hold_starts
 
 SHRINK = 0.995
 """Factor on the bounds, to keep them between the times too; shipped funnels reach
@@ -27,11 +27,13 @@ def servo_bounds(
     center: MovingCenter | None = None,
     shrink: float = SHRINK,
     errors: np.ndarray | float = 0.0,
+    held: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
 
-    A center that moves by X δ leaves b - max aᵀ X δ, and errors (T,) of the command
-    [rad/s] that much less of the rate.
+    A center that moves by X δ under U δ leaves less of both, and errors (T,) of the
+    command [rad/s] that much less of the rate. A command that is held keeps the rate's
+    limit if it does when it is computed: elsewhere that b is infinite.
     """
     low, high, rate = nominal.model.parameters.servo
     ahead = nominal.states[:, ELEVATOR] + STOPPING_TIME * nominal.inputs
@@ -42,7 +44,11 @@ def servo_bounds(
     bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
     bounds = shrink * bounds - error_reach(errors + 0.0 * nominal.inputs)
     if center is not None:
-        bounds -= center.confidence.reach(directions @ center.shifts)
+        travel_of = center.shifts[:, ELEVATOR] + STOPPING_TIME * center.commands
+        reach = center.confidence.reach(np.stack([center.commands, travel_of], axis=1))
+        bounds -= reach
+    if held:
+        bounds[hold_starts(nominal.times) != np.arange(len(bounds)), 0] = np.inf
     return directions, bounds
 
 

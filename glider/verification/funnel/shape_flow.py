@@ -22,7 +22,7 @@ from scipy.linalg import expm
 from glider.control.predictor import advance
 from glider.progress import Shares
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import Nominal, hold_starts
 from glider.verification.funnel import clock, servo_limits
 from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
 from glider.verification.funnel.remainder import (
@@ -81,15 +81,9 @@ class FunnelTask:
         return np.stack([known + rests, rests])
 
     def servo_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns a and b of the servo's limits, without what errors take of them.
-
-        A command that is held keeps the rate's limit if it does when it is computed.
-        """
-        directions, bounds = servo_limits.servo_bounds(self.nominal, self.center)
-        if self.settings.period:
-            starts = clock.hold_starts(self.nominal.times)
-            bounds[starts != np.arange(len(starts)), 0] = np.inf
-        return directions, bounds
+        """Returns a and b of the servo's limits, without what errors take of them."""
+        held = self.settings.period > 0.0
+        return servo_limits.servo_bounds(self.nominal, self.center, held=held)
 
     def sets(
         self, nominal: Nominal, S: np.ndarray, slopes: np.ndarray, at: np.ndarray
@@ -204,7 +198,7 @@ class ShapeFlow:
         if settings.period:
             if k + 1 < len(times) and times[k + 1] > times[k]:
                 return  # It was made from the end of its hold.
-            first = clock.hold_starts(times)[k]
+            first = hold_starts(times)[k]
             toward = clock.effect_of_hold(nominal, first, k) / settings.period
         rate = bounds[first, 0] - settings.command_error
         gains = servo_limits.steepest_gains(S, toward, rate, settings.elevator_gain)

@@ -194,7 +194,7 @@ def gliders_faults(funnel: Funnel) -> list[str]:
         return []
     axes = funnel.settings.goal_axes(funnel.num_states)
     given = funnel.nominal, funnel.gliders, 1.0, funnel.errors
-    directions, bounds = servo_bounds(*given)
+    directions, bounds = servo_bounds(*given, held=funnel.settings.period > 0.0)
     try:
         reach = margin_to_limits(funnel.S, directions, bounds)
         goal, last = np.diag(1.0 / axes**2), funnel.S[-1]

@@ -18,9 +18,15 @@ import numpy as np
 from glider.compiled.taylor import WIDER
 from glider.progress import Shares
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.funnel.clock import form_size, hold_slopes, hold_starts
+from glider.verification.dynamics.nominal import hold_starts
+from glider.verification.funnel.clock import form_size, hold_slopes
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.interval import covers, make_interval, tight_cover
+from glider.verification.proof.interval import (
+    covers,
+    gliders_defect,
+    make_interval,
+    tight_cover,
+)
 from glider.verification.proof.interval_growth import BALL_BITS, pulled_forms
 from glider.verification.sos.exact import (
     exact,
@@ -43,8 +49,6 @@ def held_faults(funnel: Funnel, progress: Shares | None = None) -> list[str]:
     if not settings.period:
         fault = "The command's error has a known part, but no command is held."
         return [fault] if nominal.bends.any() else []
-    if funnel.gliders:
-        return ["Held commands are not proven for a set of gliders."]
     times, starts = nominal.times, hold_starts(nominal.times)
     samples = np.unique(starts)
     clock = settings.period * np.arange(len(samples))
@@ -83,6 +87,8 @@ def _keeps_rate(funnel, k):
     limit = exact(funnel.nominal.model.parameters.servo.rate)
     gains = exact(funnel.nominal.gains[k])
     left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
+    if gliders := funnel.gliders:
+        left = left - exact(gliders.confidence.reach(gliders.commands[k]) * WIDER)
     form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
     return bool(left.numbers[0] > 0) and is_positive_definite(form)
 
@@ -111,7 +117,8 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     focus = np.linalg.norm((B.T @ interval.focus @ B).bernstein(), 2, (1, 2)).max()
     most = np.abs(K.bernstein()).max(axis=0)
     most += 2.0 * np.linalg.norm(M.bernstein(), axis=1).max(axis=0)
-    off = piece.beta.max(axis=0) * (1.0 + focus) + defect_bounds(nominal)[0]
+    off = piece.beta.max(axis=0) * (1.0 + focus)
+    off += defect_bounds(nominal)[0] + gliders_defect(piece)
     pulls = np.array([_pull(interval.push_slopes[:, k], B, K, M) for k in range(3)])
     apart = _size((K - line(nominal.gains)) @ B, n, 1)
     apart += _size(_form(M @ B - known), n, 2)

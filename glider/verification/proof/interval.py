@@ -10,7 +10,7 @@ limits, and within a ball.
 
 Of a set of gliders, δ = A v with |v_l| <= 1, and for an ellipsoid |v| <= 1. The center
 is x₀ + X A v, X the cubic Hermite polynomial between the times, and the command there
-differs by -K X A v; their time is s from -1 to 1.
+differs by U A v, U = -K X unless it is held; their time is s from -1 to 1.
 """
 
 import dataclasses
@@ -278,7 +278,7 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
 def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     """Returns where the gliders of a set fly, in powers of s, lowest first.
 
-    That is X A of the states and -K X A of the command, (n + 1, r, 5), and Ẋ A
+    That is X A of the states and U A of the command, (n + 1, r, 5), and Ẋ A
     (n, r, 3) [1/s]; r is 0 for the model's own glider alone.
     """
     nominal, n = piece.nominal, piece.num_states
@@ -288,20 +288,29 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     half = 0.5 * (nominal.times[1] - nominal.times[0])
     path = hermite_powers(piece.gliders.shifts @ A, piece.gliders.slopes @ A, half)
     states = np.pad(path, ((0, 0), (0, 0), (0, 1)))
-    first, last = nominal.gains
-    command = -np.einsum("i,irk->rk", 0.5 * (first + last), states)
-    command[:, 1:] -= np.einsum("i,irk->rk", 0.5 * (last - first), states[..., :-1])
+    if piece.settings.period:  # It is held.
+        command = np.outer(piece.gliders.commands[0] @ A, np.eye(5)[0])
+    else:
+        first, last = nominal.gains
+        command = -np.einsum("i,irk->rk", 0.5 * (first + last), states)
+        command[:, 1:] -= np.einsum("i,irk->rk", 0.5 * (last - first), states[..., :-1])
     slopes = states[..., 1:4] * [1.0, 2.0, 3.0] / half
     return np.concatenate([states, command[None]]), slopes
 
 
 def servo_reach(piece: Funnel, a: Exact, step: Exact) -> float:
-    """Returns a bound of aᵀ X δ over the set and the interval, rounded up."""
+    """Returns a bound of aᵀ X δ over the set and the interval, rounded up.
+
+    Where commands are held, it is of X δ of the elevator and τ U δ: of both stops.
+    """
     if piece.gliders is None:
         return 0.0
     allowed = piece.gliders.confidence
     X, _ = hermite(piece.gliders.shifts, piece.gliders.slopes, step)
-    along = a @ X @ exact(allowed.factor)
+    along = a @ X
+    if piece.settings.period:
+        along = X[ELEVATOR] + exact(STOPPING_TIME) * exact(piece.gliders.commands[0])
+    along = along @ exact(allowed.factor)
     sizes = np.abs(along.bernstein()).max(axis=0)
     norm = np.linalg.norm(sizes) if allowed.shape == "ellipsoid" else sizes.sum()
     return float(norm * WIDER)

@@ -21,7 +21,7 @@ import scipy.linalg
 from glider.compiled.taylor import WIDER
 from glider.errors import InputError, expect
 from glider.progress import Shares
-from glider.verification.funnel.clock import hold_starts
+from glider.verification.dynamics.nominal import hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.phases import GRID_ROOM, PREDICTED, first_commands
 from glider.verification.proof.slopes import NearSets, Slopes
@@ -92,6 +92,8 @@ def check_latency(funnel: Funnel, latency: float) -> None:
             "--latency is proven of held commands; the funnel is for a feedback that "
             "acts at all times."
         )
+    if funnel.gliders:
+        raise InputError("--latency is proven of one glider; the funnel is of a set.")
     words = f"0 or more, and less than the funnel's period, {period:g} s"
     expect(0.0 <= latency < period, "the latency", latency, words)
     duration, words = float(funnel.nominal.times[-1]), "more than one command's"

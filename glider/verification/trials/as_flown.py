@@ -28,6 +28,7 @@ from glider.control.predictor import (
     rates_of,
 )
 from glider.errors import expect
+from glider.physics.confidence import ConfidenceSet, physical, theta_at
 from glider.progress import Shares
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
@@ -38,6 +39,7 @@ from glider.verification.trials.falsify import (
     CLIMB_WIDTH,
     ESCAPE_LEVEL,
     boundary_states,
+    check_gliders,
 )
 
 MOST_WIND, MOST_ERROR = 20.0, 100.0
@@ -54,6 +56,7 @@ class FlownLoop:
     hold: Hold  #: How commands reach the servo.
     wind: float = 0.0  #: Largest speed of the wind beyond the model's own [m/s].
     command_error: float = 0.0  #: Largest other error of the command [rad/s].
+    gliders: ConfidenceSet | None = None  #: Those that fly; None for the model's own.
 
     def __post_init__(self):
         """Raises InputError where the wind or the error is out of range."""
@@ -104,10 +107,13 @@ def fly_loop(
     """
     n, fly = funnel.num_states, functools.partial(_flights, funnel, loop, rests=rests)
     check_clock(funnel, loop.hold, rests)
-    # Directions of start (n) and wind (2), the phase, whether the wind is steady.
-    toward = (normalized(rng.normal(size=(samples, of))) for of in (n, 2))
+    check_gliders(funnel, loop.gliders)
+    # Directions of start (n) and wind (2), the phase, whether the wind is steady, and
+    # the direction of the glider (r).
+    sizes = n, 2, loop.gliders.dimension if loop.gliders else 0
+    *toward, glider = (normalized(rng.normal(size=(samples, of))) for of in sizes)
     steady = np.arange(samples)[:, None] % 2
-    genes = np.hstack([*toward, rng.uniform(size=(samples, 1)), steady])
+    genes = np.hstack([*toward, rng.uniform(size=(samples, 1)), steady, glider])
     found = genes, *fly(genes)
     for turn in range(CLIMB_ROUNDS):
         if progress:
@@ -116,11 +122,12 @@ def fly_loop(
         worst = np.where(levels > ESCAPE_LEVEL, levels, later)
         best = genes[np.argsort(-worst)[: max(1, samples // 25)]]
         moved = np.repeat(best, 5, axis=0)
-        noise = rng.normal(size=moved[:, : n + 3].shape)
+        noise = rng.normal(size=moved.shape)
         noise *= CLIMB_WIDTH * CLIMB_NARROWING**turn
         noise[:, :n] /= math.sqrt(n)
-        moved[:, : n + 3] += noise
-        for axes in (np.s_[:, :n], np.s_[:, n : n + 2]):
+        noise[:, n + 3] = 0.0
+        moved += noise
+        for axes in (np.s_[:, :n], np.s_[:, n : n + 2], np.s_[:, n + 4 :]):
             moved[axes] = normalized(moved[axes])
         moved[:, n + 2] %= 1.0
         more = moved, *fly(moved)
@@ -204,7 +211,11 @@ class _Flight:
         """Launches them, from the boundary if not from some states."""
         n = funnel.num_states
         self._funnel, self._loop = funnel, loop
-        self._model = funnel.nominal.model
+        self._model, self._theta = funnel.nominal.model, None
+        if allowed := loop.gliders:
+            on_boundary = allowed.on_boundary(genes[:, n + 4 :])
+            self._glider = physical(self._model, allowed.names, on_boundary)
+            self._theta = theta_at(self._model, allowed.names, self._glider.T)
         self._policy = funnel_policy(funnel, held=True)
         self._wind = loop.wind * genes[:, n : n + 2]
         self._error = loop.command_error * np.sign(genes[:, n])
@@ -232,7 +243,7 @@ class _Flight:
                 self.fly(waiting.pop(0), hold.rest)
                 waiting.append(new)
                 self.fly(waiting[0], hold.period - hold.rest, begins=True)
-        ends = self._funnel.level(self._times, self.states)
+        ends = self._funnel.level(self._times, self._about_center())
         return self.largest, self._later, ends
 
     def fly(self, command, duration, begins=False):
@@ -248,15 +259,21 @@ class _Flight:
             error, wind = self._pushes_now(command, chooses)
 
             def rates(x, t, u=command + error, w=wind):
-                return rates_of(self._model, x, u, w)
+                return rates_of(self._model, x, u, w, self._theta)
 
             flown = advance(rates, self.states, left[:, None])
             self.states = np.where(left[:, None] > 0.0, flown, self.states)
             self._times = np.where(left < step - 1e-15, end, self._times + left)
-            level = self._funnel.level(self._times, self.states)
+            level = self._funnel.level(self._times, self._about_center())
             self.largest = np.maximum(self.largest, level)
             acts = self._times > self._first + self._loop.hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)
+
+    def _about_center(self):
+        """Returns the states as if each glider's center were the nominal (B, n)."""
+        if not (self._loop.gliders and self._funnel.gliders):
+            return self.states
+        return self.states - self._funnel.gliders.at(self._times, self._glider)
 
     def _pushes_now(self, command, chooses):
         """Returns error (B,) and wind (B, 2): steady, or where V rises fastest.
@@ -265,12 +282,14 @@ class _Flight:
         """
         if not (self._loop.wind or self._loop.command_error):
             return 0.0, None
-        error = self.states - self._funnel.center(self._times)
+        error = self._about_center() - self._funnel.center(self._times)
         pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
         slopes = []
         for push in _FRESH * np.eye(3):
             ahead, behind = (
-                rates_of(self._model, self.states, command + p[0], p[None, 1:])
+                rates_of(
+                    self._model, self.states, command + p[0], p[None, 1:], self._theta
+                )
                 for p in (push, -push)
             )
             slopes.append(np.sum(pull * (ahead - behind), axis=1))

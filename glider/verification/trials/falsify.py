@@ -93,12 +93,7 @@ def falsify_funnel(
     Raises:
         InputError: the funnel is of gliders that deviate in other numbers.
     """
-    made_for = funnel.gliders.confidence.names if funnel.gliders else None
-    if confidence and made_for not in (None, confidence.names):
-        raise InputError(
-            f"The funnel is of gliders that deviate in {', '.join(made_for)}; those to "
-            f"fly deviate in {', '.join(confidence.names) or 'nothing'}."
-        )
+    check_gliders(funnel, confidence)
     trial = _Trial(funnel, rng, model, confidence)
     for number, share in enumerate(shares):
         count = samples // len(shares) + (number < samples % len(shares))
@@ -106,6 +101,16 @@ def falsify_funnel(
         if progress:
             progress((number + 1) / len(shares))
     return trial.outcome()
+
+
+def check_gliders(funnel: Funnel, confidence: ConfidenceSet | None) -> None:
+    """Raises InputError where a funnel is of gliders that deviate in other numbers."""
+    made_for = funnel.gliders.confidence.names if funnel.gliders else None
+    if confidence and made_for not in (None, confidence.names):
+        raise InputError(
+            f"The funnel is of gliders that deviate in {', '.join(made_for)}; those to "
+            f"fly deviate in {', '.join(confidence.names) or 'nothing'}."
+        )
 
 
 class _Trial:
