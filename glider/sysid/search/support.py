@@ -10,7 +10,7 @@ import numpy as np
 from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, LEAST_SUPPORT, MANY_FLIGHTS, RIVAL_GAP
-from glider.sysid.likelihood.candidates import gather, saturated
+from glider.sysid.likelihood.candidates import gather, gather_in_parts, saturated
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.report import Combination, EvidenceThreshold
@@ -167,8 +167,7 @@ def weigh(
     """Returns the support of each effect of a model."""
     if not model.kinds:
         return {}
-    candidates = gather(task, model)
-    grams = candidates.grams(model.scales)
+    candidates, grams, _ = gather_in_parts(task, model, model.scales)
     score = scorer_of(candidates, grams, np.ones(len(grams)))
     chosen = score.by_first(model.kinds)
     near, rivals = near_and_rivals(score, chosen)
