@@ -85,6 +85,8 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
     words = "funnels after a launch funnel, for a clock of any phase (after its name)"
     parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
+    words = "funnel of another glider, whose feedback of held commands must be its own"
+    parser.add_path("--feedback-of", "NPZ", words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
@@ -135,6 +137,8 @@ def run(args: argparse.Namespace) -> int:
     level, flights = _checked_options(args)
     least_inlet = _least_inlet(args.least_inlet)
     files = [(path, *read_file(path)) for path in (args.funnel, *(args.phases or ()))]
+    other = args.feedback_of
+    other = (other, *read_file(other)) if other else None
 
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np
@@ -148,6 +152,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.trials.falsify import falsify_funnel
 
     funnel, *rests = (funnel_of(*file) for file in files)
+    feedback_of = funnel_of(*other) if other else None
     seed = args.seed or 0
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
@@ -169,7 +174,7 @@ def run(args: argparse.Namespace) -> int:
         def follow(what):
             return lambda share: progress(Step(f"checking the {what}", share))
 
-        given = problem, model, covariance, least_inlet
+        given = problem, model, covariance, least_inlet, feedback_of
         checked = _check(args, (funnel, *rests), *given, follow)
         if confidence and checked.holds and not funnel.settings.period:
             rng, say = np.random.default_rng(seed), follow("gliders")
@@ -193,7 +198,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if good and not left else 1
 
 
-def _check(args, funnels, problem, model, covariance, least_inlet, follow):
+def _check(args, funnels, problem, model, covariance, least_inlet, feedback_of, follow):
     """Checks all funnels, and proves them where that is asked for and they hold."""
     from glider.report.check_funnel import Checked
     from glider.verification.proof.check import check_funnel
@@ -216,6 +221,7 @@ def _check(args, funnels, problem, model, covariance, least_inlet, follow):
             model=model,
             covariance=covariance,
             least_pushes=pushes,
+            feedback_of=feedback_of,
             seed=args.seed,
             **needed,
         )
@@ -283,6 +289,7 @@ def _print_outcome(args, checked, trial, flown):
         report, *others = (words.check_report(*part, covariance) for part in parts)
         report |= {
             "model_compared": args.model is not None,
+            "feedback_of": args.feedback_of and str(args.feedback_of),
             "set_compared": None not in (covariance, funnel.gliders),
         }
         if rests:
@@ -300,6 +307,8 @@ def _print_outcome(args, checked, trial, flown):
         if rests:
             print(f"{path}:")
         print(words.describe_check(*part, args.model, covariance))
+    if args.feedback_of and checked.holds:
+        print(f"Its commands are those of the feedback of {args.feedback_of}.")
     if rests:
         print(words.describe_phases(checked))
     if latency:
@@ -318,7 +327,8 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.write_proof and not args.prove:
         words = "--write-proof has no effect without --prove; expected both."
         raise InputError(words)
-    for name in ("confidence", "resume", "write-proof") if args.phases else ():
+    of_one = "confidence", "feedback-of", "resume", "write-proof"
+    for name in of_one if args.phases else ():
         if getattr(args, name.replace("-", "_")) is not None:
             raise InputError(
                 f"--{name} is of one funnel; expected it without --phases."

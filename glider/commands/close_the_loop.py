@@ -33,7 +33,7 @@ exit code: 0 when it ran, 2 when the input cannot be used or a file cannot be wr
 def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
     parser.add_campaign()
-    files = "report.json, report.html, model.yaml and figures/"
+    files = "report.json, report.html, model.yaml, rivals/ and figures/"
     parser.add_out(files, "out/CAMPAIGN")
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
@@ -100,5 +100,7 @@ def run(args: argparse.Namespace) -> int:
             with output() as console:
                 print_summary(result, console)
     if not args.json:
+        if rivals := len(result.alternatives) - 1:
+            print(f"Nearly as likely: {rivals} other models, in {folder / 'rivals'}")
         print(f"Report: {folder / 'report.html'}")
     return 0

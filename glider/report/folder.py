@@ -1,11 +1,14 @@
 """The folder of a report: its figures, its page, its model and its numbers."""
 
+import dataclasses
 import datetime
 import importlib.metadata
 import math
 import platform
 from collections.abc import Callable
 from pathlib import Path
+
+import numpy as np
 
 from glider.files.schema import json_text
 from glider.files.writing import replace_files
@@ -16,7 +19,7 @@ from glider.report.as_page import render_page
 from glider.report.plots.as_file import to_png
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
-from glider.sysid.result import Result
+from glider.sysid.result import Alternative, Result
 
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "errors": model_figures.errors_figure,
@@ -36,9 +39,10 @@ FIGURES: dict[str, Callable[[Result], Figure | None]] = {
 def write_report(result: Result, folder: Path | str) -> None:
     """Writes report.json, report.html, model.yaml and figures/*.png.
 
-    All is made before anything is written, and what cannot be written in full leaves
-    the folder as it was. Where report.json is, the rest is too. Other files of the
-    folder stay as they are.
+    Models that are nearly as likely are rivals/rival_1.yaml and so on, the likeliest
+    first. All is made before anything is written, and what cannot be written in full
+    leaves the folder as it was. Where report.json is, the rest is too. Other files of
+    the folder stay as they are.
 
     Raises:
         InputError: if the folder is a file.
@@ -52,6 +56,11 @@ def write_report(result: Result, folder: Path | str) -> None:
     files["report.html"] = to_html(result, figures).encode()
     text_of_model = model_text(result.model, origin_of(result), result.covariance)
     files["model.yaml"] = text_of_model.encode()
+    earlier = Path(folder).glob("rivals/rival_*.yaml")
+    files |= {f"rivals/{path.name}": None for path in earlier}
+    for number, rival in enumerate(result.alternatives[1:], 1):
+        text = model_text(rival.model, origin_of_rival(result, rival), rival.covariance)
+        files[f"rivals/rival_{number}.yaml"] = text.encode()
     files["report.json"] = f"{json_text(result.report)}\n".encode()
     replace_files(Path(folder), files, last="report.json")
 
@@ -97,3 +106,17 @@ def origin_of(result: Result) -> Origin:
         standard_errors={n: float(s) for n, s in errors.items() if math.isfinite(s)},
         notes=wording.notes_of(result),
     )
+
+
+def origin_of_rival(result: Result, rival: Alternative) -> Origin:
+    """The same of a model that is nearly as likely."""
+    errors = {}
+    if known := rival.covariance:
+        stds = np.sqrt(np.diag(known.matrix)).tolist()
+        errors = dict(zip(known.names, stds, strict=True))
+    share, chosen = (a.probability for a in (rival, result.alternatives[0]))
+    note = (
+        f"a rival of model.yaml: of the explanations that are nearly as likely, its "
+        f"probability is {share:.2g}, that of model.yaml {chosen:.2g}"
+    )
+    return dataclasses.replace(origin_of(result), standard_errors=errors, notes=[note])

@@ -28,6 +28,7 @@ from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks
 from glider.sysid.report import CALIBRATED, PERFECT, Estimate, OutlyingFlights
+from glider.sysid.result import Alternative
 from tests.helpers.own_kinds import FLAP
 from tests.report.results import (
     PERFECT_ERRORS,
@@ -358,6 +359,29 @@ def test_folder_holds_the_report_and_keeps_what_was_there(written):
     assert names == ours | {"notes.txt"}
     assert (folder / "notes.txt").read_text() == "mine"
     assert GliderModel.load(folder / "model.yaml") == variant.model
+
+
+def test_rivals_are_models_of_their_own(tmp_path, quick):
+    result, rival = make_result(), VARIANTS["unexplained"].model
+    known = Covariance(names=("mass",), matrix=np.array([[4e-6]]))
+    alternatives = (
+        Alternative(probability=0.7, model=result.model, covariance=None),
+        Alternative(probability=0.2, model=rival, covariance=known),
+        Alternative(probability=0.1, model=GliderModel(), covariance=None),
+    )
+    write_report(dataclasses.replace(result, alternatives=alternatives), tmp_path)
+    folder = tmp_path / "rivals"
+    (folder / "mine.yaml").write_text("mine")
+    first, second = folder / "rival_1.yaml", folder / "rival_2.yaml"
+    assert GliderModel.load(first) == rival
+    assert GliderModel.load(second) == GliderModel()
+    assert load_covariance(first).matrix == known.matrix
+    assert load_covariance(second) is None
+    text = first.read_text()
+    assert "mass: 0.002" in text
+    assert "its probability is 0.2, that of model.yaml 0.7" in " ".join(text.split())
+    write_report(dataclasses.replace(result, alternatives=alternatives[:2]), tmp_path)
+    assert {path.name for path in folder.iterdir()} == {"mine.yaml", "rival_1.yaml"}
 
 
 def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from glider.__main__ import main
-from glider.control.predictor import Hold, advance, rates_of
+from glider.control.predictor import Hold, advance, policy_command, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.confidence import glider_at
@@ -17,6 +17,7 @@ from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.report.check_funnel import describe_flown
 from glider.verification.dynamics.nominal import evaluate, hermite_path, make_nominal
+from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.clock import (
     BEND_ROOM,
     bend_sizes,
@@ -25,6 +26,7 @@ from glider.verification.funnel.clock import (
     form_size,
     hold_starts,
     undo_hold,
+    with_held_gains,
 )
 from glider.verification.funnel.funnel import (
     Funnel,
@@ -35,14 +37,14 @@ from glider.verification.funnel.funnel import (
 from glider.verification.funnel.growth import push_form
 from glider.verification.funnel.remainder import sample_remainder
 from glider.verification.funnel.servo_limits import steepest_gains
-from glider.verification.proof import flight_proof, held
+from glider.verification.proof import check, flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import at_time, make_interval, servo_reach
 from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
-from glider.verification.proof.purpose import push_faults
+from glider.verification.proof.purpose import feedback_faults, push_faults
 from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
 from glider.verification.trials import as_flown
@@ -515,6 +517,86 @@ def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
         e = path[-1][1][0] - nominal.states[-1] - center.shifts[-1] @ delta
         assert found == pytest.approx(e @ funnel.S[-1] @ e, rel=1e-3)
         assert abs(found / own - 1.0) > 0.01
+
+
+# ------------------------------------------------------------ another glider's feedback
+
+
+@pytest.fixture(scope="module")
+def heavier(clocked):
+    """The sets of a heavier glider under the same commands; not a certificate."""
+    model = clocked.nominal.model
+    parameters = dataclasses.replace(model.parameters, mass=1.002 * 0.08)
+    model = dataclasses.replace(model, parameters=parameters)
+    policy = funnel_policy(clocked, held=True)
+    nominal = with_held_gains(make_nominal(model, policy, 0.0045, PERIOD))
+    return dataclasses.replace(clocked, nominal=nominal)
+
+
+def test_a_feedback_of_held_commands_is_that_of_its_samples(clocked):
+    starts = np.unique(hold_starts(clocked.nominal.times))
+    inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
+    other = changed(changed(clocked, "gains", inner, 0.3), "bends", slice(None), -2.0)
+    again = with_held_gains(other.nominal)
+    np.testing.assert_allclose(again.gains, clocked.nominal.gains, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(again.bends, clocked.nominal.bends, rtol=1e-7, atol=1e-7)
+
+
+def test_another_glider_flies_under_the_same_commands(clocked, heavier):
+    assert feedback_faults(heavier, clocked) == []
+    assert held_faults(part(heavier, 2)) == []
+    apart = np.abs(heavier.nominal.states - clocked.nominal.states).max(axis=0)
+    assert apart[1] > 1e-3  # It falls lower, and is commanded another elevator.
+    at = np.unique(hold_starts(clocked.nominal.times))
+    assert np.abs(heavier.nominal.inputs - clocked.nominal.inputs)[at].max() > 1e-2
+    states = heavier.nominal.states[at] + 0.01 * sphere_points(len(at), 7)
+    commands = [
+        policy_command(funnel_policy(f, held=True), f.nominal.times[at], states)
+        for f in (clocked, heavier)
+    ]
+    np.testing.assert_allclose(*commands, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("forged", "words"),
+    [
+        (lambda f: changed(f, "gains", 6, 1.0, 1e-3), "differs by"),
+        (lambda f: changed(f, "inputs", 6, 1.0, 1e-5), "differs by 1e-05 rad/s"),
+        (lambda f: changed(f, "times", slice(6, None), 1.0, 1e-3), "at other times"),
+        (lambda f: f.between(0, 11), "at other times"),
+        (
+            lambda f: dataclasses.replace(
+                f, settings=dataclasses.replace(f.settings, period=0.0)
+            ),
+            "of held commands",
+        ),
+    ],
+)
+def test_other_commands_are_seen(clocked, heavier, forged, words):
+    for pair in ((heavier, forged(clocked)), (forged(heavier), clocked)):
+        [fault] = feedback_faults(*pair)
+        assert words in fault
+
+
+def test_a_policy_is_kept_only_if_it_is_of_held_commands(clocked):
+    settings = dataclasses.replace(clocked.settings, elevator_gain=0.0)
+    policy = funnel_policy(clocked, held=True)
+    other = dataclasses.replace(policy, period=0.01)
+    with pytest.raises(InputError, match=r"policy's period of commands is 0\.01"):
+        make_funnel(clocked.nominal.model, other, settings)
+
+
+def test_the_command_compares_feedbacks(monkeypatch, capsys):
+    monkeypatch.setattr(check, "held_faults", lambda *a: [])  # It takes half a minute.
+    names = "held_hook.npz", "held_head_wind_hook.npz"
+    own, other = (str(models_path("funnels", name)) for name in names)
+    command = ["check-funnel", own, "--every", "300", "--feedback-of"]
+    assert main([*command, own]) == 0
+    words = f"Its commands are those of the feedback of {own}."
+    assert words in capsys.readouterr().out
+    assert main([*command, other]) == 1
+    out = capsys.readouterr().out
+    assert "The other feedback" in out and "Its commands are" not in out
 
 
 # ----------------------------------------------------------------------------- flights

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from glider.control.tvlqr import TrackingPolicy
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.physics.confidence import ConfidenceSet
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
@@ -23,6 +23,7 @@ from glider.progress import Progress, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
+from glider.verification.funnel import clock
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import (
     SHARES,
@@ -115,6 +116,11 @@ def make_funnel(
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
         _shape(steered, say, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
+    elif settings.period:
+        words = "the funnel's, as its feedback is to be the policy's"
+        good = policy.period == settings.period
+        expect(good, "the policy's period of commands", policy.period, words)
+        nominal = clock.with_held_gains(nominal)
     held = settings.period > 0.0
     center = make_moving_center(nominal, confidence, held) if confidence else None
     task = FunnelTask(nominal, settings, directions, center)

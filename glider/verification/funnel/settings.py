@@ -77,8 +77,6 @@ class FunnelSettings:
         where = "a positive number where there is a"
         if self.pushes.any() or self.period:
             expect_positive("remainder", f"{where} command_error, wind or period")
-        if self.period:
-            expect_positive("elevator_gain", f"{where} period")
 
     @property
     def pushes(self) -> np.ndarray:

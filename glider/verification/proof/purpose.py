@@ -17,6 +17,7 @@ from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
 from glider.physics.state import PITCH, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
+from glider.verification.dynamics.nominal import hold_starts
 from glider.verification.funnel.funnel import Funnel
 
 PLAN_TOLERANCE = 1e-4
@@ -24,8 +25,8 @@ PLAN_TOLERANCE = 1e-4
 keep them up to a tolerance. The shipped funnels exceed them by up to 2e-6."""
 
 PLACE_TOLERANCE = 1e-6
-"""Amount by which launch and wire may be off [m, rad, m/s, rad/s]; in the shipped
-funnels it is 6e-8."""
+"""Amount by which launch and wire may be off [m, rad, m/s, rad/s], where it is 6e-8 in
+the shipped funnels, and commands and times of the same feedback [rad/s, s]."""
 
 
 def unmet(*checks: tuple[object, str]) -> list[str]:
@@ -151,6 +152,39 @@ def push_faults(
         found = f"The funnel accounts for {word.format(bound)}; expected at least"
         faults += unmet((bound >= wanted, f"{found} {wanted:g}."))
     return faults
+
+
+def feedback_faults(funnel: Funnel, other: Funnel) -> list[str]:
+    """Returns why another funnel's feedback would not give a funnel's held commands.
+
+    They are compared where they are computed, on the funnel's sets.
+    """
+    own, its = funnel.nominal, other.nominal
+    at, there = (np.unique(hold_starts(of.times)) for of in (own, its))
+    if own.model.state_names != its.model.state_names:
+        return ["The other feedback is of a glider with other states."]
+    if 0.0 in (funnel.settings.period, other.settings.period):
+        return ["Only feedbacks of held commands are compared."]
+    if len(at) != len(there) or np.any(
+        np.abs(own.times[at] - its.times[there]) > PLACE_TOLERANCE
+    ):
+        return ["The other feedback computes its commands at other times."]
+    apart = its.gains[there] - own.gains[at]
+    try:
+        extents = np.sqrt(np.diagonal(np.linalg.inv(funnel.S[at]), axis1=1, axis2=2))
+    except np.linalg.LinAlgError:
+        return ["The set is not an ellipsoid somewhere."]
+    if gliders := funnel.gliders:
+        extents = extents + gliders.confidence.reach(gliders.shifts[at])
+    between = np.sum(its.gains[there] * (own.states[at] - its.states[there]), axis=1)
+    off = np.abs(its.inputs[there] - between - own.inputs[at])
+    off += np.sum(np.abs(apart) * extents, axis=1)
+    worst = int(np.argmax(off))
+    words = (
+        f"The other feedback's command differs by {off[worst]:.3g} rad/s at "
+        f"{own.times[at][worst]:.4f} s."
+    )
+    return unmet((bool(off[worst] <= PLACE_TOLERANCE), words))
 
 
 def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
