@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import at_time, keeps_servo
 from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
@@ -47,10 +47,7 @@ def proven_slack(funnel: Funnel) -> float:
 
 
 def exact_faults(
-    funnel: Funnel,
-    at: Sequence[int],
-    defect: np.ndarray,
-    progress: Shares | None = None,
+    funnel: Funnel, at: Sequence[int], defect: np.ndarray, progress: Shares = silent
 ) -> tuple[list[str], float]:
     """Checks a funnel in exact arithmetic, given the growth (T,) by its defect [1/s].
 
@@ -64,8 +61,7 @@ def exact_faults(
         rounding = max(rounding, change)
         for fault in faults:
             found.setdefault(fault, []).append(funnel.nominal.times[k])
-        if progress:
-            progress((number + 1) / len(at))
+        progress((number + 1) / len(at))
     sentences = [f"{fault} {_when(times)}." for fault, times in found.items()]
     if not _within_goal(funnel):
         sentences.append("The last set is not within the goal.")

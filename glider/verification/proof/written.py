@@ -16,7 +16,7 @@ from glider.files.writing import replace_file
 from glider.physics.effects import KINDS
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.planning.problem import PerchingProblem
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import proven_slack
@@ -37,7 +37,7 @@ STRETCH = 1.02
 
 
 def write_proof(
-    path: Path, funnel: Funnel, problem: PerchingProblem, progress: Shares | None = None
+    path: Path, funnel: Funnel, problem: PerchingProblem, progress: Shares = silent
 ) -> None:
     """Writes the proof of a funnel that was proven, as JSON lines in gzip.
 
@@ -49,8 +49,7 @@ def write_proof(
     lines = [_header(funnel, problem), _knots(funnel)]
     for k in range(count):
         lines.append({"interval": k, **_interval_proof(funnel.between(k, k + 1))})
-        if progress:
-            progress((k + 1) / count)
+        progress((k + 1) / count)
     text = "".join(json.dumps(line) + "\n" for line in lines)
     content = gzip.compress(text.encode(), mtime=0)
     replace_file(path, lambda file: file.write_bytes(content))

@@ -16,7 +16,7 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.confidence import ConfidenceSet, glider_at, physical
 from glider.physics.model import GliderModel
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
@@ -76,7 +76,7 @@ def falsify_funnel(
     confidence: ConfidenceSet | None = None,
     shares: Sequence[float] = START_SHARES,
     climb: bool = True,
-    progress: Shares | None = None,
+    progress: Shares = silent,
 ) -> Falsification:
     """Flies from random points of the boundary, then climbs from the worst of them.
 
@@ -98,8 +98,7 @@ def falsify_funnel(
     for number, share in enumerate(shares):
         count = samples // len(shares) + (number < samples % len(shares))
         trial.fly_at(share, max(1, count), climb)
-        if progress:
-            progress((number + 1) / len(shares))
+        progress((number + 1) / len(shares))
     return trial.outcome()
 
 
