@@ -15,19 +15,8 @@ from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import at_time, keeps_servo
 from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
-from glider.verification.sos.exact import (
-    exact,
-    is_positive_definite,
-    leaves_definite,
-    rounded,
-)
-from glider.verification.sos.forms import (
-    exact_product,
-    mixed_forms,
-    odd_then_even,
-    sparse_gram,
-    to_ball,
-)
+from glider.verification.sos.exact import exact, is_positive_definite, joined, rounded
+from glider.verification.sos.forms import exact_product, has_definite_gram, to_ball
 from glider.verification.sos.sphere import represent, sphere
 
 SLACK_SHARE = 0.1
@@ -99,16 +88,17 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         A, cubic, quartic, G = growth_forms(here, basis, exact(slack))
         # In floating point: a Gram matrix of nearly this polynomial. The one in the
         # file may or may not have the nominal's defect in it.
-        doubles = odd_then_even(cubic, quartic + exact_product(A, G)).to_float()
+        even = quartic + exact_product(A, G)
+        doubles = joined(cubic, even, axis=1).to_float()
         entries = funnel.grams[k].astype(float)
         entries -= 0.5 * slack * tables.entries(np.eye(tables.size))
         gram = tables.matrix(represent(tables, entries, doubles))
         whole = rounded(gram * np.outer(tables.scales, tables.scales), GRAM_BITS)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return [*faults, rises], 0.0
-    even = quartic + exact_product(A - whole[: tables.n, : tables.n], G)
-    left_over = odd_then_even(cubic, even) - mixed_forms(tables, whole)
-    falls, change = leaves_definite(whole, sparse_gram(tables, left_over))
+    corner = whole[: tables.n, : tables.n]
+    others = joined(cubic, quartic + exact_product(A - corner, G), axis=1)
+    falls, change = has_definite_gram(tables, whole, corner, others)
     return faults if falls else [*faults, rises], change
 
 

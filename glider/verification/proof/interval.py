@@ -35,6 +35,7 @@ from glider.verification.sos.exact import (
     hermite,
     in_time,
     is_positive_definite,
+    joined,
     line,
 )
 from glider.verification.sos.forms import substituted
@@ -174,8 +175,7 @@ def _bearing(beta, weights):
         at_least(Fraction(b) ** 2 / Fraction(w)) if b > 0.0 else exact(0.0)
         for b, w in zip(beta, weights, strict=True)
     ]
-    low = min(part.exponent for part in parts)
-    return Exact([[part.integers(low)[0] for part in parts]], low)
+    return joined(*(part[None] for part in parts), axis=1)
 
 
 def _limits(piece, angle):
@@ -241,12 +241,9 @@ def covers(interval: Interval, basis: np.ndarray) -> bool:
         C   basis basisᵀ
     is positive definite.
     """
-    B, degree = exact(basis), interval.S.degree
-    blocks = interval.S, interval.outputs[interval.which], B @ B.T
-    low = min(block.exponent for block in blocks)
-    S, C, ball = (block.raised(degree).integers(low) for block in blocks)
-    rows = [[S, np.swapaxes(C, 1, 2)], [C, ball]]
-    return stays_definite(Exact(np.block(rows), low))
+    B, C = exact(basis), interval.outputs[interval.which]
+    rows = joined(interval.S, C.T, axis=2), joined(C, B @ B.T, axis=2)
+    return stays_definite(joined(*rows, axis=1))
 
 
 def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
