@@ -206,11 +206,15 @@ def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> P
     return PPoly(np.array(powers), np.append(times[k], times[-1]))
 
 
-def hermite_powers(values: np.ndarray, slopes: np.ndarray, half: float) -> np.ndarray:
+def hermite_powers(
+    times: np.ndarray, values: np.ndarray, slopes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Returns a cubic Hermite polynomial (..., 4) as powers of s, lowest first.
 
-    Values and slopes (2, ...) are at s = -1 and 1, half is half of the time between.
+    Values and slopes (2, ...) are at both times, which are s = -1 and 1. The second is
+    its slope in time, (..., 3).
     """
+    half = 0.5 * (times[1] - times[0])
     (a, b), (da, db) = values, half * slopes
     powers = [
         0.5 * (a + b) + 0.25 * (da - db),
@@ -218,7 +222,13 @@ def hermite_powers(values: np.ndarray, slopes: np.ndarray, half: float) -> np.nd
         0.25 * (db - da),
         0.25 * (a - b + da + db),
     ]
-    return np.stack(powers, axis=-1)
+    curve = np.stack(powers, axis=-1)
+    return curve, curve[..., 1:] * [1.0, 2.0, 3.0] / half
+
+
+def line_powers(values: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Returns a and b of the straight line a + b s, given its ends at s = -1 and 1."""
+    return 0.5 * np.array([values[0] + values[1], values[1] - values[0]])
 
 
 def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:

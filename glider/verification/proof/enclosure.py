@@ -33,6 +33,7 @@ from glider.verification.dynamics.nominal import (
     ORDER,
     for_one_glider,
     hermite_powers,
+    line_powers,
     nonlinear_parts,
     open_loop_rates,
     table_of,
@@ -205,11 +206,9 @@ def make_remainder(
     own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
     P = nominal.open_loop[:, rows][..., own]
     P[..., 0] = 0.0  # That is in ẋ₀.
-    half = 0.5 * (nominal.times[1] - nominal.times[0])
-    path = hermite_powers(nominal.states, nominal.slopes, half)
-    slopes = path[:, 1:] * [1.0, 2.0, 3.0] / half
-    inputs_ends = _mean_and_half_change(nominal.inputs)
-    P_ends = _mean_and_half_change(P)
+    path, slopes = hermite_powers(nominal.times, nominal.states, nominal.slopes)
+    inputs_ends = line_powers(nominal.inputs)
+    P_ends = line_powers(P)
     s = 0.5 * sum(span)
     middle = np.append(path @ s ** np.arange(ORDER + 1), inputs_ends @ [1.0, s])
     P_here = P_ends[0] + s * P_ends[1]
@@ -238,7 +237,7 @@ def make_remainder(
     if pushes[0] > 0.0:
         inputs[-1, table.place(unit[first])] = pushes[0]
     ends = nominal.push_slopes[:, rows] * pushes[PUSHES, None]
-    G = _mean_and_half_change(_turned_slopes(ends, which, basis))
+    G = line_powers(_turned_slopes(ends, which, basis))
     for (number, k), i in itertools.product(enumerate(acting, first), range(m + 1)):
         here = unit[number] + (unit[i - 1] if i else 0)
         places = [table.place(here + j * unit[last]) for j in range(2)]
@@ -287,8 +286,8 @@ def _limits(piece, basis, table):
     states = [i for i in which if i < piece.num_states]
     B = basis[: len(states)]  # The command is the last of all.
     F = piece.focus[:, states][:, :, states]
-    beta, beta_change = _mean_and_half_change(piece.beta[:, rows])
-    focus, focus_change = _mean_and_half_change(B.T @ F @ B)
+    beta, beta_change = line_powers(piece.beta[:, rows])
+    focus, focus_change = line_powers(B.T @ F @ B)
     limits = np.zeros((len(rows), len(table.degrees)))
     limits[:, 0], limits[:, table.place(unit[last])] = beta, beta_change
     for i, j in itertools.product(range(len(basis)), repeat=2):
@@ -302,11 +301,6 @@ def _limits(piece, basis, table):
     lost += ROUNDING * piece.beta[:, rows].max(axis=0) * sizes.sum()
     limits[:, 0] -= lost * WIDER
     return limits
-
-
-def _mean_and_half_change(ends):
-    """Returns a and b of the straight line a + b s, s from -1 to 1."""
-    return 0.5 * np.array([ends[0] + ends[1], ends[1] - ends[0]])
 
 
 def _turned(model, center, polynomials, basis):

@@ -23,6 +23,7 @@ from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import (
     hermite_powers,
+    line_powers,
     nonlinear_parts,
     rate_dependences,
     table_of,
@@ -278,20 +279,18 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     That is X A of the states and U A of the command, (n + 1, r, 5), and Ẋ A
     (n, r, 3) [1/s]; r is 0 for the model's own glider alone.
     """
-    nominal, n = piece.nominal, piece.num_states
-    if piece.gliders is None:
+    nominal, n, gliders = piece.nominal, piece.num_states, piece.gliders
+    if gliders is None:
         return np.zeros((n + 1, 0, 5)), np.zeros((n, 0, 3))
-    A = piece.gliders.confidence.factor
-    half = 0.5 * (nominal.times[1] - nominal.times[0])
-    path = hermite_powers(piece.gliders.shifts @ A, piece.gliders.slopes @ A, half)
+    A, times = gliders.confidence.factor, nominal.times
+    path, slopes = hermite_powers(times, gliders.shifts @ A, gliders.slopes @ A)
     states = np.pad(path, ((0, 0), (0, 0), (0, 1)))
     if piece.settings.period:  # It is held.
-        command = np.outer(piece.gliders.commands[0] @ A, np.eye(5)[0])
+        command = np.outer(gliders.commands[0] @ A, np.eye(5)[0])
     else:
-        first, last = nominal.gains
-        command = -np.einsum("i,irk->rk", 0.5 * (first + last), states)
-        command[:, 1:] -= np.einsum("i,irk->rk", 0.5 * (last - first), states[..., :-1])
-    slopes = states[..., 1:4] * [1.0, 2.0, 3.0] / half
+        mean, change = line_powers(nominal.gains)
+        command = -np.einsum("i,irk->rk", mean, states)
+        command[:, 1:] -= np.einsum("i,irk->rk", change, states[..., :-1])
     return np.concatenate([states, command[None]]), slopes
 
 

@@ -15,6 +15,7 @@ from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.jets import Slope, monomials
 from glider.verification.dynamics.nominal import (
     hermite_powers,
+    line_powers,
     nonlinear_parts,
     open_loop_rates,
 )
@@ -88,12 +89,10 @@ class NearSets:
         unit = np.eye(m + 5, dtype=int)
         self._time = [place(j * unit[-1]) for j in range(DEGREE + 1)]
         self._line = place(unit[-2])
-        half = 0.5 * (nominal.times[1] - nominal.times[0])
-        curve = hermite_powers(nominal.states, nominal.slopes, half)
+        curve, _ = hermite_powers(nominal.times, nominal.states, nominal.slopes)
         found = np.zeros((n + 3, len(slopes.table.degrees)))
         found[:n, self._time] = curve[:, : DEGREE + 1]
-        first, last = nominal.inputs
-        found[n, self._time[:2]] = 0.5 * (first + last), 0.5 * (last - first)
+        found[n, self._time[:2]] = line_powers(nominal.inputs)
         found[slopes.which, 1 : m + 1] = basis
         found[n, m + 1] = wider.errors.max()
         found[[n + 1, n + 2], [m + 2, m + 3]] = part.settings.wind
@@ -121,8 +120,7 @@ class NearSets:
         """
         n = len(apart)
         lines = np.zeros((len(first), 2 * n, self._polynomials.shape[1]))
-        lines[:, :n, 0] = 0.5 * (first + last)
-        lines[:, :n, self._line] = 0.5 * (last - first)
+        lines[:, :n, 0], lines[:, :n, self._line] = line_powers([first, last])
         lines[:, n:, 0] = (last - first) / duration
         weights = np.append(apart @ self._pushes, self._pushes)
         found = self._bounded(self._slopes.of_line, lines, rooms, weights)

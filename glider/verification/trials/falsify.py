@@ -184,29 +184,27 @@ class _Trial:
 
     def _fly_all(self, k, flights):
         """Flies gliders from points each; returns what to climb, points, gliders."""
-        found = [(*self._fly(k, glider, points), points) for glider, points in flights]
-        values, flown, points = zip(*found, strict=True)
-        gliders = [np.tile(d, (len(p), 1)) for d, p in zip(flown, points, strict=True)]
-        return np.concatenate(values), np.concatenate(points), np.concatenate(gliders)
+        found = (self._fly(k, glider, points) for glider, points in flights)
+        return tuple(map(np.concatenate, zip(*found, strict=True)))
 
     def _fly(self, k, deviation, points):
-        """Flies a glider from points of the boundary; returns what to climb, and δ."""
+        """Flies a glider from points; returns what to climb, points and gliders."""
         funnel, glider, own = self._funnel, self._model, None
         if self._confidence:
             estimate, names = funnel.nominal.model, self._confidence.names
             own = deviation = physical(estimate, names, deviation)
             glider = glider_at(estimate, names, deviation)
+        flown = np.tile(deviation, (len(points), 1))
         if not len(points):
-            return np.empty(0), deviation
+            return np.empty(0), points, flown
         states = boundary_states(funnel, k, points, own)
         levels, _ = fly_from(funnel, k, states, glider, own)
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
         later, most = levels[:, 1:].max(axis=1), levels.max(axis=1)
-        flown = np.tile(deviation, (len(points), 1))
         self._found.append((time, most, later, levels[:, -1], states, flown))
-        return later, deviation
+        return later, points, flown
 
 
 def _worst(found, kept):
