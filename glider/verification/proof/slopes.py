@@ -21,7 +21,7 @@ from glider.verification.dynamics.nominal import (
 )
 from glider.verification.dynamics.taylor_models import Program, Recording
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.boxes import blame_of, shifted, top_in_balls
+from glider.verification.proof.boxes import excess_in_balls, run_on_boxes
 from glider.verification.proof.interval import (
     covers,
     keeps_servo,
@@ -171,16 +171,12 @@ class _Boxes:
     def bounds(self, center, half):
         """Returns bounds over limits, what centers reach, and what is to blame."""
         table, (found, lost) = self.slopes.table, self._run(center, half)
-        boxes = center, half, table.exponents, self.balls
-        tops, blame = [], []
-        for one, left in zip(found, lost, strict=True):
-            signs = (top_in_balls(s * one, left, *boxes) for s in (1.0, -1.0))
-            tops.append(np.maximum(*signs))
-            blame.append(blame_of(table, one, left, one))
+        tops, blame = excess_in_balls(
+            table, found, lost, 0.0, found, center, half, self.balls
+        )
         surely = np.maximum(np.abs(found[:, 0]) - lost, 0.0)
         most, least, blamed = (
-            (self._rows(np.array(values)).T / self.limits).T
-            for values in (tops, surely, blame)
+            (self._rows(values).T / self.limits).T for values in (tops, surely, blame)
         )
         inside = [np.linalg.norm(center[ball], axis=0) <= 1.0 for ball in self.balls]
         return most, np.where(np.all(inside, axis=0), least, 0.0), blamed
@@ -202,10 +198,11 @@ class _Boxes:
 
     def _run(self, center, half):
         """Returns results (R K, M, B) on boxes, and what is lost (R K, B)."""
-        runs = []
-        for own in self.polynomials:
-            inputs, left = shifted(self.slopes.table, own, center, half)
-            runs.append(self.program.run(inputs, (left + self.lacks[:, None]) * WIDER))
+        table, program, lacks = self.slopes.table, self.program, self.lacks
+        runs = [
+            run_on_boxes(program, table, own, lacks, center, half)
+            for own in self.polynomials
+        ]
         found, lost = (np.concatenate(of) for of in zip(*runs, strict=True))
         return found, lost
 
