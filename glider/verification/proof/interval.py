@@ -74,14 +74,10 @@ class Interval:
                 return tuple(half(part, side) for part in value)
             return value.halves()[side] if isinstance(value, Exact) else value
 
-        names = [field.name for field in dataclasses.fields(self)]
         first, middle, last = self.span[0], 0.5 * sum(self.span), self.span[1]
         return tuple(
-            Interval(
-                **{name: half(getattr(self, name), side) for name in names}
-                | {"span": span}
-            )
-            for side, span in enumerate([(first, middle), (middle, last)])
+            Interval(**{k: half(v, side) for k, v in vars(self).items()} | {"span": of})
+            for side, of in enumerate([(first, middle), (middle, last)])
         )
 
     def rates(self, basis: Exact) -> tuple[Exact, Exact]:
@@ -329,26 +325,26 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
     return found * WIDER
 
 
-def unproven_wind(piece: Funnel) -> bool:
-    """Determines whether the wind acts where R does not account for it."""
-    model = piece.nominal.model
-    return piece.settings.wind > 0.0 and _acts_elsewhere(model, in_wind=True)
-
-
-def unproven_numbers(piece: Funnel) -> bool:
-    """Determines whether numbers that deviate act where R does not account for them."""
-    gliders, model = piece.gliders, piece.nominal.model
-    return gliders is not None and _acts_elsewhere(model, gliders.confidence.names)
-
-
-def _acts_elsewhere(model, names=(), in_wind=False):
-    """Returns whether these variables act where R does not have them.
+def acts_elsewhere(piece: Funnel) -> str:
+    """Returns what acts where R does not account for it, a clause; empty for nothing.
 
     That is in an otherwise linear rate, or on a state that R does not depend on.
     """
-    n, (which, rows) = model.num_states, nonlinear_parts(model)
-    rates = rate_dependences(model, names, in_wind)
-    linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
-    bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))
-    others = bent.difference(which, range(n + 1, n + 3 + len(names)))
-    return bool(others) or max(frozenset[int]().union(*linear)) > n
+    model, n = piece.nominal.model, piece.num_states
+    deviating = piece.gliders.confidence.names if piece.gliders else ()
+    which, rows = nonlinear_parts(model)
+    causes = {
+        "the wind acts where the remainder leaves it out": (
+            (),
+            piece.settings.wind > 0,
+        ),
+        "a linear rate depends on a number that deviates": (deviating, False),
+    }
+    for fault, (names, in_wind) in causes.items():
+        rates = rate_dependences(model, names, in_wind)
+        linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
+        bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))
+        others = bent.difference(which, range(n + 1, n + 3 + len(names)))
+        if others or max(frozenset[int]().union(*linear)) > n:
+            return fault
+    return ""

@@ -23,12 +23,12 @@ from glider.verification.dynamics.taylor_models import Program, Recording
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.boxes import excess_in_balls, run_on_boxes
 from glider.verification.proof.interval import (
+    acts_elsewhere,
     covers,
     keeps_servo,
     make_interval,
     stays_definite,
     tight_cover,
-    unproven_wind,
 )
 from glider.verification.proof.interval_proof import bound_remainder
 
@@ -100,7 +100,7 @@ class NearSets:
         self._lacks = np.append(near, np.zeros(3))
         self._lacks[:n] += np.abs(curve[:, DEGREE + 1 :]).sum(axis=1) * WIDER
         proven = stays_definite(interval.S) and keeps_servo(interval)
-        if not (proven and covers(interval, basis)) or unproven_wind(part):
+        if not (proven and covers(interval, basis)) or acts_elsewhere(part):
             self._lacks[:] = np.inf
 
     def sizes(self, rooms: tuple[float, ...]) -> np.ndarray:

@@ -19,7 +19,6 @@ from glider.planning.problem import PerchingProblem
 from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.enclosure import make_remainder
-from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import covers, make_interval, tight_cover
 from glider.verification.proof.interval_growth import (
     BALL_BITS,
@@ -27,7 +26,7 @@ from glider.verification.proof.interval_growth import (
     HALVINGS,
     prove_growth,
 )
-from glider.verification.proof.interval_proof import gram_guesses, linear_defect
+from glider.verification.proof.interval_proof import gram_guesses, needed_slack
 from glider.verification.sos.exact import exact
 
 FORMAT = "drake-glider proof 1"
@@ -107,7 +106,7 @@ def _knots(funnel):
 def _interval_proof(piece):
     """Returns the slack, Gram matrices and balls of an interval."""
     interval = make_interval(piece)
-    slack = proven_slack(piece) + linear_defect(piece, interval)
+    slack = needed_slack(piece, interval)
     proofs = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
     if proofs is None:
         raise InputError("--write-proof needs a funnel that --prove proves.")
