@@ -253,19 +253,15 @@ def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:
     return remembered
 
 
+@for_one_glider
 def rate_dependences(
-    model: GliderModel, names: Sequence[str] = (), in_wind: bool = False
+    model: GliderModel, names: tuple[str, ...] = (), in_wind: bool = False
 ) -> tuple[Dependence, ...]:
     """Returns what each of the n rates depends on.
 
     Variables are the n states, the command, the named numbers that deviate, and the
     wind along x and z.
     """
-    return _rate_dependences(model, tuple(names), in_wind)
-
-
-@for_one_glider
-def _rate_dependences(model, names, in_wind):
     n, of = model.num_states, model.num_states + 1 + len(names)
     own = dependences(of + 2)
     theta = theta_at(model, names, own[n + 1 : of])
@@ -275,7 +271,7 @@ def _rate_dependences(model, names, in_wind):
 
 
 def nonlinear_parts(
-    model: GliderModel, names: Sequence[str] = ()
+    model: GliderModel, names: tuple[str, ...] = ()
 ) -> tuple[list[int], list[int]]:
     """Returns the indices of the variables, and of the rates, that are not linear."""
     nonlinear = [rate.nonlinear for rate in rate_dependences(model, names)]

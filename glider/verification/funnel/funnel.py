@@ -97,13 +97,8 @@ def gliders_note(funnel: Funnel) -> GlidersNote | None:
     if funnel.gliders is None:
         return None
     confidence = funnel.gliders.confidence
-    return GlidersNote(
-        names=confidence.names,
-        matrix=confidence.covariance.matrix,
-        level=confidence.level,
-        shape=confidence.shape,
-        degrees_of_freedom=confidence.covariance.degrees_of_freedom,
-    )
+    known, level = vars(confidence.covariance), confidence.level
+    return GlidersNote(**known, level=level, shape=confidence.shape)
 
 
 def load_funnel(path: Path | str) -> Funnel:
