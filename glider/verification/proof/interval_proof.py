@@ -11,7 +11,7 @@ prove that none does.
 """
 
 import dataclasses
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -216,25 +216,11 @@ def prove_remainder(
     return _bounded(found.proven, boxes, ratio)
 
 
-class OnBoxes(Protocol):
-    """What is bounded on boxes, as a `TaylorRemainder`."""
+def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
+    """Tries to prove that |R| <= β on all boxes of the ball.
 
-    @property
-    def span(self) -> tuple[float, float]: ...
-
-    @property
-    def dimension(self) -> int: ...
-
-    @property
-    def balls(self) -> tuple[slice, ...]: ...
-
-    def bounds(
-        self, center: np.ndarray, half: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
-
-
-def bound_remainder(remainder: OnBoxes, budget: int = BUDGET) -> IntervalProof:
-    """Tries to prove that |R| <= β on all boxes of the ball."""
+    R is a `TaylorRemainder`, or what has its span, dimension, balls and bounds.
+    """
     ratio, boxes, size = 0.0, 0, remainder.dimension
     center, half = np.zeros((size, 1)), np.ones((size, 1))
     first, last = remainder.span

@@ -19,7 +19,7 @@ from glider.verification.dynamics.nominal import (
     nonlinear_parts,
     open_loop_rates,
 )
-from glider.verification.dynamics.taylor_models import Program, Recording
+from glider.verification.dynamics.taylor_models import Recording
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.boxes import excess_in_balls, run_on_boxes
 from glider.verification.proof.interval import (
@@ -133,12 +133,9 @@ class NearSets:
         Each has the room of its own size, or an equal share of a weighted sum's.
         """
         own = np.broadcast_to(self._polynomials, (len(lines), *self._polynomials.shape))
-        boxes = _Boxes(
-            slopes=self._slopes,
-            program=program,
-            polynomials=np.concatenate([own, lines], axis=1),
-            lacks=np.append(self._lacks, ROUNDING * np.abs(lines).max(axis=(0, 2))),
-        )
+        polynomials = np.concatenate([own, lines], axis=1)
+        lacks = np.append(self._lacks, ROUNDING * np.abs(lines).max(axis=(0, 2)))
+        boxes = _Boxes(self._slopes, program, polynomials, lacks)
         largest = own_room = boxes.largest()
         if weights is not None:
             total = largest.reshape(-1, len(weights)) @ weights / len(weights)
@@ -151,28 +148,25 @@ class NearSets:
         return np.full_like(largest, np.inf)
 
 
-@dataclasses.dataclass(kw_only=True)
 class _Boxes:
     """Results of a program on boxes, and limits which they are to keep.
 
     A row is a result, or both of the wind.
     """
 
-    slopes: Slopes
-    program: Program
-    polynomials: np.ndarray  #: Inputs (R, I, M) of R runs.
-    lacks: np.ndarray  #: Bounds (I,) of what these lack.
-    limits: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
-    span: tuple[float, float] = (-1.0, 1.0)
+    span = -1.0, 1.0
 
-    def __post_init__(self):
-        self.balls, self.dimension = self.slopes.balls, self.slopes.table.num_variables
+    def __init__(self, slopes, program, polynomials, lacks):
+        """Takes inputs (R, I, M) of R runs, and bounds (I,) of what these lack."""
+        self._program, self._polynomials, self._lacks = program, polynomials, lacks
+        self._table, self.balls = slopes.table, slopes.balls
+        self.dimension, self.limits = slopes.table.num_variables, np.zeros(0)
 
     def bounds(self, center, half):
         """Returns bounds over limits, what centers reach, and what is to blame."""
-        table, (found, lost) = self.slopes.table, self._run(center, half)
+        found, lost = self._run(center, half)
         tops, blame = excess_in_balls(
-            table, found, lost, 0.0, found, center, half, self.balls
+            self._table, found, lost, 0.0, found, center, half, self.balls
         )
         surely = np.maximum(np.abs(found[:, 0]) - lost, 0.0)
         most, least, blamed = (
@@ -198,17 +192,16 @@ class _Boxes:
 
     def _run(self, center, half):
         """Returns results (R K, M, B) on boxes, and what is lost (R K, B)."""
-        table, program, lacks = self.slopes.table, self.program, self.lacks
         runs = [
-            run_on_boxes(program, table, own, lacks, center, half)
-            for own in self.polynomials
+            run_on_boxes(self._program, self._table, own, self._lacks, center, half)
+            for own in self._polynomials
         ]
         found, lost = (np.concatenate(of) for of in zip(*runs, strict=True))
         return found, lost
 
     def _rows(self, values):
         """Returns rows, given results: the last two of n + 3 are one."""
-        n = (self.polynomials.shape[1] - 3) // 3
+        n = (self._polynomials.shape[1] - 3) // 3
         both = values.reshape(-1, n + 3, *values.shape[1:])
         wind = np.linalg.norm(both[:, n + 1 :], axis=1, keepdims=True)
         rows = np.concatenate([both[:, :n], wind, both[:, [n]]], axis=1)
