@@ -105,7 +105,7 @@ def _knots(funnel):
 
 def _interval_proof(piece):
     """Returns the slack, Gram matrices and balls of an interval."""
-    interval = make_interval(piece)
+    interval, n = make_interval(piece), piece.num_states
     slack = needed_slack(piece, interval)
     proofs = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
     if proofs is None:
@@ -116,11 +116,7 @@ def _interval_proof(piece):
             "basis": part.basis.integers(-BALL_BITS)[0].tolist(),
             "multiplier": part.multiplier.integers(-GRAM_BITS).tolist(),
             "grams": [
-                [
-                    row[: k + 1].tolist()
-                    for k, row in enumerate(gram)
-                    if k >= len(part.basis)
-                ]
+                [row[: k + 1].tolist() for k, row in enumerate(gram[n:], n)]
                 for [gram] in (own.integers(-GRAM_BITS) for own in part.grams)
             ],
         }
