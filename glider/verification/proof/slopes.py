@@ -132,8 +132,7 @@ class NearSets:
 
         Each has the room of its own size, or an equal share of a weighted sum's.
         """
-        own = np.broadcast_to(self._polynomials, (len(lines), *self._polynomials.shape))
-        polynomials = np.concatenate([own, lines], axis=1)
+        polynomials = [np.concatenate([self._polynomials, own]) for own in lines]
         lacks = np.append(self._lacks, ROUNDING * np.abs(lines).max(axis=(0, 2)))
         boxes = _Boxes(self._slopes, program, polynomials, lacks)
         largest = own_room = boxes.largest()
@@ -157,7 +156,7 @@ class _Boxes:
     span = -1.0, 1.0
 
     def __init__(self, slopes, program, polynomials, lacks):
-        """Takes inputs (R, I, M) of R runs, and bounds (I,) of what these lack."""
+        """Takes inputs (I, M) of each run, and bounds (I,) of what these lack."""
         self._program, self._polynomials, self._lacks = program, polynomials, lacks
         self._table, self.balls = slopes.table, slopes.balls
         self.dimension, self.limits = slopes.table.num_variables, np.zeros(0)
@@ -201,7 +200,7 @@ class _Boxes:
 
     def _rows(self, values):
         """Returns rows, given results: the last two of n + 3 are one."""
-        n = (self._polynomials.shape[1] - 3) // 3
+        n = (len(self._lacks) - 3) // 3
         both = values.reshape(-1, n + 3, *values.shape[1:])
         wind = np.linalg.norm(both[:, n + 1 :], axis=1, keepdims=True)
         rows = np.concatenate([both[:, :n], wind, both[:, [n]]], axis=1)
