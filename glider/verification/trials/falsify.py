@@ -82,7 +82,7 @@ def falsify_funnel(
 
     Args:
         samples: flights from random points, divided among start times and gliders; at
-            least one at each time. The climb adds half as many again and more.
+            least one at each time. The climb adds as many and a fifth more.
         model: the glider that flies; the funnel's own if None. States that the funnel
             lacks start at rest.
         confidence: set of deviations from the funnel's glider, whose gliders fly in
