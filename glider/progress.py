@@ -12,7 +12,7 @@ Shares = Callable[[float], None]
 """Takes the share of the work that is done, from 0 to 1."""
 
 
-def silent(text: str) -> None:
+def silent(word: object) -> None:
     """Takes word of progress and drops it."""
 
 

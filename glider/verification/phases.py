@@ -33,7 +33,7 @@ def make_phases(
     latency: float,
     count: int = 4,
     sizes: tuple[float, ...] = SIZES,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> tuple[Funnel, list[Funnel]]:
     """Computes a launch funnel, and funnels of held commands for phases of the clock.
 
@@ -58,21 +58,21 @@ def make_phases(
     expect(0.0 <= latency < period, "the latency", latency, words)
     words = "none of the effects' own"
     expect(states == len(sizes), "the glider's states", states, words)
-    say, bin_, rests = progress or silent, period / count, []
+    bin_, rests = period / count, []
     waiting = still_policy(model, problem, latency + period)
     path = make_nominal(model, waiting, 0.5 * bin_).path
     for k in range(count):
-        say(f"the funnel of phase {k + 1} of {count}")
+        progress(f"the funnel of phase {k + 1} of {count}")
         start = path(latency + (k + 0.5) * bin_).tolist()
         policy = policy_of(dataclasses.replace(problem, launch=start))
-        made = make_funnel(model, policy, settings, hook_of=problem, progress=say)
+        made = make_funnel(model, policy, settings, hook_of=problem, progress=progress)
         rests.append(made)
     still = dataclasses.replace(settings, period=0.0, elevator_gain=0.0, floor=1.0)
     own = dataclasses.replace(still, step=0.5 * bin_, sizes=sizes, launch_sizes=None)
-    return _launch_funnel(model, waiting, own, rests, say), rests
+    return _launch_funnel(model, waiting, own, rests, progress), rests
 
 
-def _launch_funnel(model, waiting, settings, rests, say):
+def _launch_funnel(model, waiting, settings, rests, progress):
     """Returns the largest funnel of a flight without commands that leads to others."""
     sizes, axes = settings.sizes, np.diag(settings.sizes)
     widest = [np.linalg.norm(axes @ own.S[0] @ axes, 2) for own in rests]
@@ -80,10 +80,10 @@ def _launch_funnel(model, waiting, settings, rests, say):
     for _ in range(ROUNDS):
         goal = tuple((scale * np.array(sizes)).tolist())
         shaped = dataclasses.replace(settings, goal=goal)
-        found = make_funnel(model, waiting, shaped, progress=say)
+        found = make_funnel(model, waiting, shaped, progress=progress)
         if not proof.phase_faults(found, rests):
             return found
-        say("launch funnel: its size")
+        progress("launch funnel: its size")
         scale *= ROOM * _largest_scale(found, rests)
         if scale == 0.0:
             break

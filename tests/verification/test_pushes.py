@@ -28,10 +28,10 @@ from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import remainder_seen
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import (
+    acts_elsewhere,
     keeps_servo,
     make_interval,
     tight_cover,
-    unproven_wind,
 )
 from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.proof.interval_proof import prove_interval
@@ -245,7 +245,7 @@ def test_a_funnel_that_was_made_without_them_is_not_proven_with_them(piece):
 @pytest.mark.parametrize("row", [0, 4])
 def test_wind_acts_only_where_the_remainder_has_it(piece, row, monkeypatch):
     """The first rate is linear, and the other does not depend on x."""
-    assert not unproven_wind(piece)
+    assert not acts_elsewhere(piece)
     rates = dynamics.open_loop_rates
 
     def blown(model, states, command, theta=None, wind=(0.0, 0.0)):
@@ -258,8 +258,8 @@ def test_wind_acts_only_where_the_remainder_has_it(piece, row, monkeypatch):
     model = copy.copy(piece.nominal.model)
     nominal = dataclasses.replace(piece.nominal, model=model)
     piece = dataclasses.replace(piece, nominal=nominal)
-    assert unproven_wind(piece)
-    assert not unproven_wind(pushed(piece, wind=0.0))
+    assert acts_elsewhere(piece)
+    assert not acts_elsewhere(pushed(piece, wind=0.0))
 
 
 def test_pushes_need_a_remainder():

@@ -45,11 +45,10 @@ class MovingCenter:
         )
         return np.einsum("...nm,...m->...n", X, deviations)
 
-    def between(self, first: int, last: int) -> "MovingCenter":
-        """Returns the part from one of the times to another, given their indices."""
-        here = slice(first, last + 1)
+    def part(self, which: slice) -> "MovingCenter":
+        """Returns the centers at some of the times."""
         names = "times", "shifts", "slopes", "commands"
-        parts = {name: getattr(self, name)[here] for name in names}
+        parts = {name: getattr(self, name)[which] for name in names}
         return dataclasses.replace(self, **parts)
 
 

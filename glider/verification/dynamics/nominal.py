@@ -206,11 +206,15 @@ def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> P
     return PPoly(np.array(powers), np.append(times[k], times[-1]))
 
 
-def hermite_powers(values: np.ndarray, slopes: np.ndarray, half: float) -> np.ndarray:
+def hermite_powers(
+    times: np.ndarray, values: np.ndarray, slopes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Returns a cubic Hermite polynomial (..., 4) as powers of s, lowest first.
 
-    Values and slopes (2, ...) are at s = -1 and 1, half is half of the time between.
+    Values and slopes (2, ...) are at both times, which are s = -1 and 1. The second is
+    its slope in time, (..., 3).
     """
+    half = 0.5 * (times[1] - times[0])
     (a, b), (da, db) = values, half * slopes
     powers = [
         0.5 * (a + b) + 0.25 * (da - db),
@@ -218,7 +222,13 @@ def hermite_powers(values: np.ndarray, slopes: np.ndarray, half: float) -> np.nd
         0.25 * (db - da),
         0.25 * (a - b + da + db),
     ]
-    return np.stack(powers, axis=-1)
+    curve = np.stack(powers, axis=-1)
+    return curve, curve[..., 1:] * [1.0, 2.0, 3.0] / half
+
+
+def line_powers(values: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Returns a and b of the straight line a + b s, given its ends at s = -1 and 1."""
+    return 0.5 * np.array([values[0] + values[1], values[1] - values[0]])
 
 
 def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:
@@ -243,19 +253,15 @@ def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:
     return remembered
 
 
+@for_one_glider
 def rate_dependences(
-    model: GliderModel, names: Sequence[str] = (), in_wind: bool = False
+    model: GliderModel, names: tuple[str, ...] = (), in_wind: bool = False
 ) -> tuple[Dependence, ...]:
     """Returns what each of the n rates depends on.
 
     Variables are the n states, the command, the named numbers that deviate, and the
     wind along x and z.
     """
-    return _rate_dependences(model, tuple(names), in_wind)
-
-
-@for_one_glider
-def _rate_dependences(model, names, in_wind):
     n, of = model.num_states, model.num_states + 1 + len(names)
     own = dependences(of + 2)
     theta = theta_at(model, names, own[n + 1 : of])
@@ -265,7 +271,7 @@ def _rate_dependences(model, names, in_wind):
 
 
 def nonlinear_parts(
-    model: GliderModel, names: Sequence[str] = ()
+    model: GliderModel, names: tuple[str, ...] = ()
 ) -> tuple[list[int], list[int]]:
     """Returns the indices of the variables, and of the rates, that are not linear."""
     nonlinear = [rate.nonlinear for rate in rate_dependences(model, names)]

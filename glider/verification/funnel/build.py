@@ -75,7 +75,7 @@ def make_funnel(
     confidence: ConfidenceSet | None = None,
     hook_of: PerchingProblem | None = None,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Funnel:
     """Computes the funnel of a feedback along its plan.
 
@@ -94,11 +94,10 @@ def make_funnel(
         InputError: there can be no funnel about this flight.
         SolverError: the sets could not be certified.
     """
-    say = progress or silent
     settings = settings or FunnelSettings()
     began = time.perf_counter()
     rng = np.random.default_rng(seed)
-    say("funnel: the flight and its Taylor polynomials")
+    progress("funnel: the flight and its Taylor polynomials")
     if confidence and settings.remainder == 0.0:
         raise InputError(
             "A funnel of a confidence set accounts for the differences of its gliders "
@@ -114,7 +113,7 @@ def make_funnel(
     if settings.elevator_gain > 0.0:
         own = normalized(np.delete(directions, np.s_[n : n + of_set], axis=1))
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
-        _shape(steered, say, "feedback")
+        _shape(steered, progress, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
     elif settings.period:
         words = "the funnel's, as its feedback is to be the policy's"
@@ -124,10 +123,10 @@ def make_funnel(
     held = settings.period > 0.0
     center = make_moving_center(nominal, confidence, held) if confidence else None
     task = FunnelTask(nominal, settings, directions, center)
-    S = _shape(ShapeFlow(task), say, "shape")
-    say("funnel: its size")
+    S = _shape(ShapeFlow(task), progress, "shape")
+    progress("funnel: its size")
     sets, forms = Gauge(task).scaled(S)
-    say("funnel: its certificate")
+    progress("funnel: its certificate")
     grams = certify(nominal.times, forms, settings.margin)
     made = {field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)}
     solver, seconds = next(iter(SOLVERS)), time.perf_counter() - began

@@ -54,11 +54,10 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
 
         def rate(M, since, k=k, step=step):
             share = since / step
-            square, pull, A = (
+            here = (
                 (1.0 - share) * values[k] + share * values[k + 1] for values in ends
             )
-            product = M @ A
-            return square + pull * M - product - product.T
+            return _bend_slope(M, *here)
 
         M = advance(rate, nominal.bends[first + k], step)
         nominal.bends[first + k + 1] = 0.5 * (M + M.T)
@@ -88,12 +87,16 @@ def _bend_rates(nominal, here=slice(None)):
     return square, np.einsum("ti,ti->t", gains, push), linear_part(rates)
 
 
+def _bend_slope(M, square, pull, A):
+    """Returns Ṁ (..., n, n), given M and what `_bend_rates` returns."""
+    product = M @ A
+    return square + pull * M - product - product.swapaxes(-1, -2)
+
+
 def hold_slopes(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
     """Returns K̇ (T, n) and Ṁ (T, n, n) of commands that are held."""
     squares, pulls, A = _bend_rates(nominal)
-    product = nominal.bends @ A
-    slopes = squares + pulls[:, None, None] * nominal.bends
-    slopes = slopes - product - product.swapaxes(1, 2)
+    slopes = _bend_slope(nominal.bends, squares, pulls[:, None, None], A)
     return -np.einsum("ti,tij->tj", nominal.gains, A), slopes
 
 

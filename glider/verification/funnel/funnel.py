@@ -40,8 +40,8 @@ class Funnel(BoundarySets):
         """Returns the funnel from one of its times to another, given their indices."""
         here = slice(first, last + 1)
         own = {name: getattr(self, name)[here] for name in _OWN_ARRAYS}
-        nominal = self.nominal.part(here)
-        gliders = self.gliders and self.gliders.between(first, last)
+        nominal, gliders = self.nominal.part(here), self.gliders
+        gliders = gliders and gliders.part(here)
         return dataclasses.replace(self, nominal=nominal, gliders=gliders, **own)
 
     def center(self, times: np.ndarray | float) -> np.ndarray:
@@ -97,13 +97,8 @@ def gliders_note(funnel: Funnel) -> GlidersNote | None:
     if funnel.gliders is None:
         return None
     confidence = funnel.gliders.confidence
-    return GlidersNote(
-        names=confidence.names,
-        matrix=confidence.covariance.matrix,
-        level=confidence.level,
-        shape=confidence.shape,
-        degrees_of_freedom=confidence.covariance.degrees_of_freedom,
-    )
+    known, level = vars(confidence.covariance), confidence.level
+    return GlidersNote(**known, level=level, shape=confidence.shape)
 
 
 def load_funnel(path: Path | str) -> Funnel:

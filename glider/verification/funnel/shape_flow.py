@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from glider.control.predictor import advance
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal, hold_starts
 from glider.verification.funnel import clock, servo_limits
@@ -154,7 +154,7 @@ class ShapeFlow:
         self._bounds = task.servo_bounds()
         self._slopes = nominal.push_slopes[:, :, 0, 0] if steer else None
 
-    def run(self, progress: Shares | None = None) -> np.ndarray:
+    def run(self, progress: Shares = silent) -> np.ndarray:
         """Returns S at all times, (T, n, n).
 
         Raises:
@@ -181,8 +181,7 @@ class ShapeFlow:
                     before = growth
                     change = max(hold * np.linalg.norm(slope), 1e-300)
                     slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
-                    if progress:
-                        progress((last - k) / last)
+                    progress((last - k) / last)
                 S = self._step(S, k, growth + since * slope, slope)
                 since = (since + 1) % hold
             S = shapes[k - 1] = self._cut(S, k - 1)

@@ -18,10 +18,10 @@ SLOPE_BLAME = 0.2
 of higher degree."""
 
 
-def shifted(table, polynomials, center, half):
-    """Returns polynomials (I, M) in w = center + half v, as models on boxes (m, B).
+def run_on_boxes(program, table, polynomials, lacks, center, half):
+    """Returns results (R, M, B) of a program on boxes (m, B), and remainders (R, B).
 
-    These are coefficients (I, M, B) and remainders (I, B).
+    Its inputs are polynomials (I, M) in w, but for what these lack, (I,) at most.
     """
     centers, halves, both = (
         table.values(of.T).T.copy() for of in (center, half, np.abs(center) + half)
@@ -29,7 +29,8 @@ def shifted(table, polynomials, center, half):
     found = boxes.shift(
         polynomials, centers, halves, table.left, table.right, *_binomials(table)
     )
-    return found, ROUNDING * WIDER * (np.abs(polynomials) @ both)
+    left = ROUNDING * WIDER * (np.abs(polynomials) @ both)
+    return program.run(found, (left + lacks[:, None]) * WIDER)
 
 
 def shifted_from(table, polynomials):
@@ -75,16 +76,26 @@ def top_in_balls(coefficients, remainder, center, half, exponents, balls):
     )
 
 
-def blame_of(table, difference, remainder, rate):
-    """Returns how much each v_i makes a bound large, (m, B): a guide for splitting.
+def excess_in_balls(table, polynomials, remainders, limits, rates, center, half, balls):
+    """Returns bounds (R, B) of |p(v) + remainder| - limit on those parts, and blame.
 
-    The highest degree of the rate (M, B) in it indicates what is beyond.
+    That is how much each v_i makes a bound large, (R, m, B): a guide for splitting. The
+    highest degree of rates (R, M, B) in it indicates what is beyond.
     """
-    exponents, sizes = table.exponents, np.abs(difference)
-    m = exponents.shape[1]
-    own = exponents[1 + m :].T @ sizes[1 + m :]
+    exponents, m = table.exponents, table.num_variables
+    signed = polynomials - limits, -polynomials - limits
+    tops = [
+        [
+            top_in_balls(p, left, center, half, exponents, balls)
+            for p, left in zip(of, remainders, strict=True)
+        ]
+        for of in signed
+    ]
+    sizes = np.abs(np.where(polynomials[:, :1] >= 0.0, *signed))
+    own = exponents[1 + m :].T @ sizes[:, 1 + m :]
     # What is beyond the degree varies as the highest degree does.
     top = table.of_degree(table.degree)
-    highest = exponents[top].T @ np.abs(rate[top])
-    total = np.maximum(highest.sum(axis=0), 1e-300)
-    return own + SLOPE_BLAME * sizes[1 : m + 1] + highest / total * remainder
+    highest = exponents[top].T @ np.abs(rates[:, top])
+    share = highest / np.maximum(highest.sum(axis=1, keepdims=True), 1e-300)
+    own += SLOPE_BLAME * sizes[:, 1 : m + 1] + share * remainders[:, None]
+    return np.max(tops, axis=0), own

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, growth_between
@@ -80,7 +80,7 @@ class Verdict:
 def check_funnel(
     funnel: Funnel,
     every: int = 1,
-    progress: Shares | None = None,
+    progress: Shares = silent,
     *,
     problem: PerchingProblem | None = None,
     from_launch: bool = True,

@@ -33,6 +33,7 @@ from glider.verification.dynamics.nominal import (
     ORDER,
     for_one_glider,
     hermite_powers,
+    line_powers,
     nonlinear_parts,
     open_loop_rates,
     table_of,
@@ -40,12 +41,7 @@ from glider.verification.dynamics.nominal import (
 from glider.verification.dynamics.taylor_models import Recording, spread
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import DIFFERENCE, PUSHES
-from glider.verification.proof.boxes import (
-    blame_of,
-    shifted,
-    shifted_from,
-    top_in_balls,
-)
+from glider.verification.proof.boxes import excess_in_balls, run_on_boxes, shifted_from
 from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
@@ -106,39 +102,32 @@ class TaylorRemainder:
         """
         table = monomials(self.dimension, ORDER)
         program, polynomials, lacks = self._program
-        inputs, left = shifted(table, polynomials, center, half)
-        left = (left + lacks[:, None]) * WIDER
-        r = len(self.rows)
-        limits, lacking = inputs[-r:], left[-r:]
-        found, left = program.run(inputs, left)
+        found, left = run_on_boxes(program, table, polynomials, lacks, center, half)
+        rates, remainders, limits = np.split(found, 3)
+        _, lost, lacking = np.split(left, 3)
+        lost = (lost + lacking) * WIDER
+        # |R| - β, of either sign; the bound adds the rounding of the difference.
+        excess, blame = excess_in_balls(
+            table, remainders, lost, limits, rates, center, half, self.balls
+        )
+        reach, mean = spread(limits, lost), limits[:, 0]
+        high, low = mean + reach, mean - reach
         inside = [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls]
         within = np.all(inside, axis=0)
-        boxes = center, half, table.exponents, self.balls
-        most, least, blame = [], [], []
-        each = limits, lacking, found[:r], found[r:], left[r:]
-        for limit, lacks, rate, one, off in zip(*each, strict=True):
-            lost, size = (off + lacks) * WIDER, np.abs(one[0])
-            # |R| - β, of either sign; the bound adds the rounding of the difference.
-            tops = [top_in_balls(s * one - limit, lost, *boxes) for s in (1.0, -1.0)]
-            excess = np.maximum(*tops)
-            worse = np.where(one[0] >= 0.0, one, -one) - limit
-            reach = spread(limit, lost)
-            high, low = limit[0] + reach, limit[0] - reach
-            # |R| / β <= 1 + (|R| - β) / β, with the worst β on the box.
-            with np.errstate(divide="ignore", invalid="ignore"):
-                above = WIDER + excess / np.maximum(low, 0.0)
-                most.append(np.where(excess > 0.0, above, 1.0 + excess / high))
-                surely = size - np.where(within, lost, spread(one, lost))
-                least.append(np.maximum(surely, 0.0) / high)
-                blame.append(blame_of(table, worse, lost, rate) / limit[0])
-        return np.array(most), np.array(least), np.array(blame)
+        surely = np.abs(remainders[:, 0])
+        surely -= np.where(within, lost, spread(remainders, lost))
+        # |R| / β <= 1 + (|R| - β) / β, with the worst β on the box.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            above = WIDER + excess / np.maximum(low, 0.0)
+            most = np.where(excess > 0.0, above, 1.0 + excess / high)
+            return most, np.maximum(surely, 0.0) / high, blame / limits[:, :1]
 
     @functools.cached_property
     def _program(self):
-        """What computes the rates, and R, on a box, for each row.
+        """What computes the rates, R and the limits on a box, for each row.
 
         Returned with the polynomials (I, M) that are its inputs and what these lack,
-        (I,); the last are the limits.
+        (I,).
         """
         m, d = len(self.basis), self.dimension
         unit = np.eye(1 + d, self.inputs.shape[1])
@@ -146,10 +135,10 @@ class TaylorRemainder:
         deviations = factor @ unit[1 + m : 1 + m + factor.shape[1]]
         air = self.pushes[1] * unit[[d - 2, d - 1]]
         groups = [self.inputs, deviations, air, unit[[d]]]
-        groups += [self.highest, self.polynomials]
+        groups += [self.highest, self.polynomials, self.limits]
         lacks = [np.zeros(len(group)) for group in groups]
-        lacks[0], lacks[-1] = self.beyond, self.rounding
-        polynomials = np.concatenate([*groups, self.limits])
+        lacks[0], lacks[-2] = self.beyond, self.rounding
+        polynomials = np.concatenate(groups)
         program = _recorded(
             self.model,
             d,
@@ -159,30 +148,29 @@ class TaylorRemainder:
             tuple(map(len, groups)),
             shifted_from(monomials(d, ORDER), polynomials).tobytes(),
         )
-        lacks.append(np.zeros(len(self.limits)))
         return program, polynomials, np.concatenate(lacks)
 
 
 @for_one_glider
 def _recorded(model, d, names, rows, is_windy, sizes, present):
-    """Returns what computes f, and f - ẋ₀ - P, of each row, in d variables.
+    """Returns what computes f, f - ẋ₀ - P and the limit of each row, in d variables.
 
-    Inputs are groups of these sizes, and others; present is of `Recording.program`,
-    as bytes.
+    Inputs are groups of these sizes; present is of `Recording.program`, as bytes.
     """
     recording = Recording(monomials(d, ORDER))
     models = (recording.add(INPUT, i) for i in itertools.count())
-    inputs, deviated, wind, (time,), *others = (
+    inputs, deviated, wind, (time,), highest, polynomials, limits = (
         list(itertools.islice(models, size)) for size in sizes
     )
     theta = None if names is None else theta_at(model, names, deviated)
     air = wind if is_windy else [0.0, 0.0]
     rates = open_loop_rates(model, inputs[:-1], inputs[-1], theta, air)
-    results = [rates[row] for row in rows]
-    for row, highest, polynomial in zip(rows, *others, strict=True):
-        results.append(rates[row] - polynomial - time * highest)
+    rates = [rates[row] for row in rows]
+    each = zip(rates, polynomials, highest, strict=True)
+    remainders = [rate - known - time * top for rate, known, top in each]
     there = np.frombuffer(present, dtype=bool)
-    return recording.program(results, there.reshape(-1, len(recording.table.degrees)))
+    there = there.reshape(-1, len(recording.table.degrees))
+    return recording.program([*rates, *remainders, *limits], there)
 
 
 def make_remainder(
@@ -205,11 +193,9 @@ def make_remainder(
     own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
     P = nominal.open_loop[:, rows][..., own]
     P[..., 0] = 0.0  # That is in ẋ₀.
-    half = 0.5 * (nominal.times[1] - nominal.times[0])
-    path = hermite_powers(nominal.states, nominal.slopes, half)
-    slopes = path[:, 1:] * [1.0, 2.0, 3.0] / half
-    inputs_ends = _mean_and_half_change(nominal.inputs)
-    P_ends = _mean_and_half_change(P)
+    path, slopes = hermite_powers(nominal.times, nominal.states, nominal.slopes)
+    inputs_ends = line_powers(nominal.inputs)
+    P_ends = line_powers(P)
     s = 0.5 * sum(span)
     middle = np.append(path @ s ** np.arange(ORDER + 1), inputs_ends @ [1.0, s])
     P_here = P_ends[0] + s * P_ends[1]
@@ -238,7 +224,7 @@ def make_remainder(
     if pushes[0] > 0.0:
         inputs[-1, table.place(unit[first])] = pushes[0]
     ends = nominal.push_slopes[:, rows] * pushes[PUSHES, None]
-    G = _mean_and_half_change(_turned_slopes(ends, which, basis))
+    G = line_powers(_turned_slopes(ends, which, basis))
     for (number, k), i in itertools.product(enumerate(acting, first), range(m + 1)):
         here = unit[number] + (unit[i - 1] if i else 0)
         places = [table.place(here + j * unit[last]) for j in range(2)]
@@ -287,8 +273,8 @@ def _limits(piece, basis, table):
     states = [i for i in which if i < piece.num_states]
     B = basis[: len(states)]  # The command is the last of all.
     F = piece.focus[:, states][:, :, states]
-    beta, beta_change = _mean_and_half_change(piece.beta[:, rows])
-    focus, focus_change = _mean_and_half_change(B.T @ F @ B)
+    beta, beta_change = line_powers(piece.beta[:, rows])
+    focus, focus_change = line_powers(B.T @ F @ B)
     limits = np.zeros((len(rows), len(table.degrees)))
     limits[:, 0], limits[:, table.place(unit[last])] = beta, beta_change
     for i, j in itertools.product(range(len(basis)), repeat=2):
@@ -302,11 +288,6 @@ def _limits(piece, basis, table):
     lost += ROUNDING * piece.beta[:, rows].max(axis=0) * sizes.sum()
     limits[:, 0] -= lost * WIDER
     return limits
-
-
-def _mean_and_half_change(ends):
-    """Returns a and b of the straight line a + b s, s from -1 to 1."""
-    return 0.5 * np.array([ends[0] + ends[1], ends[1] - ends[0]])
 
 
 def _turned(model, center, polynomials, basis):

@@ -11,23 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import at_time, keeps_servo
 from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
-from glider.verification.sos.exact import (
-    exact,
-    is_positive_definite,
-    leaves_definite,
-    rounded,
-)
-from glider.verification.sos.forms import (
-    exact_product,
-    mixed_forms,
-    odd_then_even,
-    sparse_gram,
-    to_ball,
-)
+from glider.verification.sos.exact import exact, is_positive_definite, joined, rounded
+from glider.verification.sos.forms import exact_product, has_definite_gram, to_ball
 from glider.verification.sos.sphere import represent, sphere
 
 SLACK_SHARE = 0.1
@@ -47,10 +36,7 @@ def proven_slack(funnel: Funnel) -> float:
 
 
 def exact_faults(
-    funnel: Funnel,
-    at: Sequence[int],
-    defect: np.ndarray,
-    progress: Shares | None = None,
+    funnel: Funnel, at: Sequence[int], defect: np.ndarray, progress: Shares = silent
 ) -> tuple[list[str], float]:
     """Checks a funnel in exact arithmetic, given the growth (T,) by its defect [1/s].
 
@@ -64,8 +50,7 @@ def exact_faults(
         rounding = max(rounding, change)
         for fault in faults:
             found.setdefault(fault, []).append(funnel.nominal.times[k])
-        if progress:
-            progress((number + 1) / len(at))
+        progress((number + 1) / len(at))
     sentences = [f"{fault} {_when(times)}." for fault, times in found.items()]
     if not _within_goal(funnel):
         sentences.append("The last set is not within the goal.")
@@ -103,16 +88,17 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         A, cubic, quartic, G = growth_forms(here, basis, exact(slack))
         # In floating point: a Gram matrix of nearly this polynomial. The one in the
         # file may or may not have the nominal's defect in it.
-        doubles = odd_then_even(cubic, quartic + exact_product(A, G)).to_float()
+        even = quartic + exact_product(A, G)
+        doubles = joined(cubic, even, axis=1).to_float()
         entries = funnel.grams[k].astype(float)
         entries -= 0.5 * slack * tables.entries(np.eye(tables.size))
         gram = tables.matrix(represent(tables, entries, doubles))
         whole = rounded(gram * np.outer(tables.scales, tables.scales), GRAM_BITS)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return [*faults, rises], 0.0
-    even = quartic + exact_product(A - whole[: tables.n, : tables.n], G)
-    left_over = odd_then_even(cubic, even) - mixed_forms(tables, whole)
-    falls, change = leaves_definite(whole, sparse_gram(tables, left_over))
+    corner = whole[: tables.n, : tables.n]
+    others = joined(cubic, quartic + exact_product(A - corner, G), axis=1)
+    falls, change = has_definite_gram(tables, whole, corner, others)
     return faults if falls else [*faults, rises], change
 
 

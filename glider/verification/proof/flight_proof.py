@@ -22,7 +22,7 @@ import scipy
 from glider.errors import InputError, expect
 from glider.files.record import append_sealed, read_sealed
 from glider.paths import PACKAGE
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval_proof import (
@@ -124,7 +124,7 @@ def prove_flights(
     budget: int = BUDGET,
     workers: int = -1,
     resume: Path | None = None,
-    progress: Shares | None = None,
+    progress: Shares = silent,
     is_checked: bool = False,
 ) -> FlightProof:
     """Tries to prove that no flight leaves a funnel between its ends.
@@ -161,8 +161,7 @@ def prove_flights(
         if resume and outcome.proven:
             line = _Record(interval=k, **dataclasses.asdict(outcome))
             append_sealed(resume, header, line)
-        if progress:
-            progress(len(done) / len(wanted))
+        progress(len(done) / len(wanted))
         if not outcome.proven:
             break
     with warnings.catch_warnings():

@@ -16,7 +16,7 @@ import dataclasses
 import numpy as np
 
 from glider.compiled.taylor import WIDER
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.nominal import hold_starts
 from glider.verification.funnel.clock import form_size, hold_slopes
@@ -41,7 +41,7 @@ PERIOD_ROUNDING = 1e-9
 """Time by which the samples in a file may be off the clock's [s]."""
 
 
-def held_faults(funnel: Funnel, progress: Shares | None = None) -> list[str]:
+def held_faults(funnel: Funnel, progress: Shares = silent) -> list[str]:
     """Returns why held commands are not proven to be the feedback, a sentence each."""
     settings, nominal = funnel.settings, funnel.nominal
     if np.any(np.minimum(funnel.errors, funnel.rests) < settings.command_error):
@@ -67,8 +67,7 @@ def held_faults(funnel: Funnel, progress: Shares | None = None) -> list[str]:
             return [f"The servo would meet its limit of rate at {times[k]:.4f} s."]
     error = settings.command_error
     for k in nominal.flows:
-        if progress:
-            progress(k / len(times))
+        progress(k / len(times))
         before, ends = settings.command_error if starts[k] == k else error, [k, k + 1]
         error, apart, known = _error_after(funnel.between(*ends), before)
         rests = np.array([before, error]) + apart

@@ -23,6 +23,7 @@ from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import (
     hermite_powers,
+    line_powers,
     nonlinear_parts,
     rate_dependences,
     table_of,
@@ -35,6 +36,7 @@ from glider.verification.sos.exact import (
     hermite,
     in_time,
     is_positive_definite,
+    joined,
     line,
 )
 from glider.verification.sos.forms import substituted
@@ -72,14 +74,10 @@ class Interval:
                 return tuple(half(part, side) for part in value)
             return value.halves()[side] if isinstance(value, Exact) else value
 
-        names = [field.name for field in dataclasses.fields(self)]
         first, middle, last = self.span[0], 0.5 * sum(self.span), self.span[1]
         return tuple(
-            Interval(
-                **{name: half(getattr(self, name), side) for name in names}
-                | {"span": span}
-            )
-            for side, span in enumerate([(first, middle), (middle, last)])
+            Interval(**{k: half(v, side) for k, v in vars(self).items()} | {"span": of})
+            for side, of in enumerate([(first, middle), (middle, last)])
         )
 
     def rates(self, basis: Exact) -> tuple[Exact, Exact]:
@@ -174,8 +172,7 @@ def _bearing(beta, weights):
         at_least(Fraction(b) ** 2 / Fraction(w)) if b > 0.0 else exact(0.0)
         for b, w in zip(beta, weights, strict=True)
     ]
-    low = min(part.exponent for part in parts)
-    return Exact([[part.integers(low)[0] for part in parts]], low)
+    return joined(*(part[None] for part in parts), axis=1)
 
 
 def _limits(piece, angle):
@@ -241,12 +238,9 @@ def covers(interval: Interval, basis: np.ndarray) -> bool:
         C   basis basisᵀ
     is positive definite.
     """
-    B, degree = exact(basis), interval.S.degree
-    blocks = interval.S, interval.outputs[interval.which], B @ B.T
-    low = min(block.exponent for block in blocks)
-    S, C, ball = (block.raised(degree).integers(low) for block in blocks)
-    rows = [[S, np.swapaxes(C, 1, 2)], [C, ball]]
-    return stays_definite(Exact(np.block(rows), low))
+    B, C = exact(basis), interval.outputs[interval.which]
+    rows = joined(interval.S, C.T, axis=2), joined(C, B @ B.T, axis=2)
+    return stays_definite(joined(*rows, axis=1))
 
 
 def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
@@ -281,20 +275,18 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     That is X A of the states and U A of the command, (n + 1, r, 5), and Ẋ A
     (n, r, 3) [1/s]; r is 0 for the model's own glider alone.
     """
-    nominal, n = piece.nominal, piece.num_states
-    if piece.gliders is None:
+    nominal, n, gliders = piece.nominal, piece.num_states, piece.gliders
+    if gliders is None:
         return np.zeros((n + 1, 0, 5)), np.zeros((n, 0, 3))
-    A = piece.gliders.confidence.factor
-    half = 0.5 * (nominal.times[1] - nominal.times[0])
-    path = hermite_powers(piece.gliders.shifts @ A, piece.gliders.slopes @ A, half)
+    A, times = gliders.confidence.factor, nominal.times
+    path, slopes = hermite_powers(times, gliders.shifts @ A, gliders.slopes @ A)
     states = np.pad(path, ((0, 0), (0, 0), (0, 1)))
     if piece.settings.period:  # It is held.
-        command = np.outer(piece.gliders.commands[0] @ A, np.eye(5)[0])
+        command = np.outer(gliders.commands[0] @ A, np.eye(5)[0])
     else:
-        first, last = nominal.gains
-        command = -np.einsum("i,irk->rk", 0.5 * (first + last), states)
-        command[:, 1:] -= np.einsum("i,irk->rk", 0.5 * (last - first), states[..., :-1])
-    slopes = states[..., 1:4] * [1.0, 2.0, 3.0] / half
+        mean, change = line_powers(nominal.gains)
+        command = -np.einsum("i,irk->rk", mean, states)
+        command[:, 1:] -= np.einsum("i,irk->rk", change, states[..., :-1])
     return np.concatenate([states, command[None]]), slopes
 
 
@@ -333,26 +325,26 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
     return found * WIDER
 
 
-def unproven_wind(piece: Funnel) -> bool:
-    """Determines whether the wind acts where R does not account for it."""
-    model = piece.nominal.model
-    return piece.settings.wind > 0.0 and _acts_elsewhere(model, in_wind=True)
-
-
-def unproven_numbers(piece: Funnel) -> bool:
-    """Determines whether numbers that deviate act where R does not account for them."""
-    gliders, model = piece.gliders, piece.nominal.model
-    return gliders is not None and _acts_elsewhere(model, gliders.confidence.names)
-
-
-def _acts_elsewhere(model, names=(), in_wind=False):
-    """Returns whether these variables act where R does not have them.
+def acts_elsewhere(piece: Funnel) -> str:
+    """Returns what acts where R does not account for it, a clause; empty for nothing.
 
     That is in an otherwise linear rate, or on a state that R does not depend on.
     """
-    n, (which, rows) = model.num_states, nonlinear_parts(model)
-    rates = rate_dependences(model, names, in_wind)
-    linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
-    bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))
-    others = bent.difference(which, range(n + 1, n + 3 + len(names)))
-    return bool(others) or max(frozenset[int]().union(*linear)) > n
+    model, n = piece.nominal.model, piece.num_states
+    deviating = piece.gliders.confidence.names if piece.gliders else ()
+    which, rows = nonlinear_parts(model)
+    causes = {
+        "the wind acts where the remainder leaves it out": (
+            (),
+            piece.settings.wind > 0,
+        ),
+        "a linear rate depends on a number that deviates": (deviating, False),
+    }
+    for fault, (names, in_wind) in causes.items():
+        rates = rate_dependences(model, names, in_wind)
+        linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
+        bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))
+        others = bent.difference(which, range(n + 1, n + 3 + len(names)))
+        if others or max(frozenset[int]().union(*linear)) > n:
+            return fault
+    return ""

@@ -17,14 +17,12 @@ import numpy as np
 
 from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import Interval
-from glider.verification.sos.exact import Exact, in_time, leaves_definite, rounded
+from glider.verification.sos.exact import Exact, in_time, joined, rounded
 from glider.verification.sos.forms import (
     contracted,
     exact_product,
     gathered,
-    mixed_forms,
-    odd_then_even,
-    sparse_gram,
+    has_definite_gram,
     to_ball,
 )
 from glider.verification.sos.sphere import Sphere, nearby_gram, sphere
@@ -183,7 +181,7 @@ def _definite_grams(
     tables: Sphere, forms: GrowthForms, N: Exact, guesses: np.ndarray, h: float
 ) -> list[Exact] | None:
     """Returns the parts of a Q with this N if all are positive definite, for sure."""
-    n, grams = tables.n, []
+    grams = []
     even = forms.quartic + exact_product(N, forms.G)
     degree = len(guesses) - 1
     columns = (p.raised(degree).parts for p in (forms.A - N, forms.cubic, even))
@@ -191,15 +189,12 @@ def _definite_grams(
     scales = np.multiply.outer(tables.scales, tables.scales)
     for j, (corner, cubic, quartic) in enumerate(parts):
         share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
-        rest = odd_then_even(cubic, quartic)
-        block = corner.to_float() / share
-        found = _search(tables, guesses[j], rest.to_float() / share, h, block)
+        others, block = joined(cubic, quartic, axis=1), corner.to_float() / share
+        found = _search(tables, guesses[j], others.to_float() / share, h, block)
         if found is None:
             return None
         whole = rounded(share * tables.matrix(found) * scales, GRAM_BITS)
-        left_over = rest - mixed_forms(tables, whole)
-        change = sparse_gram(tables, left_over, corner - whole[:n, :n])
-        if not leaves_definite(whole, change)[0]:
+        if not has_definite_gram(tables, whole, corner, others)[0]:
             return None
         grams.append(whole)
     return grams

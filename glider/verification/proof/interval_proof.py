@@ -11,7 +11,7 @@ prove that none does.
 """
 
 import dataclasses
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -26,14 +26,13 @@ from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
     Interval,
+    acts_elsewhere,
     covers,
     gliders_defect,
     keeps_servo,
     make_interval,
     stays_definite,
     tight_cover,
-    unproven_numbers,
-    unproven_wind,
 )
 from glider.verification.proof.interval_growth import HALVINGS, prove_growth
 from glider.verification.sos.exact import exact
@@ -98,22 +97,19 @@ def _prove(piece, budget):
         return IntervalProof(fault="a weight of the remainder is zero")
     if np.any((piece.unknown_pushes > 0.0) & (piece.push_weights == 0.0)):
         return IntervalProof(fault="a weight of a disturbance is zero")
-    if unproven_wind(piece):
-        return IntervalProof(fault="the wind acts where the remainder leaves it out")
-    if unproven_numbers(piece):
-        return IntervalProof(fault="a linear rate depends on a number that deviates")
+    if fault := acts_elsewhere(piece):
+        return IntervalProof(fault=fault)
     interval = make_interval(piece)
     if not stays_definite(interval.S):
         return IntervalProof(fault="a set is not an ellipsoid")
     if not keeps_servo(interval):
         return IntervalProof(fault="the servo would meet its limits")
-    defect = linear_defect(piece, interval)
-    if not np.isfinite(defect):
+    slack = needed_slack(piece, interval)
+    if not np.isfinite(slack):
         return IntervalProof(fault="the nominal's defect is not bounded")
     found = prove_remainder(piece, interval, budget)
     if not found.proven:
         return found
-    slack = proven_slack(piece) + defect
     parts = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
     if parts is None:
         fault = "V was not proven to fall on the boundary"
@@ -121,17 +117,18 @@ def _prove(piece, budget):
     return dataclasses.replace(found, parts=len(parts))
 
 
-def linear_defect(piece: Funnel, interval: Interval) -> float:
-    """Returns what the defect in the rates that are linear adds to V̇/V.
+def needed_slack(piece: Funnel, interval: Interval) -> float:
+    """Returns `proven_slack` and what the linear rates' defect adds to V̇/V [1/s].
 
     It is the nominal's and that of the gliders' centers; that of the other rates is in
-    R. It is 2 √(δᵀ |S| δ), rounded up, with the largest of Bernstein's coefficients of
-    S [1/s].
+    R. It adds 2 √(δᵀ |S| δ), rounded up, with the largest of Bernstein's coefficients
+    of S.
     """
     delta = defect_bounds(piece.nominal)[0] + gliders_defect(piece)
     delta[nonlinear_parts(piece.nominal.model)[1]] = 0.0
     largest = np.abs(interval.S.bernstein()).max(axis=0)
-    return float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)
+    growth = float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)
+    return proven_slack(piece) + growth
 
 
 def gram_guesses(piece, slack):
@@ -219,25 +216,11 @@ def prove_remainder(
     return _bounded(found.proven, boxes, ratio)
 
 
-class OnBoxes(Protocol):
-    """What is bounded on boxes, as a `TaylorRemainder`."""
+def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
+    """Tries to prove that |R| <= β on all boxes of the ball.
 
-    @property
-    def span(self) -> tuple[float, float]: ...
-
-    @property
-    def dimension(self) -> int: ...
-
-    @property
-    def balls(self) -> tuple[slice, ...]: ...
-
-    def bounds(
-        self, center: np.ndarray, half: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
-
-
-def bound_remainder(remainder: OnBoxes, budget: int = BUDGET) -> IntervalProof:
-    """Tries to prove that |R| <= β on all boxes of the ball."""
+    R is a `TaylorRemainder`, or what has its span, dimension, balls and bounds.
+    """
     ratio, boxes, size = 0.0, 0, remainder.dimension
     center, half = np.zeros((size, 1)), np.ones((size, 1))
     first, last = remainder.span

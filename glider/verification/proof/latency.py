@@ -20,7 +20,7 @@ import scipy.linalg
 
 from glider.compiled.taylor import WIDER
 from glider.errors import InputError, expect
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.dynamics.nominal import hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.phases import GRID_ROOM, PREDICTED, first_commands
@@ -160,7 +160,7 @@ def prove_latency(
     least: float = 0.0,
     *,
     workers: int = -1,
-    progress: Shares | None = None,
+    progress: Shares = silent,
 ) -> ProvenLatency:
     """Bounds what predictions leave of the funnels' `command_error` to other errors.
 
@@ -173,8 +173,7 @@ def prove_latency(
     tasks = (joblib.delayed(own.error_left)(slopes, COARSE) for own in predictions)
     for left in joblib.Parallel(n_jobs=workers, return_as="generator")(tasks):
         lefts.append(left)
-        if progress:
-            progress(len(lefts) / len(predictions))
+        progress(len(lefts) / len(predictions))
     fine = set[int]()
     while (k := int(np.argmin(lefts))) not in fine:
         fine.add(k)

@@ -123,13 +123,9 @@ def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
     """Returns where the inlet is narrower than least half-widths of states alone."""
     names, faults = funnel.nominal.model.state_names, []
     widths = dict(zip(names, funnel.half_widths(), strict=True))
+    known = f"one of {', '.join(names)}"
     for name, width in least.items():
-        expect(
-            name in names,
-            "the least inlet: a state",
-            name,
-            f"one of {', '.join(names)}",
-        )
+        expect(name in names, "the least inlet: a state", name, known)
         words = f"The inlet's half-width in {name} is {widths[name]:.3g}; expected at"
         faults += unmet((widths[name] >= width, f"{words} least {width:.3g}."))
     return faults

@@ -15,19 +15,20 @@ from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.jets import Slope, monomials
 from glider.verification.dynamics.nominal import (
     hermite_powers,
+    line_powers,
     nonlinear_parts,
     open_loop_rates,
 )
-from glider.verification.dynamics.taylor_models import Program, Recording
+from glider.verification.dynamics.taylor_models import Recording
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.boxes import blame_of, shifted, top_in_balls
+from glider.verification.proof.boxes import excess_in_balls, run_on_boxes
 from glider.verification.proof.interval import (
+    acts_elsewhere,
     covers,
     keeps_servo,
     make_interval,
     stays_definite,
     tight_cover,
-    unproven_wind,
 )
 from glider.verification.proof.interval_proof import bound_remainder
 
@@ -88,12 +89,10 @@ class NearSets:
         unit = np.eye(m + 5, dtype=int)
         self._time = [place(j * unit[-1]) for j in range(DEGREE + 1)]
         self._line = place(unit[-2])
-        half = 0.5 * (nominal.times[1] - nominal.times[0])
-        curve = hermite_powers(nominal.states, nominal.slopes, half)
+        curve, _ = hermite_powers(nominal.times, nominal.states, nominal.slopes)
         found = np.zeros((n + 3, len(slopes.table.degrees)))
         found[:n, self._time] = curve[:, : DEGREE + 1]
-        first, last = nominal.inputs
-        found[n, self._time[:2]] = 0.5 * (first + last), 0.5 * (last - first)
+        found[n, self._time[:2]] = line_powers(nominal.inputs)
         found[slopes.which, 1 : m + 1] = basis
         found[n, m + 1] = wider.errors.max()
         found[[n + 1, n + 2], [m + 2, m + 3]] = part.settings.wind
@@ -101,7 +100,7 @@ class NearSets:
         self._lacks = np.append(near, np.zeros(3))
         self._lacks[:n] += np.abs(curve[:, DEGREE + 1 :]).sum(axis=1) * WIDER
         proven = stays_definite(interval.S) and keeps_servo(interval)
-        if not (proven and covers(interval, basis)) or unproven_wind(part):
+        if not (proven and covers(interval, basis)) or acts_elsewhere(part):
             self._lacks[:] = np.inf
 
     def sizes(self, rooms: tuple[float, ...]) -> np.ndarray:
@@ -121,8 +120,7 @@ class NearSets:
         """
         n = len(apart)
         lines = np.zeros((len(first), 2 * n, self._polynomials.shape[1]))
-        lines[:, :n, 0] = 0.5 * (first + last)
-        lines[:, :n, self._line] = 0.5 * (last - first)
+        lines[:, :n, 0], lines[:, :n, self._line] = line_powers([first, last])
         lines[:, n:, 0] = (last - first) / duration
         weights = np.append(apart @ self._pushes, self._pushes)
         found = self._bounded(self._slopes.of_line, lines, rooms, weights)
@@ -134,13 +132,9 @@ class NearSets:
 
         Each has the room of its own size, or an equal share of a weighted sum's.
         """
-        own = np.broadcast_to(self._polynomials, (len(lines), *self._polynomials.shape))
-        boxes = _Boxes(
-            slopes=self._slopes,
-            program=program,
-            polynomials=np.concatenate([own, lines], axis=1),
-            lacks=np.append(self._lacks, ROUNDING * np.abs(lines).max(axis=(0, 2))),
-        )
+        polynomials = [np.concatenate([self._polynomials, own]) for own in lines]
+        lacks = np.append(self._lacks, ROUNDING * np.abs(lines).max(axis=(0, 2)))
+        boxes = _Boxes(self._slopes, program, polynomials, lacks)
         largest = own_room = boxes.largest()
         if weights is not None:
             total = largest.reshape(-1, len(weights)) @ weights / len(weights)
@@ -153,36 +147,29 @@ class NearSets:
         return np.full_like(largest, np.inf)
 
 
-@dataclasses.dataclass(kw_only=True)
 class _Boxes:
     """Results of a program on boxes, and limits which they are to keep.
 
     A row is a result, or both of the wind.
     """
 
-    slopes: Slopes
-    program: Program
-    polynomials: np.ndarray  #: Inputs (R, I, M) of R runs.
-    lacks: np.ndarray  #: Bounds (I,) of what these lack.
-    limits: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
-    span: tuple[float, float] = (-1.0, 1.0)
+    span = -1.0, 1.0
 
-    def __post_init__(self):
-        self.balls, self.dimension = self.slopes.balls, self.slopes.table.num_variables
+    def __init__(self, slopes, program, polynomials, lacks):
+        """Takes inputs (I, M) of each run, and bounds (I,) of what these lack."""
+        self._program, self._polynomials, self._lacks = program, polynomials, lacks
+        self._table, self.balls = slopes.table, slopes.balls
+        self.dimension, self.limits = slopes.table.num_variables, np.zeros(0)
 
     def bounds(self, center, half):
         """Returns bounds over limits, what centers reach, and what is to blame."""
-        table, (found, lost) = self.slopes.table, self._run(center, half)
-        boxes = center, half, table.exponents, self.balls
-        tops, blame = [], []
-        for one, left in zip(found, lost, strict=True):
-            signs = (top_in_balls(s * one, left, *boxes) for s in (1.0, -1.0))
-            tops.append(np.maximum(*signs))
-            blame.append(blame_of(table, one, left, one))
+        found, lost = self._run(center, half)
+        tops, blame = excess_in_balls(
+            self._table, found, lost, 0.0, found, center, half, self.balls
+        )
         surely = np.maximum(np.abs(found[:, 0]) - lost, 0.0)
         most, least, blamed = (
-            (self._rows(np.array(values)).T / self.limits).T
-            for values in (tops, surely, blame)
+            (self._rows(values).T / self.limits).T for values in (tops, surely, blame)
         )
         inside = [np.linalg.norm(center[ball], axis=0) <= 1.0 for ball in self.balls]
         return most, np.where(np.all(inside, axis=0), least, 0.0), blamed
@@ -204,16 +191,16 @@ class _Boxes:
 
     def _run(self, center, half):
         """Returns results (R K, M, B) on boxes, and what is lost (R K, B)."""
-        runs = []
-        for own in self.polynomials:
-            inputs, left = shifted(self.slopes.table, own, center, half)
-            runs.append(self.program.run(inputs, (left + self.lacks[:, None]) * WIDER))
+        runs = [
+            run_on_boxes(self._program, self._table, own, self._lacks, center, half)
+            for own in self._polynomials
+        ]
         found, lost = (np.concatenate(of) for of in zip(*runs, strict=True))
         return found, lost
 
     def _rows(self, values):
         """Returns rows, given results: the last two of n + 3 are one."""
-        n = (self.polynomials.shape[1] - 3) // 3
+        n = (len(self._lacks) - 3) // 3
         both = values.reshape(-1, n + 3, *values.shape[1:])
         wind = np.linalg.norm(both[:, n + 1 :], axis=1, keepdims=True)
         rows = np.concatenate([both[:, :n], wind, both[:, [n]]], axis=1)

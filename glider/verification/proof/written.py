@@ -16,10 +16,9 @@ from glider.files.writing import replace_file
 from glider.physics.effects import KINDS
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.planning.problem import PerchingProblem
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.enclosure import make_remainder
-from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import covers, make_interval, tight_cover
 from glider.verification.proof.interval_growth import (
     BALL_BITS,
@@ -27,7 +26,7 @@ from glider.verification.proof.interval_growth import (
     HALVINGS,
     prove_growth,
 )
-from glider.verification.proof.interval_proof import gram_guesses, linear_defect
+from glider.verification.proof.interval_proof import gram_guesses, needed_slack
 from glider.verification.sos.exact import exact
 
 FORMAT = "drake-glider proof 1"
@@ -37,7 +36,7 @@ STRETCH = 1.02
 
 
 def write_proof(
-    path: Path, funnel: Funnel, problem: PerchingProblem, progress: Shares | None = None
+    path: Path, funnel: Funnel, problem: PerchingProblem, progress: Shares = silent
 ) -> None:
     """Writes the proof of a funnel that was proven, as JSON lines in gzip.
 
@@ -49,8 +48,7 @@ def write_proof(
     lines = [_header(funnel, problem), _knots(funnel)]
     for k in range(count):
         lines.append({"interval": k, **_interval_proof(funnel.between(k, k + 1))})
-        if progress:
-            progress((k + 1) / count)
+        progress((k + 1) / count)
     text = "".join(json.dumps(line) + "\n" for line in lines)
     content = gzip.compress(text.encode(), mtime=0)
     replace_file(path, lambda file: file.write_bytes(content))
@@ -107,8 +105,8 @@ def _knots(funnel):
 
 def _interval_proof(piece):
     """Returns the slack, Gram matrices and balls of an interval."""
-    interval = make_interval(piece)
-    slack = proven_slack(piece) + linear_defect(piece, interval)
+    interval, n = make_interval(piece), piece.num_states
+    slack = needed_slack(piece, interval)
     proofs = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
     if proofs is None:
         raise InputError("--write-proof needs a funnel that --prove proves.")
@@ -118,11 +116,7 @@ def _interval_proof(piece):
             "basis": part.basis.integers(-BALL_BITS)[0].tolist(),
             "multiplier": part.multiplier.integers(-GRAM_BITS).tolist(),
             "grams": [
-                [
-                    row[: k + 1].tolist()
-                    for k, row in enumerate(gram)
-                    if k >= len(part.basis)
-                ]
+                [row[: k + 1].tolist() for k, row in enumerate(gram[n:], n)]
                 for [gram] in (own.integers(-GRAM_BITS) for own in part.grams)
             ],
         }

@@ -185,8 +185,14 @@ def leaves_definite(gram: Exact, change: Exact) -> tuple[bool, float]:
 
 def in_time(*parts: Exact) -> Exact:
     """Returns the polynomial whose p_j are constants."""
-    low = min(part.exponent for part in parts)
-    return Exact(np.concatenate([part.integers(low) for part in parts]), low)
+    return joined(*parts, axis=0)
+
+
+def joined(*parts: Exact, axis: int) -> Exact:
+    """Returns arrays joined along an axis; 0 is that of the p_j."""
+    low, degree = min(p.exponent for p in parts), max(p.degree for p in parts)
+    numbers = [part.raised(degree).integers(low) for part in parts]
+    return Exact(np.concatenate(numbers, axis), low)
 
 
 def line(values: np.ndarray) -> Exact:

@@ -13,7 +13,7 @@ import numpy as np
 
 from glider.verification.dynamics.jets import exponents_of
 from glider.verification.dynamics.nominal import table_of
-from glider.verification.sos.exact import Exact
+from glider.verification.sos.exact import Exact, leaves_definite
 from glider.verification.sos.sphere import Sphere
 
 
@@ -155,38 +155,26 @@ def exact_product(first: Exact, second: Exact) -> Exact:
     return gathered(A.product(B, np.multiply.outer), n, degree, 2)
 
 
-def odd_then_even(cubic: Exact, quartic: Exact) -> Exact:
-    """Returns coefficients (C₃,) and (C₄,) as those of their sum, (C,)."""
-    low = min(cubic.exponent, quartic.exponent)
-    both = [cubic.integers(low), quartic.integers(low)]
-    return Exact(np.concatenate(both, axis=1), low)
+def has_definite_gram(
+    tables: Sphere, gram: Exact, corner: Exact, others: Exact
+) -> tuple[bool, float]:
+    """Determines whether a polynomial has a positive definite Gram matrix near one.
 
-
-def mixed_forms(tables: Sphere, gram: Exact) -> Exact:
-    """Returns the coefficients (C,) of bᵀ Q b without zᵀ Q₁₁ z."""
-    total = np.zeros(len(tables.map), dtype=object)
-    mixed = tables.places >= 0
-    np.add.at(total, tables.places[mixed], gram.numbers[0, mixed])
-    return Exact([total], gram.exponent)
-
-
-def sparse_gram(
-    tables: Sphere, coefficients: Exact, block: Exact | None = None
-) -> Exact:
-    """Returns a symmetric matrix (s, s) whose polynomial has coefficients (C,).
-
-    Each coefficient goes to the first place that has its monomial. A block (n, n) of z
-    represents nothing; it is zero if None.
+    It is zᵀ A z, A the corner (n, n), plus one with the other coefficients (C,). What
+    these differ by from those of the Gram matrix (s, s) is added to it, each in the
+    first place that has its monomial. Returned is what `leaves_definite` does.
     """
-    _, first = np.unique(tables.places, return_index=True)
-    rows, columns = np.unravel_index(first[1:], tables.places.shape)  # The first is -1.
-    numbers = np.zeros(tables.places.shape, dtype=object)
+    places, mixed = tables.places, tables.places >= 0
+    known = np.zeros(len(tables.map), dtype=object)
+    np.add.at(known, places[mixed], gram.numbers[0, mixed])
+    left_over = others - Exact([known], gram.exponent)
+    _, first = np.unique(places, return_index=True)
+    rows, columns = np.unravel_index(first[1:], places.shape)  # The first is -1.
+    numbers, own = np.zeros((2, 1, *places.shape), dtype=object)
     # Half of each goes to either side of the diagonal: one binary place more.
-    numbers[rows, columns] += coefficients.numbers[0]
-    numbers[columns, rows] += coefficients.numbers[0]
-    gram = Exact([numbers], coefficients.exponent - 1)
-    if block is None:
-        return gram
-    corner = np.zeros((1, *numbers.shape), dtype=object)
-    corner[:, : tables.n, : tables.n] = block.numbers
-    return gram + Exact(corner, block.exponent)
+    numbers[:, rows, columns] += left_over.numbers
+    numbers[:, columns, rows] += left_over.numbers
+    block = corner - gram[: tables.n, : tables.n]
+    own[:, : tables.n, : tables.n] = block.numbers
+    change = Exact(numbers, left_over.exponent - 1) + Exact(own, block.exponent)
+    return leaves_definite(gram, change)

@@ -29,7 +29,7 @@ from glider.control.predictor import (
 )
 from glider.errors import expect
 from glider.physics.confidence import ConfidenceSet, physical, theta_at
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
 from glider.verification.sos.sphere import normalized
@@ -94,7 +94,7 @@ def fly_loop(
     loop: FlownLoop,
     samples: int,
     rng: np.random.Generator,
-    progress: Shares | None = None,
+    progress: Shares = silent,
     *,
     rests: Sequence[Funnel] = (),
 ) -> FlownTrial:
@@ -116,8 +116,7 @@ def fly_loop(
     genes = np.hstack([*toward, rng.uniform(size=(samples, 1)), steady, glider])
     found = genes, *fly(genes)
     for turn in range(CLIMB_ROUNDS):
-        if progress:
-            progress((turn + 1) / (CLIMB_ROUNDS + 1))
+        progress((turn + 1) / (CLIMB_ROUNDS + 1))
         genes, levels, later, _ = found
         worst = np.where(levels > ESCAPE_LEVEL, levels, later)
         best = genes[np.argsort(-worst)[: max(1, samples // 25)]]

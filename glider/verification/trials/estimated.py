@@ -18,7 +18,7 @@ from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
 from glider.planning.problem import Hook
-from glider.progress import Progress
+from glider.progress import Progress, silent
 from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER
 from glider.simulation.on_estimate import fly_on_estimate
@@ -72,7 +72,7 @@ def study_estimates(
     *,
     noises: Sequence[float] = NOISES,
     unknown: Sequence[float] = UNKNOWN,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> list[EstimatedFlights]:
     """Flies launches uniform in the inlet with the same noise, scaled to each level.
 
@@ -84,8 +84,7 @@ def study_estimates(
     draws = rng.normal(size=(flights, samples, len(CAPTURE.std)))
     found = []
     for share, noise in itertools.product(unknown, noises):
-        if progress:
-            progress(f"on the estimate, noise {1e3 * noise:g} mm")
+        progress(f"on the estimate, noise {1e3 * noise:g} mm")
         found.append(fly_estimated(funnel, starts, noise, share, draws))
     return found
 

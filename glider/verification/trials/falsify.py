@@ -16,7 +16,7 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.confidence import ConfidenceSet, glider_at, physical
 from glider.physics.model import GliderModel
-from glider.progress import Shares
+from glider.progress import Shares, silent
 from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
@@ -76,13 +76,13 @@ def falsify_funnel(
     confidence: ConfidenceSet | None = None,
     shares: Sequence[float] = START_SHARES,
     climb: bool = True,
-    progress: Shares | None = None,
+    progress: Shares = silent,
 ) -> Falsification:
     """Flies from random points of the boundary, then climbs from the worst of them.
 
     Args:
         samples: flights from random points, divided among start times and gliders; at
-            least one at each time. The climb adds half as many again and more.
+            least one at each time. The climb adds as many and a fifth more.
         model: the glider that flies; the funnel's own if None. States that the funnel
             lacks start at rest.
         confidence: set of deviations from the funnel's glider, whose gliders fly in
@@ -98,8 +98,7 @@ def falsify_funnel(
     for number, share in enumerate(shares):
         count = samples // len(shares) + (number < samples % len(shares))
         trial.fly_at(share, max(1, count), climb)
-        if progress:
-            progress((number + 1) / len(shares))
+        progress((number + 1) / len(shares))
     return trial.outcome()
 
 
@@ -185,29 +184,27 @@ class _Trial:
 
     def _fly_all(self, k, flights):
         """Flies gliders from points each; returns what to climb, points, gliders."""
-        found = [(*self._fly(k, glider, points), points) for glider, points in flights]
-        values, flown, points = zip(*found, strict=True)
-        gliders = [np.tile(d, (len(p), 1)) for d, p in zip(flown, points, strict=True)]
-        return np.concatenate(values), np.concatenate(points), np.concatenate(gliders)
+        found = (self._fly(k, glider, points) for glider, points in flights)
+        return tuple(map(np.concatenate, zip(*found, strict=True)))
 
     def _fly(self, k, deviation, points):
-        """Flies a glider from points of the boundary; returns what to climb, and δ."""
+        """Flies a glider from points; returns what to climb, points and gliders."""
         funnel, glider, own = self._funnel, self._model, None
         if self._confidence:
             estimate, names = funnel.nominal.model, self._confidence.names
             own = deviation = physical(estimate, names, deviation)
             glider = glider_at(estimate, names, deviation)
+        flown = np.tile(deviation, (len(points), 1))
         if not len(points):
-            return np.empty(0), deviation
+            return np.empty(0), points, flown
         states = boundary_states(funnel, k, points, own)
         levels, _ = fly_from(funnel, k, states, glider, own)
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
         later, most = levels[:, 1:].max(axis=1), levels.max(axis=1)
-        flown = np.tile(deviation, (len(points), 1))
         self._found.append((time, most, later, levels[:, -1], states, flown))
-        return later, deviation
+        return later, points, flown
 
 
 def _worst(found, kept):
