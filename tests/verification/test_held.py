@@ -41,7 +41,7 @@ from glider.verification.proof import check, flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
-from glider.verification.proof.interval import at_time, make_interval, servo_reach
+from glider.verification.proof.interval import at_time, centers_reach, make_interval
 from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
 from glider.verification.proof.purpose import feedback_faults, push_faults
@@ -487,7 +487,8 @@ def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
     piece = clocked_set.between(k, k + 1)
     allowed, (start, stop) = piece.gliders.confidence, piece.nominal.times
     deltas = allowed.on_boundary(np.random.default_rng(3).normal(size=(300, 2)))
-    bound = servo_reach(piece, line(np.zeros((2, 7))), exact(stop) - exact(start))
+    rate, bound = centers_reach(piece, exact(stop) - exact(start))
+    assert rate == pytest.approx(allowed.reach(piece.gliders.commands[0]))
     found = [
         np.abs(
             piece.gliders.at(np.full(300, t), deltas)[:, ELEVATOR]

@@ -23,6 +23,7 @@ from glider.verification.funnel.clock import form_size, hold_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import (
     covers,
+    exact_reach,
     gliders_defect,
     make_interval,
     tight_cover,
@@ -87,7 +88,8 @@ def _keeps_rate(funnel, k):
     gains = exact(funnel.nominal.gains[k])
     left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
     if gliders := funnel.gliders:
-        left = left - exact(gliders.confidence.reach(gliders.commands[k]) * WIDER)
+        reach = exact_reach(gliders.confidence, line(gliders.commands[k][None]))
+        left = left - exact(reach)
     form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
     return bool(left.numbers[0] > 0) and is_positive_definite(form)
 

@@ -19,6 +19,7 @@ from fractions import Fraction
 import numpy as np
 
 from glider.compiled.taylor import ROUNDING, WIDER
+from glider.physics.confidence import ConfidenceSet
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import (
@@ -93,7 +94,6 @@ def make_interval(piece: Funnel) -> Interval:
     first, last = map(exact, nominal.times)
     step = last - first
     angles = nominal.states[:, ELEVATOR], nominal.slopes[:, ELEVATOR]
-    limits = _limits(piece, hermite(*angles, step)[0])
     outputs = np.array([np.vstack([np.eye(n), -K]) for K in nominal.gains])
     return _interval(
         piece,
@@ -101,8 +101,7 @@ def make_interval(piece: Funnel) -> Interval:
         hermite(piece.S, piece.slopes, step),
         (nominal.open_loop, rows, which),
         outputs,
-        # The centers of a set of gliders may reach some of b.
-        tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits),
+        _limits(piece, hermite(*angles, step)[0], centers_reach(piece, step)),
     )
 
 
@@ -175,17 +174,20 @@ def _bearing(beta, weights):
     return joined(*(part[None] for part in parts), axis=1)
 
 
-def _limits(piece, angle):
+def _limits(piece, angle, reach=(0.0, 0.0)):
     """Returns a and b, of either way of the rate limit and of both stops.
 
-    The command may be off by its error. The rate of one that is held is that of its
-    sample (`glider.verification.proof.held`).
+    The command may be off by its error, and centers reach some of b. The rate of one
+    that is held is that of its sample (`glider.verification.proof.held`).
     """
     nominal, n = piece.nominal, piece.num_states
     command, gains, error = map(line, (nominal.inputs, nominal.gains, piece.errors))
     servo = nominal.model.parameters.servo
-    low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
-    left, ahead, less = rate - error, angle + ahead_by * command, ahead_by * error
+    low, high, rate, ahead_by, of_rate, of_travel = map(
+        exact, [*servo, STOPPING_TIME, *reach]
+    )
+    left, ahead = rate - error - of_rate, angle + ahead_by * command
+    less = ahead_by * error + of_travel
     travel = exact(np.eye(n)[ELEVATOR]) - ahead_by * gains
     rates = (-gains, left - command), (gains, left + command)
     stops = (travel, high - less - ahead), (-travel, ahead - (low + less))
@@ -290,22 +292,22 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([states, command[None]]), slopes
 
 
-def servo_reach(piece: Funnel, a: Exact, step: Exact) -> float:
-    """Returns a bound of aᵀ X δ over the set and the interval, rounded up.
+def centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
+    """Returns bounds of U δ, and of X δ of the elevator and τ U δ, over an interval."""
+    if (gliders := piece.gliders) is None:
+        return 0.0, 0.0
+    X, _ = hermite(gliders.shifts, gliders.slopes, step)
+    is_held = piece.settings.period > 0.0
+    U = exact(gliders.commands[0]) if is_held else line(-piece.nominal.gains) @ X
+    travel = X[ELEVATOR] + exact(STOPPING_TIME) * U
+    return exact_reach(gliders.confidence, U), exact_reach(gliders.confidence, travel)
 
-    Where commands are held, it is of X δ of the elevator and τ U δ: of both stops.
-    """
-    if piece.gliders is None:
-        return 0.0
-    allowed = piece.gliders.confidence
-    X, _ = hermite(piece.gliders.shifts, piece.gliders.slopes, step)
-    along = a @ X
-    if piece.settings.period:
-        along = X[ELEVATOR] + exact(STOPPING_TIME) * exact(piece.gliders.commands[0])
-    along = along @ exact(allowed.factor)
-    sizes = np.abs(along.bernstein()).max(axis=0)
-    norm = np.linalg.norm(sizes) if allowed.shape == "ellipsoid" else sizes.sum()
-    return float(norm * WIDER)
+
+def exact_reach(confidence: ConfidenceSet, along: Exact) -> float:
+    """Returns a bound of aᵀ δ over a set and all times, for a (m,), rounded up."""
+    sizes = np.abs((along @ exact(confidence.factor)).bernstein()).max(axis=0)
+    is_round = confidence.shape == "ellipsoid"
+    return float((np.linalg.norm(sizes) if is_round else sizes.sum()) * WIDER)
 
 
 def gliders_defect(piece: Funnel) -> np.ndarray:
