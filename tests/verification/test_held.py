@@ -711,7 +711,10 @@ def test_a_latency_is_shorter_than_a_hold(capsys):
 WINDY = pytest.param("held_head_wind_hook", marks=pytest.mark.nightly)
 
 
-@pytest.fixture(scope="module", params=["held_hook", WINDY])
+OF_SET = pytest.param("held_head_wind_95_hook", marks=pytest.mark.nightly)
+
+
+@pytest.fixture(scope="module", params=["held_hook", WINDY, OF_SET])
 def shipped(request):
     return load_funnel(models_path("funnels", f"{request.param}.npz"))
 
@@ -719,7 +722,8 @@ def shipped(request):
 def test_the_shipped_funnels_are_wide_and_of_held_commands(shipped):
     settings, windy = shipped.settings, bool(shipped.nominal.model.effects)
     assert (settings.period, shipped.half_widths()[1] > 0.14) == (0.02, True)
-    assert shipped.settings.pushes.tolist() == ([0.05, 0.022] if windy else [0.0, 0.0])
+    wind = 0.02 if shipped.gliders else 0.022
+    assert shipped.settings.pushes.tolist() == ([0.05, wind] if windy else [0.0, 0.0])
     assert held_faults(part(shipped, 2)) == []
     piece = shipped.between(36, 37)
     assert shipped.nominal.times[36] > 0.11
@@ -745,7 +749,8 @@ def test_no_flight_leaves_the_shipped_funnels(shipped):
     """
     hold = Hold(period=0.02, latency=0.01, predicts=True)
     error, wind = shipped.settings.pushes
-    loop = FlownLoop(hold=hold, wind=wind, command_error=0.4 * error)
+    gliders = shipped.gliders and shipped.gliders.confidence
+    loop = FlownLoop(hold=hold, wind=wind, command_error=0.4 * error, gliders=gliders)
     rng = np.random.default_rng(0)
     assert fly_loop(shipped, loop, 300, rng).escapes == 0
     other = changed(shipped, "gains", slice(None), 0.5)
