@@ -18,7 +18,6 @@ from glider.verification.dynamics.nominal import (
     Nominal,
     closed_loop_rates,
     hermite_path,
-    hold_starts,
 )
 
 STEPS = 4
@@ -56,13 +55,13 @@ def make_moving_center(
     nominal: Nominal, confidence: ConfidenceSet, held: bool = False
 ) -> MovingCenter:
     """Integrates X along a nominal flight; its commands may be held."""
-    times, names, starts = nominal.times, confidence.names, hold_starts(nominal.times)
+    times, names = nominal.times, confidence.names
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names, held) for share in shares]
     A, B, push = _linear(nominal, names, held)
     shifts, commands = np.zeros_like(push), np.zeros((len(times), len(names)))
     for number, k in enumerate(nominal.flows):
-        if held and starts[k] == k:
+        if held and nominal.starts[k] == k:
             shifts[k] = shifts[max(k - 1, 0)]
             commands[k] = -nominal.gains[k] @ shifts[k]
         U, X, step = commands[k], shifts[k], (times[k + 1] - times[k]) / STEPS

@@ -80,6 +80,17 @@ class Nominal:
         return np.flatnonzero(np.diff(self.times) > 0.0)
 
     @functools.cached_property
+    def starts(self) -> np.ndarray:
+        """Index (T,) of the sample whose command acts at each time."""
+        begins = np.append(True, np.diff(self.times) == 0.0)
+        return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
+
+    @property
+    def samples(self) -> np.ndarray:
+        """Indices of the samples, after which their commands act; (0,) if none."""
+        return np.unique(self.starts)
+
+    @functools.cached_property
     def path(self) -> PPoly:
         """x₀ as a function of time."""
         return hermite_path(self.times, self.states, self.slopes)
@@ -187,12 +198,6 @@ def fly_plan(
     flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
     assert flights.paths is not None
     return flights.paths[:, ::every]
-
-
-def hold_starts(times: np.ndarray) -> np.ndarray:
-    """Returns the index (T,) of the sample whose command acts at each time."""
-    begins = np.append(True, np.diff(times) == 0.0)
-    return np.maximum.accumulate(np.where(begins, np.arange(len(times)), 0))
 
 
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:

@@ -224,7 +224,7 @@ class Gauge:
     def _sets(self, S):
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
         times, at = self._nominal.times, np.arange(len(S))
-        holds = np.split(at, np.flatnonzero(np.diff(times) == 0.0) + 1)
+        holds = np.split(at, self._nominal.samples[1:])
         slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
         sets = self._task.sets(self._nominal, S, np.concatenate(slopes), at)
         forms = boundary_forms(sets, self._nominal.push_slopes)

@@ -15,7 +15,7 @@ from glider.errors import InputError
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal, hold_starts
+from glider.verification.dynamics.nominal import Nominal
 
 SHRINK = 0.995
 """Factor on the bounds, to keep them between the times too; shipped funnels reach
@@ -48,7 +48,7 @@ def servo_bounds(
         reach = center.confidence.reach(np.stack([center.commands, travel_of], axis=1))
         bounds -= reach
     if held:
-        bounds[hold_starts(nominal.times) != np.arange(len(bounds)), 0] = np.inf
+        bounds[nominal.starts != np.arange(len(bounds)), 0] = np.inf
     return directions, bounds
 
 

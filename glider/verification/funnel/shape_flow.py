@@ -22,7 +22,7 @@ from scipy.linalg import expm
 from glider.control.predictor import advance
 from glider.progress import Shares, silent
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal, hold_starts
+from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel import clock, servo_limits
 from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
 from glider.verification.funnel.remainder import (
@@ -197,7 +197,7 @@ class ShapeFlow:
         if settings.period:
             if k + 1 < len(times) and times[k + 1] > times[k]:
                 return  # It was made from the end of its hold.
-            first = hold_starts(times)[k]
+            first = nominal.starts[k]
             toward = clock.effect_of_hold(nominal, first, k) / settings.period
         rate = bounds[first, 0] - settings.command_error
         gains = servo_limits.steepest_gains(S, toward, rate, settings.elevator_gain)

@@ -18,7 +18,6 @@ import numpy as np
 from glider.compiled.taylor import WIDER
 from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.nominal import hold_starts
 from glider.verification.funnel.clock import form_size, hold_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import (
@@ -50,15 +49,14 @@ def held_faults(funnel: Funnel, progress: Shares = silent) -> list[str]:
     if not settings.period:
         fault = "The command's error has a known part, but no command is held."
         return [fault] if nominal.bends.any() else []
-    times, starts = nominal.times, hold_starts(nominal.times)
-    samples = np.unique(starts)
+    times, starts, samples = nominal.times, nominal.starts, nominal.samples
     clock = settings.period * np.arange(len(samples))
     off = np.abs(times[samples] - clock).max()
     if max(off, times[-1] - clock[-1] - settings.period) > PERIOD_ROUNDING:
         return [f"The samples are not {settings.period:g} s apart."]
     if np.any(nominal.inputs != nominal.inputs[starts]):
         return ["The nominal's commands are not held."]
-    for k in np.flatnonzero(np.diff(times) == 0.0):
+    for k in samples[1:] - 1:
         if not is_positive_definite(exact(funnel.S[k]) - exact(funnel.S[k + 1])):
             return [f"The set after the sample at {times[k]:.4f} s is not larger."]
     if nominal.bends[starts].any():
