@@ -14,11 +14,7 @@ import numpy as np
 
 from glider.control.predictor import advance
 from glider.physics.confidence import ConfidenceSet, theta_at
-from glider.verification.dynamics.nominal import (
-    Nominal,
-    closed_loop_rates,
-    hermite_path,
-)
+from glider.verification.dynamics.nominal import Nominal, hermite_path, open_loop_rates
 
 STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
@@ -96,8 +92,8 @@ def _linear(nominal, names, held):
     x, push = list(nominal.states.T), np.zeros((*nominal.states.shape, len(names)))
     for j, nudge in enumerate(_TINY * 1j * np.eye(len(names))):
         theta = theta_at(nominal.model, names, nudge)
-        given = nominal.model, x, nominal.gains.T, x, nominal.inputs, theta
-        for i, rate in enumerate(closed_loop_rates(*given)):
+        rates = open_loop_rates(nominal.model, x, nominal.inputs, theta)
+        for i, rate in enumerate(rates):
             push[:, i, j] = np.imag(rate) / _TINY
     B = nominal.push_slopes[:, :, 0, 0]
     A = nominal.closed_loop[..., 1 : len(x) + 1]

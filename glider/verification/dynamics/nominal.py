@@ -70,8 +70,7 @@ class Nominal:
     @functools.cached_property
     def slopes(self) -> np.ndarray:
         """ẋ₀ (T, n) by the dynamics."""
-        x = list(self.states.T)
-        rates = closed_loop_rates(self.model, x, self.gains.T, x, self.inputs)
+        rates = open_loop_rates(self.model, list(self.states.T), self.inputs)
         return np.array([np.broadcast_to(rate, len(self.times)) for rate in rates]).T
 
     @functools.cached_property
