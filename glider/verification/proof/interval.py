@@ -335,14 +335,11 @@ def acts_elsewhere(piece: Funnel) -> str:
     model, n = piece.nominal.model, piece.num_states
     deviating = piece.gliders.confidence.names if piece.gliders else ()
     which, rows = nonlinear_parts(model)
-    causes = {
-        "the wind acts where the remainder leaves it out": (
-            (),
-            piece.settings.wind > 0,
-        ),
-        "a linear rate depends on a number that deviates": (deviating, False),
-    }
-    for fault, (names, in_wind) in causes.items():
+    is_windy = piece.settings.wind > 0.0
+    for fault, names, in_wind in (
+        ("the wind acts where the remainder leaves it out", (), is_windy),
+        ("a linear rate depends on a number that deviates", deviating, False),
+    ):
         rates = rate_dependences(model, names, in_wind)
         linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
         bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))
