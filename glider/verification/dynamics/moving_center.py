@@ -12,15 +12,13 @@ import dataclasses
 
 import numpy as np
 
+from glider.compiled.runge_kutta import TINY
 from glider.control.predictor import advance
 from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.nominal import Nominal, hermite_path, open_loop_rates
 
 STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
-
-_TINY = 1e-30
-"""Step of a complex difference quotient."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,11 +88,11 @@ def _linear(nominal, names, held):
     A is of the closed loop, or of the glider alone if its commands are held.
     """
     x, push = list(nominal.states.T), np.zeros((*nominal.states.shape, len(names)))
-    for j, nudge in enumerate(_TINY * 1j * np.eye(len(names))):
+    for j, nudge in enumerate(TINY * 1j * np.eye(len(names))):
         theta = theta_at(nominal.model, names, nudge)
         rates = open_loop_rates(nominal.model, x, nominal.inputs, theta)
         for i, rate in enumerate(rates):
-            push[:, i, j] = np.imag(rate) / _TINY
+            push[:, i, j] = np.imag(rate) / TINY
     B = nominal.push_slopes[:, :, 0, 0]
     A = nominal.closed_loop[..., 1 : len(x) + 1]
     return A + held * B[:, :, None] * nominal.gains[:, None], B, push
