@@ -34,7 +34,11 @@ from glider.verification.funnel.growth import (
     largest_growth,
 )
 from glider.verification.funnel.remainder import SAMPLES
-from glider.verification.funnel.servo_limits import error_reach, margin_to_limits
+from glider.verification.funnel.servo_limits import (
+    error_reach,
+    margin_to_limits,
+    servo_bounds,
+)
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
 from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow
 from glider.verification.sos.programs import (
@@ -187,7 +191,7 @@ class Gauge:
         self._starts = normalized(task.directions[:STARTS, :n])
         self._between = {share: self._nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(self._nominal)
-        self._limits = task.servo_bounds()
+        self._limits = servo_bounds(task.nominal, task.settings, task.center)
 
     def scaled(self, S: np.ndarray) -> tuple[BoundarySets, BoundaryForms]:
         """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary, and V̇/V.

@@ -197,8 +197,9 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     if not funnel.gliders:
         return []
     axes = funnel.settings.goal_axes(funnel.num_states)
-    given = funnel.nominal, funnel.gliders, 1.0, funnel.errors
-    directions, bounds = servo_bounds(*given, held=funnel.settings.period > 0.0)
+    directions, bounds = servo_bounds(
+        funnel.nominal, funnel.settings, funnel.gliders, 1.0, funnel.errors
+    )
     try:
         reach = margin_to_limits(funnel.S, directions, bounds)
         goal, last = np.diag(1.0 / axes**2), funnel.S[-1]

@@ -86,8 +86,7 @@ def _keeps_rate(funnel, k):
     gains = exact(funnel.nominal.gains[k])
     left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
     if gliders := funnel.gliders:
-        reach = exact_reach(gliders.confidence, line(gliders.commands[k][None]))
-        left = left - exact(reach)
+        left = left - exact(exact_reach(gliders.confidence, exact(gliders.commands[k])))
     form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
     return bool(left.numbers[0] > 0) and is_positive_definite(form)
 

@@ -114,8 +114,7 @@ def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
     given = make_confidence(funnel.nominal.model, covariance)
     if funnel.gliders or not {*given.names} <= {"wind.x", "wind.z"}:
         return None
-    farthest = float(np.linalg.norm(given.factor, 2)) if given.dimension else 0.0
-    return funnel.settings.wind - farthest * (1.0 + 1e-9)
+    return funnel.settings.wind - given.farthest(given.factor) * (1.0 + 1e-9)
 
 
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
