@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.interpolate import PPoly
 
-from glider.control.predictor import fly_held
+from glider.control.predictor import fly_held, policy_command
 from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.confidence import theta_at
@@ -162,9 +162,9 @@ def make_nominal(
         raise InputError("A funnel needs a glider whose dynamics do not vary in time.")
     if period > 0.0:
         flight = fly_held(model, policy, period, step, FLIGHT_STEP)
-        gains = policy.sample(flight[0])[1]
     else:
-        *flight, gains = _continuous_flight(model, policy, step)
+        flight = _continuous_flight(model, policy, step)
+    gains = policy.sample(flight[0])[1]
     arrays = *flight, gains, np.zeros((*gains.shape, gains.shape[1]))
     nominal = Nominal(model=model, **dict(zip(ARRAYS, arrays, strict=True)))
     elevator, servo = nominal.states[:, ELEVATOR], model.parameters.servo
@@ -174,15 +174,14 @@ def make_nominal(
 
 
 def _continuous_flight(model, policy, step):
-    """Returns times, states, inputs and gains of the feedback as it is."""
+    """Returns times, states and inputs of the feedback as it is."""
     plan, count = policy.plan, aligned_count(policy.plan, step)
     fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
     every = -(-fine // count)
     step = plan.duration / (count * every)
     states = fly_plan(model, policy, plan.states[:1], step, every)[0]
     times = np.linspace(0.0, plan.duration, count + 1)
-    offset, gains = policy.sample(times)
-    return times, states, offset - np.sum(gains * states, axis=1), gains
+    return times, states, policy_command(policy, times, states)
 
 
 def fly_plan(
