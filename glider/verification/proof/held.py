@@ -106,7 +106,7 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     slopes, step = hold_slopes(nominal), np.diff(nominal.times)[0]
     K, K_rise = hermite(nominal.gains, slopes[0], interval.step)
     M, M_rise = hermite(nominal.bends, slopes[1], interval.step)
-    rise, square = K_rise @ B, _form(B.T @ M_rise @ B)
+    rise, square = K_rise @ B, gathered(B.T @ M_rise @ B, n)
     M, known = B.T @ M, B.T @ interval.bends @ B
     parts = _rate_forms(interval, B, K, M, known)
     total = _size(rise + parts[0] * interval.step, n, 1) / step
@@ -119,7 +119,7 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     off += defect_bounds(nominal)[0] + gliders_defect(piece)
     pulls = np.array([_pull(interval.push_slopes[:, k], B, K, M) for k in range(3)])
     apart = _size((K - line(nominal.gains)) @ B, n, 1)
-    apart += _size(_form(M @ B - known), n, 2)
+    apart += _size(gathered(M @ B - known, n), n, 2)
     total += most @ off + pulls[0] * apart
     total += piece.settings.wind * np.linalg.norm(pulls[1:])
     after = (before + step * total) * np.exp(step * pulls[0]) * WIDER
@@ -140,7 +140,7 @@ def _rate_forms(interval, B, K, M, known):
     bent_square = bent_square + exact_product(bent, known)
     return (
         K @ field,
-        square + _form(known * pull - M @ field * 2),
+        square + gathered(known * pull - M @ field * 2, len(K)),
         cube + exact_product(tilt, known) - bent_square * 2,
         (bent_cube + exact_product(twist, known)) * 2,
     )
@@ -153,11 +153,6 @@ def _pull(slopes, B, K, M):
     twist = (M @ slopes[:, 1:] @ B).bernstein()
     size = np.abs(along).max() + np.linalg.norm(tilt, axis=1).max()
     return size + 2.0 * np.linalg.norm(twist, 2, (1, 2)).max()
-
-
-def _form(matrix):
-    """Returns the coefficients of zᵀ A z."""
-    return gathered(matrix, len(matrix))
 
 
 def _size(form, n, degree):

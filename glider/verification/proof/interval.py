@@ -131,13 +131,6 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
     parts = [own & (table.degrees == degree) for degree in (2, 3)]
     seen = np.isin(np.arange(piece.num_states), which)  # By R.
     quadratic, cubic = (line(rates[:, rows][..., part]) for part in parts)
-    bearings = [
-        in_time(*map(_bearing, bounds, weights))
-        for bounds, weights in (
-            (piece.beta, piece.weights),
-            (piece.unknown_pushes, piece.push_weights),
-        )
-    ]
     return Interval(
         step=step,
         rows=rows,
@@ -149,12 +142,12 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
         quadratic=quadratic,
         cubic=cubic,
         weights=line(piece.weights),
-        bearing=bearings[0],
+        bearing=in_time(*map(_bearing, piece.beta, piece.weights)),
         focus=line(np.where(np.outer(seen, seen), piece.focus, 0.0)),
         push_slopes=line(nominal.push_slopes),
         bends=line(nominal.bends),
         push_weights=line(piece.push_weights),
-        push_bearing=bearings[1],
+        push_bearing=in_time(*map(_bearing, piece.unknown_pushes, piece.push_weights)),
         limits=limits,
     )
 
