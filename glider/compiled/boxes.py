@@ -60,9 +60,13 @@ def _top(first, second):
 
 @machine_code
 def top_in_balls(coefficients, remainder, center, half, exponents, which, rounding):
-    """Returns bounds (B,) of polynomials and remainders on the parts of boxes in balls.
+    """Returns bounds (B,) of p(v) + remainder on the parts of boxes in unit balls.
 
-    They are those of linear[0] + Σ (linear[1 + i] v_i + quadratic[i] v_i²) + remainder.
+    For any λ >= 0 the maximum of p in one ball is at most that of
+        p(v) + λ (1 - |center + half v|²)
+    over the box. There, what is mixed in v or cubic is at most its size times a mean of
+    squares v_i², and the rest a sum of quadratic functions of one v_i each. So each
+    ball has its own λ, the best of a few, and coordinates in none need none.
 
     Args:
         coefficients: (M, B) of polynomials in v with exponents (M, m).

@@ -214,6 +214,12 @@ class ConfidenceSet:
             return np.abs(along).sum(axis=-1)
         return np.linalg.norm(along, axis=-1)
 
+    def farthest(self, matrix: np.ndarray) -> float:
+        """Returns a bound of |B w| over all w, for a matrix B (k, r)."""
+        if self.shape == "box":
+            return float(np.linalg.norm(np.abs(matrix).sum(axis=1)))
+        return float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
+
     def holds(self, deviations: np.ndarray) -> np.ndarray:
         """Returns whether deviations (..., m) are in the set, but for rounding."""
         w = deviations @ np.linalg.pinv(self.factor).T

@@ -82,7 +82,7 @@ def test_the_shipped_certificate_holds(funnel):
 
 
 def test_the_servos_limits_are_the_same_without_rounding(funnel):
-    directions, bounds = servo_bounds(funnel.nominal, shrink=1.0)
+    directions, bounds = servo_bounds(funnel.nominal, funnel.settings, shrink=1.0)
     for k in (0, 77, 200):
         limits = at_time(funnel, k).limits
         a, b = (

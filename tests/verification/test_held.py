@@ -24,7 +24,6 @@ from glider.verification.funnel.clock import (
     command_errors,
     effect_of_hold,
     form_size,
-    hold_starts,
     undo_hold,
     with_held_gains,
 )
@@ -63,11 +62,11 @@ def clocked(proven):
     times, last = nominal.times, len(nominal.times) - 1
     S = 2.0 * proven.shape(times)
     for k in np.append(np.flatnonzero(np.diff(times) == 0.0), last):
-        first = hold_starts(times)[k]
+        first = nominal.starts[k]
         toward = effect_of_hold(nominal, first, k) / PERIOD
         undo_hold(nominal, first, k, steepest_gains(S[k], toward, 5.0, 40.0))
     S[np.flatnonzero(np.diff(times) == 0.0)] *= 1.0 + 1e-9
-    holds = np.split(np.arange(last + 1), np.flatnonzero(np.diff(times) == 0.0) + 1)
+    holds = np.split(np.arange(last + 1), nominal.samples[1:])
     slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
 
     def along(values):
@@ -103,7 +102,7 @@ def clocked(proven):
 
 def part(clocked, holds):
     """The first holds of it."""
-    starts = np.unique(hold_starts(clocked.nominal.times))
+    starts = clocked.nominal.samples
     return clocked.between(0, starts[holds] - 1)
 
 
@@ -131,7 +130,7 @@ def values_of(tensors, z):
 
 def test_small_deviations_keep_the_held_command(clocked):
     nominal = clocked.nominal
-    starts, k = hold_starts(nominal.times), 12
+    starts, k = nominal.starts, 12
     first, last = starts[k], np.flatnonzero(starts == starts[k])[-1]
     assert nominal.times[last] - nominal.times[first] == pytest.approx(PERIOD)
     e = 1e-5 * sphere_points(40, 7)
@@ -154,7 +153,7 @@ def test_small_deviations_keep_the_held_command(clocked):
 def test_held_flights_are_within_the_proven_error(clocked):
     """From the boundary, in steady wind, with the largest error of the command."""
     nominal, count = clocked.nominal, 400
-    starts = hold_starts(nominal.times)
+    starts = nominal.starts
     ratio = 0.0
     for first in np.unique(starts)[[1, 8, 20]]:
         last = np.flatnonzero(starts == first)[-1]
@@ -337,7 +336,7 @@ def test_paths_have_a_kink_at_a_sample(clocked):
     at = nominal.times[np.flatnonzero(np.diff(nominal.times) == 0.0)]
     assert np.abs(nominal.path(at + h) - nominal.path(at - h)).max() < 1e-6
     jump = nominal.path(at + h, 1)[:, 3] - nominal.path(at - h, 1)[:, 3]
-    change = nominal.inputs[hold_starts(nominal.times) == np.arange(len(nominal.times))]
+    change = nominal.inputs[nominal.starts == np.arange(len(nominal.times))]
     assert jump == pytest.approx(np.diff(change), abs=1e-6)
 
 
@@ -398,7 +397,7 @@ def clocked_set(clocked):
 def hold_flown(funnel, model, states, command, wind, first):
     """Times of a hold, and states (B, n) at each, from one of the funnel's times on."""
     times = funnel.nominal.times
-    which = np.flatnonzero(hold_starts(times) == first)
+    which = np.flatnonzero(funnel.nominal.starts == first)
     paths = [states]
     for j in which[:-1]:
         step = (times[j + 1] - times[j]) / 8
@@ -419,7 +418,7 @@ def command_of(funnel, states, k):
 def test_centers_of_held_commands_are_where_the_gliders_fly(clocked_set):
     """To first order: what is left falls with the square of the deviation."""
     nominal, center = clocked_set.nominal, clocked_set.gliders
-    starts = np.unique(hold_starts(nominal.times))[:12]
+    starts = nominal.samples[:12]
     delta = center.confidence.on_boundary(np.array([0.6, 0.8]))
     lefts = []
     for size in (0.0, 1.0, 0.5):
@@ -447,7 +446,7 @@ def test_held_flights_of_a_set_are_within_the_proven_error(clocked_set):
     nominal, center, count = clocked_set.nominal, clocked_set.gliders, 100
     turn, ratio, seen = np.arange(count), 0.0, 0
     wind = WIND * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    samples = np.unique(hold_starts(nominal.times))[[2, 8, 14, 20]]
+    samples = nominal.samples[[2, 8, 14, 20]]
     for first, angle in zip(samples, (0.0, 2.0, 4.0, 5.0), strict=True):
         delta = center.confidence.on_boundary(np.array([np.cos(angle), np.sin(angle)]))
         glider = glider_at(nominal.model, NAMES, delta)
@@ -475,7 +474,7 @@ def test_held_commands_of_a_set_are_proven(clocked_set):
 def test_held_commands_of_a_set_may_have_no_rate_left(clocked_set):
     """U δ counts when a command is computed."""
     piece = part(clocked_set, 6)
-    last = np.unique(hold_starts(piece.nominal.times))[-1]
+    last = piece.nominal.samples[-1]
     piece = among(piece, allowed_by(1500.0))
     assert held._keeps_rate(piece, 0)  # All gliders have the same launch.
     assert held._keeps_rate(dataclasses.replace(piece, gliders=None), last)
@@ -483,7 +482,7 @@ def test_held_commands_of_a_set_may_have_no_rate_left(clocked_set):
 
 
 def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
-    k = np.unique(hold_starts(clocked_set.nominal.times))[8] + 1
+    k = clocked_set.nominal.samples[8] + 1
     piece = clocked_set.between(k, k + 1)
     allowed, (start, stop) = piece.gliders.confidence, piece.nominal.times
     deltas = allowed.on_boundary(np.random.default_rng(3).normal(size=(300, 2)))
@@ -512,7 +511,7 @@ def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
     for found, own, turn, states in zip(ends, alone, turns, launches, strict=True):
         delta = center.confidence.on_boundary(turn)
         glider, path = glider_at(nominal.model, NAMES, delta), [(0, states[None])]
-        for first in np.unique(hold_starts(nominal.times)):
+        for first in nominal.samples:
             given = path[-1][1], command_of(funnel, path[-1][1], first)
             path = hold_flown(funnel, glider, *given, None, first)
         e = path[-1][1][0] - nominal.states[-1] - center.shifts[-1] @ delta
@@ -535,7 +534,7 @@ def heavier(clocked):
 
 
 def test_a_feedback_of_held_commands_is_that_of_its_samples(clocked):
-    starts = np.unique(hold_starts(clocked.nominal.times))
+    starts = clocked.nominal.samples
     inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
     other = changed(changed(clocked, "gains", inner, 0.3), "bends", slice(None), -2.0)
     again = with_held_gains(other.nominal)
@@ -548,7 +547,7 @@ def test_another_glider_flies_under_the_same_commands(clocked, heavier):
     assert held_faults(part(heavier, 2)) == []
     apart = np.abs(heavier.nominal.states - clocked.nominal.states).max(axis=0)
     assert apart[1] > 1e-3  # It falls lower, and is commanded another elevator.
-    at = np.unique(hold_starts(clocked.nominal.times))
+    at = clocked.nominal.samples
     assert np.abs(heavier.nominal.inputs - clocked.nominal.inputs)[at].max() > 1e-2
     states = heavier.nominal.states[at] + 0.01 * sphere_points(len(at), 7)
     commands = [
@@ -614,7 +613,7 @@ def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
     assert late == pytest.approx(prompt, rel=2e-3, abs=1e-5)
     assert np.any(np.abs(blown - prompt) > 0.05 * prompt)
     # The flown commands are those that the funnel is for: its gains at the samples.
-    starts = np.unique(hold_starts(clocked.nominal.times))
+    starts = clocked.nominal.samples
     inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
     other = changed(clocked, "gains", inner, 3.0)
     same = as_flown._flights(other, FlownLoop(hold=Hold(period=PERIOD)), genes)[2]
@@ -665,7 +664,7 @@ def test_each_held_command_has_an_error_of_its_own(clocked, monkeypatch):
     changes = np.any(np.diff(errors, axis=0) != 0.0, axis=1)
     assert np.all(np.abs(errors) == 0.5)
     assert np.all(begins[1:] >= changes) and changes.sum() > 5
-    assert sum(begins) == len(np.unique(hold_starts(clocked.nominal.times)))
+    assert sum(begins) == len(clocked.nominal.samples)
     genes[:, -1] = 1.0
     steady = as_flown._Flight(clocked, loop, genes)
     assert np.mean(chosen >= steady.levels()[1]) > 0.8

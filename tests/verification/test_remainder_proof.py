@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.compiled import boxes as compiled
+from glider.compiled.taylor import ROUNDING
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.jets import monomials
@@ -14,7 +16,6 @@ from glider.verification.dynamics.nominal import (
     table_of,
 )
 from glider.verification.proof import interval_proof
-from glider.verification.proof.boxes import top_in_balls
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval, tight_cover
 from glider.verification.proof.interval_proof import (
@@ -151,8 +152,17 @@ def test_what_the_polynomials_lack_is_part_of_it(pieces):
     assert np.all(lacking.bounds(*box)[0] > before + 0.5)
 
 
+def top_in_balls(coefficients, remainder, center, half, exponents, balls):
+    """Bounds (B,) of p(v) + remainder on the parts of boxes in unit balls."""
+    which = np.full(len(center), -1)
+    for k, ball in enumerate(balls):
+        which[ball] = k
+    given = coefficients, remainder, center, half, exponents, which
+    return compiled.top_in_balls(*given, ROUNDING)
+
+
 def bound_in_balls(coefficients, *others):
-    """Bounds (B,) of |p(v)| + remainder on the parts of boxes in unit balls."""
+    """The same of |p(v)| + remainder."""
     both = [top_in_balls(c, *others) for c in (coefficients, -coefficients)]
     return np.maximum(*both)
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.control.tvlqr import tracking_policy
+from glider.control.tvlqr import tracking_policy, weight_matrix
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import GliderModel
@@ -84,7 +84,7 @@ def test_the_inlet_of_a_funnel_that_ships_is_high():
 
 
 def test_states_of_the_effects_start_at_rest():
-    axes = SETTINGS.launch_axes(NUM_STATES + 1)
+    axes = np.diag(weight_matrix(LAUNCH_SIZES, NUM_STATES + 1))
     np.testing.assert_array_equal(axes, [*LAUNCH_SIZES, 0.0])
 
 

@@ -187,16 +187,11 @@ class Monomials:
         self.exponents = np.concatenate(rows)
         self.degrees = self.exponents.sum(axis=1)
         self._places = place = {tuple(e): k for k, e in enumerate(self.exponents)}
-        pairs = [
-            (place[tuple(self.exponents[i] + self.exponents[j])], i, j)
-            for i in range(len(place))
-            for j in range(len(place))
-            if self.degrees[i] + self.degrees[j] <= degree
-        ]
-        table = np.array(sorted(pairs))
-        self.left, self.right = table[:, 1], table[:, 2]
+        pairs = np.argwhere(np.add.outer(self.degrees, self.degrees) <= degree)
+        products = [place[tuple(e)] for e in self.exponents[pairs].sum(axis=1)]
+        self.left, self.right = pairs[np.argsort(products, kind="stable")].T
         # Every monomial is a product, by 1 if by nothing else: none is missing.
-        self.starts = np.flatnonzero(np.diff(table[:, 0], prepend=-1))
+        self.starts = np.flatnonzero(np.diff(np.sort(products), prepend=-1))
         # And every one of degree 1 or more is a variable times a lower one.
         self._factor = np.argmax(self.exponents > 0, axis=1)
         unit = np.eye(num_variables, dtype=int)
@@ -279,13 +274,11 @@ def variables(values: np.ndarray, degree: int) -> list[Jet]:
     """Returns the jets of x_i = values[i] + (variable i), values (n, ...)."""
     values = np.asarray(values, dtype=float)
     table = monomials(len(values), degree)
-    jets = []
-    for i, value in enumerate(values):
-        coefficients = np.zeros((len(table.degrees), *value.shape))
-        coefficients[0] = value
-        coefficients[1 + i] = 1.0
-        jets.append(Jet(table, coefficients))
-    return jets
+    coefficients = np.zeros((len(values), len(table.degrees), *values.shape[1:]))
+    coefficients[:, 0] = values
+    for i, own in enumerate(coefficients):
+        own[1 + i] = 1.0
+    return [Jet(table, own) for own in coefficients]
 
 
 def coefficients_of(value: object, like: Jet) -> np.ndarray:

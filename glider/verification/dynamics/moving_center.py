@@ -12,20 +12,13 @@ import dataclasses
 
 import numpy as np
 
+from glider.compiled.runge_kutta import TINY
 from glider.control.predictor import advance
 from glider.physics.confidence import ConfidenceSet, theta_at
-from glider.verification.dynamics.nominal import (
-    Nominal,
-    closed_loop_rates,
-    hermite_path,
-    hold_starts,
-)
+from glider.verification.dynamics.nominal import Nominal, hermite_path, open_loop_rates
 
 STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
-
-_TINY = 1e-30
-"""Step of a complex difference quotient."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,13 +49,13 @@ def make_moving_center(
     nominal: Nominal, confidence: ConfidenceSet, held: bool = False
 ) -> MovingCenter:
     """Integrates X along a nominal flight; its commands may be held."""
-    times, names, starts = nominal.times, confidence.names, hold_starts(nominal.times)
+    times, names = nominal.times, confidence.names
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names, held) for share in shares]
     A, B, push = _linear(nominal, names, held)
     shifts, commands = np.zeros_like(push), np.zeros((len(times), len(names)))
     for number, k in enumerate(nominal.flows):
-        if held and starts[k] == k:
+        if held and nominal.starts[k] == k:
             shifts[k] = shifts[max(k - 1, 0)]
             commands[k] = -nominal.gains[k] @ shifts[k]
         U, X, step = commands[k], shifts[k], (times[k + 1] - times[k]) / STEPS
@@ -95,11 +88,11 @@ def _linear(nominal, names, held):
     A is of the closed loop, or of the glider alone if its commands are held.
     """
     x, push = list(nominal.states.T), np.zeros((*nominal.states.shape, len(names)))
-    for j, nudge in enumerate(_TINY * 1j * np.eye(len(names))):
+    for j, nudge in enumerate(TINY * 1j * np.eye(len(names))):
         theta = theta_at(nominal.model, names, nudge)
-        given = nominal.model, x, nominal.gains.T, x, nominal.inputs, theta
-        for i, rate in enumerate(closed_loop_rates(*given)):
-            push[:, i, j] = np.imag(rate) / _TINY
+        rates = open_loop_rates(nominal.model, x, nominal.inputs, theta)
+        for i, rate in enumerate(rates):
+            push[:, i, j] = np.imag(rate) / TINY
     B = nominal.push_slopes[:, :, 0, 0]
     A = nominal.closed_loop[..., 1 : len(x) + 1]
     return A + held * B[:, :, None] * nominal.gains[:, None], B, push

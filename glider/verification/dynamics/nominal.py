@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.interpolate import PPoly
 
-from glider.control.predictor import fly_held
+from glider.control.predictor import fly_held, policy_command
 from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.confidence import theta_at
@@ -70,14 +70,24 @@ class Nominal:
     @functools.cached_property
     def slopes(self) -> np.ndarray:
         """ẋ₀ (T, n) by the dynamics."""
-        x = list(self.states.T)
-        rates = closed_loop_rates(self.model, x, self.gains.T, x, self.inputs)
+        rates = open_loop_rates(self.model, list(self.states.T), self.inputs)
         return np.array([np.broadcast_to(rate, len(self.times)) for rate in rates]).T
 
     @functools.cached_property
     def flows(self) -> np.ndarray:
         """Indices k of the intervals, from time k to k + 1, that last; (F,)."""
         return np.flatnonzero(np.diff(self.times) > 0.0)
+
+    @functools.cached_property
+    def starts(self) -> np.ndarray:
+        """Index (T,) of the sample whose command acts at each time."""
+        begins = np.append(True, np.diff(self.times) == 0.0)
+        return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
+
+    @property
+    def samples(self) -> np.ndarray:
+        """Indices of the samples, after which their commands act; (0,) if none."""
+        return np.unique(self.starts)
 
     @functools.cached_property
     def path(self) -> PPoly:
@@ -152,9 +162,9 @@ def make_nominal(
         raise InputError("A funnel needs a glider whose dynamics do not vary in time.")
     if period > 0.0:
         flight = fly_held(model, policy, period, step, FLIGHT_STEP)
-        gains = policy.sample(flight[0])[1]
     else:
-        *flight, gains = _continuous_flight(model, policy, step)
+        flight = _continuous_flight(model, policy, step)
+    gains = policy.sample(flight[0])[1]
     arrays = *flight, gains, np.zeros((*gains.shape, gains.shape[1]))
     nominal = Nominal(model=model, **dict(zip(ARRAYS, arrays, strict=True)))
     elevator, servo = nominal.states[:, ELEVATOR], model.parameters.servo
@@ -164,15 +174,14 @@ def make_nominal(
 
 
 def _continuous_flight(model, policy, step):
-    """Returns times, states, inputs and gains of the feedback as it is."""
+    """Returns times, states and inputs of the feedback as it is."""
     plan, count = policy.plan, aligned_count(policy.plan, step)
     fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
     every = -(-fine // count)
     step = plan.duration / (count * every)
     states = fly_plan(model, policy, plan.states[:1], step, every)[0]
     times = np.linspace(0.0, plan.duration, count + 1)
-    offset, gains = policy.sample(times)
-    return times, states, offset - np.sum(gains * states, axis=1), gains
+    return times, states, policy_command(policy, times, states)
 
 
 def fly_plan(
@@ -187,12 +196,6 @@ def fly_plan(
     flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
     assert flights.paths is not None
     return flights.paths[:, ::every]
-
-
-def hold_starts(times: np.ndarray) -> np.ndarray:
-    """Returns the index (T,) of the sample whose command acts at each time."""
-    begins = np.append(True, np.diff(times) == 0.0)
-    return np.maximum.accumulate(np.where(begins, np.arange(len(times)), 0))
 
 
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:

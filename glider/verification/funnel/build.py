@@ -23,7 +23,7 @@ from glider.progress import Progress, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
-from glider.verification.funnel import clock
+from glider.verification.funnel import clock, servo_limits
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import (
     SHARES,
@@ -34,7 +34,6 @@ from glider.verification.funnel.growth import (
     largest_growth,
 )
 from glider.verification.funnel.remainder import SAMPLES
-from glider.verification.funnel.servo_limits import error_reach, margin_to_limits
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
 from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow
 from glider.verification.sos.programs import (
@@ -187,7 +186,9 @@ class Gauge:
         self._starts = normalized(task.directions[:STARTS, :n])
         self._between = {share: self._nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(self._nominal)
-        self._limits = task.servo_bounds()
+        self._limits = servo_limits.servo_bounds(
+            self._nominal, task.settings, task.center
+        )
 
     def scaled(self, S: np.ndarray) -> tuple[BoundarySets, BoundaryForms]:
         """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary, and V̇/V.
@@ -212,7 +213,8 @@ class Gauge:
         for turn in range(ROUNDS):
             growth, (directions, limits) = self.growth(S), self._limits
             errors, _ = self._task.errors(S, np.arange(len(S)))
-            largest = margin_to_limits(S, directions, limits - error_reach(errors))
+            left = limits - servo_limits.error_reach(errors)
+            largest = servo_limits.margin_to_limits(S, directions, left)
             if growth.max() <= -MARGIN_SHARE * margin and largest.min() >= 1.0 - 1e-9:
                 break
             excess = growth + margin
@@ -224,7 +226,7 @@ class Gauge:
     def _sets(self, S):
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
         times, at = self._nominal.times, np.arange(len(S))
-        holds = np.split(at, np.flatnonzero(np.diff(times) == 0.0) + 1)
+        holds = np.split(at, self._nominal.samples[1:])
         slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
         sets = self._task.sets(self._nominal, S, np.concatenate(slopes), at)
         forms = boundary_forms(sets, self._nominal.push_slopes)

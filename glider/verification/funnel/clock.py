@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from glider.control.predictor import advance
-from glider.verification.dynamics.nominal import Nominal, hold_starts, table_of
+from glider.verification.dynamics.nominal import Nominal, table_of
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
@@ -69,9 +69,9 @@ def with_held_gains(nominal: Nominal) -> Nominal:
     Of its gains, those at the samples count.
     """
     arrays = {name: getattr(nominal, name).copy() for name in ("gains", "bends")}
-    nominal, starts = dataclasses.replace(nominal, **arrays), hold_starts(nominal.times)
-    for first in np.unique(starts):
-        gains, last = nominal.gains[first], np.flatnonzero(starts == first)[-1]
+    nominal = dataclasses.replace(nominal, **arrays)
+    for first in nominal.samples:
+        gains, last = nominal.gains[first], np.flatnonzero(nominal.starts == first)[-1]
         for move, push in _steps(nominal, first, last):
             gains = np.linalg.solve((move - np.outer(push, gains)).T, gains)
         undo_hold(nominal, first, last, gains)
@@ -134,7 +134,7 @@ def command_errors(
     beta = np.zeros(S.shape[:2]) if beta is None else beta
     focus = np.zeros_like(S) if focus is None else focus
     growth, pulls, apart = _error_growth(nominal, S, at, beta, focus, settings.wind)
-    starts, first = hold_starts(nominal.times), settings.command_error
+    starts, first = nominal.starts, settings.command_error
     if len(at) < len(starts):
         since = nominal.times[at] - nominal.times[starts[at]]
         return (first + ROOM * since * growth) * np.exp(since * pulls) + apart

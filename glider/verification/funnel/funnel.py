@@ -52,12 +52,28 @@ class Funnel(BoundarySets):
         """Returns S at times within the flight, (..., n, n)."""
         return self.curve(self._inside(times))
 
-    def level(self, times: np.ndarray | float, states: np.ndarray) -> np.ndarray:
-        """Returns V = (x - x₀)ᵀ S (x - x₀), at most 1 inside, of states (..., n).
+    def error(
+        self,
+        times: np.ndarray | float,
+        states: np.ndarray,
+        deviation: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Returns e of states (..., n), from x₀ or from centers of deviations (..., m).
 
         Times (...) before and after the flight count as its ends.
         """
-        error = states - self.center(times)
+        if deviation is not None and self.gliders:
+            states = states - self.gliders.at(times, deviation)
+        return states - self.center(times)
+
+    def level(
+        self,
+        times: np.ndarray | float,
+        states: np.ndarray,
+        deviation: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Returns V = eᵀ S e, at most 1 inside, of the same."""
+        error = self.error(times, states, deviation)
         return np.einsum("...i,...ij,...j->...", error, self.shape(times), error)
 
     def half_widths(self, times: np.ndarray | float = 0.0) -> np.ndarray:

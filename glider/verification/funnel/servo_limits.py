@@ -15,7 +15,8 @@ from glider.errors import InputError
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal, hold_starts
+from glider.verification.dynamics.nominal import Nominal
+from glider.verification.funnel.settings import FunnelSettings
 
 SHRINK = 0.995
 """Factor on the bounds, to keep them between the times too; shipped funnels reach
@@ -24,10 +25,10 @@ SHRINK = 0.995
 
 def servo_bounds(
     nominal: Nominal,
+    settings: FunnelSettings,
     center: MovingCenter | None = None,
     shrink: float = SHRINK,
     errors: np.ndarray | float = 0.0,
-    held: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
 
@@ -45,10 +46,10 @@ def servo_bounds(
     bounds = shrink * bounds - error_reach(errors + 0.0 * nominal.inputs)
     if center is not None:
         travel_of = center.shifts[:, ELEVATOR] + STOPPING_TIME * center.commands
-        reach = center.confidence.reach(np.stack([center.commands, travel_of], axis=1))
-        bounds -= reach
-    if held:
-        bounds[hold_starts(nominal.times) != np.arange(len(bounds)), 0] = np.inf
+        of_both = np.stack([center.commands, travel_of], axis=1)
+        bounds -= center.confidence.reach(of_both)
+    if settings.period:
+        bounds[nominal.starts != np.arange(len(bounds)), 0] = np.inf
     return directions, bounds
 
 
@@ -81,9 +82,7 @@ def goal_reach(axes: np.ndarray, center: MovingCenter | None) -> float:
     if center is None:
         return 0.0
     scaled = center.shifts[-1] @ center.confidence.factor / axes[:, None]
-    if center.confidence.shape == "box":
-        return float(np.linalg.norm(np.abs(scaled).sum(axis=1)))
-    return float(np.linalg.norm(scaled, 2))
+    return center.confidence.farthest(scaled)
 
 
 def keep_bounds(

@@ -87,11 +87,6 @@ class FunnelSettings:
         """Returns the goal's half-axes (n,), the effects' own states included."""
         return np.append(self.goal, [self.goal_extra] * (num_states - NUM_STATES))
 
-    def launch_axes(self, num_states: int) -> np.ndarray:
-        """Returns the launch's sizes (n,): 0 for the effects' own states, at rest."""
-        sizes = self.launch_sizes or (0.0,) * NUM_STATES
-        return np.append(sizes, np.zeros(num_states - NUM_STATES))
-
     def size_axes(self, num_states: int) -> np.ndarray:
         """Returns the sizes (n,), the effects' own states included."""
         return np.append(self.sizes, [self.sizes_extra] * (num_states - NUM_STATES))

@@ -20,9 +20,10 @@ import numpy as np
 from scipy.linalg import expm
 
 from glider.control.predictor import advance
+from glider.control.tvlqr import weight_matrix
 from glider.progress import Shares, silent
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal, hold_starts
+from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel import clock, servo_limits
 from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
 from glider.verification.funnel.remainder import (
@@ -60,7 +61,7 @@ class FunnelTask:
             return np.broadcast_to(steady, (count, n, n))
         slopes = linear_part(nominal.closed_loop)
         means = 0.5 * (slopes[:-1] + slopes[1:])
-        errors = [np.diag(settings.launch_axes(n))]
+        errors = [weight_matrix(settings.launch_sizes, n)]  # Effects start at rest.
         for step in expm(np.diff(nominal.times)[:, None, None] * means):
             errors.append(step @ errors[-1])
         spread = np.array(errors)
@@ -79,11 +80,6 @@ class FunnelTask:
         rests = clock.command_errors(self.nominal, S, at, settings, *remainder)
         known = clock.BEND_ROOM * clock.bend_sizes(S, self.nominal.bends[at])
         return np.stack([known + rests, rests])
-
-    def servo_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns a and b of the servo's limits, without what errors take of them."""
-        held = self.settings.period > 0.0
-        return servo_limits.servo_bounds(self.nominal, self.center, held=held)
 
     def sets(
         self, nominal: Nominal, S: np.ndarray, slopes: np.ndarray, at: np.ndarray
@@ -151,7 +147,7 @@ class ShapeFlow:
             nominal = dataclasses.replace(nominal, **own)
             task = dataclasses.replace(task, nominal=nominal)
         self._task, self.nominal, self._sizes = task, nominal, task.sizes
-        self._bounds = task.servo_bounds()
+        self._bounds = servo_limits.servo_bounds(nominal, task.settings, task.center)
         self._slopes = nominal.push_slopes[:, :, 0, 0] if steer else None
 
     def run(self, progress: Shares = silent) -> np.ndarray:
@@ -197,13 +193,13 @@ class ShapeFlow:
         if settings.period:
             if k + 1 < len(times) and times[k + 1] > times[k]:
                 return  # It was made from the end of its hold.
-            first = hold_starts(times)[k]
+            first = nominal.starts[k]
             toward = clock.effect_of_hold(nominal, first, k) / settings.period
         rate = bounds[first, 0] - settings.command_error
         gains = servo_limits.steepest_gains(S, toward, rate, settings.elevator_gain)
         clock.undo_hold(nominal, first, k, gains)  # Ours: of a copy.
         here = slice(first, k + 1)
-        directions[here], _ = servo_limits.servo_bounds(nominal.part(here))
+        directions[here], _ = servo_limits.servo_bounds(nominal.part(here), settings)
 
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from glider.compiled import boxes
+from glider.compiled.boxes import shift, top_in_balls
 from glider.compiled.taylor import ROUNDING, WIDER
 from glider.verification.dynamics.jets import Monomials
 
@@ -26,7 +26,7 @@ def run_on_boxes(program, table, polynomials, lacks, center, half):
     centers, halves, both = (
         table.values(of.T).T.copy() for of in (center, half, np.abs(center) + half)
     )
-    found = boxes.shift(
+    found = shift(
         polynomials, centers, halves, table.left, table.right, *_binomials(table)
     )
     left = ROUNDING * WIDER * (np.abs(polynomials) @ both)
@@ -54,39 +54,22 @@ def _binomials(table: Monomials) -> tuple[np.ndarray, np.ndarray]:
     return where, np.array(times, dtype=float)
 
 
-def top_in_balls(coefficients, remainder, center, half, exponents, balls):
-    """Returns bounds (B,) of p(v) + remainder on the parts of boxes in unit balls.
-
-    For any λ >= 0 the maximum of p in one ball is at most that of
-        p(v) + λ (1 - |center + half v|²)
-    over the box. There, what is mixed in v or cubic is at most its size times a mean of
-    squares v_i², and the rest a sum of quadratic functions of one v_i each. So each
-    ball has its own λ, the best of a few, and coordinates in none need none.
-
-    Args:
-        coefficients: (M, B) of polynomials in v with exponents (M, m).
-        balls: which coordinates are those of a unit ball, for each ball.
-    """
-    which = np.full(len(center), -1)
-    for k, ball in enumerate(balls):
-        which[ball] = k
-    # Numba keeps compiled code when a constant of another module changes: an argument.
-    return boxes.top_in_balls(
-        coefficients, remainder, center, half, exponents, which, ROUNDING
-    )
-
-
 def excess_in_balls(table, polynomials, remainders, limits, rates, center, half, balls):
     """Returns bounds (R, B) of |p(v) + remainder| - limit on those parts, and blame.
 
     That is how much each v_i makes a bound large, (R, m, B): a guide for splitting. The
-    highest degree of rates (R, M, B) in it indicates what is beyond.
+    highest degree of rates (R, M, B) in it indicates what is beyond. The balls are
+    those coordinates of each.
     """
     exponents, m = table.exponents, table.num_variables
+    which = np.full(m, -1)
+    for k, ball in enumerate(balls):
+        which[ball] = k
     signed = polynomials - limits, -polynomials - limits
+    # Numba keeps compiled code when a constant of another module changes: an argument.
     tops = [
         [
-            top_in_balls(p, left, center, half, exponents, balls)
+            top_in_balls(p, left, center, half, exponents, which, ROUNDING)
             for p, left in zip(of, remainders, strict=True)
         ]
         for of in signed

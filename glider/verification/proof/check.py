@@ -22,17 +22,13 @@ from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
+from glider.verification.funnel import servo_limits
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, growth_between
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
     SAMPLES,
     sample_remainder,
-)
-from glider.verification.funnel.servo_limits import (
-    goal_reach,
-    margin_to_limits,
-    servo_bounds,
 )
 from glider.verification.proof import purpose
 from glider.verification.proof.exact_check import (
@@ -197,13 +193,14 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     if not funnel.gliders:
         return []
     axes = funnel.settings.goal_axes(funnel.num_states)
-    given = funnel.nominal, funnel.gliders, 1.0, funnel.errors
-    directions, bounds = servo_bounds(*given, held=funnel.settings.period > 0.0)
+    directions, bounds = servo_limits.servo_bounds(
+        funnel.nominal, funnel.settings, funnel.gliders, 1.0, funnel.errors
+    )
     try:
-        reach = margin_to_limits(funnel.S, directions, bounds)
+        reach = servo_limits.margin_to_limits(funnel.S, directions, bounds)
         goal, last = np.diag(1.0 / axes**2), funnel.S[-1]
         largest = scipy.linalg.eigh(goal, last, eigvals_only=True)[-1]
-        end = math.sqrt(largest) + goal_reach(axes, funnel.gliders)
+        end = math.sqrt(largest) + servo_limits.goal_reach(axes, funnel.gliders)
     except (np.linalg.LinAlgError, ValueError):
         return ["The set is not an ellipsoid somewhere."]
     keeps = (reach >= 1.0) & np.all(bounds > 0.0, axis=1)

@@ -18,7 +18,6 @@ import numpy as np
 from glider.compiled.taylor import WIDER
 from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.nominal import hold_starts
 from glider.verification.funnel.clock import form_size, hold_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import (
@@ -50,15 +49,14 @@ def held_faults(funnel: Funnel, progress: Shares = silent) -> list[str]:
     if not settings.period:
         fault = "The command's error has a known part, but no command is held."
         return [fault] if nominal.bends.any() else []
-    times, starts = nominal.times, hold_starts(nominal.times)
-    samples = np.unique(starts)
+    times, starts, samples = nominal.times, nominal.starts, nominal.samples
     clock = settings.period * np.arange(len(samples))
     off = np.abs(times[samples] - clock).max()
     if max(off, times[-1] - clock[-1] - settings.period) > PERIOD_ROUNDING:
         return [f"The samples are not {settings.period:g} s apart."]
     if np.any(nominal.inputs != nominal.inputs[starts]):
         return ["The nominal's commands are not held."]
-    for k in np.flatnonzero(np.diff(times) == 0.0):
+    for k in samples[1:] - 1:
         if not is_positive_definite(exact(funnel.S[k]) - exact(funnel.S[k + 1])):
             return [f"The set after the sample at {times[k]:.4f} s is not larger."]
     if nominal.bends[starts].any():
@@ -88,8 +86,7 @@ def _keeps_rate(funnel, k):
     gains = exact(funnel.nominal.gains[k])
     left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
     if gliders := funnel.gliders:
-        reach = exact_reach(gliders.confidence, line(gliders.commands[k][None]))
-        left = left - exact(reach)
+        left = left - exact(exact_reach(gliders.confidence, exact(gliders.commands[k])))
     form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
     return bool(left.numbers[0] > 0) and is_positive_definite(form)
 
@@ -109,7 +106,7 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     slopes, step = hold_slopes(nominal), np.diff(nominal.times)[0]
     K, K_rise = hermite(nominal.gains, slopes[0], interval.step)
     M, M_rise = hermite(nominal.bends, slopes[1], interval.step)
-    rise, square = K_rise @ B, _form(B.T @ M_rise @ B)
+    rise, square = K_rise @ B, gathered(B.T @ M_rise @ B, n)
     M, known = B.T @ M, B.T @ interval.bends @ B
     parts = _rate_forms(interval, B, K, M, known)
     total = _size(rise + parts[0] * interval.step, n, 1) / step
@@ -122,7 +119,7 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
     off += defect_bounds(nominal)[0] + gliders_defect(piece)
     pulls = np.array([_pull(interval.push_slopes[:, k], B, K, M) for k in range(3)])
     apart = _size((K - line(nominal.gains)) @ B, n, 1)
-    apart += _size(_form(M @ B - known), n, 2)
+    apart += _size(gathered(M @ B - known, n), n, 2)
     total += most @ off + pulls[0] * apart
     total += piece.settings.wind * np.linalg.norm(pulls[1:])
     after = (before + step * total) * np.exp(step * pulls[0]) * WIDER
@@ -143,7 +140,7 @@ def _rate_forms(interval, B, K, M, known):
     bent_square = bent_square + exact_product(bent, known)
     return (
         K @ field,
-        square + _form(known * pull - M @ field * 2),
+        square + gathered(known * pull - M @ field * 2, len(K)),
         cube + exact_product(tilt, known) - bent_square * 2,
         (bent_cube + exact_product(twist, known)) * 2,
     )
@@ -156,11 +153,6 @@ def _pull(slopes, B, K, M):
     twist = (M @ slopes[:, 1:] @ B).bernstein()
     size = np.abs(along).max() + np.linalg.norm(tilt, axis=1).max()
     return size + 2.0 * np.linalg.norm(twist, 2, (1, 2)).max()
-
-
-def _form(matrix):
-    """Returns the coefficients of zᵀ A z."""
-    return gathered(matrix, len(matrix))
 
 
 def _size(form, n, degree):

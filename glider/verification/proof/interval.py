@@ -131,13 +131,6 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
     parts = [own & (table.degrees == degree) for degree in (2, 3)]
     seen = np.isin(np.arange(piece.num_states), which)  # By R.
     quadratic, cubic = (line(rates[:, rows][..., part]) for part in parts)
-    bearings = [
-        in_time(*map(_bearing, bounds, weights))
-        for bounds, weights in (
-            (piece.beta, piece.weights),
-            (piece.unknown_pushes, piece.push_weights),
-        )
-    ]
     return Interval(
         step=step,
         rows=rows,
@@ -149,12 +142,12 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
         quadratic=quadratic,
         cubic=cubic,
         weights=line(piece.weights),
-        bearing=bearings[0],
+        bearing=in_time(*map(_bearing, piece.beta, piece.weights)),
         focus=line(np.where(np.outer(seen, seen), piece.focus, 0.0)),
         push_slopes=line(nominal.push_slopes),
         bends=line(nominal.bends),
         push_weights=line(piece.push_weights),
-        push_bearing=bearings[1],
+        push_bearing=in_time(*map(_bearing, piece.unknown_pushes, piece.push_weights)),
         limits=limits,
     )
 
@@ -335,14 +328,11 @@ def acts_elsewhere(piece: Funnel) -> str:
     model, n = piece.nominal.model, piece.num_states
     deviating = piece.gliders.confidence.names if piece.gliders else ()
     which, rows = nonlinear_parts(model)
-    causes = {
-        "the wind acts where the remainder leaves it out": (
-            (),
-            piece.settings.wind > 0,
-        ),
-        "a linear rate depends on a number that deviates": (deviating, False),
-    }
-    for fault, (names, in_wind) in causes.items():
+    is_windy = piece.settings.wind > 0.0
+    for fault, names, in_wind in (
+        ("the wind acts where the remainder leaves it out", (), is_windy),
+        ("a linear rate depends on a number that deviates", deviating, False),
+    ):
         rates = rate_dependences(model, names, in_wind)
         linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
         bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))

@@ -137,11 +137,8 @@ def gram_guesses(piece, slack):
     # On the boundary bᵀ b = 2.
     less = 0.5 * slack * np.eye(tables.size)
     turns = map(tables.substitution, to_ball(piece.S)[0])
-    first, last = (
-        turn.T @ (gram - less) @ turn
-        for turn, gram in zip(turns, tables.matrix(piece.grams), strict=True)
-    )
-    return first, last
+    grams = tables.matrix(piece.grams) - less
+    return [turn.T @ gram @ turn for turn, gram in zip(turns, grams, strict=True)]
 
 
 TIMES = 9

@@ -21,7 +21,6 @@ import scipy.linalg
 from glider.compiled.taylor import WIDER
 from glider.errors import InputError, expect
 from glider.progress import Shares, silent
-from glider.verification.dynamics.nominal import hold_starts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.phases import GRID_ROOM, PREDICTED, first_commands
 from glider.verification.proof.slopes import NearSets, Slopes
@@ -109,7 +108,7 @@ def predictions_of(funnel: Funnel, latency: float) -> list[Prediction]:
     check_latency(funnel, latency)
     nominal = funnel.nominal
     found = []
-    for k in np.unique(hold_starts(nominal.times))[1:].tolist():
+    for k in nominal.samples[1:].tolist():
         end = float(nominal.times[k])
         first = int(np.searchsorted(nominal.times, end - latency, side="right")) - 1
         found.append(

@@ -17,7 +17,6 @@ from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
 from glider.physics.state import PITCH, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
-from glider.verification.dynamics.nominal import hold_starts
 from glider.verification.funnel.funnel import Funnel
 
 PLAN_TOLERANCE = 1e-4
@@ -115,8 +114,7 @@ def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
     given = make_confidence(funnel.nominal.model, covariance)
     if funnel.gliders or not {*given.names} <= {"wind.x", "wind.z"}:
         return None
-    farthest = float(np.linalg.norm(given.factor, 2)) if given.dimension else 0.0
-    return funnel.settings.wind - farthest * (1.0 + 1e-9)
+    return funnel.settings.wind - given.farthest(given.factor) * (1.0 + 1e-9)
 
 
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
@@ -156,7 +154,7 @@ def feedback_faults(funnel: Funnel, other: Funnel) -> list[str]:
     They are compared where they are computed, on the funnel's sets.
     """
     own, its = funnel.nominal, other.nominal
-    at, there = (np.unique(hold_starts(of.times)) for of in (own, its))
+    at, there = own.samples, its.samples
     if own.model.state_names != its.model.state_names:
         return ["The other feedback is of a glider with other states."]
     if 0.0 in (funnel.settings.period, other.settings.period):

@@ -210,7 +210,8 @@ class _Flight:
         """Launches them, from the boundary if not from some states."""
         n = funnel.num_states
         self._funnel, self._loop = funnel, loop
-        self._model, self._theta = funnel.nominal.model, None
+        self._model = funnel.nominal.model
+        self._theta = self._glider = None
         if allowed := loop.gliders:
             on_boundary = allowed.on_boundary(genes[:, n + 4 :])
             self._glider = physical(self._model, allowed.names, on_boundary)
@@ -242,7 +243,7 @@ class _Flight:
                 self.fly(waiting.pop(0), hold.rest)
                 waiting.append(new)
                 self.fly(waiting[0], hold.period - hold.rest, begins=True)
-        ends = self._funnel.level(self._times, self._about_center())
+        ends = self._funnel.level(self._times, self.states, self._glider)
         return self.largest, self._later, ends
 
     def fly(self, command, duration, begins=False):
@@ -263,16 +264,10 @@ class _Flight:
             flown = advance(rates, self.states, left[:, None])
             self.states = np.where(left[:, None] > 0.0, flown, self.states)
             self._times = np.where(left < step - 1e-15, end, self._times + left)
-            level = self._funnel.level(self._times, self._about_center())
+            level = self._funnel.level(self._times, self.states, self._glider)
             self.largest = np.maximum(self.largest, level)
             acts = self._times > self._first + self._loop.hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)
-
-    def _about_center(self):
-        """Returns the states as if each glider's center were the nominal (B, n)."""
-        if not (self._loop.gliders and self._funnel.gliders):
-            return self.states
-        return self.states - self._funnel.gliders.at(self._times, self._glider)
 
     def _pushes_now(self, command, chooses):
         """Returns error (B,) and wind (B, 2): steady, or where V rises fastest.
@@ -281,7 +276,7 @@ class _Flight:
         """
         if not (self._loop.wind or self._loop.command_error):
             return 0.0, None
-        error = self._about_center() - self._funnel.center(self._times)
+        error = self._funnel.error(self._times, self.states, self._glider)
         pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
         slopes = []
         for push in _FRESH * np.eye(3):

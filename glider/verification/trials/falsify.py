@@ -239,10 +239,7 @@ def fly_from(
     policy, times = funnel_policy(funnel, first), funnel.nominal.times[first:]
     model = model or funnel.nominal.model
     paths = fly_plan(model, policy, states, (times[1] - times[0]) / 2.0, 2)
-    known = paths[..., : funnel.num_states]
-    if deviation is not None and funnel.gliders:
-        known = known - funnel.gliders.at(times, deviation)
-    return funnel.level(times, known), paths
+    return funnel.level(times, paths[..., : funnel.num_states], deviation), paths
 
 
 def boundary_states(
