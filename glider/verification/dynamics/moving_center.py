@@ -9,6 +9,7 @@ and R is all that is left, the Taylor remainder and what the glider does otherwi
 """
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -31,11 +32,13 @@ class MovingCenter:
     slopes: np.ndarray  #: Ẋ (T, n, m) [1/s].
     commands: np.ndarray  #: U (T, m): the command there is u₀ + U δ.
 
+    @functools.cached_property
+    def _path(self):
+        return hermite_path(self.times, self.shifts, self.slopes)
+
     def at(self, times: np.ndarray | float, deviations: np.ndarray) -> np.ndarray:
         """Returns X δ (..., n) at times (...) within the flight, for δ (..., m)."""
-        X = hermite_path(self.times, self.shifts, self.slopes)(
-            np.clip(times, self.times[0], self.times[-1])
-        )
+        X = self._path(np.clip(times, self.times[0], self.times[-1]))
         return np.einsum("...nm,...m->...n", X, deviations)
 
     def part(self, which: slice) -> "MovingCenter":
