@@ -55,7 +55,8 @@ funnel's command error, together with --command-error.
 
 --as-flown flies what the theorem leaves out: commands from a clock at any phase, held,
 computed from a state of some time ago, other command errors and wind; from the inlet's
-boundary, climbing to the worst starts, phases and winds.
+boundary, climbing to the worst starts, phases and winds. With --confidence, gliders of
+that set fly.
 
 A funnel of held commands is for a clock that starts with the launch. --phases is for
 any clock: the funnel is then that of the launch, until the first command acts, and the
@@ -63,6 +64,9 @@ files are those of the rest of the flight, for commands that begin to act at dif
 times. --model, --every, --command-error and --wind apply to each, --least-inlet to the
 launch's, --hold and --hook to the others; --latency is their common one. Whenever the
 first command acts, the flight must be inside one of them.
+
+--feedback-of is for rival explanations, whose models close-the-loop writes: it requires
+that the funnel's commands, which are held, are those of another one's feedback.
 
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
@@ -166,6 +170,11 @@ def run(args: argparse.Namespace) -> int:
         check_latency(funnel, latency)
     if loop:
         check_clock(funnel, loop.hold, rests)
+    elif confidence and funnel.settings.period:
+        raise InputError(
+            "--confidence flies gliders under a feedback that acts at all times; the "
+            "funnel is of held commands: expected --as-flown, too."
+        )
     trial = flown = None
     if args.write_proof:
         expect_writable(funnel)

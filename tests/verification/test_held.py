@@ -696,6 +696,16 @@ def test_the_command_requires_the_clock(capsys):
     assert "a feedback that acts at all times; expected a hold of 20 ms." in said
 
 
+def test_gliders_of_a_set_are_flown_by_the_clock_only(capsys):
+    source = str(models_path("funnels", "held_head_wind_95_hook.npz"))
+    assert main(["check-funnel", source, "--hook", "--confidence"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the funnel is of held commands: expected --as-flown, too." in said
+    asked = ["check-funnel", source, "--hook", "--prove", "--latency", "0.01"]
+    assert main(asked) == 2
+    assert "the funnel is of a set" in " ".join(capsys.readouterr().err.split())
+
+
 def test_a_latency_is_shorter_than_a_hold(capsys):
     source = str(models_path("funnels", "held_hook.npz"))
     asked = ["check-funnel", source, "--hook", "--prove", "--hold", "0.02"]
