@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
             with output() as console:
                 print_summary(result, console)
     if not args.json:
-        if rivals := len(result.alternatives) - 1:
-            print(f"Nearly as likely: {rivals} other models, in {folder / 'rivals'}")
+        if len(result.alternatives) > 1:
+            print(f"Other models that are nearly as likely: {folder / 'rivals'}")
         print(f"Report: {folder / 'report.html'}")
     return 0
