@@ -104,8 +104,8 @@ def add_arguments(parser: CommandParser) -> None:
     words = "with --confidence: a box of intervals instead of an ellipsoid"
     parser.add_switch("--box", words)
     words = (
-        "with --confidence or --as-flown: flights before the climb, which adds half as "
-        f"many again and more (default: {FLIGHTS})"
+        "with --confidence or --as-flown: flights before the climb, which adds as many "
+        f"and a fifth more (default: {FLIGHTS})"
     )
     parser.add_number("--flights", words)
     words = (
@@ -193,7 +193,7 @@ def run(args: argparse.Namespace) -> int:
         if loop and checked.holds:
             rng, say = np.random.default_rng(seed), follow("flights")
             flown = fly_loop(funnel, loop, flights, rng, say, rests=rests)
-    _print_outcome(args, checked, trial, flown)
+    _print_outcome(args, checked, feedback_of, trial, flown)
     if args.write_proof and checked.is_proven:
         with working(is_even=True) as progress:
             write_proof(
@@ -284,7 +284,7 @@ def _own_latency(args, funnel):
     return 0.0 if is_only_flown or not args.prove else args.latency or 0.0
 
 
-def _print_outcome(args, checked, trial, flown):
+def _print_outcome(args, checked, feedback_of, trial, flown):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
     from glider.report import check_funnel as words
@@ -298,7 +298,7 @@ def _print_outcome(args, checked, trial, flown):
         report, *others = (words.check_report(*part, covariance) for part in parts)
         report |= {
             "model_compared": args.model is not None,
-            "feedback_of": args.feedback_of and str(args.feedback_of),
+            "feedback_of": feedback_of and feedback_of.sha256,
             "set_compared": None not in (covariance, funnel.gliders),
         }
         if rests:
@@ -316,8 +316,9 @@ def _print_outcome(args, checked, trial, flown):
         if rests:
             print(f"{path}:")
         print(words.describe_check(*part, args.model, covariance))
-    if args.feedback_of and checked.holds:
-        print(f"Its commands are those of the feedback of {args.feedback_of}.")
+    if feedback_of and checked.holds:
+        other = f"{args.feedback_of}, funnel {feedback_of.sha256[:16]}"
+        print(f"Its commands are those of the feedback of {other}.")
     if rests:
         print(words.describe_phases(checked))
     if latency:
@@ -342,6 +343,11 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
             raise InputError(
                 f"--{name} is of one funnel; expected it without --phases."
             )
+    if args.feedback_of and (args.latency or args.predict):
+        raise InputError(
+            "--feedback-of is not for a predictor, which knows one glider; expected it "
+            "without --latency and --predict."
+        )
     latency, words = args.latency or 0.0, "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)
     level = _level(args.confidence)

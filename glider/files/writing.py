@@ -82,12 +82,12 @@ def replace_files(
                     new = Path(part, name)
                     new.parent.mkdir(parents=True, exist_ok=True)
                     new.write_bytes(content)
+                    (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / last).unlink(missing_ok=True)
             for name in sorted(files, key=lambda name: name == last):
                 if files[name] is None:
                     (folder / name).unlink(missing_ok=True)
                 else:
-                    (folder / name).parent.mkdir(parents=True, exist_ok=True)
                     Path(part, name).replace(folder / name)
     except OSError:
         if not was_there:

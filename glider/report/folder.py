@@ -56,9 +56,11 @@ def write_report(result: Result, folder: Path | str) -> None:
     files["report.html"] = to_html(result, figures).encode()
     text_of_model = model_text(result.model, origin_of(result), result.covariance)
     files["model.yaml"] = text_of_model.encode()
-    earlier = Path(folder).glob("rivals/rival_*.yaml")
-    files |= {f"rivals/{path.name}": None for path in earlier}
-    for number, rival in enumerate(result.alternatives[1:], 1):
+    for path in Path(folder).glob("rivals/rival_*.yaml"):
+        if path.stem.removeprefix("rival_").isdigit():  # Of an earlier run.
+            files[f"rivals/{path.name}"] = None
+    rivals = sorted(result.alternatives[1:], key=lambda own: -own.probability)
+    for number, rival in enumerate(rivals, 1):
         text = model_text(rival.model, origin_of_rival(result, rival), rival.covariance)
         files[f"rivals/rival_{number}.yaml"] = text.encode()
     files["report.json"] = f"{json_text(result.report)}\n".encode()

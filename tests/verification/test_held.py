@@ -568,7 +568,7 @@ def test_another_glider_flies_under_the_same_commands(clocked, heavier):
             lambda f: dataclasses.replace(
                 f, settings=dataclasses.replace(f.settings, period=0.0)
             ),
-            "of held commands",
+            "for the same period",
         ),
     ],
 )
@@ -592,8 +592,12 @@ def test_the_command_compares_feedbacks(monkeypatch, capsys):
     own, other = (str(models_path("funnels", name)) for name in names)
     command = ["check-funnel", own, "--every", "300", "--feedback-of"]
     assert main([*command, own]) == 0
-    words = f"Its commands are those of the feedback of {own}."
-    assert words in capsys.readouterr().out
+    words = f"Its commands are those of the feedback of {own}, funnel "
+    assert words + load_funnel(own).sha256[:16] in capsys.readouterr().out
+    asked = [*command, own, "--prove", "--latency", "0.01"]
+    assert main(asked) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "--feedback-of is not for a predictor" in said
     assert main([*command, other]) == 1
     out = capsys.readouterr().out
     assert "The other feedback" in out and "Its commands are" not in out

@@ -116,7 +116,7 @@ def make_funnel(
         _shape(steered, progress, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
     elif settings.period:
-        words = "the funnel's, as its feedback is to be the policy's"
+        words = "the funnel's, or a positive 'elevator_gain' to make the feedback"
         good = policy.period == settings.period
         expect(good, "the policy's period of commands", policy.period, words)
         nominal = clock.with_held_gains(nominal)

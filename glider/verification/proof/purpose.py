@@ -157,8 +157,8 @@ def feedback_faults(funnel: Funnel, other: Funnel) -> list[str]:
     at, there = own.samples, its.samples
     if own.model.state_names != its.model.state_names:
         return ["The other feedback is of a glider with other states."]
-    if 0.0 in (funnel.settings.period, other.settings.period):
-        return ["Only feedbacks of held commands are compared."]
+    if not 0.0 < funnel.settings.period == other.settings.period:
+        return ["The feedbacks do not hold their commands for the same period."]
     if len(at) != len(there) or np.any(
         np.abs(own.times[at] - its.times[there]) > PLACE_TOLERANCE
     ):
