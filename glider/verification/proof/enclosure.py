@@ -168,8 +168,8 @@ def _recorded(model, d, names, rows, is_windy, sizes, present):
     rates = [rates[row] for row in rows]
     each = zip(rates, polynomials, highest, strict=True)
     remainders = [rate - known - time * top for rate, known, top in each]
-    there = np.frombuffer(present, dtype=bool)
-    there = there.reshape(-1, len(recording.table.degrees))
+    flat = np.frombuffer(present, dtype=bool)
+    there = flat.reshape(-1, len(recording.table.degrees))
     return recording.program([*rates, *remainders, *limits], there)
 
 
