@@ -141,8 +141,7 @@ def run(args: argparse.Namespace) -> int:
     level, flights = _checked_options(args)
     least_inlet = _least_inlet(args.least_inlet)
     files = [(path, *read_file(path)) for path in (args.funnel, *(args.phases or ()))]
-    other = args.feedback_of
-    other = (other, *read_file(other)) if other else None
+    other = args.feedback_of and (args.feedback_of, *read_file(args.feedback_of))
 
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np

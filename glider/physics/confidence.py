@@ -150,8 +150,7 @@ class ConfidenceSet:
     @functools.cached_property
     def factor(self) -> np.ndarray:
         """A (m, r) of δ = A w, w in the unit ball or in [-1, 1]ʳ."""
-        matrix = self.covariance.matrix
-        std = np.sqrt(np.diag(matrix))
+        matrix, std = self.covariance.matrix, self.covariance.std
         if self.shape == "box":
             varies = std > 0.0
             root = self.level ** (1.0 / max(int(varies.sum()), 1))

@@ -77,9 +77,14 @@ class Covariance:
         return dataclasses.replace(self, names=names, matrix=matrix)
 
     @property
+    def std(self) -> np.ndarray:
+        """Standard errors (m,)."""
+        return np.sqrt(np.diag(self.matrix))
+
+    @property
     def correlations(self) -> dict[str, dict[str, float]]:
         """Correlations of all errors, each with the others, by their names."""
-        std = np.sqrt(np.diag(self.matrix))
+        std = self.std
         rows = (self.matrix / std[:, None] / std).tolist()
         return {
             a: {b: r for b, r in zip(self.names, row, strict=True) if b != a}

@@ -47,7 +47,7 @@ def calc_derivatives(
         return values, np.full(values.shape, math.nan)
     fitted = [*PARAMETER_NAMES]
     fitted += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
-    steps = _PART * np.sqrt(np.diag(covariance.matrix))
+    steps = _PART * covariance.std
     slopes = np.zeros((len(values), len(steps)))
     for k, (name, size) in enumerate(zip(covariance.names, steps, strict=True)):
         if name in fitted and size > 0.0:

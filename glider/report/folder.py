@@ -8,8 +8,6 @@ import platform
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 from glider.files.schema import json_text
 from glider.files.writing import replace_files
 from glider.physics.effects import ANGLE_SIGN
@@ -114,8 +112,7 @@ def origin_of_rival(result: Result, rival: Alternative) -> Origin:
     """The same of a model that is nearly as likely."""
     errors = {}
     if known := rival.covariance:
-        stds = np.sqrt(np.diag(known.matrix)).tolist()
-        errors = dict(zip(known.names, stds, strict=True))
+        errors = dict(zip(known.names, known.std.tolist(), strict=True))
     share, chosen = (a.probability for a in (rival, result.alternatives[0]))
     note = (
         f"a rival of model.yaml: of the explanations that are nearly as likely, its "

@@ -366,12 +366,13 @@ def test_rivals_are_models_of_their_own(tmp_path, quick):
     known = Covariance(names=("mass",), matrix=np.array([[4e-6]]))
     alternatives = (
         Alternative(probability=0.7, model=result.model, covariance=None),
-        Alternative(probability=0.2, model=rival, covariance=known),
         Alternative(probability=0.1, model=GliderModel(), covariance=None),
+        Alternative(probability=0.2, model=rival, covariance=known),
     )
     write_report(dataclasses.replace(result, alternatives=alternatives), tmp_path)
     folder = tmp_path / "rivals"
-    (folder / "mine.yaml").write_text("mine")
+    for name in ("mine.yaml", "rival_1_mine.yaml"):
+        (folder / name).write_text("mine")
     first, second = folder / "rival_1.yaml", folder / "rival_2.yaml"
     assert GliderModel.load(first) == rival
     assert GliderModel.load(second) == GliderModel()
@@ -381,7 +382,21 @@ def test_rivals_are_models_of_their_own(tmp_path, quick):
     assert "mass: 0.002" in text
     assert "its probability is 0.2, that of model.yaml 0.7" in " ".join(text.split())
     write_report(dataclasses.replace(result, alternatives=alternatives[:2]), tmp_path)
-    assert {path.name for path in folder.iterdir()} == {"mine.yaml", "rival_1.yaml"}
+    mine = {"mine.yaml", "rival_1_mine.yaml"}
+    assert {path.name for path in folder.iterdir()} == mine | {"rival_1.yaml"}
+
+
+def test_a_file_in_the_place_of_a_folder_leaves_the_report_as_it_was(tmp_path, quick):
+    write_report(make_result(verdict="no_effect"), tmp_path)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir() if p.is_file()}
+    (tmp_path / "rivals").write_text("mine")
+    other = Alternative(probability=0.4, model=GliderModel(), covariance=None)
+    chosen = dataclasses.replace(other, probability=0.6)
+    result = dataclasses.replace(make_result(), alternatives=(chosen, other))
+    with pytest.raises(OSError, match="File exists"):
+        write_report(result, tmp_path)
+    assert {n: (tmp_path / n).read_bytes() for n in before} == before
+    assert (tmp_path / "rivals").read_text() == "mine"
 
 
 def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):

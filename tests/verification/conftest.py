@@ -5,6 +5,7 @@ import pytest
 from glider.paths import models_path
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof import check
+from tests.verification.clocked import make_clocked
 
 
 @pytest.fixture(scope="session")
@@ -17,6 +18,11 @@ def funnel():
 def proven():
     """The same with a remainder, of which it is proven that no flight leaves."""
     return load_funnel(models_path("funnels", "proven", "drawn.npz"))
+
+
+@pytest.fixture(scope="session")
+def clocked(proven):
+    return make_clocked(proven)
 
 
 @pytest.fixture(scope="session")

@@ -6,112 +6,31 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicHermiteSpline
 
 from glider.__main__ import main
-from glider.control.predictor import Hold, advance, policy_command, rates_of
+from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.confidence import glider_at
-from glider.physics.servo import STOPPING_TIME
-from glider.physics.state import ELEVATOR
 from glider.report.check_funnel import describe_flown
-from glider.verification.dynamics.nominal import evaluate, hermite_path, make_nominal
-from glider.verification.funnel.build import make_funnel
-from glider.verification.funnel.clock import (
-    BEND_ROOM,
-    bend_sizes,
-    command_errors,
-    effect_of_hold,
-    form_size,
-    undo_hold,
-    with_held_gains,
-)
-from glider.verification.funnel.funnel import (
-    Funnel,
-    funnel_policy,
-    load_funnel,
-    save_funnel,
-)
+from glider.verification.dynamics.nominal import evaluate, hermite_path
+from glider.verification.funnel.clock import bend_sizes, form_size
+from glider.verification.funnel.funnel import funnel_policy, load_funnel, save_funnel
 from glider.verification.funnel.growth import push_form
-from glider.verification.funnel.remainder import sample_remainder
-from glider.verification.funnel.servo_limits import steepest_gains
-from glider.verification.proof import check, flight_proof, held
+from glider.verification.proof import flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
-from glider.verification.proof.interval import at_time, centers_reach, make_interval
+from glider.verification.proof.interval import at_time, make_interval
 from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
-from glider.verification.proof.purpose import feedback_faults, push_faults
+from glider.verification.proof.purpose import push_faults
 from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
+from tests.verification.clocked import ERROR, PERIOD, WIND, changed, part
 from tests.verification.points import sphere_points
-from tests.verification.test_gliders import NAMES, allowed_by, among
-
-PERIOD, ERROR, WIND = 0.02, 0.05, 0.02
-
-
-@pytest.fixture(scope="module")
-def clocked(proven):
-    """A funnel of held commands along a shipped one's flight; not a certificate."""
-    policy = funnel_policy(proven)
-    nominal = make_nominal(proven.nominal.model, policy, 0.0045, PERIOD)
-    times, last = nominal.times, len(nominal.times) - 1
-    S = 2.0 * proven.shape(times)
-    for k in np.append(np.flatnonzero(np.diff(times) == 0.0), last):
-        first = nominal.starts[k]
-        toward = effect_of_hold(nominal, first, k) / PERIOD
-        undo_hold(nominal, first, k, steepest_gains(S[k], toward, 5.0, 40.0))
-    S[np.flatnonzero(np.diff(times) == 0.0)] *= 1.0 + 1e-9
-    holds = np.split(np.arange(last + 1), nominal.samples[1:])
-    slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
-
-    def along(values):
-        curve = CubicSpline(proven.nominal.times, values)
-        return np.maximum(curve(times), 0.0)
-
-    beta, focus = along(proven.beta), 0.0 * S
-    nominal = dataclasses.replace(nominal)
-    settings = dataclasses.replace(
-        proven.settings,
-        period=PERIOD,
-        elevator_gain=40.0,
-        command_error=ERROR,
-        wind=WIND,
-    )
-    rests = command_errors(nominal, S, np.arange(last + 1), settings, beta, focus)
-    return Funnel(
-        nominal=nominal,
-        S=S,
-        slopes=np.concatenate(slopes),
-        settings=settings,
-        grams=np.zeros((last + 1, proven.grams.shape[1])),
-        solver="none",
-        seconds=0.0,
-        beta=beta,
-        weights=along(proven.weights),
-        focus=focus,
-        push_weights=np.ones((last + 1, 2)),
-        errors=rests + BEND_ROOM * bend_sizes(S, nominal.bends),
-        rests=rests,
-    )
-
-
-def part(clocked, holds):
-    """The first holds of it."""
-    starts = clocked.nominal.samples
-    return clocked.between(0, starts[holds] - 1)
-
-
-def changed(funnel, name, where, factor=1.0, more=0.0):
-    """The same with one of its nominal's arrays changed at some times."""
-    values = getattr(funnel.nominal, name).copy()
-    values[where] = factor * values[where] + more
-    nominal = dataclasses.replace(funnel.nominal, **{name: values})
-    return dataclasses.replace(funnel, nominal=nominal)
 
 
 def lowered(funnel, name):
@@ -290,8 +209,8 @@ def test_the_error_grows_as_the_polynomials_say(clocked):
     given = B, line(nominal.gains), B.T @ interval.bends
     parts = held._rate_forms(interval, *given, known)
     found = np.zeros(len(z))
-    for degree, (part, sign) in enumerate(zip(parts, (1, 1, 1, -1), strict=True), 1):
-        form = part.at(Fraction(0)).to_float()[None]
+    for degree, (own, sign) in enumerate(zip(parts, (1, 1, 1, -1), strict=True), 1):
+        form = own.at(Fraction(0)).to_float()[None]
         found += sign * values_of(spread_form(form, 7, degree), z)[0]
     m, along = np.einsum("bi,ij,bj->b", e, M, e), K - 2.0 * e @ M
     G = nominal.push_slopes[0]
@@ -376,231 +295,6 @@ def test_a_clock_must_be_the_one_that_is_asked_for(clocked, proven):
     assert push_faults(clocked, (0.0, 0.0), PERIOD) == []
     [fault] = push_faults(proven, (0.0, 0.0), PERIOD)
     assert "at all times; expected a hold of 20 ms" in fault
-
-
-# ---------------------------------------------------------------------- sets of gliders
-
-
-@pytest.fixture(scope="module")
-def clocked_set(clocked):
-    """The same for a set of gliders; still not a certificate."""
-    funnel = among(clocked, allowed_by())
-    nominal, S, at = funnel.nominal, funnel.S, np.arange(len(funnel.S))
-    errors = np.tile([10.0, WIND], (len(S), 1))  # Of commands, more than there are.
-    given = sphere_points(300, 12), at, funnel.gliders, None, errors
-    beta = 1.1 * sample_remainder(nominal, S, *given)
-    rests = command_errors(nominal, S, at, funnel.settings, beta, funnel.focus)
-    errors = rests + BEND_ROOM * bend_sizes(S, nominal.bends)
-    return dataclasses.replace(funnel, beta=beta, rests=rests, errors=errors)
-
-
-def hold_flown(funnel, model, states, command, wind, first):
-    """Times of a hold, and states (B, n) at each, from one of the funnel's times on."""
-    times = funnel.nominal.times
-    which = np.flatnonzero(funnel.nominal.starts == first)
-    paths = [states]
-    for j in which[:-1]:
-        step = (times[j + 1] - times[j]) / 8
-        for _ in range(8):
-            states = advance(
-                lambda x, t: rates_of(model, x, command, wind), states, step
-            )
-        paths.append(states)
-    return [*zip(which, paths, strict=True)]
-
-
-def command_of(funnel, states, k):
-    """The feedback's command (B,) at one of the funnel's times."""
-    nominal = funnel.nominal
-    return nominal.inputs[k] - (states - nominal.states[k]) @ nominal.gains[k]
-
-
-def test_centers_of_held_commands_are_where_the_gliders_fly(clocked_set):
-    """To first order: what is left falls with the square of the deviation."""
-    nominal, center = clocked_set.nominal, clocked_set.gliders
-    starts = nominal.samples[:12]
-    delta = center.confidence.on_boundary(np.array([0.6, 0.8]))
-    lefts = []
-    for size in (0.0, 1.0, 0.5):
-        glider = glider_at(nominal.model, NAMES, size * delta)
-        states, off = nominal.states[:1], []
-        for first in starts:
-            command = command_of(clocked_set, states, first)
-            off += [*(command - nominal.inputs[first])]
-            off[-1] -= size * center.commands[first] @ delta
-            path = hold_flown(clocked_set, glider, states, command, None, first)
-            for k, states in path:
-                moved = states[0] - nominal.states[k]
-                off += [*(moved - size * center.shifts[k] @ delta)]
-        lefts.append(np.array(off))
-    whole, half = (np.abs(left - lefts[0]).max() for left in lefts[1:])
-    assert half == pytest.approx(0.25 * whole, rel=0.1)
-    assert whole < 0.05 * np.abs(center.shifts[starts] @ delta).max()
-    at = nominal.times[20:30:3]
-    found = center.at(at, np.tile(delta, (len(at), 1)))
-    np.testing.assert_allclose(found, center.shifts[20:30:3] @ delta)
-
-
-def test_held_flights_of_a_set_are_within_the_proven_error(clocked_set):
-    """From the boundaries about their centers, in steady wind, with errors."""
-    nominal, center, count = clocked_set.nominal, clocked_set.gliders, 100
-    turn, ratio, seen = np.arange(count), 0.0, 0
-    wind = WIND * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    samples = nominal.samples[[2, 8, 14, 20]]
-    for first, angle in zip(samples, (0.0, 2.0, 4.0, 5.0), strict=True):
-        delta = center.confidence.on_boundary(np.array([np.cos(angle), np.sin(angle)]))
-        glider = glider_at(nominal.model, NAMES, delta)
-        e = sphere_points(count, 7) @ to_ball(clocked_set.S[first])[1].T
-        states = nominal.states[first] + center.shifts[first] @ delta + e
-        held = command_of(clocked_set, states, first) + ERROR * np.sign(np.sin(turn))
-        inside = np.ones(count, dtype=bool)
-        for k, x in hold_flown(clocked_set, glider, states, held, wind, first):
-            e = x - nominal.states[k] - center.shifts[k] @ delta
-            inside &= np.einsum("bi,ij,bj->b", e, clocked_set.S[k], e) <= 1.0 + 1e-9
-            feedback = nominal.inputs[k] + center.commands[k] @ delta
-            off = (held - feedback + e @ nominal.gains[k])[inside]
-            rest = off - np.einsum("bi,ij,bj->b", e, nominal.bends[k], e)[inside]
-            ratio = max(ratio, np.abs(rest).max() / clocked_set.rests[k])
-            assert np.all(np.abs(rest) <= clocked_set.rests[k] + 1e-12)
-            assert np.all(np.abs(off) <= clocked_set.errors[k] + 1e-12)
-        seen += inside.sum()
-    assert ratio > 0.2 and seen > 20
-
-
-def test_held_commands_of_a_set_are_proven(clocked_set):
-    assert held_faults(part(clocked_set, 2)) == []
-
-
-def test_held_commands_of_a_set_may_have_no_rate_left(clocked_set):
-    """U δ counts when a command is computed."""
-    piece = part(clocked_set, 6)
-    last = piece.nominal.samples[-1]
-    piece = among(piece, allowed_by(1500.0))
-    assert held._keeps_rate(piece, 0)  # All gliders have the same launch.
-    assert held._keeps_rate(dataclasses.replace(piece, gliders=None), last)
-    assert not held._keeps_rate(piece, last)
-
-
-def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
-    k = clocked_set.nominal.samples[8] + 1
-    piece = clocked_set.between(k, k + 1)
-    allowed, (start, stop) = piece.gliders.confidence, piece.nominal.times
-    deltas = allowed.on_boundary(np.random.default_rng(3).normal(size=(300, 2)))
-    rate, bound = centers_reach(piece, exact(stop) - exact(start))
-    assert rate == pytest.approx(allowed.reach(piece.gliders.commands[0]))
-    found = [
-        np.abs(
-            piece.gliders.at(np.full(300, t), deltas)[:, ELEVATOR]
-            + STOPPING_TIME * deltas @ piece.gliders.commands[0]
-        ).max()
-        for t in np.linspace(start, stop, 20)
-    ]
-    assert 0.98 * bound < max(found) <= bound
-    np.testing.assert_array_equal(*piece.gliders.commands)
-
-
-def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
-    funnel = among(clocked, allowed_by(10.0))
-    nominal, center = funnel.nominal, funnel.gliders
-    genes = np.hstack([sphere_points(4, 7), np.tile([1.0, 0.0, 0.5, 1.0], (4, 1))])
-    turns, still = sphere_points(4, 2), FlownLoop(hold=Hold(period=PERIOD))
-    loop = dataclasses.replace(still, gliders=center.confidence)
-    ends = as_flown._flights(funnel, loop, np.hstack([genes, turns]))[2]
-    alone = as_flown._flights(funnel, still, genes)[2]
-    launches = nominal.states[0] + genes[:, :7] @ to_ball(funnel.S[0])[1].T
-    for found, own, turn, states in zip(ends, alone, turns, launches, strict=True):
-        delta = center.confidence.on_boundary(turn)
-        glider, path = glider_at(nominal.model, NAMES, delta), [(0, states[None])]
-        for first in nominal.samples:
-            given = path[-1][1], command_of(funnel, path[-1][1], first)
-            path = hold_flown(funnel, glider, *given, None, first)
-        e = path[-1][1][0] - nominal.states[-1] - center.shifts[-1] @ delta
-        assert found == pytest.approx(e @ funnel.S[-1] @ e, rel=1e-3)
-        assert abs(found / own - 1.0) > 0.01
-
-
-# ------------------------------------------------------------ another glider's feedback
-
-
-@pytest.fixture(scope="module")
-def heavier(clocked):
-    """The sets of a heavier glider under the same commands; not a certificate."""
-    model = clocked.nominal.model
-    parameters = dataclasses.replace(model.parameters, mass=1.002 * 0.08)
-    model = dataclasses.replace(model, parameters=parameters)
-    policy = funnel_policy(clocked, held=True)
-    nominal = with_held_gains(make_nominal(model, policy, 0.0045, PERIOD))
-    return dataclasses.replace(clocked, nominal=nominal)
-
-
-def test_a_feedback_of_held_commands_is_that_of_its_samples(clocked):
-    starts = clocked.nominal.samples
-    inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
-    other = changed(changed(clocked, "gains", inner, 0.3), "bends", slice(None), -2.0)
-    again = with_held_gains(other.nominal)
-    np.testing.assert_allclose(again.gains, clocked.nominal.gains, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(again.bends, clocked.nominal.bends, rtol=1e-7, atol=1e-7)
-
-
-def test_another_glider_flies_under_the_same_commands(clocked, heavier):
-    assert feedback_faults(heavier, clocked) == []
-    assert held_faults(part(heavier, 2)) == []
-    apart = np.abs(heavier.nominal.states - clocked.nominal.states).max(axis=0)
-    assert apart[1] > 1e-3  # It falls lower, and is commanded another elevator.
-    at = clocked.nominal.samples
-    assert np.abs(heavier.nominal.inputs - clocked.nominal.inputs)[at].max() > 1e-2
-    states = heavier.nominal.states[at] + 0.01 * sphere_points(len(at), 7)
-    commands = [
-        policy_command(funnel_policy(f, held=True), f.nominal.times[at], states)
-        for f in (clocked, heavier)
-    ]
-    np.testing.assert_allclose(*commands, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("forged", "words"),
-    [
-        (lambda f: changed(f, "gains", 6, 1.0, 1e-3), "differs by"),
-        (lambda f: changed(f, "inputs", 6, 1.0, 1e-5), "differs by 1e-05 rad/s"),
-        (lambda f: changed(f, "times", slice(6, None), 1.0, 1e-3), "at other times"),
-        (lambda f: f.between(0, 11), "at other times"),
-        (
-            lambda f: dataclasses.replace(
-                f, settings=dataclasses.replace(f.settings, period=0.0)
-            ),
-            "for the same period",
-        ),
-    ],
-)
-def test_other_commands_are_seen(clocked, heavier, forged, words):
-    for pair in ((heavier, forged(clocked)), (forged(heavier), clocked)):
-        [fault] = feedback_faults(*pair)
-        assert words in fault
-
-
-def test_a_policy_is_kept_only_if_it_is_of_held_commands(clocked):
-    settings = dataclasses.replace(clocked.settings, elevator_gain=0.0)
-    policy = funnel_policy(clocked, held=True)
-    other = dataclasses.replace(policy, period=0.01)
-    with pytest.raises(InputError, match=r"policy's period of commands is 0\.01"):
-        make_funnel(clocked.nominal.model, other, settings)
-
-
-def test_the_command_compares_feedbacks(monkeypatch, capsys):
-    monkeypatch.setattr(check, "held_faults", lambda *a: [])  # It takes half a minute.
-    names = "held_hook.npz", "held_head_wind_hook.npz"
-    own, other = (str(models_path("funnels", name)) for name in names)
-    command = ["check-funnel", own, "--every", "300", "--feedback-of"]
-    assert main([*command, own]) == 0
-    words = f"Its commands are those of the feedback of {own}, funnel "
-    assert words + load_funnel(own).sha256[:16] in capsys.readouterr().out
-    asked = [*command, own, "--prove", "--latency", "0.01"]
-    assert main(asked) == 2
-    said = " ".join(capsys.readouterr().err.split())
-    assert "--feedback-of is not for a predictor" in said
-    assert main([*command, other]) == 1
-    out = capsys.readouterr().out
-    assert "The other feedback" in out and "Its commands are" not in out
 
 
 # ----------------------------------------------------------------------------- flights

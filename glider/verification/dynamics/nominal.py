@@ -125,6 +125,11 @@ class Nominal:
         arrays = {name: getattr(self, name)[which] for name in ARRAYS}
         return dataclasses.replace(self, **arrays)
 
+    def writable(self) -> "Nominal":
+        """Returns the flight with gains and bends of its own, to be written."""
+        own = {name: getattr(self, name).copy() for name in ("gains", "bends")}
+        return dataclasses.replace(self, **own)
+
     def between(self, share: float) -> "Nominal":
         """Returns the flight at a share of each interval that lasts, 0 to 1."""
         arrays: dict[str, Any]

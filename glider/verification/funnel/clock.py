@@ -68,8 +68,7 @@ def with_held_gains(nominal: Nominal) -> Nominal:
 
     Of its gains, those at the samples count.
     """
-    arrays = {name: getattr(nominal, name).copy() for name in ("gains", "bends")}
-    nominal = dataclasses.replace(nominal, **arrays)
+    nominal = nominal.writable()
     for first in nominal.samples:
         gains, last = nominal.gains[first], np.flatnonzero(nominal.starts == first)[-1]
         for move, push in _steps(nominal, first, last):

@@ -143,8 +143,7 @@ class ShapeFlow:
         """Takes a task; where it may steer, without a center, it makes the feedback."""
         nominal = task.nominal
         if steer:
-            own = {name: getattr(nominal, name).copy() for name in ("gains", "bends")}
-            nominal = dataclasses.replace(nominal, **own)
+            nominal = nominal.writable()
             task = dataclasses.replace(task, nominal=nominal)
         self._task, self.nominal, self._sizes = task, nominal, task.sizes
         self._bounds = servo_limits.servo_bounds(nominal, task.settings, task.center)

@@ -121,11 +121,10 @@ def fly_loop(
         worst = np.where(levels > ESCAPE_LEVEL, levels, later)
         best = genes[np.argsort(-worst)[: max(1, samples // 25)]]
         moved = np.repeat(best, 5, axis=0)
-        noise = rng.normal(size=moved.shape)
+        noise = rng.normal(size=(len(moved), moved.shape[1] - 1))
         noise *= CLIMB_WIDTH * CLIMB_NARROWING**turn
         noise[:, :n] /= math.sqrt(n)
-        noise[:, n + 3] = 0.0
-        moved += noise
+        moved += np.insert(noise, n + 3, 0.0, axis=1)  # A wind stays steady or not.
         for axes in (np.s_[:, :n], np.s_[:, n : n + 2], np.s_[:, n + 4 :]):
             moved[axes] = normalized(moved[axes])
         moved[:, n + 2] %= 1.0
