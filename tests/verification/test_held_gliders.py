@@ -127,6 +127,16 @@ def test_held_commands_of_a_set_are_proven(clocked_set):
     assert held_faults(part(clocked_set, 2)) == []
 
 
+def test_what_the_centers_lack_to_be_flights_counts(clocked_set):
+    """Here their elevator does not follow their command."""
+    piece = among(part(clocked_set, 4), allowed_by(100.0))
+    assert held_faults(piece) == []
+    commands = 3.0 * piece.gliders.commands
+    gliders = dataclasses.replace(piece.gliders, commands=commands)
+    [fault] = held_faults(dataclasses.replace(piece, gliders=gliders))
+    assert "The held command may be" in fault
+
+
 def test_held_commands_of_a_set_may_have_no_rate_left(clocked_set):
     """U δ counts when a command is computed."""
     piece = part(clocked_set, 6)
@@ -219,6 +229,7 @@ def test_another_glider_flies_under_the_same_commands(clocked, heavier):
         (lambda f: changed(f, "gains", 6, 1.0, 1e-3), "differs by"),
         (lambda f: changed(f, "inputs", 6, 1.0, 1e-5), "differs by 1e-05 rad/s"),
         (lambda f: changed(f, "times", slice(6, None), 1.0, 1e-3), "at other times"),
+        (lambda f: changed(f, "times", slice(None), 1.001), "at other times"),
         (lambda f: f.between(0, 11), "at other times"),
         (
             lambda f: dataclasses.replace(
