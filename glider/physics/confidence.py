@@ -174,6 +174,11 @@ class ConfidenceSet:
         """Number r of its dimensions; 0 where all is known."""
         return self.factor.shape[1]
 
+    @property
+    def dual(self) -> int:
+        """Order of the norm |a| that is max a·w."""
+        return 1 if self.shape == "box" else 2
+
     def on_boundary(self, directions: np.ndarray) -> np.ndarray:
         """Returns δ (..., m) on the boundary, towards directions (..., r) of w."""
         size = np.maximum(self._size(directions), 1e-300)
@@ -208,10 +213,7 @@ class ConfidenceSet:
 
     def reach(self, directions: np.ndarray) -> np.ndarray:
         """Returns max aᵀ δ over the set (...) for directions a (..., m)."""
-        along = directions @ self.factor
-        if self.shape == "box":
-            return np.abs(along).sum(axis=-1)
-        return np.linalg.norm(along, axis=-1)
+        return np.linalg.norm(directions @ self.factor, self.dual, axis=-1)
 
     def farthest(self, matrix: np.ndarray) -> float:
         """Returns a bound of |B w| over all w, for a matrix B (k, r)."""
@@ -226,6 +228,11 @@ class ConfidenceSet:
             np.eye(len(self.names))
         )
         return np.all(in_span, axis=-1) & (self._size(w) <= 1.0 + 1e-9)
+
+    def is_same(self, other: "ConfidenceSet") -> bool:
+        """Determines whether another set is this one, to the last digit."""
+        same = self.names == other.names and self.shape == other.shape
+        return same and np.array_equal(self.factor, other.factor)
 
     def covers(self, other: "ConfidenceSet") -> bool:
         """Determines whether it contains another of its shape, but for rounding.
@@ -248,6 +255,10 @@ class ConfidenceSet:
             return bool(np.all(np.subtract(*widths) >= -1e-9))
         left = mine @ mine.T - theirs @ theirs.T
         return bool(np.linalg.eigvalsh(left).min(initial=0.0) >= -1e-9)
+
+
+ALONE = ConfidenceSet(covariance=Covariance(names=(), matrix=np.zeros((0, 0))))
+"""The set of one glider, of which nothing deviates."""
 
 
 def make_confidence(

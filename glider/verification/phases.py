@@ -7,6 +7,7 @@ import numpy as np
 
 from glider.control.tvlqr import TrackingPolicy, still_policy
 from glider.errors import InputError, expect
+from glider.physics.confidence import ConfidenceSet
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress, silent
@@ -31,6 +32,7 @@ def make_phases(
     settings: FunnelSettings,
     *,
     latency: float,
+    confidence: ConfidenceSet | None = None,
     count: int = 4,
     sizes: tuple[float, ...] = SIZES,
     progress: Progress = silent,
@@ -43,6 +45,7 @@ def make_phases(
         problem: launch, wire and hook, which is to accept every state of the last sets.
         settings: of the funnels of held commands; `period` must not be 0.
         latency: time from the clock's sample to its command, which is predicted [s].
+        confidence: set of gliders that they are made for, if not for the model alone.
         count: number of phases that have a funnel of their own.
         sizes: ratio of the half-axes of the launch funnel's last set.
         progress: called with the current stage.
@@ -65,14 +68,22 @@ def make_phases(
         progress(f"the funnel of phase {k + 1} of {count}")
         start = path(latency + (k + 0.5) * bin_).tolist()
         policy = policy_of(dataclasses.replace(problem, launch=start))
-        made = make_funnel(model, policy, settings, hook_of=problem, progress=progress)
-        rests.append(made)
+        rests.append(
+            make_funnel(
+                model,
+                policy,
+                settings,
+                hook_of=problem,
+                confidence=confidence,
+                progress=progress,
+            )
+        )
     still = dataclasses.replace(settings, period=0.0, elevator_gain=0.0, floor=1.0)
     own = dataclasses.replace(still, step=0.5 * bin_, sizes=sizes, launch_sizes=None)
-    return _launch_funnel(model, waiting, own, rests, progress), rests
+    return _launch_funnel(model, waiting, own, rests, confidence, progress), rests
 
 
-def _launch_funnel(model, waiting, settings, rests, progress):
+def _launch_funnel(model, waiting, settings, rests, confidence, progress):
     """Returns the largest funnel of a flight without commands that leads to others."""
     sizes, axes = settings.sizes, np.diag(settings.sizes)
     widest = [np.linalg.norm(axes @ own.S[0] @ axes, 2) for own in rests]
@@ -80,7 +91,9 @@ def _launch_funnel(model, waiting, settings, rests, progress):
     for _ in range(ROUNDS):
         goal = tuple((scale * np.array(sizes)).tolist())
         shaped = dataclasses.replace(settings, goal=goal)
-        found = make_funnel(model, waiting, shaped, progress=progress)
+        found = make_funnel(
+            model, waiting, shaped, confidence=confidence, progress=progress
+        )
         if not proof.phase_faults(found, rests):
             return found
         progress("launch funnel: its size")

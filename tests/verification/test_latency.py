@@ -49,7 +49,7 @@ def rest():
 
 @pytest.fixture(scope="module")
 def slopes(rest):
-    return Slopes(rest.nominal.model)
+    return Slopes(rest)
 
 
 KINDS = {"plate": ((), ()), "lag": ((ATTACHED_LIFT, SERVO_LAG), (3.0, 0.3, 0.05, 0.04))}
@@ -130,16 +130,16 @@ def test_slopes_in_the_sets_are_within_their_bounds(rest, slopes, hold):
     assert np.all(wider >= bounds - 1e-8) and np.any(wider[far] > 1.02 * bounds[far])
 
 
-def flown_apart(model, states, command, latency, wind, error):
-    """Returns how far flights end from what is predicted, (B, n)."""
+def flown_apart(model, states, command, latency, wind, error, theta=None):
+    """Returns how far flights end from what is predicted, (B, n); by other numbers."""
     count = 8
     ends = []
-    for air, more in ((np.zeros_like(wind), 0.0 * error), (wind, error)):
+    for air, more, own in ((0.0 * wind, 0.0 * error, None), (wind, error, theta)):
         now = states
         for k in range(count):
             now = advance(
-                lambda x, t, k=k, a=air, u=more: rates_of(
-                    model, x, command + u[k], a[k]
+                lambda x, t, k=k, a=air, u=more, own=own: rates_of(
+                    model, x, command + u[k], a[k], own
                 ),
                 now,
                 latency / count,

@@ -10,7 +10,7 @@ from glider.control.tvlqr import TrackingPolicy, linear_policy
 from glider.errors import InputError
 from glider.files import schema
 from glider.files.writing import replace_file
-from glider.physics.confidence import ConfidenceSet, make_confidence
+from glider.physics.confidence import ALONE, ConfidenceSet, make_confidence
 from glider.physics.covariance import Covariance, check_names
 from glider.physics.model import GliderModel, model_text, parse_model
 from glider.planning.plan import Plan
@@ -35,6 +35,11 @@ class Funnel(BoundarySets):
     def num_states(self) -> int:
         """Number of states n, the effects' own included."""
         return self.S.shape[1]
+
+    @property
+    def allowed(self) -> ConfidenceSet:
+        """Set of gliders that it is proven for."""
+        return self.gliders.confidence if self.gliders else ALONE
 
     def between(self, first: int, last: int) -> "Funnel":
         """Returns the funnel from one of its times to another, given their indices."""

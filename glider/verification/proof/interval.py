@@ -299,8 +299,7 @@ def centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
 def exact_reach(confidence: ConfidenceSet, along: Exact) -> float:
     """Returns a bound of aᵀ δ over a set and all times, for a (m,), rounded up."""
     sizes = np.abs((along @ exact(confidence.factor)).bernstein()).max(axis=0)
-    is_round = confidence.shape == "ellipsoid"
-    return float((np.linalg.norm(sizes) if is_round else sizes.sum()) * WIDER)
+    return float(np.linalg.norm(sizes, confidence.dual) * WIDER)
 
 
 def gliders_defect(piece: Funnel) -> np.ndarray:
@@ -326,12 +325,11 @@ def acts_elsewhere(piece: Funnel) -> str:
     That is in an otherwise linear rate, or on a state that R does not depend on.
     """
     model, n = piece.nominal.model, piece.num_states
-    deviating = piece.gliders.confidence.names if piece.gliders else ()
     which, rows = nonlinear_parts(model)
     is_windy = piece.settings.wind > 0.0
     for fault, names, in_wind in (
         ("the wind acts where the remainder leaves it out", (), is_windy),
-        ("a linear rate depends on a number that deviates", deviating, False),
+        ("a linear rate depends on a number that deviates", piece.allowed.names, False),
     ):
         rates = rate_dependences(model, names, in_wind)
         linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)

@@ -1,14 +1,14 @@
 """A latency that is predicted: how far the prediction, and so its command, may be off.
 
 docs/certificate.md has the proof. In a wind w and with errors d of the commands on
-their way, the flight is δ = x - x̂ from its prediction,
-    δ̇ = J δ + G (d, w),  J = ∂f/∂x, G = ∂f/∂(u, w) between them,
-    λ(0)ᵀ δ(t) = ∫₀^ℓ (Jᵀ λ - dλ/dσ)ᵀ δ + λᵀ G (d, w) dσ
+their way, a glider whose numbers deviate by A v is δ = x - x̂ from its prediction,
+    δ̇ = J δ + G (d, w) + H v,  J = ∂f/∂x, G = ∂f/∂(u, w), H = ∂f/∂v between them,
+    λ(0)ᵀ δ(t) = ∫₀^ℓ (Jᵀ λ - dλ/dσ)ᵀ δ + λᵀ (G (d, w) + H v) dσ
 for any λ of the time σ until t. Here λ(0) is a gain K, or a row of a root of S. |δ| is
-bounded state by state, and `slopes` bounds J, G and both parts of the integral on the
-sets of an interval and on all states that near. From the servo's stops the sets keep
-that much more away, so that no prediction meets them; a command that is computed keeps
-the limit of rate.
+bounded state by state, and `slopes` bounds J, G, H and both parts of the integral on
+the sets of an interval and on all states that near. From the servo's stops the sets
+keep that much more away, so that no prediction meets them; a command that is computed
+keeps the limit of rate.
 """
 
 import dataclasses
@@ -60,12 +60,12 @@ class Prediction:
     def error_left(self, slopes: Slopes, rooms: tuple[float, ...]) -> float:
         """Returns what predictions leave of the command's error [rad/s]."""
         rows = np.vstack([self.gains, self.root])
-        wind, error = _missed(self, slopes, rows, rooms).T
-        lefts = [(self.bound - wind[0]) / (1.0 + error[0])]
+        pushed, error = _missed(self, slopes, rows, rooms).T
+        lefts = [(self.bound - pushed[0]) / (1.0 + error[0])]
         lefts.append(self.window.settings.command_error)
         if len(self.root):
-            of_wind, of_error = (np.linalg.norm(of[1:]) for of in (wind, error))
-            lefts.append((PREDICTED - of_wind) / of_error)
+            of_rest, of_error = (np.linalg.norm(of[1:]) for of in (pushed, error))
+            lefts.append((PREDICTED - of_rest) / of_error)
         return float(np.min(np.where(np.isnan(lefts), -np.inf, lefts)))
 
 
@@ -91,8 +91,6 @@ def check_latency(funnel: Funnel, latency: float) -> None:
             "--latency is proven of held commands; the funnel is for a feedback that "
             "acts at all times."
         )
-    if funnel.gliders:
-        raise InputError("--latency is proven of one glider; the funnel is of a set.")
     words = f"0 or more, and less than the funnel's period, {period:g} s"
     expect(0.0 <= latency < period, "the latency", latency, words)
     duration, words = float(funnel.nominal.times[-1]), "more than one command's"
@@ -164,11 +162,11 @@ def prove_latency(
     """Bounds what predictions leave of the funnels' `command_error` to other errors.
 
     Args:
-        predictions: one or more, of one glider and one latency.
+        predictions: one or more, of one set of gliders and one latency.
         least: what has to be left [rad/s].
         workers: processes; as many as there are cores if -1.
     """
-    slopes, lefts = Slopes(predictions[0].window.nominal.model), list[float]()
+    slopes, lefts = Slopes(predictions[0].window), list[float]()
     tasks = (joblib.delayed(own.error_left)(slopes, COARSE) for own in predictions)
     for left in joblib.Parallel(n_jobs=workers, return_as="generator")(tasks):
         lefts.append(left)
@@ -183,18 +181,18 @@ def prove_latency(
 
 @np.errstate(all="ignore")  # What is infinite is bounded by infinity.
 def _missed(prediction, slopes, directions, rooms):
-    """Returns bounds (R, 2) of |λᵀ δ|: in the funnel's wind, and per rad/s of error.
+    """Returns bounds (R, 2) of |λᵀ δ|: without errors, and per rad/s of error.
 
     λ are directions (R, n); bounds are infinite where nothing is proven.
     """
     window, duration = prediction.window, prediction.latency / PARTS
-    pushes = np.array([window.settings.wind, window.settings.command_error])
     near, flows = np.zeros(window.num_states), window.nominal.flows
     nothing = np.full((len(directions), 2), np.inf)
     for _ in range(TURNS):
         enclosed = [NearSets(slopes, window.between(k, k + 1), near) for k in flows]
         sizes = np.max([part.sizes(rooms) for part in enclosed], axis=0)
         apart = [_apart(sizes, duration * (PARTS - k)) for k in range(PARTS)]
+        pushes = enclosed[0].pushes
         farthest = apart[0] @ pushes
         if np.all(farthest <= near):
             break
@@ -204,7 +202,7 @@ def _missed(prediction, slopes, directions, rooms):
     else:
         return nothing
     step = scipy.linalg.expm(duration * linear_part(window.nominal.open_loop).mean(0))
-    first, total = directions, np.zeros((len(directions), 2))
+    first, total = directions, np.zeros((len(directions), len(pushes)))
     for k, away in enumerate(apart):
         last = first @ step
         begins = prediction.ends[0] - (k + 1) * duration
@@ -216,11 +214,12 @@ def _missed(prediction, slopes, directions, rooms):
         ]
         total += np.max(rates, axis=0) * (duration * WIDER)
         first = last
-    return total * [pushes[0], 1.0]
+    others = np.delete(total * pushes, 1, axis=1).sum(axis=1)
+    return np.column_stack([others, total[:, 1]])
 
 
 def _apart(sizes, latency):
-    """Returns bounds of |δ| (n, 2), by pushes of 1, given those of J and G."""
+    """Returns bounds of |δ| (n, P), by pushes of 1, given those of J, G and H."""
     J, term = np.split(latency * sizes, [len(sizes)], axis=1)
     total = term
     for k in range(2, TERMS + 2):

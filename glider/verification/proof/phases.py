@@ -9,7 +9,9 @@ Its set at t₁, x₀ + e with eᵀ S e <= 1, is in that inlet, of center c and 
 with d = x₀ - c, for some λ >= 0,
      λ S - S_j     -S_j d
      -dᵀ S_j       LEVEL - λ - dᵀ S_j d
-is positive definite: LEVEL - (d + e)ᵀ S_j (d + e) > λ (1 - eᵀ S e) >= 0.
+is positive definite: LEVEL - (d + e)ᵀ S_j (d + e) > λ (1 - eᵀ S e) >= 0. The center of
+a set's glider has moved by X δ: where √((X δ)ᵀ S_j X δ) <= ρ, LEVEL - 2 ρ is in its
+place.
 
 A loop chooses the funnel i in which the predicted state x̂ has the least V. √V_k(x̂) is
 within PREDICTED of √V_k(x), for all k (`glider.verification.proof.latency`). Then
@@ -69,8 +71,8 @@ def phase_faults(
     for own in rests:
         if faults := model_faults(own, nominal.model):
             return faults
-    if any(own.gliders for own in (launch, *rests)):
-        return ["A funnel is of a set of gliders; expected one glider for any phase."]
+    if not all(own.allowed.is_same(launch.allowed) for own in rests):
+        return ["The phases' funnels are of different sets of gliders; expected one."]
     if periods[0] == 0.0 or len(periods) > 1:
         found = ", ".join(f"{1e3 * period:g}" for period in periods)
         words = f"The phases' funnels are for commands held for {found} ms; expected "
@@ -147,24 +149,35 @@ def is_inside(piece: Funnel, rest: Funnel) -> bool:
         S, _ = hermite(piece.S, piece.slopes, last - first)
         path, _ = hermite(nominal.states, nominal.slopes, last - first)
         away, inlet = path - exact(rest.nominal.states[0]), exact(rest.S[0])
-        multiplier = rounded(_multiplier(S, away, rest.S[0]), MULTIPLIER_BITS)
+        level = LEVEL - 2.0 * _centers_reach(piece, rest.S[0])
+        multiplier = rounded(_multiplier(S, away, rest.S[0], level), MULTIPLIER_BITS)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return False
     own, one = exact(np.eye(n, n + 1)), exact(np.eye(n + 1)[[n]])
     reach = own + away[:, None] @ one
     left = (own.T @ S @ own - one.T @ one) * multiplier
-    level = one.T @ one * exact(LEVEL)
-    return stays_definite(left + level - reach.T @ inlet @ reach)
+    left = left + one.T @ one * exact(level) - reach.T @ inlet @ reach
+    return stays_definite(left)
 
 
-def _multiplier(S, away, inlet):
+def _centers_reach(piece, inlet):
+    """Returns how far a set's centers move in an interval, as √V in another inlet."""
+    if (gliders := piece.gliders) is None:
+        return 0.0
+    step = exact(piece.nominal.times[1]) - exact(piece.nominal.times[0])
+    X, _ = hermite(gliders.shifts, gliders.slopes, step)
+    moved = np.linalg.cholesky(inlet).T @ X.bernstein() @ piece.allowed.factor
+    return max(map(piece.allowed.farthest, moved))
+
+
+def _multiplier(S, away, inlet, level):
     """Returns the λ that leaves most at both ends and in the middle, nearly."""
     n, R = len(inlet), np.linalg.cholesky(inlet).T
     R_inv, one = np.linalg.inv(R), np.diag([0.0] * n + [1.0])
     sets, rests = [], []
     for share in (Fraction(0), Fraction(1, 2), Fraction(1)):
         reach = np.hstack([np.eye(n), R @ away.at(share).to_float()[:, None]])
-        rests.append(LEVEL * one - reach.T @ reach)
+        rests.append(level * one - reach.T @ reach)
         sets.append(np.pad(R_inv.T @ S.at(share).to_float() @ R_inv, (0, 1)) - one)
 
     def lacking(multiplier):

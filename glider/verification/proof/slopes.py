@@ -1,15 +1,17 @@
 """Slopes of a glider's dynamics, bounded over the sets of an interval.
 
-Taylor models on boxes of a ball that covers the sets bound ∂f/∂(x, u, w). A bound is
-first guessed by samples and then proven.
+Taylor models on boxes of a ball that covers the sets bound ∂f/∂(x, u, w), and ∂f/∂v of
+gliders whose numbers deviate by A v. A bound is first guessed by samples and then
+proven.
 """
 
 import dataclasses
 
 import numpy as np
+import scipy.linalg
 
 from glider.compiled.taylor import INPUT, ROUNDING, WIDER
-from glider.physics.model import GliderModel
+from glider.physics.confidence import theta_at
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.jets import Slope, monomials
@@ -25,6 +27,7 @@ from glider.verification.proof.boxes import excess_in_balls, run_on_boxes
 from glider.verification.proof.interval import (
     acts_elsewhere,
     covers,
+    gliders_path,
     keeps_servo,
     make_interval,
     stays_definite,
@@ -43,25 +46,29 @@ LEAST, BUDGET = 1e-9, 10_000
 
 
 class Slopes:
-    """∂f/∂(x, u, w) of a glider, as operations on Taylor models.
+    """∂f/∂(x, u, w, v) of a funnel's gliders, as operations on Taylor models.
 
     Boxes are of v in the ball that covers sets, the command's error, the wind in a
     ball, the time of a line of λ, and s of an interval.
     """
 
-    def __init__(self, model: GliderModel):
-        """Records how they are computed, and Jᵀ λ - dλ/dσ and λᵀ G of a line."""
+    def __init__(self, funnel: Funnel):
+        """Records how they are computed, and Jᵀ λ - dλ/dσ and λᵀ (G, H) of a line."""
+        model, self.num_states = funnel.nominal.model, funnel.num_states
+        n = self.num_states
         self.which, _ = nonlinear_parts(model)
-        n, m = model.num_states, len(self.which)
+        self.allowed, m = funnel.allowed, len(self.which)
+        names, A = self.allowed.names, self.allowed.factor
         self.table = monomials(m + 5, DEGREE)
         self.balls = slice(m), slice(m + 1, m + 3)
         recording = Recording(self.table)
-        inputs = [recording.add(INPUT, i) for i in range(3 * n + 3)]
-        zero, lines, changes = inputs[0] * 0.0, inputs[n + 3 : -n], inputs[-n:]
-        unit = np.eye(n + 3).tolist()
+        inputs = [recording.add(INPUT, i) for i in range(3 * n + 3 + len(names))]
+        zero, lines, changes = inputs[0] * 0.0, inputs[-2 * n : -n], inputs[-n:]
+        unit = scipy.linalg.block_diag(np.eye(n + 3), A).tolist()
         own = [Slope(x, tuple(row)) for x, row in zip(inputs, unit, strict=False)]
-        rates = open_loop_rates(model, own[:n], own[n], wind=own[n + 1 :])
-        J = [(Slope(zero, (0.0,) * (n + 3)) + rate).slopes for rate in rates]
+        theta = theta_at(model, names, own[n + 3 :])
+        rates = open_loop_rates(model, own[:n], own[n], theta, own[n + 1 : n + 3])
+        J = [(Slope(zero, (0.0,) * len(unit[0])) + rate).slopes for rate in rates]
         pulls = [
             sum((line * slope for line, slope in zip(lines, column, strict=True)), zero)
             for column in zip(*J, strict=True)
@@ -80,8 +87,9 @@ class NearSets:
         """Covers those of a funnel of two times, and what is as near as `near` (n,)."""
         nominal, n, m = part.nominal, part.num_states, len(slopes.which)
         self.first, self.last = nominal.times
-        self._slopes = slopes
-        self._pushes = np.array([part.settings.wind, part.settings.command_error])
+        self._slopes, allowed = slopes, part.allowed
+        bounds = part.settings.wind, part.settings.command_error, 1.0
+        self.pushes = np.array(bounds if allowed.names else bounds[:2])
         ahead = part.settings.command_error + near[ELEVATOR] / STOPPING_TIME
         wider = dataclasses.replace(part, errors=part.errors + ahead)
         interval, place = make_interval(wider), slopes.table.place
@@ -90,45 +98,48 @@ class NearSets:
         self._time = [place(j * unit[-1]) for j in range(DEGREE + 1)]
         self._line = place(unit[-2])
         curve, _ = hermite_powers(nominal.times, nominal.states, nominal.slopes)
-        found = np.zeros((n + 3, len(slopes.table.degrees)))
+        found = np.zeros((n + 3 + len(allowed.names), len(slopes.table.degrees)))
         found[:n, self._time] = curve[:, : DEGREE + 1]
         found[n, self._time[:2]] = line_powers(nominal.inputs)
         found[slopes.which, 1 : m + 1] = basis
         found[n, m + 1] = wider.errors.max()
         found[[n + 1, n + 2], [m + 2, m + 3]] = part.settings.wind
         self._polynomials = found
-        self._lacks = np.append(near, np.zeros(3))
-        self._lacks[:n] += np.abs(curve[:, DEGREE + 1 :]).sum(axis=1) * WIDER
+        # Centers and numbers need not be of the same v: states are between two flights.
+        centers = np.abs(gliders_path(part)[0]).sum(axis=(1, 2))
+        numbers = allowed.reach(np.eye(len(allowed.names)))
+        self._lacks = np.concatenate([centers, np.zeros(2), numbers]) * WIDER
+        self._lacks[:n] += near + np.abs(curve[:, DEGREE + 1 :]).sum(axis=1) * WIDER
         proven = stays_definite(interval.S) and keeps_servo(interval)
-        if not (proven and covers(interval, basis)) or acts_elsewhere(part):
+        proven = proven and covers(interval, basis) and not acts_elsewhere(part)
+        if not (proven and allowed.is_same(slopes.allowed)):
             self._lacks[:] = np.inf
 
     def sizes(self, rooms: tuple[float, ...]) -> np.ndarray:
-        """Returns bounds (n, n + 2) of |J|, and of |G| by wind and error of 1."""
-        n = len(self._polynomials) - 3
+        """Returns bounds (n, n + P) of |J|, and of |(G, H)| by P `pushes` of 1."""
+        n = self._slopes.num_states
         lines = np.zeros((1, 2 * n, self._polynomials.shape[1]))
-        found = self._bounded(self._slopes.of_states, lines, rooms)
-        return found.reshape(n, n + 2)
+        return self._bounded(self._slopes.of_states, lines, rooms).reshape(n, -1)
 
     def pulls(self, first, last, duration, apart, rooms):
-        """Returns bounds (R, 2) of d(λᵀ δ)/dt, by a wind and a command's error of 1.
+        """Returns bounds (R, P) of d(λᵀ δ)/dt, by P `pushes` of 1.
 
         Args:
             first, last: ends (R, n) of lines λ of some duration [s].
-            apart: bounds of |δ| (n, 2) by these pushes.
+            apart: bounds of |δ| (n, P) by these pushes.
             rooms: of bounds that are tried.
         """
         n = len(apart)
         lines = np.zeros((len(first), 2 * n, self._polynomials.shape[1]))
         lines[:, :n, 0], lines[:, :n, self._line] = line_powers([first, last])
         lines[:, n:, 0] = (last - first) / duration
-        weights = np.append(apart @ self._pushes, self._pushes)
+        weights = np.append(apart @ self.pushes, self.pushes)
         found = self._bounded(self._slopes.of_line, lines, rooms, weights)
-        found = found.reshape(-1, n + 2)
+        found = found.reshape(len(first), -1)
         return found[:, n:] + found[:, :n] @ apart
 
     def _bounded(self, program, lines, rooms, weights=None):
-        """Returns bounds of all results, those of both winds together, for R lines.
+        """Returns bounds of all results, those of each push together, for R lines.
 
         Each has the room of its own size, or an equal share of a weighted sum's.
         """
@@ -150,7 +161,7 @@ class NearSets:
 class _Boxes:
     """Results of a program on boxes, and limits which they are to keep.
 
-    A row is a result, or both of the wind.
+    A row is a result, or those of one push: both of the wind, all of a set's v.
     """
 
     span = -1.0, 1.0
@@ -158,14 +169,14 @@ class _Boxes:
     def __init__(self, slopes, program, polynomials, lacks):
         """Takes inputs (I, M) of each run, and bounds (I,) of what these lack."""
         self._program, self._polynomials, self._lacks = program, polynomials, lacks
-        self._table, self.balls = slopes.table, slopes.balls
+        self._slopes, self.balls = slopes, slopes.balls
         self.dimension, self.limits = slopes.table.num_variables, np.zeros(0)
 
     def bounds(self, center, half):
         """Returns bounds over limits, what centers reach, and what is to blame."""
         found, lost = self._run(center, half)
         tops, blame = excess_in_balls(
-            self._table, found, lost, 0.0, found, center, half, self.balls
+            self._slopes.table, found, lost, 0.0, found, center, half, self.balls
         )
         surely = np.maximum(np.abs(found[:, 0]) - lost, 0.0)
         most, least, blamed = (
@@ -192,16 +203,20 @@ class _Boxes:
     def _run(self, center, half):
         """Returns results (R K, M, B) on boxes, and what is lost (R K, B)."""
         runs = [
-            run_on_boxes(self._program, self._table, own, self._lacks, center, half)
+            run_on_boxes(
+                self._program, self._slopes.table, own, self._lacks, center, half
+            )
             for own in self._polynomials
         ]
         found, lost = (np.concatenate(of) for of in zip(*runs, strict=True))
         return found, lost
 
     def _rows(self, values):
-        """Returns rows, given results: the last two of n + 3 are one."""
-        n = (len(self._lacks) - 3) // 3
-        both = values.reshape(-1, n + 3, *values.shape[1:])
-        wind = np.linalg.norm(both[:, n + 1 :], axis=1, keepdims=True)
-        rows = np.concatenate([both[:, :n], wind, both[:, [n]]], axis=1)
-        return rows.reshape(-1, *values.shape[1:])
+        """Returns rows by (x, w, u, v), given results by (x, u, w, v)."""
+        n, allowed = self._slopes.num_states, self._slopes.allowed
+        each = values.reshape(-1, n + 3 + allowed.dimension, *values.shape[1:])
+        of_x, of_u, of_w, of_v = np.split(each, [n, n + 1, n + 3], axis=1)
+        wind = np.linalg.norm(of_w, axis=1, keepdims=True)
+        numbers = np.linalg.norm(of_v, allowed.dual, axis=1, keepdims=True)
+        rows = [of_x, wind, of_u, numbers][: 4 if allowed.names else 3]
+        return np.concatenate(rows, axis=1).reshape(-1, *values.shape[1:])
