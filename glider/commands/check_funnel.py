@@ -169,10 +169,10 @@ def run(args: argparse.Namespace) -> int:
         check_latency(funnel, latency)
     if loop:
         check_clock(funnel, loop.hold, rests)
-    elif confidence and funnel.settings.period:
+    elif confidence and (rests or funnel.settings.period):
         raise InputError(
             "--confidence flies gliders under a feedback that acts at all times; the "
-            "funnel is of held commands: expected --as-flown, too."
+            "commands of these funnels are held: expected --as-flown, too."
         )
     trial = flown = None
     if args.write_proof:
@@ -184,7 +184,7 @@ def run(args: argparse.Namespace) -> int:
 
         given = problem, model, covariance, least_inlet, feedback_of
         checked = _check(args, (funnel, *rests), *given, follow)
-        if confidence and checked.holds and not funnel.settings.period:
+        if confidence and checked.holds and not (rests or funnel.settings.period):
             rng, say = np.random.default_rng(seed), follow("gliders")
             trial = falsify_funnel(
                 funnel, flights, rng, confidence=confidence, progress=say
@@ -321,7 +321,7 @@ def _print_outcome(args, checked, feedback_of, trial, flown):
     if rests:
         print(words.describe_phases(checked))
     if latency:
-        print(words.describe_latency(latency))
+        print(words.describe_latency(checked))
     if trial:
         print(words.describe_trial(funnel, trial, seed))
     if flown:
@@ -336,7 +336,7 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.write_proof and not args.prove:
         words = "--write-proof has no effect without --prove; expected both."
         raise InputError(words)
-    of_one = "confidence", "feedback-of", "resume", "write-proof"
+    of_one = "feedback-of", "resume", "write-proof"
     for name in of_one if args.phases else ():
         if getattr(args, name.replace("-", "_")) is not None:
             raise InputError(

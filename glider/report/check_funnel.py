@@ -205,12 +205,14 @@ def describe_phases(checked: Checked) -> str:
     least, (launch, *rests) = _least_of(checked), checked.funnels
     times = 1e3 * np.array(first_commands(launch, rests))
     faults, proven = checked.faults, checked.is_proven
-    return _text("phases", len(rests), least, LEVEL, faults, times, proven)
+    set_of = launch.gliders is not None
+    return _text("phases", len(rests), least, LEVEL, faults, times, proven, set_of)
 
 
-def describe_latency(latency: ProvenLatency) -> str:
+def describe_latency(checked: Checked) -> str:
     """Returns what is proven of a latency in a sentence."""
-    return _text("latency", latency)
+    set_of = checked.funnels[0].gliders is not None
+    return _text("latency", checked.latency, set_of)
 
 
 def _least_of(checked):

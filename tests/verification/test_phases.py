@@ -10,6 +10,7 @@ from glider.__main__ import main
 from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
+from glider.physics.confidence import SHAPES
 from glider.planning.problem import PerchingProblem
 from glider.verification import phases
 from glider.verification.funnel.funnel import load_funnel, save_funnel
@@ -29,6 +30,7 @@ from glider.verification.sos.sphere import normalized
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, fly_loop
 from glider.verification.trials.falsify import ESCAPE_LEVEL, boundary_states
+from tests.verification.test_gliders import allowed_by, among
 
 FOLDER = models_path("funnels", "any_phase")
 RESTS = [FOLDER / f"phase_{k}.npz" for k in range(1, 5)]
@@ -141,11 +143,14 @@ def test_a_set_is_inside_exactly_where_no_point_is_outside(launch, rests):
     assert min(decided.values()) > 5
 
 
-def farthest(piece, own, time):
-    """Returns the largest V, of another funnel's inlet, in a set at a time."""
+def farthest(piece, own, time, moved=0.0):
+    """Returns the largest V, of another funnel's inlet, in a set at a time.
+
+    Its center may have moved.
+    """
     spread = np.linalg.inv(np.linalg.cholesky(piece.shape(time))).T
     R = np.linalg.cholesky(own.S[0]).T
-    M, v = R @ spread, R @ (piece.center(time) - own.nominal.states[0])
+    M, v = R @ spread, R @ (piece.center(time) + moved - own.nominal.states[0])
     points = normalized(np.random.default_rng(0).normal(size=(60, 7)))
     for _ in range(400):
         points = normalized((points @ M.T + v) @ M)
@@ -294,9 +299,47 @@ def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
     assert "Proven" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("option", ["resume", "write-proof", "confidence"])
+@pytest.mark.parametrize("option", ["resume", "write-proof"])
 def test_what_is_of_one_funnel_is_refused(quick, option, capsys):
-    value = "0.9" if option == "confidence" else "file.json"
-    prove = ["--prove"] if option != "confidence" else []
-    assert quick(f"--{option}", value, *prove) == 2
+    assert quick(f"--{option}", "file.json", "--prove") == 2
     assert f"--{option} is of one funnel" in capsys.readouterr().err
+
+
+def test_centers_of_a_set_take_their_part_of_the_inlet(launch, rests):
+    """No glider is outside where all are said to be inside; the rest is not wasted."""
+    rng, decided = np.random.default_rng(4), {True: 0, False: 0}
+    for number in range(40):
+        allowed = allowed_by(rng.uniform(1.0, 20.0), SHAPES[number % 2])
+        k, own = int(rng.choice(phase_intervals(launch, rests))), rests[rng.integers(4)]
+        piece = scaled(among(launch, allowed).between(k, k + 1), rng.uniform(0.3, 1.0))
+        edge = [*allowed.on_boundary(rng.normal(size=(2, 2))), *allowed.corners()]
+        levels, reach, R = [], 0.0, np.linalg.cholesky(own.S[0]).T
+        for time in piece.nominal.times:
+            moves = piece.gliders.at(time, np.array(edge))
+            reach = max(reach, np.linalg.norm(moves @ R.T, axis=1).max())
+            levels += [[farthest(piece, own, time, move) for move in (0.0, *moves)]]
+        found = is_inside(piece, own)
+        decided[found] += 1
+        assert not (found and np.max(levels) > LEVEL)
+        assert found or np.max(levels, axis=0)[0] > LEVEL - 2.1 * reach - 2e-3
+    assert min(decided.values()) > 5
+    # One set for all of them, and commands of its gliders by the clock only.
+    sets = [among(own, allowed_by()) for own in (scaled(launch, 0.9), *rests)]
+    assert phase_faults(sets[0], sets[1:]) == []
+    for others in (rests, [*sets[1:4], among(rests[3], allowed_by(0.5))]):
+        [fault] = phase_faults(sets[0], others)
+        assert "different sets of gliders; expected one" in fault
+
+
+def test_gliders_of_phases_are_flown_by_the_clock_only(quick, capsys, monkeypatch):
+    monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 0)
+    asked = "--model", str(models_path("identified", "head_wind.yaml")), "--confidence"
+    assert quick(*asked) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "of these funnels are held: expected --as-flown, too." in said
+    assert quick(*asked, "--as-flown", "--predict", "--flights", "20") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert (
+        "at any phase of their clock" in said and "gliders on the edge of the" in said
+    )
+    assert "0 of 20 flights" in said
