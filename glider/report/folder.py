@@ -57,8 +57,7 @@ def write_report(result: Result, folder: Path | str) -> None:
     for path in Path(folder).glob("rivals/rival_*.yaml"):
         if path.stem.removeprefix("rival_").isdigit():  # Of an earlier run.
             files[f"rivals/{path.name}"] = None
-    rivals = sorted(result.alternatives[1:], key=lambda own: -own.probability)
-    for number, rival in enumerate(rivals, 1):
+    for number, rival in enumerate(result.rivals, 1):
         text = model_text(rival.model, origin_of_rival(result, rival), rival.covariance)
         files[f"rivals/rival_{number}.yaml"] = text.encode()
     files["report.json"] = f"{json_text(result.report)}\n".encode()

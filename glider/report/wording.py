@@ -127,6 +127,22 @@ def combination_rows(result: Result) -> list[CombinationRow]:
     ]
 
 
+def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
+    """File, effects and probability of the corrected model and of each rival, if any."""
+    if not result.rivals:
+        return []
+    models = {"model.yaml": result.alternatives[0]}
+    models |= {f"rivals/rival_{k}.yaml": own for k, own in enumerate(result.rivals, 1)}
+    return [
+        (
+            file,
+            words_of(result, [e.kind.kind for e in own.model.effects]),
+            f"{100.0 * own.probability:.2g} %",
+        )
+        for file, own in models.items()
+    ]
+
+
 def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
     """Pairs of coefficients with correlated errors, the closest first."""
     pairs = {

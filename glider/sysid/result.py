@@ -77,6 +77,11 @@ class Result(Report):
     fit: Any = dataclasses.field(default=None, repr=False)
 
     @property
+    def rivals(self) -> list[Alternative]:
+        """Those of the other sets, the likeliest first."""
+        return sorted(self.alternatives[1:], key=lambda own: -own.probability)
+
+    @property
     def report(self) -> Report:
         """The part that report.json holds."""
         own = {f.name: getattr(self, f.name) for f in dataclasses.fields(Report)}

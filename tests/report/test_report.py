@@ -381,6 +381,14 @@ def test_rivals_are_models_of_their_own(tmp_path, quick):
     text = first.read_text()
     assert "mass: 0.002" in text
     assert "its probability is 0.2, that of model.yaml 0.7" in " ".join(text.split())
+    page = (tmp_path / "report.html").read_text()
+    rows = re.findall(r"<code>([^<]*yaml)</code>.*?(\d+ %)</td>", page)
+    expected = (
+        ("model.yaml", "70 %"),
+        ("rival_1.yaml", "20 %"),
+        ("rival_2.yaml", "10 %"),
+    )
+    assert rows == [expected[0], *((f"rivals/{n}", share) for n, share in expected[1:])]
     write_report(dataclasses.replace(result, alternatives=alternatives[:2]), tmp_path)
     mine = {"mine.yaml", "rival_1_mine.yaml"}
     assert {path.name for path in folder.iterdir()} == mine | {"rival_1.yaml"}
