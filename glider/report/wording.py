@@ -128,7 +128,7 @@ def combination_rows(result: Result) -> list[CombinationRow]:
 
 
 def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
-    """File, effects and probability of the corrected model and of each rival, if any."""
+    """File, effects and probability of the corrected model and its rivals, if any."""
     if not result.rivals:
         return []
     models = {"model.yaml": result.alternatives[0]}
