@@ -41,7 +41,7 @@ DEGREE = 2
 SAMPLES, WIDTHS = 300, (0.5, 0.2, 0.1, 0.05)
 """Points that are sampled, and the steps by which they climb."""
 
-LEAST, BUDGET = 1e-9, 10_000
+LEAST, BUDGET = 1e-9, 3_000
 """Bound of what is zero, and boxes on which a bound is tried."""
 
 
@@ -74,10 +74,14 @@ class Slopes:
             for column in zip(*J, strict=True)
         ]
         pulls[:n] = [a - b for a, b in zip(pulls[:n], changes, strict=True)]
-        every = np.ones((len(inputs), len(self.table.degrees)), dtype=bool)
         flat = [zero + slope for row in J for slope in row]
-        self.of_states = recording.program(flat, every)
-        self.of_line = recording.program(pulls, every)
+        shape = len(inputs), len(self.table.degrees)
+        # On boxes, and at points: of a point there is but the constant.
+        there = np.ones(shape, dtype=bool), np.arange(shape[1]) == np.zeros(shape)
+        self.of_states, self.of_line = (
+            tuple(recording.program(results, present) for present in there)
+            for results in (flat, pulls)
+        )
 
 
 class NearSets:
@@ -166,9 +170,10 @@ class _Boxes:
 
     span = -1.0, 1.0
 
-    def __init__(self, slopes, program, polynomials, lacks):
+    def __init__(self, slopes, programs, polynomials, lacks):
         """Takes inputs (I, M) of each run, and bounds (I,) of what these lack."""
-        self._program, self._polynomials, self._lacks = program, polynomials, lacks
+        self._program, self._at_points = programs
+        self._polynomials, self._lacks = polynomials, lacks
         self._slopes, self.balls = slopes, slopes.balls
         self.dimension, self.limits = slopes.table.num_variables, np.zeros(0)
 
@@ -193,12 +198,23 @@ class _Boxes:
             for ball in self.balls:
                 points[ball] /= np.maximum(np.linalg.norm(points[ball], axis=0), 1.0)
             points = np.clip(points, -1.0, 1.0)
-            values = self._rows(np.abs(self._run(points, 0.0 * points)[0][:, 0]))
+            values = self._rows(np.abs(self._values(points)))
             best = np.unique(values.argmax(axis=1))
             points = np.tile(points[:, best], 1 + SAMPLES // len(best))
             moved = points[:, len(best) :]
             moved += width * rng.normal(size=moved.shape)
         return values.max(axis=1)
+
+    def _values(self, points):
+        """Returns results (R K, B) at points (d, B)."""
+        monomials_there, found = self._slopes.table.values(points.T).T, []
+        for own in self._polynomials:
+            inputs = np.zeros((*own.shape, points.shape[1]))
+            inputs[:, 0] = own @ monomials_there
+            found.append(
+                self._at_points.run(inputs, np.zeros(inputs[:, 0].shape))[0][:, 0]
+            )
+        return np.concatenate(found)
 
     def _run(self, center, half):
         """Returns results (R K, M, B) on boxes, and what is lost (R K, B)."""
