@@ -143,12 +143,10 @@ def check_funnel(
 def _defect_faults(funnel, growth):
     """Returns whether the nominal is no flight, given the growth (T,) by its defect."""
     worst, margin = int(np.argmax(growth)), funnel.settings.margin
-    words = (
-        "The nominal is not a flight: its defect makes V̇/V as large as "
-        f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s; the margin "
-        f"is {margin:.2g} 1/s."
-    )
-    return purpose.unmet((growth[worst] <= margin, words))
+    words = "The nominal is not a flight: its defect makes V̇/V as large as"
+    where = f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s"
+    fault = f"{words} {where}; the margin is {margin:.2g} 1/s."
+    return purpose.unmet((growth[worst] <= margin, fault))
 
 
 def _sampled_faults(funnel, at, growth, rng, every):
