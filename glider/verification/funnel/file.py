@@ -103,10 +103,8 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
     shapes = dict.fromkeys(("times", "inputs", "errors", "rests"), (count,))
     shapes |= dict.fromkeys(("states", "gains", "beta", "weights"), (count, n))
     shapes |= dict.fromkeys(_SYMMETRIC, (count, n, n))
-    return shapes | {
-        "push_weights": (count, 2),
-        "grams": (count, size * (size + 1) // 2),
-    }
+    shapes |= {"push_weights": (count, 2), "grams": (count, size * (size + 1) // 2)}
+    return shapes
 
 
 def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:

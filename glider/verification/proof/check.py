@@ -200,9 +200,8 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     if not funnel.gliders:
         return []
     axes = funnel.settings.goal_axes(funnel.num_states)
-    directions, bounds = servo_limits.servo_bounds(
-        funnel.nominal, funnel.settings, funnel.gliders, 1.0, funnel.errors
-    )
+    given = funnel.nominal, funnel.settings, funnel.gliders, 1.0, funnel.errors
+    directions, bounds = servo_limits.servo_bounds(*given)
     try:
         reach = servo_limits.margin_to_limits(funnel.S, directions, bounds)
         goal, last = np.diag(1.0 / axes**2), funnel.S[-1]
