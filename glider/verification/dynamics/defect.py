@@ -58,9 +58,8 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     inputs[:, 0] = values
     inputs[0, 1] = np.repeat(steps * (0.5 / PIECES), PIECES)
     errors = ROUNDING * (1.0 + np.abs(inputs).sum(axis=1))
-    found, left = recording.program(defects, np.any(inputs != 0.0, axis=2)).run(
-        inputs, errors
-    )
+    program = recording.program(defects, np.any(inputs != 0.0, axis=2))
+    found, left = program.run(inputs, errors)
     sizes = (np.abs(found[:, 0]) + spread(found, left)) * WIDER
     sizes = sizes.reshape(len(sizes), len(steps), PIECES).max(axis=2)
     bounds = np.zeros_like(nominal.states[1:])
@@ -74,9 +73,8 @@ def defect_growth(S: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
     At a time, `defect_bounds` (T - 1, n) of both intervals count.
     """
-    around = np.maximum(
-        np.concatenate([bounds[:1], bounds]), np.concatenate([bounds, bounds[-1:]])
-    )
+    padded = np.concatenate([bounds[:1], bounds, bounds[-1:]])
+    around = np.maximum(padded[:-1], padded[1:])
     square = np.einsum("ti,tij,tj->t", around, np.abs(S), around)
     growth = 2.0 * np.sqrt(square) * WIDER
     return np.where(np.isfinite(growth), growth, np.inf)

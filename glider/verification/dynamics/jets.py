@@ -89,9 +89,8 @@ class Dependence(Number):
     def plus(self, other: Any) -> "Dependence":
         if not isinstance(other, Dependence):
             return self
-        return Dependence(
-            self.variables | other.variables, self.nonlinear | other.nonlinear
-        )
+        both = self.variables | other.variables
+        return Dependence(both, self.nonlinear | other.nonlinear)
 
     def times(self, other: Any) -> "Dependence":
         if not isinstance(other, Dependence) or not other.variables:

@@ -12,6 +12,7 @@ import dataclasses
 import functools
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from glider.compiled.runge_kutta import TINY
 from glider.control.predictor import advance
@@ -36,7 +37,7 @@ class MovingCenter:
     def _path(self):
         return hermite_path(self.times, self.shifts, self.slopes)
 
-    def at(self, times: np.ndarray | float, deviations: np.ndarray) -> np.ndarray:
+    def at(self, times: ArrayLike, deviations: np.ndarray) -> np.ndarray:
         """Returns X δ (..., n) at times (...) within the flight, for δ (..., m)."""
         X = self._path(np.clip(times, self.times[0], self.times[-1]))
         return np.einsum("...nm,...m->...n", X, deviations)
@@ -55,20 +56,20 @@ def make_moving_center(
     times, names = nominal.times, confidence.names
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names, held) for share in shares]
-    A, B, push = _linear(nominal, names, held)
+    A, B, push = ends = _linear(nominal, names, held)
+    first, last = ([of[k] for of in ends] for k in (nominal.flows, nominal.flows + 1))
+    nodes = [first, *between, last]
     shifts, commands = np.zeros_like(push), np.zeros((len(times), len(names)))
     for number, k in enumerate(nominal.flows):
         if held and nominal.starts[k] == k:
             shifts[k] = shifts[max(k - 1, 0)]
             commands[k] = -nominal.gains[k] @ shifts[k]
         U, X, step = commands[k], shifts[k], (times[k + 1] - times[k]) / STEPS
-        nodes = [(A[k], B[k], push[k])]
-        nodes += [tuple(of[number] for of in part) for part in between]
-        nodes.append((A[k + 1], B[k + 1], push[k + 1]))
         for i in range(STEPS):
 
-            def rate(X, since, first=2 * i, step=step, nodes=nodes, U=U):
-                A, B, push = nodes[first + round(2.0 * since / step)]
+            def rate(X, since, first=2 * i, step=step, number=number, U=U):
+                here = nodes[first + round(2.0 * since / step)]
+                A, B, push = (of[number] for of in here)
                 return A @ X + np.outer(B, U) + push
 
             X = advance(rate, X, step)

@@ -115,9 +115,9 @@ class Nominal:
         n, still = self.states.shape[1], np.zeros((2, len(self.times)))
         own = variables(np.vstack([self.states.T, self.inputs, still]), 2)
         rates = open_loop_rates(self.model, own[:n], own[n], wind=own[n + 1 :])
-        unit = np.eye(n + 3, dtype=int)
-        factors = [0 * unit[0], *unit[:n]]
-        places = [[own[n].table.place(a + b) for b in factors] for a in unit[n:]]
+        table = own[n].table
+        given, pushes = np.split(table.exponents[: n + 4], [n + 1])  # Of 1 and e first.
+        places = [[table.place(push + one) for one in given] for push in pushes]
         return _expanded(rates, own[n])[:, :, places]
 
     def part(self, which: slice) -> "Nominal":
@@ -245,18 +245,16 @@ def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:
     It does so for one model, an object that the parts of a funnel share. Threads that
     have others each keep to their own.
     """
-    memory: tuple[GliderModel | None, dict[tuple, T]] = None, {}
+    memory: tuple[GliderModel | None, Callable[..., T]] = None, function
 
     @functools.wraps(function)
     def remembered(model: GliderModel, *others: Any) -> T:
         nonlocal memory
         last, known = memory
         if last is not model:
-            known = {}
+            known = functools.cache(functools.partial(function, model))
             memory = model, known
-        if others not in known:
-            known[others] = function(model, *others)
-        return known[others]
+        return known(*others)
 
     return remembered
 

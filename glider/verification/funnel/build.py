@@ -182,14 +182,11 @@ class Gauge:
 
     def __init__(self, task: FunnelTask):
         """Expands the dynamics between the times."""
-        self._task, self._nominal = task, task.nominal
-        n = self._nominal.states.shape[1]
-        self._starts = normalized(task.directions[:STARTS, :n])
-        self._between = {share: self._nominal.between(share) for share in SHARES}
-        self._defect = defect_bounds(self._nominal)
-        self._limits = servo_limits.servo_bounds(
-            self._nominal, task.settings, task.center
-        )
+        self._task, self._nominal, nominal = task, task.nominal, task.nominal
+        self._starts = normalized(task.directions[:STARTS, : nominal.states.shape[1]])
+        self._between = {share: nominal.between(share) for share in SHARES}
+        self._defect = defect_bounds(nominal)
+        self._limits = servo_limits.servo_bounds(nominal, task.settings, task.center)
 
     def scaled(self, S: np.ndarray) -> tuple[BoundarySets, BoundaryForms]:
         """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary, and V̇/V.

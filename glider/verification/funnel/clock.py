@@ -54,10 +54,8 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
 
         def rate(M, since, k=k, step=step):
             share = since / step
-            here = (
-                (1.0 - share) * values[k] + share * values[k + 1] for values in ends
-            )
-            return _bend_slope(M, *here)
+            between = ((1.0 - share) * of[k] + share * of[k + 1] for of in ends)
+            return _bend_slope(M, *between)
 
         M = advance(rate, nominal.bends[first + k], step)
         nominal.bends[first + k + 1] = 0.5 * (M + M.T)

@@ -41,7 +41,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.errors import InputError, show
+from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.verification.funnel.settings import FunnelSettings
 
@@ -75,8 +75,7 @@ class GlidersNote:
 
     def __post_init__(self):
         """Raises InputError where no number deviates."""
-        if not self.names:
-            raise InputError("field 'names' is []; expected at least one name.")
+        expect(self.names, "field 'names'", [], "at least one name")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -104,10 +103,8 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
     shapes = dict.fromkeys(("times", "inputs", "errors", "rests"), (count,))
     shapes |= dict.fromkeys(("states", "gains", "beta", "weights"), (count, n))
     shapes |= dict.fromkeys(_SYMMETRIC, (count, n, n))
-    return shapes | {
-        "push_weights": (count, 2),
-        "grams": (count, size * (size + 1) // 2),
-    }
+    shapes |= {"push_weights": (count, 2), "grams": (count, size * (size + 1) // 2)}
+    return shapes
 
 
 def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:

@@ -5,6 +5,7 @@ import io
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from glider.control.tvlqr import TrackingPolicy, linear_policy
 from glider.errors import InputError
@@ -49,19 +50,16 @@ class Funnel(BoundarySets):
         gliders = gliders and gliders.part(here)
         return dataclasses.replace(self, nominal=nominal, gliders=gliders, **own)
 
-    def center(self, times: np.ndarray | float) -> np.ndarray:
+    def center(self, times: ArrayLike) -> np.ndarray:
         """Returns x₀ at times within the flight, (..., n)."""
         return self.nominal.path(self._inside(times))
 
-    def shape(self, times: np.ndarray | float) -> np.ndarray:
+    def shape(self, times: ArrayLike) -> np.ndarray:
         """Returns S at times within the flight, (..., n, n)."""
         return self.curve(self._inside(times))
 
     def error(
-        self,
-        times: np.ndarray | float,
-        states: np.ndarray,
-        deviation: np.ndarray | None = None,
+        self, times: ArrayLike, states: np.ndarray, deviation: np.ndarray | None = None
     ) -> np.ndarray:
         """Returns e of states (..., n), from x₀ or from centers of deviations (..., m).
 
@@ -72,16 +70,13 @@ class Funnel(BoundarySets):
         return states - self.center(times)
 
     def level(
-        self,
-        times: np.ndarray | float,
-        states: np.ndarray,
-        deviation: np.ndarray | None = None,
+        self, times: ArrayLike, states: np.ndarray, deviation: np.ndarray | None = None
     ) -> np.ndarray:
         """Returns V = eᵀ S e, at most 1 inside, of the same."""
         error = self.error(times, states, deviation)
         return np.einsum("...i,...ij,...j->...", error, self.shape(times), error)
 
-    def half_widths(self, times: np.ndarray | float = 0.0) -> np.ndarray:
+    def half_widths(self, times: ArrayLike = 0.0) -> np.ndarray:
         """Returns how far each state alone may deviate, 1/√S_ii, (..., n)."""
         S = self.shape(times)
         return 1.0 / np.sqrt(np.diagonal(S, axis1=-2, axis2=-1))

@@ -66,11 +66,7 @@ class BoundarySets:
         return pushes_of(self.rests, self.settings)
 
 
-BOUNDS = tuple(
-    field.name
-    for field in dataclasses.fields(BoundarySets)
-    if field.name not in ("nominal", "settings", "S", "slopes")
-)
+BOUNDS = ("beta", "weights", "focus", "push_weights", "errors", "rests")
 """Names of the arrays that are straight lines between the times."""
 
 
@@ -102,9 +98,7 @@ def boundary_forms(sets: BoundarySets, G: np.ndarray) -> BoundaryForms:
     quadratic = L_inv @ quadratic @ L_inv_T + disturbance
     quartic = quartic + product_form(disturbance, L_inv @ sets.focus @ L_inv_T)
     push = push_form(S, G, sets.unknown_pushes, sets.push_weights, nominal.bends)
-    return BoundaryForms(
-        quadratic + push.quadratic, cubic + push.cubic, quartic + push.quartic
-    )
+    return BoundaryForms(*map(np.add, (quadratic, cubic, quartic), push))
 
 
 def push_form(

@@ -209,7 +209,6 @@ def remainder_of(
         G = nominal.push_slopes[at]
         slopes = G[:, None, ..., 0] + np.einsum("kijl,kbl->kbij", G[..., 1:], errors)
         known = known + (slopes @ push[..., None])[..., 0]
-    own = rates_about(nominal, at, np.zeros_like(errors[:, :1]))
     if center is not None and deviations is not None:
         moved = deviations @ np.swapaxes(center.shifts[at], 1, 2)
         commanded = np.einsum("kbm,km->kb", deviations, center.commands[at])
@@ -217,7 +216,7 @@ def remainder_of(
         names, each = center.confidence.names, np.moveaxis(deviations, 2, 0)
         theta = theta_at(nominal.model, names, each)
     rates = rates_about(nominal, at, errors, theta, push, moved, commanded)
-    return rates - own - drift - known
+    return rates - nominal.slopes[at][:, None] - drift - known
 
 
 def rates_about(nominal, at, errors, theta=None, push=None, moved=0.0, commanded=0.0):
@@ -229,10 +228,8 @@ def rates_about(nominal, at, errors, theta=None, push=None, moved=0.0, commanded
     center = nominal.states[at][:, None] + moved
     states = center + errors
     error, *wind = (0.0,) * 3 if push is None else np.moveaxis(push, 2, 0)
-    x, gains, x0 = (
-        np.moveaxis(values, -1, 0)
-        for values in (states, nominal.gains[at][:, None], center)
-    )
+    of_each = states, nominal.gains[at][:, None], center
+    x, gains, x0 = (np.moveaxis(values, -1, 0) for values in of_each)
     u0 = nominal.inputs[at][:, None] + commanded + error
     rates = closed_loop_rates(nominal.model, list(x), gains, x0, u0, theta, wind)
     return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)

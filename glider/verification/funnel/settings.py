@@ -64,19 +64,15 @@ class FunnelSettings:
                 good = all(0.0 < value < math.inf for value in values)
                 good = good and len(values) == NUM_STATES
                 expect(good, f"field '{name}'", values, vector)
-
-        def expect_positive(name, words="a positive number", or_zero=False):
-            value = getattr(self, name)
-            good = 0.0 < value < math.inf or (or_zero and value == 0.0)
-            expect(good, f"field '{name}'", value, words)
-
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin", "floor"):
-            expect_positive(name)
+            value, words = getattr(self, name), "a positive number"
+            expect(0.0 < value < math.inf, f"field '{name}'", value, words)
         for name in ("remainder", "elevator_gain", "command_error", "wind", "period"):
-            expect_positive(name, "a number that is zero or positive", or_zero=True)
-        where = "a positive number where there is a"
-        if self.pushes.any() or self.period:
-            expect_positive("remainder", f"{where} command_error, wind or period")
+            value, words = getattr(self, name), "a number that is zero or positive"
+            expect(0.0 <= value < math.inf, f"field '{name}'", value, words)
+        good = self.remainder > 0.0 or not (self.pushes.any() or self.period)
+        words = "a positive number where there is a command_error, wind or period"
+        expect(good, "field 'remainder'", self.remainder, words)
 
     @property
     def pushes(self) -> np.ndarray:

@@ -23,12 +23,10 @@ def run_on_boxes(program, table, polynomials, lacks, center, half):
 
     Its inputs are polynomials (I, M) in w, but for what these lack, (I,) at most.
     """
-    centers, halves, both = (
-        table.values(of.T).T.copy() for of in (center, half, np.abs(center) + half)
-    )
-    found = shift(
-        polynomials, centers, halves, table.left, table.right, *_binomials(table)
-    )
+    points = center, half, np.abs(center) + half
+    centers, halves, both = (table.values(of.T).T.copy() for of in points)
+    products = table.left, table.right, *_binomials(table)
+    found = shift(polynomials, centers, halves, *products)
     left = ROUNDING * WIDER * (np.abs(polynomials) @ both)
     return program.run(found, (left + lacks[:, None]) * WIDER)
 

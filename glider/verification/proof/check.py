@@ -107,11 +107,10 @@ def check_funnel(
             None.
         seed: of the points where ascents start; one that no file can know if None.
     """
-    last, settings = len(funnel.nominal.times) - 1, funnel.settings
+    last = len(funnel.nominal.times) - 1
     at = sorted({*range(0, last, every), last})
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
     seed = secrets.randbits(32) if seed is None else seed
-    rng, worst = np.random.default_rng(seed), int(np.argmax(growth))
     faults = purpose.model_faults(funnel, model) if model else []
     if covariance and not faults:
         faults = purpose.set_faults(funnel, covariance)
@@ -120,25 +119,14 @@ def check_funnel(
     faults += purpose.feedback_faults(funnel, feedback_of) if feedback_of else []
     faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
     faults += purpose.hook_faults(funnel, problem) if hook and problem else []
-    words = (
-        "The nominal is not a flight: its defect makes V̇/V as large as "
-        f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s; the margin "
-        f"is {settings.margin:.2g} 1/s."
-    )
-    faults += purpose.unmet((growth[worst] <= settings.margin, words))
-    faults += gliders_faults(funnel)
+    faults += _defect_faults(funnel, growth) + gliders_faults(funnel)
+    faults = faults or held_faults(funnel, progress)
     rounding, seen, between = 0.0, 0.0, np.inf
-    faults += held_faults(funnel, progress) if not faults else []
     if not faults:
         faults, rounding = exact_faults(funnel, at, growth, progress)
-    if not faults and funnel.beta.any():
-        seen = remainder_seen(funnel, at, rng)
-        words = f"The remainder is {seen:.3g} times its bound."
-        faults = purpose.unmet((seen <= 1.0, words))
     if not faults:
-        between = largest_between(funnel, growth, rng, every)
-        words = f"Between the times V̇/V reaches {between:.2g} 1/s."
-        faults = purpose.unmet((between < 0.0, words))
+        rng = np.random.default_rng(seed)
+        faults, seen, between = _sampled_faults(funnel, at, growth, rng, every)
     return Verdict(
         times=len(at),
         of_times=last + 1,
@@ -150,6 +138,25 @@ def check_funnel(
         between=between,
         seed=seed,
     )
+
+
+def _defect_faults(funnel, growth):
+    """Returns whether the nominal is no flight, given the growth (T,) by its defect."""
+    worst, margin = int(np.argmax(growth)), funnel.settings.margin
+    words = "The nominal is not a flight: its defect makes V̇/V as large as"
+    where = f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s"
+    fault = f"{words} {where}; the margin is {margin:.2g} 1/s."
+    return purpose.unmet((growth[worst] <= margin, fault))
+
+
+def _sampled_faults(funnel, at, growth, rng, every):
+    """Returns what is wrong by ascent; the largest |R_k| / β_k, and V̇/V in between."""
+    seen = remainder_seen(funnel, at, rng) if funnel.beta.any() else 0.0
+    if not seen <= 1.0:
+        return [f"The remainder is {seen:.3g} times its bound."], seen, np.inf
+    between = largest_between(funnel, growth, rng, every)
+    words = f"Between the times V̇/V reaches {between:.2g} 1/s."
+    return purpose.unmet((between < 0.0, words)), seen, between
 
 
 def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> float:
@@ -193,9 +200,8 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     if not funnel.gliders:
         return []
     axes = funnel.settings.goal_axes(funnel.num_states)
-    directions, bounds = servo_limits.servo_bounds(
-        funnel.nominal, funnel.settings, funnel.gliders, 1.0, funnel.errors
-    )
+    given = funnel.nominal, funnel.settings, funnel.gliders, 1.0, funnel.errors
+    directions, bounds = servo_limits.servo_bounds(*given)
     try:
         reach = servo_limits.margin_to_limits(funnel.S, directions, bounds)
         goal, last = np.diag(1.0 / axes**2), funnel.S[-1]
@@ -205,14 +211,9 @@ def gliders_faults(funnel: Funnel) -> list[str]:
         return ["The set is not an ellipsoid somewhere."]
     keeps = (reach >= 1.0) & np.all(bounds > 0.0, axis=1)
     first = funnel.nominal.times[np.argmin(keeps)]
-    words = (
-        "The last set is not within the goal about every glider's center: it reaches"
-    )
+    met = "The servo would meet its limits with gliders of the set, first at"
+    far = "The last set is not within the goal about every glider's center: it reaches"
     return purpose.unmet(
-        (
-            keeps.all(),
-            "The servo would meet its limits with gliders of the set, first at "
-            f"{first:.4f} s.",
-        ),
-        (end <= 1.0 + GOAL_ROUNDING, f"{words} {end:.4g} times as far."),
+        (keeps.all(), f"{met} {first:.4f} s."),
+        (end <= 1.0 + GOAL_ROUNDING, f"{far} {end:.4g} times as far."),
     )

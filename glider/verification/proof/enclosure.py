@@ -182,54 +182,32 @@ def make_remainder(
         basis: (m, m): all y of the sets there are basis w with |w| <= 1.
         span: first and last s of the part.
     """
-    nominal, n = piece.nominal, piece.num_states
+    nominal, n, (moved, drift) = piece.nominal, piece.num_states, gliders_path(piece)
     which, rows = nonlinear_parts(nominal.model)
-    m = len(which)
-    moved, drift = gliders_path(piece)
-    pushes = piece.pushes.max(axis=0)
-    acting, first = _acting(pushes), m + moved.shape[1]  # Of q the first coordinate.
-    last = first + len(acting)  # The coordinate s.
-    table, open_loop = monomials(last + 1, ORDER), table_of(n + 1)
-    own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
+    own = table_of(n + 1).without(np.setdiff1d(np.arange(n + 1), which))
     P = nominal.open_loop[:, rows][..., own]
     P[..., 0] = 0.0  # That is in ẋ₀.
     path, slopes = hermite_powers(nominal.times, nominal.states, nominal.slopes)
-    inputs_ends = line_powers(nominal.inputs)
-    P_ends = line_powers(P)
+    command, (P_mean, P_change) = line_powers(nominal.inputs), line_powers(P)
     s = 0.5 * sum(span)
-    middle = np.append(path @ s ** np.arange(ORDER + 1), inputs_ends @ [1.0, s])
-    P_here = P_ends[0] + s * P_ends[1]
-    basis = _turned(nominal.model, middle, P_here, basis)
+    middle = np.append(path @ s ** np.arange(ORDER + 1), command @ [1.0, s])
+    basis = _turned(nominal.model, middle, P_mean + s * P_change, basis)
 
-    alone = np.all(table.exponents[:, m:last] == 0, axis=1)
-    plain = alone & (table.exponents[:, last] == 0)
-    timed = alone & (table.exponents[:, last] == 1)
-    unit = np.eye(last + 1, dtype=int)
-    times = [table.place(j * unit[last]) for j in range(ORDER + 1)]
-    inputs = np.zeros((n + 1, len(table.degrees)))
-    inputs[:-1, times] = path
-    inputs[-1, times[:2]] = inputs_ends
-    inputs[which, 1 : m + 1] = basis
-    mean, change = (change_variables(p, basis) for p in P_ends)
+    pushes, first = piece.pushes.max(axis=0), len(which) + moved.shape[1]  # Of q.
+    table = monomials(first + len(_acting(pushes)) + 1, ORDER)
+    path = np.vstack([path, np.pad(command, (0, ORDER - 1))])
+    inputs = _along(table, len(which), path, moved[..., :ORDER])
+    inputs[which, 1 : len(which) + 1] = basis
+    inputs[-1, first + 1] += pushes[0]  # Zero where q does not have it.
+    polynomials, highest = _in_ball(table, basis, P_mean, P_change)
+    polynomials += _along(table, len(which), slopes[rows], drift[rows])
+    G = nominal.push_slopes[:, rows] * pushes[PUSHES, None]
+    ends = line_powers(_turned_slopes(G, which, basis))
+    for q, k in enumerate(_acting(pushes), first + 1):
+        for y in range(len(which) + 1):
+            _add(polynomials, table, [q, y], ends[:, :, k, y].T)
     sizes = change_variables(np.abs(P).max(axis=0), np.abs(basis)).sum(axis=1)
-    low = table_of(m).degrees < ORDER
-    polynomials, highest = np.zeros((2, len(rows), len(table.degrees)))
-    polynomials[:, plain], polynomials[:, timed] = mean, change[:, low]
-    polynomials[:, times[:-1]] += slopes[rows]
-    highest[:, plain] = np.where(low, 0.0, change)
-    for v in range(moved.shape[1]):
-        places = [table.place(unit[m + v] + j * unit[last]) for j in range(ORDER)]
-        inputs[:, places] += moved[:, v, :ORDER]
-        polynomials[:, places] += drift[rows, v]
-    if pushes[0] > 0.0:
-        inputs[-1, table.place(unit[first])] = pushes[0]
-    ends = nominal.push_slopes[:, rows] * pushes[PUSHES, None]
-    G = line_powers(_turned_slopes(ends, which, basis))
-    for (number, k), i in itertools.product(enumerate(acting, first), range(m + 1)):
-        here = unit[number] + (unit[i - 1] if i else 0)
-        places = [table.place(here + j * unit[last]) for j in range(2)]
-        polynomials[:, places] += G[:, :, k, i].T
-    spread = _turned_slopes(np.abs(ends), which, np.abs(basis))
+    spread = _turned_slopes(np.abs(G), which, np.abs(basis))
     sizes += 2.0 * spread.sum(axis=(0, 2, 3))
     beyond = np.abs(moved[..., ORDER:]).sum(axis=(1, 2))
     beyond += ROUNDING * np.abs(moved).sum(axis=(1, 2))
@@ -247,6 +225,35 @@ def make_remainder(
         beyond=beyond * WIDER,
         pushes=pushes,
     )
+
+
+def _add(polynomials, table, factors, powers):
+    """Adds a product of monomials, times powers of s (r, K), to polynomials (r, M)."""
+    product = table.exponents[factors].sum(axis=0)
+    for power in powers.T:
+        polynomials[:, table.place(product)] += power
+        product[-1] += 1  # Of s.
+
+
+def _along(table, m, path, moved):
+    """Returns polynomials (r, M) of a path (r, K) and what v moves it by, (r, V, J)."""
+    found = np.zeros((len(path), len(table.degrees)))
+    _add(found, table, [0], path)
+    for v in range(moved.shape[1]):
+        _add(found, table, [1 + m + v], moved[:, v])
+    return found
+
+
+def _in_ball(table, basis, mean, change):
+    """Returns polynomials (r, M) of mean + s change, in y; what they lack, over s."""
+    mean, change = (change_variables(p, basis) for p in (mean, change))
+    low = table_of(len(basis)).degrees < ORDER
+    plain = table.without(slice(len(basis), None))
+    timed = table.without(slice(len(basis), -1)) & (table.exponents[:, -1] == 1)
+    found, highest = np.zeros((2, len(mean), len(table.degrees)))
+    found[:, plain], found[:, timed] = mean, change[:, low]
+    highest[:, plain] = np.where(low, 0.0, change)
+    return found, highest
 
 
 def _turned_slopes(slopes, which, basis):
@@ -268,21 +275,18 @@ def _limits(piece, basis, table):
     half of one, and what it may be less is subtracted: |wᵀ F w| <= |F| on the ball.
     """
     which, rows = nonlinear_parts(piece.nominal.model)
-    last = table.num_variables - 1
-    unit = np.eye(last + 1, dtype=int)
     states = [i for i in which if i < piece.num_states]
     B = basis[: len(states)]  # The command is the last of all.
     F = piece.focus[:, states][:, :, states]
     beta, beta_change = line_powers(piece.beta[:, rows])
     focus, focus_change = line_powers(B.T @ F @ B)
     limits = np.zeros((len(rows), len(table.degrees)))
-    limits[:, 0], limits[:, table.place(unit[last])] = beta, beta_change
+    _add(limits, table, [0], np.stack([beta, beta_change], axis=1))
     for i, j in itertools.product(range(len(basis)), repeat=2):
-        here = unit[i] + unit[j]
         half = 0.5 * beta_change * focus_change[i, j]
-        limits[:, table.place(here)] += beta * focus[i, j] + half
         slope = beta_change * focus[i, j] + beta * focus_change[i, j]
-        limits[:, table.place(here + unit[last])] += slope
+        line = np.stack([beta * focus[i, j] + half, slope], axis=1)
+        _add(limits, table, [1 + i, 1 + j], line)
     sizes = np.abs(B).T @ np.abs(F).max(axis=0) @ np.abs(B)
     lost = 0.5 * np.abs(beta_change) * np.linalg.norm(focus_change)
     lost += ROUNDING * piece.beta[:, rows].max(axis=0) * sizes.sum()

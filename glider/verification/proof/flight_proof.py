@@ -152,9 +152,8 @@ def prove_flights(
     known = {line.interval: line for line in lines if line.proven}
     done = {k: known[k] for k in wanted if k in known}
     left, from_file = [k for k in wanted if k not in known], len(done)
-    pieces = (funnel.between(k, k + 1) for k in left)
     found = joblib.Parallel(n_jobs=workers, return_as="generator")(
-        joblib.delayed(prove_interval)(piece, budget) for piece in pieces
+        joblib.delayed(prove_interval)(funnel.between(k, k + 1), budget) for k in left
     )
     for k, outcome in zip(left, found, strict=False):
         done[k] = outcome

@@ -83,14 +83,10 @@ def prove_growth(
         return [PartProof(interval.span, *proof)]
     if middle is None or not halvings:
         return None
-    parts = []
-    ends = (grams[0], middle), (middle, grams[1])
-    for half, guesses in zip(interval.halves(), ends, strict=True):
-        found = prove_growth(half, slack, guesses, halvings - 1)
-        if found is None:
-            return None
-        parts += found
-    return parts
+    first, last = interval.halves()
+    early = prove_growth(first, slack, (grams[0], middle), halvings - 1)
+    late = early and prove_growth(last, slack, (middle, grams[1]), halvings - 1)
+    return early + late if early and late else None
 
 
 def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
@@ -143,13 +139,9 @@ def _prove_whole(interval, slack, grams):
     if found is None:
         return None, None
     middle = tables.matrix(found)
-    guesses = first, middle, last
-    N = _through(
-        [
-            forms.A.at(Fraction(share, 2)).to_float() - gram[: tables.n, : tables.n]
-            for share, gram in enumerate(guesses)
-        ]
-    )
+    guesses = np.array([first, middle, last])
+    A = np.array([forms.A.at(Fraction(k, 2)).to_float() for k in range(3)])
+    N = _through(A - guesses[:, : tables.n, : tables.n])
     controls = _through(guesses).raised(max(form.degree for form in forms)).bernstein()
     grams = _definite_grams(tables, forms, N, controls, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))

@@ -161,10 +161,8 @@ def worst_candidate(piece: Funnel) -> Candidate:
     """Returns the worst state and time that were found on the boundary."""
     n, shares = piece.num_states, np.linspace(0.0, 1.0, TIMES)
     here = [piece.nominal.between(share) for share in shares]
-    nominal = Nominal(
-        model=piece.nominal.model,
-        **{k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS},
-    )
+    arrays = {k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS}
+    nominal = Nominal(model=piece.nominal.model, **arrays)
     times, at = nominal.times, np.arange(TIMES)
     drift = piece.nominal.path(times, 1)[:, None]
     S, slopes = piece.curve(times), piece.curve(times, 1)

@@ -65,9 +65,8 @@ def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
 
 def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     """Returns the first difference of a funnel's glider from a model, if any."""
-    own, other = (
-        parse_yaml(model_text(m), "model") for m in (funnel.nominal.model, model)
-    )
+    texts = map(model_text, (funnel.nominal.model, model))
+    own, other = (parse_yaml(text, "model") for text in texts)
     place = ""
     while own != other:
         if isinstance(own, list) and isinstance(other, list) and len(own) == len(other):
@@ -83,10 +82,8 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     found, expected = show(own), show(other)
     if found == expected:
         found, expected = repr(own), repr(other)
-    return [
-        f"The funnel is of another glider: '{place}' of its model is {found}; "
-        f"expected {expected}."
-    ]
+    words = f"The funnel is of another glider: '{place}' of its model is {found};"
+    return [f"{words} expected {expected}."]
 
 
 def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
@@ -174,11 +171,9 @@ def feedback_faults(funnel: Funnel, other: Funnel) -> list[str]:
     off = np.abs(its.inputs[there] - between - own.inputs[at])
     off += np.sum(np.abs(apart) * extents, axis=1)
     worst = int(np.argmax(off))
-    words = (
-        f"The other feedback's command differs by {off[worst]:.3g} rad/s at "
-        f"{own.times[at][worst]:.4f} s."
-    )
-    return unmet((bool(off[worst] <= PLACE_TOLERANCE), words))
+    words = f"The other feedback's command differs by {off[worst]:.3g} rad/s at"
+    fault = f"{words} {own.times[at][worst]:.4f} s."
+    return unmet((bool(off[worst] <= PLACE_TOLERANCE), fault))
 
 
 def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
@@ -224,31 +219,23 @@ def problem_faults(
     end, speed = funnel.nominal.states[-1], problem.final_speed_limit
     soonest, latest = problem.duration_limits
     (low, high), (least, most) = reached.pitch, problem.pitch_limits
+    far = f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches"
+    late = f"The flight ends at {reached.time:.4f} s; the problem's duration_limits are"
+    steep = f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem allows"
     return [
         *(launch_faults(funnel, problem) if from_launch else []),
         *unmet(
-            (
-                reached.miss <= reach + PLACE_TOLERANCE,
-                f"The goal reaches {reached.miss:.4g} m from the wire; the hook "
-                f"reaches {reach:.4g} m.",
-            ),
+            (reached.miss <= reach + PLACE_TOLERANCE, f"{far} {reach:.4g} m."),
             (
                 soonest <= reached.time <= latest,
-                f"The flight ends at {reached.time:.4f} s; the problem's "
-                f"duration_limits are {soonest:.4g} to {latest:.4g} s.",
+                f"{late} {soonest:.4g} to {latest:.4g} s.",
             ),
         ),
         *path_faults(funnel, problem),
         *_beyond("ends with a pitch", end[PITCH], problem.final_pitch_limits),
         *_beyond("ends with a speed", end[VELOCITY[0]], [-speed, speed]),
         *_beyond("ends with a speed", end[VELOCITY[1]], [-speed, speed]),
-        *unmet(
-            (
-                least <= low and high <= most,
-                f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem "
-                f"allows {least:.4g} to {most:.4g}.",
-            )
-        ),
+        *unmet((least <= low and high <= most, f"{steep} {least:.4g} to {most:.4g}.")),
     ]
 
 
@@ -259,20 +246,11 @@ def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     """
     reached, hook = arrival(funnel, problem), problem.hook
     (low, high), (least, most) = np.degrees([reached.pitch, hook.pitch_limits])
+    far = f"The goal reaches {reached.miss:.8g} m from the wire; the hook accepts less"
+    fast = f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook accepts up"
+    steep = f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook accepts"
     return unmet(
-        (
-            reached.miss < hook.reach,
-            f"The goal reaches {reached.miss:.8g} m from the wire; the hook accepts "
-            f"less than {hook.reach:.4g} m.",
-        ),
-        (
-            reached.speed <= hook.speed_limit,
-            f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook accepts "
-            f"up to {hook.speed_limit:.4g} m/s.",
-        ),
-        (
-            least <= low and high <= most,
-            f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook accepts "
-            f"{least:.1f}° to {most:.1f}°.",
-        ),
+        (reached.miss < hook.reach, f"{far} than {hook.reach:.4g} m."),
+        (reached.speed <= hook.speed_limit, f"{fast} to {hook.speed_limit:.4g} m/s."),
+        (least <= low and high <= most, f"{steep} {least:.1f}° to {most:.1f}°."),
     )

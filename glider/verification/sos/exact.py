@@ -120,9 +120,8 @@ class Exact:
 
     def bernstein(self) -> np.ndarray:
         """Returns Bernstein's coefficients (d + 1, ...), the nearest doubles."""
-        return np.array(
-            [p.to_float() / math.comb(self.degree, j) for j, p in enumerate(self.parts)]
-        )
+        parts = enumerate(self.parts)
+        return np.array([p.to_float() / math.comb(self.degree, j) for j, p in parts])
 
 
 def exact(values: np.ndarray | float) -> Exact:

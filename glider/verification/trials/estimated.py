@@ -115,10 +115,8 @@ def fly_estimated(
     rate, policy = TICKS * CAPTURE.rate, funnel_policy(funnel)
     ekf = make_ekf(funnel.nominal.model, rate=rate, process=PROCESS, noise=std**2)
     spread = np.linalg.inv(funnel.shape(0.0)) / (funnel.num_states + 2)
-    prior = Belief(
-        mean=starts - unknown * (starts - funnel.center(0.0)),
-        covariance=unknown**2 * spread,
-    )
+    mean = starts - unknown * (starts - funnel.center(0.0))
+    prior = Belief(mean=mean, covariance=unknown**2 * spread)
     states, means = fly_on_estimate(policy, ekf, starts, prior, draws * std, TICKS)
     times = np.arange(states.shape[1]) / rate
     passes = [closest_pass(times, path, np.zeros(2)) for path in states]

@@ -142,31 +142,26 @@ class _Trial:
 
     def _draw(self, count):
         """Returns gliders, and random points for each: [(δ, points)]."""
-        rng, allowed, n = self._rng, self._confidence, self._funnel.num_states
-        if allowed is None:
-            return [(np.empty(0), normalized(rng.normal(size=(count, n))))]
-        inside = allowed.draw(GLIDERS // 2, rng)
-        at_edge = allowed.on_boundary(
-            rng.normal(size=(GLIDERS // 2, allowed.dimension))
-        )
-        gliders = np.concatenate([allowed.corners(), inside, at_edge])
-        parts = np.array_split(np.arange(count), len(gliders))
-        return [
-            (glider, normalized(rng.normal(size=(len(part), n))))
-            for glider, part in zip(gliders, parts, strict=True)
-        ]
+        rng, allowed, gliders = self._rng, self._confidence, np.empty((1, 0))
+        if allowed is not None:
+            inside = allowed.draw(GLIDERS // 2, rng)
+            directions = rng.normal(size=(GLIDERS // 2, allowed.dimension))
+            at_edge = allowed.on_boundary(directions)
+            gliders = np.concatenate([allowed.corners(), inside, at_edge])
+        points = normalized(rng.normal(size=(count, self._funnel.num_states)))
+        return [*zip(gliders, np.array_split(points, len(gliders)), strict=True)]
 
     def _stray(self, worst, width):
         """Returns points near the worst, and gliders near theirs."""
         (_, points, gliders), allowed, rng = worst, self._confidence, self._rng
-        if allowed is None:
-            return [(gliders[0], strayed(points, width, rng))]
-        flights = []
-        for first in range(min(CLIMBERS, len(points))):
-            w = np.linalg.pinv(allowed.factor) @ gliders[first]
-            w = w / max(np.linalg.norm(w), 1e-300)
-            glider = allowed.on_boundary(w + width * rng.normal(size=w.shape))
-            flights.append((glider, strayed(points[first::CLIMBERS], width, rng)))
+        flights, climbers = [], min(CLIMBERS, len(points)) if allowed else 1
+        for first in range(climbers):
+            glider = gliders[first]
+            if allowed:
+                w = np.linalg.pinv(allowed.factor) @ glider
+                w = w / max(np.linalg.norm(w), 1e-300)
+                glider = allowed.on_boundary(w + width * rng.normal(size=w.shape))
+            flights.append((glider, strayed(points[first::climbers], width, rng)))
         return flights
 
     def _fly_corner(self, allowed, k, worst, width):
