@@ -15,6 +15,7 @@ import functools
 import itertools
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from glider.verification.dynamics.jets import exponents_of
 
@@ -78,6 +79,7 @@ class Sphere:
         """The same without the block of z, which they leave as it is."""
         return self._with_least(np.where(self.rows < self.n, 0.0, self.map))
 
+    @threadpool_limits.wrap(limits=1, user_api="blas")  # The same whatever ran before.
     def _with_least(self, linear):
         scaled = linear / np.where(self.rows == self.columns, 1.0, 2.0)
         return linear, scaled.T @ np.linalg.inv(scaled @ linear.T)
