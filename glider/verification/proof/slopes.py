@@ -48,7 +48,7 @@ LEAST, BUDGET = 1e-9, 3_000
 class Slopes:
     """∂f/∂(x, u, w, v) of a funnel's gliders, as operations on Taylor models.
 
-    Boxes are of v in the ball that covers sets, the command's error, the wind in a
+    Boxes are of y in the ball that covers sets, the command's error, the wind in a
     ball, the time of a line of λ, and s of an interval.
     """
 
