@@ -325,7 +325,7 @@ def trace_back(n, by_sensor, by_start, by_power, by_time, *flight):
     size = total + 1  # The last column is λ.
     moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, size)), np.empty(total)
     gusts = np.empty((n + 5, 2))
-    now, later, half = np.zeros((total, size)), np.empty((total, size)), np.empty(total)
+    now, later, half = np.zeros((total, size)), np.empty((total, size)), np.empty(size)
     by_sensor[:] = 0.0
     by_power[:] = 0.0
     by_time[:] = 0.0
@@ -373,7 +373,7 @@ def trace_back(n, by_sensor, by_start, by_power, by_time, *flight):
             half[:] = 0.0
             for i in range(total):  # Λ is symmetric.
                 part = gains[k, c, i] * inverse
-                for j in range(total):
+                for j in range(size):  # Whole vectors; the last is not used.
                     half[j] += part * now[i, j]
                 change -= gains[k, c, i] * now[i, total]
             for i in range(total):

@@ -55,8 +55,7 @@ def linear_flights(
     field, blocks = field_of(model), model.blocks
     terms = {term for block in (*blocks, *offered) for term in block.terms}
     terms |= set(FORCES if model.has_force_errors else ())
-    if directions is None:
-        directions = slopes(task.layout, model.free)
+    directions = slopes(task.layout, model.free) if directions is None else directions
 
     def one(record: Record) -> LinearFlight:  # It holds one flight only.
         own = model.about.get(record.name, STILL_AIR)
