@@ -39,9 +39,10 @@ def sum_up(n, m, deviations, summed):
     The motion's own; gust and wind in x; in z; pitch acceleration; elevator's
     departure; trim.
     """
-    for j in range(m):
-        for i in range(n):
+    for i in range(n):
+        for j in range(m):
             summed[i, j] = deviations[i, j]
+    for j in range(m):
         summed[n, j] = deviations[n, j] + deviations[n + 4, j]
         summed[n + 1, j] = deviations[n + 1, j] + deviations[n + 5, j]
         summed[n + 2, j] = deviations[n + 2, j]
@@ -128,16 +129,21 @@ def filter_columns(
     """
     total = n + OWN_STATES
     keep = np.ones(OWN_STATES)
-    covariance = np.diag(start)
+    # Rows of whole vectors of the processor, the rest zero, and no branches in loops
+    # over them: what the compiler does at once.
+    width, narrow = total + -total % 4, n + -n % 4
+    covariance = np.zeros((total, width))
+    for i in range(total):
+        covariance[i, i] = start[i]
     # Wind moves the motion as gusts do: so few sums of the deviations say it all.
     sums = n + 5
     moves = np.zeros((n, sums))
-    moved_by = np.empty((sums, n))
+    moved_by = np.zeros((sums, narrow))
     summed_mean = np.empty((sums, m))
-    summed = np.empty((sums, total))
-    half = np.empty((n, total))
+    summed = np.empty((sums, width))
+    half, own_half = np.empty((n, width)), np.empty(narrow)
     twice_summed = np.empty((n, sums))
-    row, gain = np.empty(total), np.empty(total)
+    row, gain = np.empty(total), np.empty(width)
     innovations[:] = 0.0
     variances[:] = 1.0
     for k in range(times.shape[0]):
@@ -152,12 +158,12 @@ def filter_columns(
             for i in range(total):
                 part = row[i]
                 if part != 0.0:
-                    for j in range(total):
+                    for j in range(width):
                         gain[j] += part * covariance[i, j]
                     for j in range(m):
                         innovations[k, c, j] -= part * mean[i, j]
             if gains.shape[0] > 0:
-                gains[k, c] = gain
+                gains[k, c] = gain[:total]
             for i in range(total):
                 own += row[i] * gain[i]
             if own < variance[c]:  # By rounding: a covariance adds nothing negative.
@@ -169,13 +175,13 @@ def filter_columns(
                 part = gain[i] * inverse
                 for j in range(m):
                     mean[i, j] += part * innovations[k, c, j]
-                for j in range(total):
+                for j in range(width):
                     covariance[i, j] -= part * gain[j]
             for j in range(m):
                 innovations[k, c, j] *= scale
         if airs.shape[0] > 0:
             for p in range(2):
-                airs[k, p, :total] = covariance[n + p]
+                airs[k, p, :total] = covariance[n + p, :total]
                 airs[k, p, total] = mean[n + p, m - 1]
         if k == times.shape[0] - 1:
             break
@@ -201,23 +207,22 @@ def filter_columns(
             for j in range(m):
                 mean[n + p, j] *= keep[p]
 
-        sum_up(n, total, covariance, summed)
+        sum_up(n, width, covariance, summed)
         for i in range(n):
             half[i] = 0.0
             for r in range(sums):
                 part = moves[i, r]
-                if part != 0.0:
-                    for j in range(total):
-                        half[i, j] += part * summed[r, j]
+                for j in range(width):
+                    half[i, j] += part * summed[r, j]
         sum_up(n, n, half.T, twice_summed.T)
         for i in range(n):
-            for j in range(n):
-                covariance[i, j] = 0.0
+            own_half[:] = 0.0
             for r in range(sums):
                 part = twice_summed[i, r]
-                if part != 0.0:
-                    for j in range(n):
-                        covariance[i, j] += part * moved_by[r, j]
+                for j in range(narrow):
+                    own_half[j] += part * moved_by[r, j]
+            for j in range(n):
+                covariance[i, j] = own_half[j]
             for j in range(n, total):
                 value = half[i, j] * keep[j - n]
                 covariance[i, j] = value
@@ -233,12 +238,15 @@ def filter_columns(
 def filter_flight(*flight):
     """Whitens a flight's errors, see `filter_columns`.
 
-    Loops whose length the compiler knows take two thirds of the time: there is a copy
-    for one column and a glider without states of effects, which fits of scales filter.
+    Loops whose length the compiler knows take two thirds of the time: there are copies
+    for a glider without states of effects, and for one column of it, which fits of
+    scales filter.
     """
     n, m = flight[1].shape[1], flight[4].shape[2]
     if n == MOTION and m == 1:
         filter_columns(MOTION, 1, *flight)
+    elif n == MOTION:
+        filter_columns(MOTION, m, *flight)
     else:
         filter_columns(n, m, *flight)
 
@@ -317,7 +325,7 @@ def trace_back(n, by_sensor, by_start, by_power, by_time, *flight):
     size = total + 1  # The last column is λ.
     moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, size)), np.empty(total)
     gusts = np.empty((n + 5, 2))
-    now, later, half = np.zeros((total, size)), np.empty((total, size)), np.empty(total)
+    now, later, half = np.zeros((total, size)), np.empty((total, size)), np.empty(size)
     by_sensor[:] = 0.0
     by_power[:] = 0.0
     by_time[:] = 0.0
@@ -365,7 +373,7 @@ def trace_back(n, by_sensor, by_start, by_power, by_time, *flight):
             half[:] = 0.0
             for i in range(total):  # Λ is symmetric.
                 part = gains[k, c, i] * inverse
-                for j in range(total):
+                for j in range(size):  # Whole vectors; the last is not used.
                     half[j] += part * now[i, j]
                 change -= gains[k, c, i] * now[i, total]
             for i in range(total):

@@ -16,9 +16,12 @@ import joblib
 from joblib.parallel import get_active_backend
 from threadpoolctl import threadpool_limits
 
-_THREADS = ThreadPoolExecutor(max_workers=joblib.cpu_count())
-"""One for each core that this process may use, by affinity and cgroup. joblib's own
-threads are for long tasks: it polls every 10 ms, and a flight takes less."""
+_WORKERS = joblib.cpu_count()
+"""One for each core that this process may use, by affinity and cgroup."""
+
+_THREADS = ThreadPoolExecutor(max_workers=_WORKERS)
+"""joblib's own threads are for long tasks: it polls every 10 ms, and a flight takes
+less."""
 
 _PARTS = 4
 """Parts of the work for each worker of joblib, so that none waits long for the last."""
@@ -33,12 +36,12 @@ def in_parallel(function: Callable[[Any], Any], items: Iterable) -> list:
     Args:
         function: that touches nothing outside but what it holds; where joblib's workers
             are processes, it is pickled with the items and what it returns.
-        items: in any number; a worker gets several at a time.
+        items: in any number; a worker of joblib's gets several at a time.
     """
+    items = list(items)
     backend, jobs = get_active_backend()
     if jobs is None and type(backend) is _UNSET:
-        return list(_THREADS.map(function, items))
-    items = list(items)
+        return _by_threads(function, items)
     count = min(len(items), _PARTS * joblib.effective_n_jobs(None))
     edges = [len(items) * k // count for k in range(count + 1)] if count else []
     tasks = (
@@ -47,6 +50,23 @@ def in_parallel(function: Callable[[Any], Any], items: Iterable) -> list:
     )
     parts = joblib.Parallel(batch_size=1)(tasks)
     return [found for part in parts for found in part]
+
+
+def _by_threads(function: Callable[[Any], Any], items: Sequence) -> list:
+    """Returns function(item) for each; a thread takes the next as it is done with one.
+
+    To hand each to a thread by itself takes as long as a short flight is filtered.
+    """
+    found: list = [None] * len(items)
+    places = iter(range(len(items)))
+
+    def work(_: int) -> None:
+        for k in places:
+            found[k] = function(items[k])
+
+    for _ in _THREADS.map(work, range(min(_WORKERS, len(items)))):
+        pass
+    return found
 
 
 def _part(function: Callable[[Any], Any], items: Sequence) -> list:

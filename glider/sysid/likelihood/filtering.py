@@ -51,14 +51,14 @@ def rests(record: Record, scales: Scales) -> bool:
     """
     if record.is_cut or not record.has_servo:
         return False
-    most = Z * float(np.hypot(scales.elevator, scales.rest))
+    most = Z * (scales.elevator**2 + scales.rest**2) ** 0.5
     return abs(record.rest - record.usual_rest) < most
 
 
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
     s, record = scales, flight.record
-    launch, servo = np.array(LAUNCH_SPREAD), s.servo
+    launch, servo = [*LAUNCH_SPREAD], s.servo
     off = abs(record.rest - record.usual_rest)
     if record.is_cut:  # It was logged with noise.
         off = max(off, Z * Scales.elevator)
@@ -67,7 +67,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
     extra = s.memory * record.layout.state_scale[flight.states[NUM_STATES:]]
-    return np.square(np.concatenate([launch, extra, own]))
+    return np.square([*launch, *extra, *own])
 
 
 def whiten(

@@ -55,8 +55,7 @@ def linear_flights(
     field, blocks = field_of(model), model.blocks
     terms = {term for block in (*blocks, *offered) for term in block.terms}
     terms |= set(FORCES if model.has_force_errors else ())
-    if directions is None:
-        directions = slopes(task.layout, model.free)
+    directions = slopes(task.layout, model.free) if directions is None else directions
 
     def one(record: Record) -> LinearFlight:  # It holds one flight only.
         own = model.about.get(record.name, STILL_AIR)
@@ -151,10 +150,10 @@ def fit_model(
     And the strengths of its blocks if asked, see `fit_strength`. It stops early where
     another gain as large as the last would leave the cost above `most`.
     """
-    best, step, tries, flights = None, None, 0, list[LinearFlight]()
-    current, curvature = model, None
+    best, step, tries, current, curvature = None, None, 0, model, None
+    flights = now = list[LinearFlight]()
     for iteration in range(iterations + 1):
-        flights.clear()  # Before there are others.
+        flights = now = []  # Before there are others.
         flights = linear_flights(task, current)
         now = [f.error_only() for f in flights]
         scales = current.scales
@@ -199,12 +198,13 @@ def fit_model(
             break
         current = moved(task, best, step)
         if not tries:
-            moved_flights = [f.combined(step) for f in flights]
-            current = in_surroundings(task, current, moved_flights)
+            now = [f.combined(step) for f in flights]
+            current = in_surroundings(task, current, now)
     best = best or current
     if not with_strength:
         return best
-    return fit_strength(task, best, flights if current is best else None)
+    flights, now = flights if current is best else [], []
+    return fit_strength(task, best, flights or None)
 
 
 def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
