@@ -134,13 +134,16 @@ def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
     models = {"model.yaml": result.alternatives[0]}
     models |= {f"rivals/rival_{k}.yaml": own for k, own in enumerate(result.rivals, 1)}
     return [
-        (
-            file,
-            words_of(result, [e.kind.kind for e in own.model.effects]),
-            f"{100.0 * own.probability:.2g} %",
-        )
+        (file, _of_model(result, own.model), f"{100.0 * own.probability:.2g} %")
         for file, own in models.items()
     ]
+
+
+def _of_model(result, model):
+    """Short phrases for the effects of a model, and for the free functions it has."""
+    fields = [model.field, *model.field.more] if model.field else []
+    free = [f"free functions of {', '.join(field.variables)}" for field in fields]
+    return [*words_of(result, [e.kind.kind for e in model.effects]), *free]
 
 
 def correlation_rows(result: Result) -> list[tuple[str, str, str]]:

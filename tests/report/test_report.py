@@ -26,7 +26,7 @@ from glider.report.as_page import STATIC
 from glider.report.folder import make_figures, to_html, write_report
 from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
-from glider.report.wording import headline, remarks
+from glider.report.wording import headline, remarks, rival_rows
 from glider.sysid.report import CALIBRATED, PERFECT, Estimate, OutlyingFlights
 from glider.sysid.result import Alternative
 from tests.helpers.own_kinds import FLAP
@@ -389,6 +389,12 @@ def test_rivals_are_models_of_their_own(tmp_path, quick):
         ("rival_2.yaml", "10 %"),
     )
     assert rows == [expected[0], *((f"rivals/{n}", share) for n, share in expected[1:])]
+    _, (_, words, _), (_, nothing, _) = rival_rows(
+        dataclasses.replace(result, alternatives=alternatives)
+    )
+    assert words[-1] == f"free functions of {', '.join(rival.field.variables)}"
+    assert len(words) == len(rival.effects) + 1 and nothing == []
+    assert rival_rows(result) == []
     write_report(dataclasses.replace(result, alternatives=alternatives[:2]), tmp_path)
     mine = {"mine.yaml", "rival_1_mine.yaml"}
     assert {path.name for path in folder.iterdir()} == mine | {"rival_1.yaml"}
