@@ -18,6 +18,7 @@ def test_phases_are_made_one_after_the_other(monkeypatch):
     waiting, launches, made = iter(rests), [], phases.make_funnel
 
     def make(model, policy, settings, **given):
+        assert given["confidence"] is launch.allowed
         is_launch = policy is not None
         return made(model, policy, settings, **given) if is_launch else next(waiting)
 
@@ -28,6 +29,7 @@ def test_phases_are_made_one_after_the_other(monkeypatch):
         problem,
         rests[0].settings,
         latency=0.01,
+        confidence=launch.allowed,
     )
     assert found == rests
     starts = [own.nominal.states[0] for own in rests]

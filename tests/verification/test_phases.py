@@ -10,7 +10,8 @@ from glider.__main__ import main
 from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.confidence import SHAPES
+from glider.physics.confidence import SHAPES, make_confidence
+from glider.physics.model import load_covariance
 from glider.planning.problem import PerchingProblem
 from glider.verification import phases
 from glider.verification.funnel.funnel import load_funnel, save_funnel
@@ -64,6 +65,9 @@ def test_the_shipped_funnels_are_one_loop_at_any_phase(launch, rests):
     assert first_commands(launch, rests) == pytest.approx((0.01, 0.03), abs=1e-12)
     assert launch.half_widths()[1] > 0.1
     assert all(own.settings.wind >= 0.02 for own in (launch, *rests))
+    model = models_path("identified", "head_wind.yaml")
+    known = make_confidence(launch.nominal.model, load_covariance(model))
+    assert all(own.allowed.covers(known) for own in (launch, *rests))
 
 
 def test_the_launch_flies_without_commands(launch):
@@ -197,7 +201,8 @@ def test_a_wind_leaves_a_prediction_within_its_room(launch, rests):
     for k in phase_intervals(launch, rests):
         states = boundary_states(launch, k - 4, directions)
         for angle in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
-            air = np.tile(0.022 * np.array([np.cos(angle), np.sin(angle)]), (200, 1))
+            air = np.tile([np.cos(angle), np.sin(angle)], (200, 1))
+            air *= launch.settings.wind
             ends = [
                 advance(lambda x, t, w=w: rates_of(model, x, still, w), states, 0.01)
                 for w in (None, air)
@@ -279,7 +284,7 @@ def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
     report = json.loads(capsys.readouterr().out)
     assert report["latency"]["holds"] and report["latency"]["error_left"] == 0.006
     report = report["any_phase"]
-    assert report["proven"] and report["wind_m_s"] == 0.022
+    assert report["proven"] and report["wind_m_s"] == 0.02
     assert report["command_error_rad_s"] == 0.006
     assert quick("--prove", *bounds) == 0
     said = " ".join(capsys.readouterr().out.split())
