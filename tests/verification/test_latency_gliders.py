@@ -9,6 +9,7 @@ from glider.physics.confidence import theta_at
 from glider.verification.dynamics.jets import variables
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.proof import latency as prediction
+from glider.verification.proof.interval import keeps_servo, make_interval
 from glider.verification.proof.latency import FINE, predictions_of, prove_latency
 from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.sphere import normalized
@@ -82,6 +83,24 @@ def test_no_glider_is_farther_from_the_prediction(rest):
     winds[:], errors[:] = winds[0], errors[0]  # Steady ones move flights farthest.
     apart = flown_apart(*given, winds, errors, theta) @ own.gains
     assert 0.5 * share * bounds[0] < np.abs(apart).max() <= bounds @ [1.0, 0.05]
+
+
+def test_bounds_are_of_all_numbers_and_centers(rest):
+    """A bound a tenth above what is sampled fails where they deviate by more."""
+    part, near = predictions_of(rest, LATENCY)[10].window.between(0, 1), np.zeros(7)
+    assert np.all(np.isfinite(NearSets(Slopes(rest), part, near).sizes((1.1,))))
+    gliders, far = part.gliders, part.gliders.shifts.copy()
+    far[:, [2, 4, 5]] *= 200.0  # Pitch and speeds.
+    names = "shifts", "slopes", "commands"
+    less = {name: 0.01 * getattr(gliders, name) for name in names}
+    wide = allowed_by(100.0 * SHARE, rest.allowed.shape)
+    for changed in ({"shifts": far}, less | {"confidence": wide}):
+        other = dataclasses.replace(
+            part, gliders=dataclasses.replace(gliders, **changed)
+        )
+        assert keeps_servo(make_interval(other))
+        found = NearSets(Slopes(other), other, near).sizes((1.1,))
+        assert np.all(np.isinf(found))
 
 
 def test_gliders_of_another_set_prove_nothing(rest):

@@ -310,25 +310,32 @@ def test_what_is_of_one_funnel_is_refused(quick, option, capsys):
     assert f"--{option} is of one funnel" in capsys.readouterr().err
 
 
-def test_centers_of_a_set_take_their_part_of_the_inlet(launch, rests):
-    """No glider is outside where all are said to be inside; the rest is not wasted."""
-    rng, decided = np.random.default_rng(4), {True: 0, False: 0}
-    for number in range(40):
-        allowed = allowed_by(rng.uniform(1.0, 20.0), SHAPES[number % 2])
-        k, own = int(rng.choice(phase_intervals(launch, rests))), rests[rng.integers(4)]
-        piece = scaled(among(launch, allowed).between(k, k + 1), rng.uniform(0.3, 1.0))
-        edge = [*allowed.on_boundary(rng.normal(size=(2, 2))), *allowed.corners()]
-        levels, reach, R = [], 0.0, np.linalg.cholesky(own.S[0]).T
-        for time in piece.nominal.times:
-            moves = piece.gliders.at(time, np.array(edge))
-            reach = max(reach, np.linalg.norm(moves @ R.T, axis=1).max())
-            levels += [[farthest(piece, own, time, move) for move in (0.0, *moves)]]
-        found = is_inside(piece, own)
-        decided[found] += 1
-        assert not (found and np.max(levels) > LEVEL)
-        assert found or np.max(levels, axis=0)[0] > LEVEL - 2.1 * reach - 2e-3
-    assert min(decided.values()) > 5
-    # One set for all of them, and commands of its gliders by the clock only.
+@pytest.mark.parametrize("shape", SHAPES)
+def test_centers_of_a_set_take_their_part_of_the_inlet(launch, rests, shape):
+    """At a time when a set has the inlet's shape and center, they alone decide."""
+    allowed, own = allowed_by(10.0, shape), rests[2]
+    for k in phase_intervals(launch, rests)[::3]:
+        piece = among(launch, allowed).between(k, k + 1)
+        times = np.repeat(piece.nominal.times[1:], 2)
+        still = np.repeat(own.nominal.states[:1], 2, axis=0)
+        shifts = np.repeat(piece.gliders.shifts[1:], 2, axis=0)
+        gliders = dataclasses.replace(piece.gliders, shifts=shifts)
+        moved = np.linalg.cholesky(own.S[0]).T @ shifts[0] @ allowed.factor
+        reach = allowed.farthest(moved)
+        outward = np.linalg.svd(moved)[2][0] if shape == "ellipsoid" else np.ones(2)
+        for level, holds in (
+            (LEVEL - 2.01 * reach, True),
+            (LEVEL - 1.9 * reach, False),
+        ):
+            S = np.repeat(own.S[:1] / level, 2, axis=0)
+            same = changed(piece, S=S, slopes=0.0 * S, states=still, times=times)
+            same = dataclasses.replace(same, gliders=gliders)
+            assert is_inside(same, own) == holds
+            worst = (np.sqrt(level) + np.linalg.norm(moved @ outward)) ** 2
+            assert worst <= LEVEL if holds else worst > LEVEL or shape == "box"
+
+
+def test_phases_have_one_set_of_gliders(launch, rests):
     sets = [among(own, allowed_by()) for own in (scaled(launch, 0.9), *rests)]
     assert phase_faults(sets[0], sets[1:]) == []
     for others in (rests, [*sets[1:4], among(rests[3], allowed_by(0.5))]):
