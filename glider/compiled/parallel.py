@@ -7,6 +7,7 @@ workers through joblib, up to a cluster of processes. With Dask (the extra `clus
         result = close_the_loop(folder)
 """
 
+import collections
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -61,11 +62,20 @@ def _by_threads(function: Callable[[Any], Any], items: Sequence) -> list:
     places = iter(range(len(items)))
 
     def work(_: int) -> None:
-        for k in places:
-            found[k] = function(items[k])
+        try:
+            for k in places:
+                found[k] = function(items[k])
+        finally:
+            begin_no_other()
 
-    for _ in _THREADS.map(work, range(min(_WORKERS, len(items)))):
-        pass
+    def begin_no_other():
+        collections.deque(places, maxlen=0)
+
+    try:
+        for _ in _THREADS.map(work, range(min(_WORKERS, len(items)))):
+            pass
+    finally:  # After an error or an interrupt.
+        begin_no_other()
     return found
 
 

@@ -197,6 +197,7 @@ def phases_report(checked: Checked) -> dict[str, Any]:
         "level": LEVEL,
         "command_error_rad_s": least.command_error,
         "wind_m_s": least.wind,
+        "made_for": gliders_note(launch),
     }
 
 

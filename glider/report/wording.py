@@ -134,7 +134,7 @@ def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
     models = {"model.yaml": result.alternatives[0]}
     models |= {f"rivals/rival_{k}.yaml": own for k, own in enumerate(result.rivals, 1)}
     return [
-        (file, _of_model(result, own.model), f"{100.0 * own.probability:.2g} %")
+        (file, _of_model(result, own.model), f"{100.0 * own.probability:.3g} %")
         for file, own in models.items()
     ]
 

@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import threading
+import time
 import warnings
 
 import joblib
@@ -59,6 +60,21 @@ def test_an_error_comes_out_as_it_is():
         pytest.raises(ValueError, match="diverges"),
     ):
         in_parallel(fail, range(3))
+
+
+def test_no_item_begins_after_an_error():
+    begun = []
+
+    def work(item):
+        begun.append(item)
+        if item == 3:
+            raise ValueError("an error of the third")
+        time.sleep(0.01)
+
+    with pytest.raises(ValueError, match="of the third"):
+        in_parallel(work, range(1000))
+    time.sleep(0.05)
+    assert len(begun) < 4 + 2 * joblib.cpu_count()
 
 
 def test_what_is_sent_is_small_and_finds_its_layout_again():

@@ -395,6 +395,12 @@ def test_rivals_are_models_of_their_own(tmp_path, quick):
     assert words[-1] == f"free functions of {', '.join(rival.field.variables)}"
     assert len(words) == len(rival.effects) + 1 and nothing == []
     assert rival_rows(result) == []
+    sure = (
+        dataclasses.replace(alternatives[0], probability=0.9996),
+        dataclasses.replace(alternatives[1], probability=0.0004),
+    )
+    rows = rival_rows(dataclasses.replace(result, alternatives=sure))
+    assert [share for *_, share in rows] == ["100 %", "0.04 %"]
     write_report(dataclasses.replace(result, alternatives=alternatives[:2]), tmp_path)
     mine = {"mine.yaml", "rival_1_mine.yaml"}
     assert {path.name for path in folder.iterdir()} == mine | {"rival_1.yaml"}

@@ -321,7 +321,7 @@ def test_centers_of_a_set_take_their_part_of_the_inlet(launch, rests, shape):
         shifts = np.repeat(piece.gliders.shifts[1:], 2, axis=0)
         gliders = dataclasses.replace(piece.gliders, shifts=shifts)
         moved = np.linalg.cholesky(own.S[0]).T @ shifts[0] @ allowed.factor
-        reach = allowed.farthest(moved)
+        reach = np.linalg.norm(moved, 2) * (np.sqrt(2.0) if shape == "box" else 1.0)
         outward = np.linalg.svd(moved)[2][0] if shape == "ellipsoid" else np.ones(2)
         for level, holds in (
             (LEVEL - 2.01 * reach, True),

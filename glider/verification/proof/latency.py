@@ -214,8 +214,8 @@ def _missed(prediction, slopes, directions, rooms):
         ]
         total += np.max(rates, axis=0) * (duration * WIDER)
         first = last
-    others = np.delete(total * pushes, 1, axis=1).sum(axis=1)
-    return np.column_stack([others, total[:, 1]])
+    wind, error, *numbers = total.T
+    return np.column_stack([wind * pushes[0] + sum(numbers), error])
 
 
 def _apart(sizes, latency):

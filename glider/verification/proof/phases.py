@@ -39,6 +39,9 @@ from glider.verification.sos.exact import exact, hermite, rounded
 LEVEL = 0.98
 """V at which flights begin in a funnel of held commands at most: 0.99² and less."""
 
+WIDENED = 1e-9
+"""What is added to a bound of √V that was sampled, for rounding, before it is seen."""
+
 PREDICTED = 0.005
 """How far √V of a predicted state may be off, in any of the inlets."""
 
@@ -151,23 +154,30 @@ def is_inside(piece: Funnel, rest: Funnel) -> bool:
         away, inlet = path - exact(rest.nominal.states[0]), exact(rest.S[0])
         level = LEVEL - 2.0 * _centers_reach(piece, rest.S[0])
         multiplier = rounded(_multiplier(S, away, rest.S[0], level), MULTIPLIER_BITS)
+        least = exact(level)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return False
     own, one = exact(np.eye(n, n + 1)), exact(np.eye(n + 1)[[n]])
     reach = own + away[:, None] @ one
     left = (own.T @ S @ own - one.T @ one) * multiplier
-    left = left + one.T @ one * exact(level) - reach.T @ inlet @ reach
+    left = left + one.T @ one * least - reach.T @ inlet @ reach
     return stays_definite(left)
 
 
 def _centers_reach(piece, inlet):
     """Returns how far a set's centers move in an interval, as √V in another inlet."""
-    if (gliders := piece.gliders) is None:
+    allowed, gliders = piece.allowed, piece.gliders
+    if gliders is None or not allowed.dimension:
         return 0.0
     step = exact(piece.nominal.times[1]) - exact(piece.nominal.times[0])
     X, _ = hermite(gliders.shifts, gliders.slopes, step)
-    moved = np.linalg.cholesky(inlet).T @ X.bernstein() @ piece.allowed.factor
-    return max(map(piece.allowed.farthest, moved))
+    moved, R = X @ exact(allowed.factor), np.linalg.cholesky(inlet).T
+    widest = np.linalg.norm(R @ moved.bernstein(), 2, axis=(1, 2)).max() + WIDENED
+    square = exact(widest) * exact(widest) * exact(np.eye(allowed.dimension))
+    if not stays_definite(square - moved.T @ exact(inlet) @ moved):
+        return np.inf
+    # Of v in a box, |v| is √r at most.
+    return widest * allowed.dimension ** (0.5 if allowed.shape == "box" else 0.0)
 
 
 def _multiplier(S, away, inlet, level):

@@ -75,11 +75,11 @@ class Slopes:
         ]
         pulls[:n] = [a - b for a, b in zip(pulls[:n], changes, strict=True)]
         flat = [zero + slope for row in J for slope in row]
-        shape = len(inputs), len(self.table.degrees)
-        # On boxes, and at points: of a point there is but the constant.
-        there = np.ones(shape, dtype=bool), np.arange(shape[1]) == np.zeros(shape)
+        on_boxes = np.ones((len(inputs), len(self.table.degrees)), dtype=bool)
+        at_points = on_boxes.copy()
+        at_points[:, 1:] = False  # There is but the constant.
         self.of_states, self.of_line = (
-            tuple(recording.program(results, present) for present in there)
+            tuple(recording.program(results, of) for of in (on_boxes, at_points))
             for results in (flat, pulls)
         )
 
