@@ -291,6 +291,9 @@ def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
     assert "Proven for a clock of any phase, with a latency of 10 ms" in said
     assert "with a command error of at most 0.006 rad/s" in said
     assert "Proven: commands may be computed 10 ms before they act" in said
+    assert "every flight of every glider of their set that starts in" in said
+    assert "in one of the others, each about its own center, and ends" in said
+    assert "What it misses of any glider of the set in the wind is" in said
     for command_error, error_left in (("0.007", 0.006), ("0", -0.001)):
         asked = ("--prove", *bounds, "--command-error", command_error)
         assert quick(*asked, error_left=error_left) == 1
