@@ -352,7 +352,11 @@ def test_gliders_of_phases_are_flown_by_the_clock_only(quick, capsys, monkeypatc
     assert quick(*asked) == 2
     said = " ".join(capsys.readouterr().err.split())
     assert "of these funnels are held: expected --as-flown, too." in said
-    assert quick(*asked, "--as-flown", "--predict", "--flights", "20") == 0
+    asked += "--as-flown", "--predict", "--flights", "20"
+    assert quick(*asked, "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert "gliders" not in report and "wind.x" in report["as_flown"]["gliders"]
+    assert quick(*asked) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert (
         "at any phase of their clock" in said and "gliders on the edge of the" in said
