@@ -147,14 +147,11 @@ def test_a_set_is_inside_exactly_where_no_point_is_outside(launch, rests):
     assert min(decided.values()) > 5
 
 
-def farthest(piece, own, time, moved=0.0):
-    """Returns the largest V, of another funnel's inlet, in a set at a time.
-
-    Its center may have moved.
-    """
+def farthest(piece, own, time):
+    """Returns the largest V, of another funnel's inlet, in a set at a time."""
     spread = np.linalg.inv(np.linalg.cholesky(piece.shape(time))).T
     R = np.linalg.cholesky(own.S[0]).T
-    M, v = R @ spread, R @ (piece.center(time) + moved - own.nominal.states[0])
+    M, v = R @ spread, R @ (piece.center(time) - own.nominal.states[0])
     points = normalized(np.random.default_rng(0).normal(size=(60, 7)))
     for _ in range(400):
         points = normalized((points @ M.T + v) @ M)

@@ -237,7 +237,8 @@ def gather_in_parts(
         grams[k : k + _IN_PART] = found
         now = [flight.error_only() for flight in part.flights]
         costs.append(negative_log_likelihood(now, scales))
-        parts.append(part := dataclasses.replace(part, flights=()))
+        part = dataclasses.replace(part, flights=())  # Before there are others.
+        parts.append(part)
     kept = {  # What diverges on some flights is offered on none.
         kind: tuple(v for v in own if all(v in p.variants.get(kind, ()) for p in parts))
         for kind, own in parts[0].variants.items()

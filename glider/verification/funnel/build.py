@@ -182,7 +182,8 @@ class Gauge:
 
     def __init__(self, task: FunnelTask):
         """Expands the dynamics between the times."""
-        self._task, self._nominal, nominal = task, task.nominal, task.nominal
+        nominal = task.nominal
+        self._task, self._nominal = task, nominal
         self._starts = normalized(task.directions[:STARTS, : nominal.states.shape[1]])
         self._between = {share: nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(nominal)

@@ -70,21 +70,21 @@ class TaylorRemainder:
     #: Polynomials (r, M) of the bounds β (1 + yᵀ F y) that R has to keep.
     limits: np.ndarray
     span: tuple[float, float]  #: First and last s.
-    allowed: ConfidenceSet | None  #: Set of the gliders that fly; None for one alone.
+    allowed: ConfidenceSet  #: Set of the gliders that fly.
     beyond: np.ndarray  #: Bounds (n + 1,) of what the inputs lack of that.
     pushes: np.ndarray  #: Bounds (2,) of the command's error [rad/s], the wind [m/s].
 
     @property
     def dimension(self) -> int:
         """Number of the boxes' coordinates."""
-        of_set = self.allowed.dimension if self.allowed else 0
-        return len(self.basis) + of_set + len(_acting(self.pushes)) + 1
+        acting = len(_acting(self.pushes))
+        return len(self.basis) + self.allowed.dimension + acting + 1
 
     @property
     def balls(self) -> tuple[slice, ...]:
         """Coordinates of w, of the wind, and of v where they are in a ball."""
         m, found = len(self.basis), [slice(0, len(self.basis))]
-        if self.allowed is not None and self.allowed.shape == "ellipsoid":
+        if self.allowed.dimension and self.allowed.shape == "ellipsoid":
             found.append(slice(m, m + self.allowed.dimension))
         if self.pushes[1] > 0.0:
             found.append(slice(self.dimension - 3, self.dimension - 1))
@@ -131,7 +131,7 @@ class TaylorRemainder:
         """
         m, d = len(self.basis), self.dimension
         unit = np.eye(1 + d, self.inputs.shape[1])
-        factor = self.allowed.factor if self.allowed else np.zeros((0, 0))
+        factor = self.allowed.factor
         deviations = factor @ unit[1 + m : 1 + m + factor.shape[1]]
         air = self.pushes[1] * unit[[d - 2, d - 1]]
         groups = [self.inputs, deviations, air, unit[[d]]]
@@ -142,7 +142,7 @@ class TaylorRemainder:
         program = _recorded(
             self.model,
             d,
-            tuple(self.allowed.names) if self.allowed else None,
+            self.allowed.names,
             tuple(self.rows),
             bool(self.pushes[1] > 0.0),
             tuple(map(len, groups)),
@@ -162,7 +162,7 @@ def _recorded(model, d, names, rows, is_windy, sizes, present):
     inputs, deviated, wind, (time,), highest, polynomials, limits = (
         list(itertools.islice(models, size)) for size in sizes
     )
-    theta = None if names is None else theta_at(model, names, deviated)
+    theta = theta_at(model, names, deviated)
     air = wind if is_windy else [0.0, 0.0]
     rates = open_loop_rates(model, inputs[:-1], inputs[-1], theta, air)
     rates = [rates[row] for row in rows]
@@ -221,7 +221,7 @@ def make_remainder(
         rounding=2.0 * ROUNDING * WIDER * sizes,
         limits=_limits(piece, basis, table),
         span=span,
-        allowed=piece.gliders.confidence if piece.gliders else None,
+        allowed=piece.allowed,
         beyond=beyond * WIDER,
         pushes=pushes,
     )
