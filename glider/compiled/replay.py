@@ -495,9 +495,10 @@ def slopes_along(
     by_x, by_term = np.empty((*rows, width)), np.empty((*rows, len(terms)))
     found = ends, by_x, by_term, np.empty((*rows, len(sizes)))
     index = np.array(terms, dtype=np.int64)
-    shape = 1 + len(FIELD_VARIABLES), 1 + len(FIELD_TERMS)
-    linear = NO_FIELD._replace(tangent=np.empty(shape))
     own = of_motion(field)
+    variables = len(FIELD_VARIABLES) if own.weights.shape[1] else 0
+    shape = 1 + variables, 1 + len(FIELD_TERMS)
+    linear = NO_FIELD._replace(tangent=np.empty(shape))
     acting = own.weights.any(axis=1), own.inverse_widths.any(axis=1)
     loop = LOOPS.over(kinds, True).log_slopes
     loop(path, nodes, numbers, moved, sizes, own, acting, linear, index, *found)

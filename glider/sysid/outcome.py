@@ -310,14 +310,17 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[report.Curve
     # Effects change airspeed and areas too: the rest in units of the flat plate.
     explained = lack - (named.unit / before.unit)[:, [0, 0, 1]] * _lack_of(named)
     both, bins = np.hstack([lack, explained]), []
-    for here in (place == b for b in np.unique(place)):
-        rows_of = [here & (before.flight == f) for f in np.unique(before.flight[here])]
-        if len(rows_of) < 2:
+    for here in (np.flatnonzero(place == b) for b in np.unique(place)):
+        _, own, rows = np.unique(
+            before.flight[here], return_inverse=True, return_counts=True
+        )
+        if len(rows) < 2:
             continue
-        means = np.array([both[rows].mean(axis=0) for rows in rows_of])
+        sums = [np.bincount(own, weights=column) for column in both[here].T]
+        means = (np.array(sums) / rows).T
         (mean, part), std = np.split(means.mean(axis=0), 2), means[:, :3].std(0, ddof=1)
         middle = np.full(3, alpha[here].mean())
-        bins.append([middle, mean, std / np.sqrt(len(rows_of)), part])
+        bins.append([middle, mean, std / np.sqrt(len(rows)), part])
     columns = np.array(bins).reshape(-1, 4, 3).T  # Terms, columns, bins.
     fields = "alpha", "lack", "std", "named"
     return tuple(

@@ -187,14 +187,17 @@ def calc_correlation(
 
     With a `sign`, of 1 or -1, the best of that sign.
     """
-    pairs = [_rates(f, masks, delays) for f in flights]
-    rate = np.concatenate([elevator for elevator, _ in pairs])
-    commands = np.concatenate([commands for _, commands in pairs], axis=1)
-    known = np.isfinite(commands)
-    commands = np.where(known, commands, 0.0)
-    square = (known @ rate**2) * np.sum(commands**2, axis=1)
-    correlation = commands @ rate / np.sqrt(np.maximum(square, 1e-30))
-    correlation[np.sum(known, axis=1) < _MIN_RATES] = 0.0
+    count, turned, ordered, together = np.zeros((4, len(delays)))
+    for flight in flights:
+        rate, commands = _rates(flight, masks, delays)
+        known = np.isfinite(commands)
+        commands = np.where(known, commands, 0.0)
+        count += np.sum(known, axis=1)
+        turned += known @ rate**2
+        ordered += np.sum(commands**2, axis=1)
+        together += commands @ rate
+    correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
+    correlation[count < _MIN_RATES] = 0.0
     best = int(np.argmax(sign * correlation if sign else np.abs(correlation)))
     return float(correlation[best]), float(delays[best])
 

@@ -86,9 +86,9 @@ class Field(NamedTuple):
     #: (17, M), in the order of FIELD_TERMS; functions with air come first.
     weights: np.ndarray
     num_airs: int  #: Number of functions that move the air.
-    #: (v + 1, 18), or of length zero, of what is added as linear about a point: its
-    #: variables in the first column, slopes of the terms along them in the others, and
-    #: values there in the last row.
+    #: (v + 1, 18), of constants alone (1, 18), or of length zero, of what is added as
+    #: linear about a point: its variables in the first column, slopes of the terms
+    #: along them in the others, and values there in the last row.
     tangent: np.ndarray = np.zeros((0, 1 + len(FIELD_TERMS)))
 
 
@@ -141,9 +141,10 @@ def field_air(flow, field):
             wind_z = wind_z + basis * field.weights[1, m]
     if field.tangent.shape[0] > 0:
         variables = field_variables(flow)
-        for d in range(field.tangent.shape[0]):
+        last = field.tangent.shape[0] - 1
+        for d in range(last + 1):
             slopes, apart = field.tangent[d], 1.0
-            if d < len(variables):
+            if d < last:
                 apart = variables[d] - slopes[0]
             wind_x = wind_x + apart * slopes[1]
             wind_z = wind_z + apart * slopes[2]
@@ -178,9 +179,10 @@ def field_terms(flow, field):
             pose_pitch = pose_pitch + basis * field.weights[16, m]
     if field.tangent.shape[0] > 0:
         variables = field_variables(flow)
-        for d in range(field.tangent.shape[0]):
+        last = field.tangent.shape[0] - 1
+        for d in range(last + 1):
             slopes, apart = field.tangent[d], 1.0
-            if d < len(variables):
+            if d < last:
                 apart = variables[d] - slopes[0]
             lift = lift + apart * slopes[3]
             drag = drag + apart * slopes[4]
@@ -228,7 +230,7 @@ def of_motion(field: Field) -> Field:
 
 def _part(field: Field, terms: slice) -> Field:
     """Returns the basis functions of a field that some terms have."""
-    acts = np.any(field.weights[terms], axis=0)
+    acts = field.weights[terms].any(axis=0)
     return field if acts.all() else _of_functions(field, np.flatnonzero(acts))
 
 

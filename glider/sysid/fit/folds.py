@@ -107,6 +107,7 @@ def hold_out(
     if nominal is not None:
         models["nominal"] = nominal
     refits = {n: _Refits(task, m, m is corrected) for n, m in models.items()}
+    rollouts = {n: flown_by(task, models[n], scales) for n in ("refitted", "corrected")}
     costs = {name: np.zeros(count) for name in models}
     paths, folds = dict[str, np.ndarray](), []
     for part in parts:
@@ -115,8 +116,8 @@ def hold_out(
         flown = {}
         for name, refit in refits.items():
             model, costs[name][part] = refit.on(rest, part)
-            if name != "nominal":
-                flown[name] = flown_by(task, model, scales), unseen
+            if name in rollouts:
+                flown[name] = rollouts[name].refitted(model), unseen
         found = compare(flown)
         names = tuple(record.name for record in unseen)
         folds.append(Fold(held_out=names, **found.errors))

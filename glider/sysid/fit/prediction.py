@@ -60,6 +60,10 @@ class RolloutModel:
         scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
         return dataclasses.replace(self, scales=scales)
 
+    def refitted(self, model: FitResult) -> "RolloutModel":
+        """Returns the model with other numbers; its errors are as large."""
+        return dataclasses.replace(self, theta=model.theta, field=field_of(model))
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prediction:

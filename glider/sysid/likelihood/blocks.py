@@ -9,11 +9,12 @@ formulas; beside one they absorb what a formula of nearly the right shape leaves
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import scipy.linalg
 
+from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_VARIABLES, Field
 from glider.physics.effects.families import BLOCKS, BlockKind
 from glider.physics.effects.field import (
@@ -140,10 +141,21 @@ class Block:
         return self.functions(values[:, self.columns])
 
 
+def terms_of(blocks: Iterable[Block]) -> set[str]:
+    """Returns the terms of some blocks."""
+    return {term for block in blocks for term in block.terms}
+
+
 def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.ndarray:
     """Returns Gaussians (n, M) about centers (M, d) at values (n, d)."""
-    scaled = (values[:, None, :] - centers) / widths
-    return np.exp(-0.5 * np.sum(scaled**2, axis=2))
+    squares = np.zeros((len(values), len(centers)))
+    for own, center, width in zip(values.T, centers.T, widths.T, strict=True):
+        apart = own[:, None] - center  # In place: pairs of variables have many.
+        apart /= width
+        apart *= apart
+        squares += apart
+    squares *= -0.5
+    return np.exp(squares, out=squares)
 
 
 def carried_blocks(data: FieldData | None) -> tuple[Block, ...]:
@@ -200,13 +212,18 @@ def values_at_nodes(
 def make_blocks(flown: np.ndarray) -> dict[str, Block]:
     """Spreads the bases of BLOCKS over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
-    flown, found = flown[:: max(1, len(flown) // 2000)], {}
+    flown, reached = flown[:: max(1, len(flown) // 2000)], dict[str, list[int]]()
     for name, kind in BLOCKS.items():
         columns = [FIELD_VARIABLES.index(name) for name in kind.variables]
         if np.all(high[columns] - low[columns] >= _LEAST_RANGE):
-            range_ = np.stack([low[columns], high[columns]])
-            found[name] = _make_block(name, kind, range_, flown[:, columns])
-    return found
+            reached[name] = columns
+
+    def make(name: str) -> Block:
+        columns = reached[name]
+        range_ = np.stack([low[columns], high[columns]])
+        return _make_block(name, BLOCKS[name], range_, flown[:, columns])
+
+    return dict(zip(reached, in_parallel(make, reached), strict=True))
 
 
 def _make_block(
@@ -225,8 +242,8 @@ def _make_block(
     shares = [np.full(len(c), share) for (c, _), (_, share) in pairs]
     basis, shown = np.diag(np.concatenate(shares)), gaussian(flown, centers, widths)
     if kind.term in ABOUT_MEAN:
-        mean = np.mean(shown @ basis, axis=0)
-        basis = basis @ scipy.linalg.null_space(mean[None])
+        mean = shown.mean(axis=0, keepdims=True) @ basis
+        basis = basis @ scipy.linalg.null_space(mean)
     squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
     spreads = np.sqrt(np.maximum(squares[::-1], 0.0))
     basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]

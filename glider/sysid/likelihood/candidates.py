@@ -8,7 +8,7 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.blocks import Block
+from glider.sysid.likelihood.blocks import Block, terms_of
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
 from glider.sysid.likelihood.information import (
@@ -57,6 +57,22 @@ class Candidates:
         """Columns that act in every set: those of unknown parameters."""
         own = set(self.task.vehicle.nuisance)
         return [j for j, slot in enumerate(self.slots) if slot in own]
+
+    def offering(self, blocks: Iterable[Block]) -> "Candidates":
+        """Returns candidates of formulas, and of those blocks that do not act yet."""
+        new = tuple(b for b in blocks if b.count and b.name not in self.model.kinds)
+        scaled, variants, first = [*self.columns], {**self.variants}, len(self.columns)
+        for block in new:
+            own = list[Variant]()
+            for strength in _STRENGTHS:
+                begin = len(scaled)
+                scaled += [(first + j, strength) for j in range(block.count)]
+                own.append(tuple(range(begin, len(scaled))))
+            variants[block.name] = tuple(own)
+            first += block.count
+        return dataclasses.replace(
+            self, variants=variants, blocks=new, columns=tuple(scaled)
+        )
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
@@ -172,10 +188,11 @@ class HeldOutEvidence:
         return 0.5 * np.sum(weights * (own @ weights[..., None])[..., 0], axis=2)
 
 
-def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candidates:
-    """Linearizes all flights about a model, in all candidates, and offered blocks.
+def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidates:
+    """Linearizes all flights about a model, in all candidates.
 
-    Blocks that act in the model are candidates too.
+    Blocks that act in the model are candidates too; others, of `terms`, may be offered
+    later.
     """
     layout, own = task.layout, set(task.vehicle.nuisance)
     directions, idle = slopes(layout, model.free), own | _at_bounds(task, model)
@@ -191,30 +208,20 @@ def gather(task: Task, model: FitResult, offered: Iterable[Block] = ()) -> Candi
             first = len(directions)
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
-    new = tuple(b for b in offered if b.count and b.name not in model.kinds)
-    linear = model_fit.linear_flights(task, model, directions, new)
+    linear = model_fit.linear_flights(task, model, directions, terms)
     flights, wild = tamed(task, directions, linear)
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
     places = model.places(len(directions))
     variants |= {kind: [tuple(places[kind])] for kind in model.free_kinds}
-    scaled = [(j, 1.0) for j in range(len(directions) + len(model.coordinates))]
-    first = len(scaled)
-    for block in new:
-        variants[block.name] = []
-        for strength in _STRENGTHS:
-            begin = len(scaled)
-            scaled += [(first + j, strength) for j in range(block.count)]
-            variants[block.name].append(tuple(range(begin, len(scaled))))
-        first += block.count
+    count = len(directions) + len(model.coordinates)
     return Candidates(
         task=task,
         model=model,
         directions=tuple(directions),
         variants={kind: tuple(own) for kind, own in variants.items() if own},
         flights=flights,
-        blocks=new,
-        columns=tuple(scaled),
+        columns=tuple((j, 1.0) for j in range(count)),
     )
 
 
@@ -268,16 +275,20 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
     On a few flights; minus infinity where the model diverges.
     """
     few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
-    candidates = gather(few, model, few.blocks.values())
-    names, gram = [b.name for b in candidates.blocks], candidates.total(model.scales)
-    if not np.all(np.isfinite(gram)):
-        return dict.fromkeys(names, -np.inf)
-    evidence, variants = candidates.evidence(gram), candidates.variants
-    own = [column for kind in model.kinds for column in variants[kind][0]]
-    [before] = evidence.extended(own, [()])
-    return {
-        name: max(evidence.extended(own, variants[name])) - before for name in names
-    }
+    alone = gather(few, model, terms_of(few.blocks.values()))
+    own = [column for kind in model.kinds for column in alone.variants[kind][0]]
+
+    def gain(block: Block) -> float:
+        candidates = alone.offering([block])
+        gram = candidates.total(model.scales)
+        if not np.all(np.isfinite(gram)):
+            return -np.inf
+        evidence = candidates.evidence(gram)
+        [before] = evidence.extended(own, [()])
+        return max(evidence.extended(own, candidates.variants[block.name])) - before
+
+    idle = [b for b in few.blocks.values() if b.count and b.name not in model.kinds]
+    return {block.name: gain(block) for block in idle}
 
 
 def tamed(

@@ -250,15 +250,20 @@ def _secants(
         path, dynamics = path_of(record, theta, about)
         return advance_nodes(record.layout.compiled_kinds, path, nodes, dynamics, field)
 
-    bases: dict[Shapes, tuple[np.ndarray, np.ndarray]] = {(): usual}
+    layout, bases = record.layout, dict[Shapes, tuple[np.ndarray, np.ndarray]]()
+    bases[()] = usual
     for direction in directions:
         base = direction.base(theta)
         if direction.shapes not in bases:
-            if direction.kind in record.layout.states:  # The motion is the same.
-                nodes = with_states_along(record, base, usual[0], field)
-            else:
+            if direction.kind not in layout.states:
                 nodes = true_nodes(record, base, field)
-            bases[direction.shapes] = nodes, ends_from(nodes, base)
+                ends = ends_from(nodes, base)
+            else:  # The path is the same, and the motion too if the effect is absent.
+                nodes = with_states_along(record, base, usual[0], field)
+                sizes = {*layout.slots_of(direction.kind)}.difference(layout.shapes)
+                is_absent = not theta[[*sizes]].any()
+                ends = usual[1] if is_absent else ends_from(nodes, base)
+            bases[direction.shapes] = nodes, ends
         nodes, ends = bases[direction.shapes]
         yield (ends_from(nodes, direction.moved(theta)) - ends) / direction.size
 

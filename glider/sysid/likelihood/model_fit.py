@@ -12,7 +12,7 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import Field
 from glider.sysid.constants import PRIOR_SCALES, RESOLVED
-from glider.sysid.likelihood.blocks import Block, values_at_nodes
+from glider.sysid.likelihood.blocks import Block, terms_of, values_at_nodes
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.filtering import (
     excludes,
@@ -45,16 +45,15 @@ def linear_flights(
     task: Task,
     model: FitResult,
     directions: Sequence[Direction] | None = None,
-    offered: Iterable[Block] = (),
+    terms: Iterable[str] = (),
 ) -> list[LinearFlight]:
     """Returns all flights, linear about a model; the blocks' columns come last.
 
     By default the columns before them are those of the model's free parameters. Those
-    of offered blocks may be added later.
+    of other blocks, of such terms, may be added later.
     """
     field, blocks = field_of(model), model.blocks
-    terms = {term for block in (*blocks, *offered) for term in block.terms}
-    terms |= set(FORCES if model.has_force_errors else ())
+    terms = {*terms, *terms_of(blocks), *(FORCES if model.has_force_errors else ())}
     directions = slopes(task.layout, model.free) if directions is None else directions
 
     def one(record: Record) -> LinearFlight:  # It holds one flight only.

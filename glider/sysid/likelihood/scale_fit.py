@@ -1,5 +1,6 @@
 """The fit of the scales of noise to flights: Fisher scoring and BFGS."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
@@ -28,8 +29,8 @@ Flight = TypeVar("Flight")
 
 
 def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
-    """About FEW_FLIGHTS of many, evenly picked."""
-    return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
+    """At most FEW_FLIGHTS of many, evenly picked."""
+    return flights[:: max(1, math.ceil(len(flights) / FEW_FLIGHTS))]
 
 
 class FittedScales(NamedTuple):

@@ -10,7 +10,12 @@ import numpy as np
 from glider.physics.effects.families import BLOCKS
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, LEAST_SUPPORT, MANY_FLIGHTS, RIVAL_GAP
-from glider.sysid.likelihood.candidates import gather, gather_in_parts, saturated
+from glider.sysid.likelihood.candidates import (
+    Candidates,
+    gather,
+    gather_in_parts,
+    saturated,
+)
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.report import Combination, EvidenceThreshold
@@ -33,6 +38,7 @@ class Search:
     #: Effects whose shapes were searched again, and the sets in which they were.
     reshaped: set[tuple[str, frozenset[str]]] = dataclasses.field(default_factory=set)
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
+    _formulas: tuple[Any, ...] = (None, None, None)  #: The same without functions.
 
     @property
     def finished(self) -> list[FitResult]:
@@ -81,6 +87,7 @@ class Search:
         is_done = most <= self.stopped.get(key, np.inf)
         if known is not None and is_done and np.isfinite(known.cost) and not again:
             return known
+        self._formulas = None, None, None  # For the memory.
         what = ", ".join(sorted(model.kinds)) or "the flat plate"
         self.progress(words or f"fitting {what}")
         if model.free_kinds:  # Strengths shape the fit.
@@ -112,18 +119,14 @@ class Search:
         On some of many flights: what is proposed is fitted to all.
         """
         few = self.task.offering(kinds).thinned(MANY_FLIGHTS)
+        if self._formulas[0] is not model or self._formulas[1] != few.kinds:
+            self._formulas = model, few.kinds, formulas_about(few, model)
         leading = [block.leading_only for block in few.blocks.values()]
-        candidates = gather(few, model, leading)
-        about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
-        if about.scales.is_still:
-            about = dataclasses.replace(about, about=model.about)
-            candidates = dataclasses.replace(candidates, model=about)
-        else:
-            candidates = gather(few, about, leading)
-        gram = candidates.total(about.scales)
+        candidates = self._formulas[2].offering(leading)
+        gram = candidates.total(candidates.model.scales)
         if not np.all(np.isfinite(gram)):
             return None
-        light = dataclasses.replace(candidates, flights=())
+        light = dataclasses.replace(candidates, task=few, flights=())
         score = scorer_of(light, gram[None], np.ones(1))
         if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
             self.alone = score.among(few.kinds).alone() | self.alone
@@ -145,6 +148,21 @@ class Search:
             if first and found is not model:
                 break
         return None if found is model else found
+
+
+def formulas_about(task: Task, model: FitResult) -> Candidates:
+    """Returns the formulas about a model with all noise as if they acted, `saturated`.
+
+    Any free function may be offered beside them.
+    """
+    terms = {kind.term for kind in BLOCKS.values()}
+    candidates = gather(task, model, terms)
+    about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
+    if about.scales.is_still:
+        about = dataclasses.replace(about, about=model.about)
+        return dataclasses.replace(candidates, model=about)
+    del candidates  # Before there are others.
+    return gather(task, about, terms)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
