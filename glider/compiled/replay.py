@@ -180,27 +180,38 @@ def log_rollout(path, start, numbers, field, states):
 
 
 def log_extras(path, nodes, numbers, field):
-    """Flies the effects' own states along given nodes; nodes[1:, 7:] is written."""
-    theta = theta_of(numbers, field)
-    n = nodes.shape[1]
+    """Flies the effects' own states of q models along nodes; nodes[:, 1:, 7:] is set.
+
+    `nodes` are (q, K + 1, n), `numbers` (q, ...).
+    """
+    n = nodes.shape[2]
     x = np.empty(n)
     work = np.empty((6, n))
-    for k in range(path.rate.shape[0]):
-        put(nodes[k], x)
-        log_step(path, k, x, banked(theta, path.bank[k]), work)
-        for i in range(7, n):
-            nodes[k + 1, i] = x[i]
+    for m in range(nodes.shape[0]):
+        theta = theta_of(numbers[m], field)
+        for k in range(path.rate.shape[0]):
+            put(nodes[m, k], x)
+            log_step(path, k, x, banked(theta, path.bank[k]), work)
+            for i in range(7, n):
+                nodes[m, k + 1, i] = x[i]
 
 
-def log_ends(path, nodes, numbers, field, ends):
-    """Flies each interval of a log from its own node; its end in ends (K, n)."""
-    theta = theta_of(numbers, field)
-    x = np.empty(nodes.shape[1])
+def log_ends(path, elevator, rate, nodes, numbers, field, ends):
+    """Flies each interval of a log by q models, each from its own nodes.
+
+    `elevator` (q, K, 3), `rate` (q, K), `nodes` (q, K + 1, n) and `numbers` (q, ...)
+    are those of each; the path's own are written over. So are the ends (q, K, n).
+    """
+    x = np.empty(nodes.shape[2])
     work = np.empty((6, x.shape[0]))
-    for k in range(path.rate.shape[0]):
-        put(nodes[k], x)
-        log_step(path, k, x, banked(theta, path.bank[k]), work)
-        put(x, ends[k])
+    for m in range(nodes.shape[0]):
+        theta = theta_of(numbers[m], field)
+        path.elevator[:] = elevator[m]
+        path.rate[:] = rate[m]
+        for k in range(path.rate.shape[0]):
+            put(nodes[m, k], x)
+            log_step(path, k, x, banked(theta, path.bank[k]), work)
+            put(x, ends[m, k])
 
 
 def carry(step, rates, power, carried):
@@ -415,9 +426,9 @@ def roll_out(
 def with_extras(
     kinds: Kinds, path: LogPath, nodes: np.ndarray, numbers: np.ndarray, field: Field
 ) -> np.ndarray:
-    """Returns nodes (K + 1, n) with the effects' own states flown along them.
+    """Returns nodes (q, K + 1, n) with the effects' own states flown along them.
 
-    They begin as in the first node.
+    Those of q models with `numbers` (q, ...); they begin as in the first nodes.
     """
     full = nodes.copy()
     LOOPS.over(kinds, True).log_extras(path, full, numbers, of_motion(field))
@@ -462,11 +473,22 @@ def flow_at(
 
 
 def advance_nodes(
-    kinds: Kinds, path: LogPath, nodes: np.ndarray, numbers: np.ndarray, field: Field
+    kinds: Kinds,
+    paths: Sequence[LogPath],
+    nodes: Sequence[np.ndarray],
+    numbers: Sequence[np.ndarray],
+    field: Field,
 ) -> np.ndarray:
-    """Returns the ends (K, n) of intervals, each flown from its node (K + 1, n)."""
-    ends = np.empty_like(nodes[1:])
-    LOOPS.over(kinds, True).log_ends(path, nodes, numbers, of_motion(field), ends)
+    """Returns the ends (q, K, n) of intervals of q models, each flown from its node.
+
+    Each has a path, which differ in the elevator's alone, nodes (K + 1, n) and numbers.
+    """
+    elevator, rate = (np.array([p[i] for p in paths]) for i in (1, 2))
+    path = paths[0]._replace(elevator=elevator[0].copy(), rate=rate[0].copy())
+    begins = np.array(nodes)
+    ends = np.empty_like(begins[:, 1:])
+    given = path, elevator, rate, begins, np.array(numbers), of_motion(field)
+    LOOPS.over(kinds, True).log_ends(*given, ends)
     return ends
 
 

@@ -212,8 +212,8 @@ def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
     nodes = np.zeros((3, layout.num_states))
     nodes[:, 4] = 7.0
     path = replay.log_path(0.01 * np.arange(3.0), np.zeros((2, 3)), np.zeros(2))
-    replay.with_extras(kinds, path, nodes, theta, NO_FIELD)
-    replay.advance_nodes(kinds, path, nodes, theta, NO_FIELD)
+    replay.with_extras(kinds, path, nodes[None], theta[None], NO_FIELD)
+    replay.advance_nodes(kinds, [path], [nodes], [theta], NO_FIELD)
     replay.measure_nodes(kinds, nodes, theta)
     replay.roll_out(kinds, path, nodes[0], theta, NO_FIELD)
     replay.flow_at(kinds, path.times, nodes, none, none, theta, NO_FIELD)

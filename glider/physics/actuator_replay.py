@@ -46,17 +46,16 @@ def elevator_path(
     begin = switch_times + delay
     tau = max(time_constant, 1e-9)
     low, high = limits if limits is not None else (-np.inf, np.inf)
-    angles, rates = np.empty(len(begin)), np.empty(len(begin))
-    angle, rate = start, 0.0
-    for k in range(len(begin)):
-        if k > 0:
-            span = begin[k] - begin[k - 1]
-            decay = np.exp(-span / tau)
-            excess = rate - commands[k - 1]
-            angle += commands[k - 1] * span + excess * tau * (1.0 - decay)
-            angle = min(max(angle, low), high)
-            rate = commands[k - 1] + excess * decay
-        angles[k], rates[k] = angle, rate
+    spans, held = np.diff(begin), commands.tolist()
+    steps = zip(held, spans.tolist(), np.exp(-spans / tau).tolist(), strict=False)
+    found, angle, rate = [(start, 0.0)], start, 0.0
+    for command, span, decay in steps:  # All but the last, which has no end.
+        excess = rate - command
+        angle += command * span + excess * tau * (1.0 - decay)
+        angle = min(max(angle, low), high)
+        rate = command + excess * decay
+        found.append((angle, rate))
+    angles, rates = np.array(found).T
     index = np.searchsorted(begin, query, side="right") - 1
     before = index < 0
     index = np.maximum(index, 0)

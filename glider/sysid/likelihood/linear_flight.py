@@ -1,7 +1,7 @@
 """A flight linearized in launch, moving air, per-flight constants and parameters."""
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -206,7 +206,7 @@ def linearize(
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
     beside = {j: d for j, d in moving.items() if j not in plain}
-    secants = _secants(record, theta, field, beside.values(), about, (nodes, ends))
+    secants = _secants(record, theta, field, [*beside.values()], about, (nodes, ends))
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
     by_x, by_term = by_x.take(states, 1).take(states, 2), by_term.take(states, 1)
@@ -237,35 +237,41 @@ def _secants(
     record: Record,
     theta: np.ndarray,
     field: Field,
-    directions: Iterable[Direction],
+    directions: Sequence[Direction],
     about: Surroundings,
     usual: tuple[np.ndarray, np.ndarray],
-) -> Iterator[np.ndarray]:
-    """Yields the slopes (K, n) of intervals' ends where signals or nodes change.
+) -> list[np.ndarray]:
+    """Returns the slopes (K, n) of intervals' ends where signals or nodes change.
 
     `usual` are nodes and ends where no shapes are set.
     """
-
-    def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        path, dynamics = path_of(record, theta, about)
-        return advance_nodes(record.layout.compiled_kinds, path, nodes, dynamics, field)
-
-    layout, bases = record.layout, dict[Shapes, tuple[np.ndarray, np.ndarray]]()
-    bases[()] = usual
-    for direction in directions:
-        base = direction.base(theta)
-        if direction.shapes not in bases:
-            if direction.kind not in layout.states:
-                nodes = true_nodes(record, base, field)
-                ends = ends_from(nodes, base)
-            else:  # The path is the same, and the motion too if the effect is absent.
-                nodes = with_states_along(record, base, usual[0], field)
-                sizes = {*layout.slots_of(direction.kind)}.difference(layout.shapes)
-                is_absent = not theta[[*sizes]].any()
-                ends = usual[1] if is_absent else ends_from(nodes, base)
-            bases[direction.shapes] = nodes, ends
-        nodes, ends = bases[direction.shapes]
-        yield (ends_from(nodes, direction.moved(theta)) - ends) / direction.size
+    layout, kinds = record.layout, {d.shapes: d.kind for d in directions}
+    bases = {d.shapes: d.base(theta) for d in directions}
+    nodes, ends = dict.fromkeys(bases, usual[0]), dict[Shapes, np.ndarray]()
+    ends[()] = usual[1]
+    with_states = [s for s, kind in kinds.items() if s and kind in layout.states]
+    if with_states:  # The path is the same, and the motion too without the effect.
+        own = [bases[shapes] for shapes in with_states]
+        found = with_states_along(record, own, usual[0], field)
+        nodes |= zip(with_states, found, strict=True)
+    for shapes, kind in kinds.items():
+        sizes = {*layout.slots_of(kind)}.difference(layout.shapes)
+        if kind in layout.states and not theta[[*sizes]].any():
+            ends[shapes] = usual[1]
+        elif shapes and kind not in layout.states:
+            nodes[shapes] = true_nodes(record, bases[shapes], field)
+    others = [shapes for shapes in bases if shapes not in ends]
+    flown = [(bases[shapes], nodes[shapes]) for shapes in others]
+    flown += [(d.moved(theta), nodes[d.shapes]) for d in directions]
+    if not flown:
+        return []
+    pairs = [path_of(record, model, about) for model, _ in flown]
+    paths, numbers = zip(*pairs, strict=True)
+    begins = [begin for _, begin in flown]
+    found = advance_nodes(layout.compiled_kinds, paths, begins, numbers, field)
+    ends |= zip(others, found, strict=False)
+    moved = zip(directions, found[len(others) :], strict=True)
+    return [(end - ends[d.shapes]) / d.size for d, end in moved]
 
 
 def _outputs(
@@ -276,24 +282,26 @@ def _outputs(
     nodes: np.ndarray,
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
-    layout, shown = record.layout, _shown(record, nodes, theta, field)
+    layout = record.layout
+    pose, logged = layout.sensed(nodes, theta, field), _logged(record, nodes, theta)
+    shown = np.hstack([pose, logged])
     outputs = np.zeros((*shown.shape, len(directions) + 1))
     for j, d in enumerate(directions):
-        if d.slot in layout.sensor_slots or d.slot >= layout.num_compiled:
-            moved = _shown(record, nodes, d.moved(theta), field)
-            outputs[:, :, j] = (moved - shown) / d.size
+        if d.slot in layout.sensor_slots:
+            moved = layout.sensed(nodes, d.moved(theta), field)
+            outputs[:, :3, j] = (moved - pose) / d.size
+        elif d.slot >= layout.num_compiled:
+            moved = _logged(record, nodes, d.moved(theta))
+            outputs[:, 3:, j] = (moved - logged) / d.size
     measured = [*record.pose.T, record.elevator, record.pitch_rate]
     outputs[:, :, -1] = np.stack(measured[: shown.shape[1]], axis=1) - shown
     return outputs
 
 
-def _shown(
-    record: Record, nodes: np.ndarray, theta: np.ndarray, field: Field
-) -> np.ndarray:
-    """What a model shows of states, (K + 1, C): pose, elevator and, of a gyro, rate."""
+def _logged(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """What a log shows of states, (K + 1, C - 3): elevator and, of a gyro, rate."""
     layout = record.layout
-    path = signals(record, theta).logged + nodes[:, OFFSET]
-    columns = [*layout.sensed(nodes, theta, field).T, path]
+    columns = [signals(record, theta).logged + nodes[:, OFFSET]]
     if record.seen.shape[1] > 4:
         late = np.clip(record.time - layout.replay(theta).latency, 0.0, record.time[-1])
         bias = theta[layout.index[SERVO_LOG.kind, "pitch_rate"]]

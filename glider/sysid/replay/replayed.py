@@ -118,18 +118,26 @@ def true_nodes(
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
     if not with_states and record.layout.active_states(theta)[-1] < NUM_STATES:
         return nodes
-    return with_states_along(record, theta, nodes, field)
+    return with_states_along(record, [theta], nodes, field)[0]
 
 
 def with_states_along(
-    record: Record, theta: np.ndarray, nodes: np.ndarray, field: Field = NO_FIELD
+    record: Record,
+    thetas: Sequence[np.ndarray],
+    nodes: np.ndarray,
+    field: Field = NO_FIELD,
 ) -> np.ndarray:
-    """Returns nodes (n, num_states) with the effects' states that follow from them."""
-    elevator, rate, *_ = signals(record, theta)
-    along, start = compiled.log_path(record.time, elevator, rate), nodes.copy()
-    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
-    start[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
-    return compiled.with_extras(kinds, along, start, dynamics, field)
+    """Returns nodes (n, num_states) with the effects' states that follow from them.
+
+    Of each of q models, that have the same elevator, (q, n, num_states).
+    """
+    elevator, rate, *_ = signals(record, thetas[0])
+    along, layout = compiled.log_path(record.time, elevator, rate), record.layout
+    begins = np.array([nodes] * len(thetas))
+    for begin, theta in zip(begins, thetas, strict=True):
+        begin[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
+    numbers = np.array([layout.dynamics(theta) for theta in thetas])
+    return compiled.with_extras(layout.compiled_kinds, along, begins, numbers, field)
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -148,7 +148,7 @@ def test_moving_air_acts_on_the_forces_of_a_field(task):
     def ends(*wind):
         about = Surroundings(np.array([*wind, 0.0, 0.0]))
         path, numbers = path_of(record, theta, about)
-        return advance_nodes(kinds, path, flight.nodes, numbers, field)
+        return advance_nodes(kinds, [path], [flight.nodes], [numbers], field)[0]
 
     for k, wind in enumerate(1e-3 * np.eye(2)):
         expected = (ends(*wind) - ends(*-wind))[:, flight.states] / 2e-3
