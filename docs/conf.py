@@ -50,6 +50,7 @@ myst_substitutions = {
     "gain_error": f"{constants.GAIN_ERROR:.0%}",
     "least_support": f"{constants.LEAST_SUPPORT:.0%}",
     "slight": f"{100 * constants.SLIGHT:.0f} %",
+    "small": f"{200 * constants.RESOLVED:.0f} %",
     "least_part": f"{100 * constants.LEAST_PART:.0f} %",
     "many_flights": f"{constants.MANY_FLIGHTS}",
     "unlikely": f"{100 * constants.UNLIKELY:.2g} %",

@@ -10,8 +10,8 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from glider.physics.effects.families import BLOCKS
-from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, SLACK, SLIGHT, Z
-from glider.sysid.likelihood.blocks import flown_values
+from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, RESOLVED, SLACK, SLIGHT, Z
+from glider.sysid.likelihood.blocks import SPREADS, flown_values
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.search.support import SearchResult
@@ -19,6 +19,7 @@ from glider.sysid.search.support import SearchResult
 LIFT = "lift over alpha"
 PAIR = "alpha and reduced_rate"
 RATE_LIFT = "pitch_rate_lift"
+MEAN_MOMENT = "pitch_moment"
 OVER_RATE = {"lift": RATE_LIFT, "moment": "pitch_damping"}
 """The formula that is linear in the pitch rate, of each link with such functions."""
 
@@ -36,7 +37,8 @@ def absorbed(
     a free function, that may have their shape. Then, of those that a free function
     bends, each that explains less than it does, or less than a tenth of it if it is of
     another family or the first of the function's own: but for the first of all where
-    that is of none, and for those that have a function of their own family.
+    that is of none, and for those that have a function of their own family. A constant
+    moment is the mean of functions of the moment, which have none.
     """
     model, evidence = traced.model, traced.evidence
     found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
@@ -66,7 +68,7 @@ def absorbed(
         first = max(mine, key=lambda k: evidence[k], default="")
         share = {k: SLACK if k in bent - mine else 1.0 for k in bent - {first}}
         if own.formulas and first:
-            share[first] = SLACK
+            share[first] = 1.0 if first == MEAN_MOMENT else SLACK
         weak = {k for k in share if evidence[k] < share[k] * evidence[block]}
         found |= dict.fromkeys(weak, {*bent, block} - weak)
     return found
@@ -129,6 +131,23 @@ def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[st
             families[block] += evidence[kind]
     least = SLIGHT * sum(evidence.values()) if free_kinds else 0.0
     return {kind for kind, own in families.items() if own < least}
+
+
+def small(task: Task, model: FitResult) -> set[str]:
+    """Returns the free functions that are next to nothing where others act too.
+
+    Along the flights (RMS) they are less than twice a share `RESOLVED` of what is
+    expected: the others, and the formulas that these bend, leave errors of that size.
+    """
+    if len(model.blocks) < 2:
+        return set()
+    flown, sizes = flown_values(task.records, model.theta), dict[str, float]()
+    for own in model.blocks:
+        values = own.functions(flown[:, own.columns]) @ own.weights
+        usual = [SPREADS[term] for term in own.terms]
+        sizes[own.name] = float(np.max(np.sqrt(np.mean(values**2, axis=0)) / usual))
+    largest = max(sizes, key=sizes.__getitem__)
+    return {name for name in sizes if sizes[name] < 2.0 * RESOLVED and name != largest}
 
 
 def names_of(

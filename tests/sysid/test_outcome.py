@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg
 
 from glider.campaign.turning import Signs
-from glider.sysid.likelihood.blocks import flown_values
+from glider.sysid.likelihood.blocks import SPREADS, flown_values
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import (
@@ -18,6 +18,7 @@ from glider.sysid.naming import (
     names_of,
     names_of_lift,
     slight,
+    small,
     standing_alone,
 )
 from glider.sysid.outcome import (
@@ -234,11 +235,42 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     both = {"tail_wake": 46.0, "elevator_blowback": 178.0, load: 219.0, wake: 550.0}
     weak = {"tail_wake": {wake}}  # Each has a function of its family.
     assert unnamed({}, both, (load, wake)) == weak
-    small = {"profile_drag": 2000.0, "camber": 12.0}
-    assert unnamed({}, small) == {}
-    assert unnamed({}, small | {"drag over V": 50.0}, ("drag over V",)) == {
+    weak = {"profile_drag": 2000.0, "camber": 12.0}
+    assert unnamed({}, weak) == {}
+    assert unnamed({}, weak | {"drag over V": 50.0}, ("drag over V",)) == {
         "camber": set()
     }
+    moment = "moment over alpha"  # Without a mean, which the constant moment is.
+    mean, whole = {"pitch_moment": 35.0}, {"pitch_moment": 35.0, moment: 45.0}
+    assert unnamed({}, whole, (moment,)) == {"pitch_moment": {moment}}
+    assert unnamed({}, mean | {moment: 25.0}, (moment,)) == {}
+    turned = {"center_of_pressure": 35.0, moment: 45.0}
+    assert unnamed({}, turned, (moment,)) == {}
+
+
+def test_a_small_free_function_is_no_effect_where_a_larger_one_acts(plain):
+    """Its size is along the flights, over what is expected, of which 4 % count."""
+    task, model = plain
+    flown = flown_values(task.records, model.theta)
+
+    def sized(name, size):
+        own = task.blocks[name]
+        own = dataclasses.replace(own, coordinates=np.ones(own.count))
+        values = own.functions(flown[:, own.columns]) @ own.weights
+        factor = size * SPREADS[own.terms[0]] / np.sqrt(np.mean(values**2))
+        return dataclasses.replace(own, coordinates=factor * own.coordinates)
+
+    def found(**sizes):
+        blocks = tuple(
+            sized(f"{link} over alpha", size) for link, size in sizes.items()
+        )
+        kinds = tuple(own.name for own in blocks)
+        return small(task, dataclasses.replace(model, kinds=kinds, blocks=blocks))
+
+    assert found() == found(lift=0.02) == set()
+    assert found(lift=0.035, moment=0.5) == {"lift over alpha"}
+    assert found(lift=0.045, moment=0.5) == set()
+    assert found(lift=0.02, moment=0.03) == {"lift over alpha"}
 
 
 def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():

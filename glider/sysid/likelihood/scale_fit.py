@@ -1,6 +1,5 @@
 """The fit of the scales of noise to flights: Fisher scoring and BFGS."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
@@ -29,8 +28,8 @@ Flight = TypeVar("Flight")
 
 
 def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
-    """At most FEW_FLIGHTS of many, evenly picked."""
-    return flights[:: max(1, math.ceil(len(flights) / FEW_FLIGHTS))]
+    """About FEW_FLIGHTS of many, evenly picked."""
+    return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
 
 
 class FittedScales(NamedTuple):

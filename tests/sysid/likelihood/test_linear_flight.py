@@ -156,6 +156,26 @@ def test_moving_air_acts_on_the_forces_of_a_field(task):
         assert apart < 0.02 * np.abs(expected).max()
 
 
+def test_models_are_flown_at_once_as_each_alone(task):
+    """Each behind its own elevator, from its own nodes; no path is written over."""
+    record, theta = task.records[0], task.vehicle.theta
+    lagged, heavy = theta.copy(), theta.copy()
+    lagged[list(task.layout.slots_of("servo_lag"))] = 0.05
+    heavy[task.layout.index["parameters", "mass"]] *= 1.1
+    about, kinds = Surroundings(), record.layout.compiled_kinds
+    pairs = [path_of(record, own, about) for own in (theta, lagged, heavy)]
+    paths, numbers = zip(*pairs, strict=True)
+    before = [path.elevator.copy() for path in paths]
+    nodes = [record.nodes, record.nodes + 0.01, record.nodes]
+    together = advance_nodes(kinds, paths, nodes, numbers, NO_FIELD)
+    for path, elevator in zip(paths, before, strict=True):
+        np.testing.assert_array_equal(path.elevator, elevator)
+    for found, *own in zip(together, paths, nodes, numbers, strict=True):
+        [alone] = advance_nodes(kinds, *([one] for one in own), NO_FIELD)
+        np.testing.assert_array_equal(found, alone)
+    assert np.abs(together[2] - together[0]).max() > 1e-4
+
+
 def test_an_error_of_many_columns_is_that_of_each(task):
     """Columns of forces are made late: their sum has to be the same before."""
     layout, rng = task.layout, np.random.default_rng(0)

@@ -81,6 +81,26 @@ def test_a_rival_is_fitted_in_an_effects_place():
     assert again.kinds == ("axial_drag",)  # As the best set without the effect.
 
 
+def test_free_functions_are_compared_about_what_formulas_were(monkeypatch):
+    """Flights are made linear once for both, and again about another model."""
+    offered = ("profile_drag", "lagged_separation")
+    search, plate = search_among(KINDS["profile_drag"](cd0=0.05), *offered)
+    made = []
+    monkeypatch.setattr(support, "gather", lambda *of: made.append(of) or gather(*of))
+    search.task, whole = search.task.offering(offered), search.task
+    formulas, count = search.near(plate), len(made)
+    assert formulas.alone().keys() == {*offered} and count > 0
+    search.task = whole
+    both = search.near(plate)
+    assert len(made) == count
+    apart = Search(whole, silent).near(plate).alone()
+    assert both.alone() == pytest.approx(apart, rel=1e-9)
+    assert apart.keys() == {*offered, *whole.blocks}
+    known = len(made)
+    search.near(dataclasses.replace(plate))
+    assert len(made) > known
+
+
 def test_no_set_without_a_strong_effect_is_fitted():
     offered = ("profile_drag", "axial_drag", "servo_lag")
     drag = KINDS["profile_drag"](cd0=0.05)
