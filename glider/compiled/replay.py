@@ -200,7 +200,7 @@ def log_ends(path, elevator, rate, nodes, numbers, field, ends):
     """Flies each interval of a log by q models, each from its own nodes.
 
     `elevator` (q, K, 3), `rate` (q, K), `nodes` (q, K + 1, n) and `numbers` (q, ...)
-    are those of each; the path's own are written over. So are the ends (q, K, n).
+    are those of each. Written: the ends (q, K, n), and the path's elevator and rate.
     """
     x = np.empty(nodes.shape[2])
     work = np.empty((6, x.shape[0]))
@@ -481,7 +481,7 @@ def advance_nodes(
 ) -> np.ndarray:
     """Returns the ends (q, K, n) of intervals of q models, each flown from its node.
 
-    Each has a path, which differ in the elevator's alone, nodes (K + 1, n) and numbers.
+    Each has nodes (K + 1, n), numbers and a path; paths differ in the elevator alone.
     """
     elevator, rate = (np.array([p[i] for p in paths]) for i in (1, 2))
     path = paths[0]._replace(elevator=elevator[0].copy(), rate=rate[0].copy())

@@ -32,16 +32,17 @@ def absorbed(
 ) -> dict[str, set[str]]:
     """Returns the effects that only help others to their shape, and which others.
 
-    First the slight ones, see `slight`. Then formulas with a memory whose times are not
-    longer than the least, within two standard errors, beside a formula without one, or
-    a free function, that may have their shape. Then, of those that a free function
-    bends, each that explains less than it does, or less than a tenth of it if it is of
-    another family or the first of the function's own: but for the first of all where
-    that is of none, and for those that have a function of their own family. A constant
-    moment is the mean of functions of the moment, which have none.
+    First those that are `slight` or `small`. Then formulas with a memory whose times
+    are not longer than the least, within two standard errors, beside a formula without
+    one, or a free function, that may have their shape. Then, of those that a free
+    function bends, each that explains less than it does, or less than a tenth of it if
+    it is of another family or the first of the function's own: but for the first of all
+    where that is of none, and for those that have a function of their own family. A
+    constant moment is never the first: functions of the moment lack just their mean.
     """
     model, evidence = traced.model, traced.evidence
-    found = {key: set[str]() for key in slight(model.free_kinds, evidence)}
+    little = slight(model.free_kinds, evidence) | small(task, model)
+    found = {key: set[str]() for key in little}
     kinds, have = task.layout.kinds, set(model.kinds) - found.keys()
     for name in model.kinds:
         if name not in have or name in model.free_kinds or not kinds[name].states:
@@ -65,10 +66,10 @@ def absorbed(
         bends = own.bends - families.difference(own.formulas)
         bent = bends.intersection(have) - found.keys()
         mine = bent.intersection(own.formulas) if own.formulas else bent
-        first = max(mine, key=lambda k: evidence[k], default="")
+        first = max(mine - {MEAN_MOMENT}, key=lambda k: evidence[k], default="")
         share = {k: SLACK if k in bent - mine else 1.0 for k in bent - {first}}
         if own.formulas and first:
-            share[first] = 1.0 if first == MEAN_MOMENT else SLACK
+            share[first] = SLACK
         weak = {k for k in share if evidence[k] < share[k] * evidence[block]}
         found |= dict.fromkeys(weak, {*bent, block} - weak)
     return found
@@ -142,6 +143,7 @@ def small(task: Task, model: FitResult) -> set[str]:
     if len(model.blocks) < 2:
         return set()
     flown, sizes = flown_values(task.records, model.theta), dict[str, float]()
+    flown = flown[:: max(1, len(flown) // _ROWS)]
     for own in model.blocks:
         values = own.functions(flown[:, own.columns]) @ own.weights
         usual = [SPREADS[term] for term in own.terms]

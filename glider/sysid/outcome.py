@@ -23,14 +23,7 @@ from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.naming import (
-    LIFT,
-    absorbed,
-    names_of,
-    names_of_lift,
-    small,
-    standing_alone,
-)
+from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
 from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.report import Estimate, Spread
 from glider.sysid.result import FoundEffect, ResidualTable
@@ -82,13 +75,11 @@ def effects_of(
     unnamed = absorbed(task, traced, known)
     bent = bent.union(*unnamed.values())
     nearest = dict.fromkeys(model.free_kinds, "unexplained") | traced.families
-    large = {*model.free_kinds} - small(task, model)
-    alone = standing_alone(traced.evidence, model.free_kinds, unnamed) & large
     families = {
         name: names_of(task, model, known, name, nearest[name])
-        for name in alone - {LIFT}
+        for name in standing_alone(traced.evidence, model.free_kinds, unnamed) - {LIFT}
     }
-    if LIFT in large - unnamed.keys():
+    if LIFT in model.free_kinds and LIFT not in unnamed:
         families[LIFT] = names_of_lift(task, model, known)
         others = {*BLOCKS[LIFT].formulas}.intersection(model.kinds) - families[LIFT]
         unnamed |= {kind: {LIFT} for kind in others}

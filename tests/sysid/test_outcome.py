@@ -200,7 +200,9 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
         theta = task.vehicle.theta.copy()
         for name, value in times.items():
             theta[layout.index["lagged_separation", name]] = value
-        model = types.SimpleNamespace(kinds=(*evidence,), free_kinds=free, theta=theta)
+        model = types.SimpleNamespace(
+            kinds=(*evidence,), free_kinds=free, blocks=(), theta=theta
+        )
         traced = types.SimpleNamespace(model=model, evidence=evidence)
         known = types.SimpleNamespace(std=lambda slot: 0.01)
         return absorbed(task, traced, known)
@@ -246,31 +248,62 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     assert unnamed({}, mean | {moment: 25.0}, (moment,)) == {}
     turned = {"center_of_pressure": 35.0, moment: 45.0}
     assert unnamed({}, turned, (moment,)) == {}
+    both = {"pitch_moment": 40.0} | turned  # The other formula is its first.
+    assert unnamed({}, both, (moment,)).keys() == {"pitch_moment"}
+
+
+def sized(task, model, name, size):
+    """Returns a free function that is so large, over its prior's RMS."""
+    own, flown = task.blocks[name], flown_values(task.records, model.theta)
+    own = dataclasses.replace(own, coordinates=np.ones(own.count))
+    values = own.functions(flown[:, own.columns]) @ own.weights
+    factor = size * SPREADS[own.terms[0]] / np.sqrt(np.mean(values**2))
+    return dataclasses.replace(own, coordinates=factor * own.coordinates)
 
 
 def test_a_small_free_function_is_no_effect_where_a_larger_one_acts(plain):
     """Its size is along the flights, over what is expected, of which 4 % count."""
     task, model = plain
-    flown = flown_values(task.records, model.theta)
-
-    def sized(name, size):
-        own = task.blocks[name]
-        own = dataclasses.replace(own, coordinates=np.ones(own.count))
-        values = own.functions(flown[:, own.columns]) @ own.weights
-        factor = size * SPREADS[own.terms[0]] / np.sqrt(np.mean(values**2))
-        return dataclasses.replace(own, coordinates=factor * own.coordinates)
 
     def found(**sizes):
-        blocks = tuple(
-            sized(f"{link} over alpha", size) for link, size in sizes.items()
-        )
-        kinds = tuple(own.name for own in blocks)
-        return small(task, dataclasses.replace(model, kinds=kinds, blocks=blocks))
+        names = {f"{link} over alpha": size for link, size in sizes.items()}
+        blocks = tuple(sized(task, model, *own) for own in names.items())
+        other = dataclasses.replace(model, kinds=tuple(names), blocks=blocks)
+        return small(task, other)
 
     assert found() == found(lift=0.02) == set()
     assert found(lift=0.035, moment=0.5) == {"lift over alpha"}
     assert found(lift=0.045, moment=0.5) == set()
     assert found(lift=0.02, moment=0.03) == {"lift over alpha"}
+
+
+def test_a_formula_is_named_where_the_function_that_bends_it_is_small(plain):
+    """One of them has to be, or a moment is gone."""
+    task, model = plain
+    moment, drag = "moment over alpha", "drag over V"
+    evidence = {"pitch_moment": 60.0, moment: 80.0, drag: 300.0}
+
+    def named(size):
+        blocks = (sized(task, model, moment, size), sized(task, model, drag, 0.5))
+        kinds, traced = (*evidence,), with_block(task, model, drag)
+        traced.model = dataclasses.replace(
+            model, kinds=kinds, free=task.free(kinds), blocks=blocks
+        )
+        traced.evidence, traced.families = evidence, {moment: "center_of_pressure"}
+        own = types.SimpleNamespace(inclusion=1.0, rivals=())
+        traced.weighed = dict.fromkeys(evidence, own)
+        count = len(traced.model.free) + sum(own.count for own in blocks)
+        known = Uncertainty(
+            free=traced.model.free,
+            named=task.layout.slots_of("pitch_moment"),
+            places=traced.model.places(),
+            likelihood=np.eye(count),
+            changes=np.zeros((2, count)),
+        )
+        return {own.kind for own in effects_of(task, traced, known, {}, Signs())}
+
+    assert named(0.5) == {"center_of_pressure", "unexplained"}
+    assert named(0.02) == {"pitch_moment", "unexplained"}
 
 
 def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():

@@ -117,7 +117,7 @@ def hold_out(
         for name, refit in refits.items():
             model, costs[name][part] = refit.on(rest, part)
             if name in rollouts:
-                flown[name] = rollouts[name].refitted(model), unseen
+                flown[name] = rollouts[name].with_numbers_of(model), unseen
         found = compare(flown)
         names = tuple(record.name for record in unseen)
         folds.append(Fold(held_out=names, **found.errors))

@@ -60,8 +60,8 @@ class RolloutModel:
         scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
         return dataclasses.replace(self, scales=scales)
 
-    def refitted(self, model: FitResult) -> "RolloutModel":
-        """Returns the model with other numbers; its errors are as large."""
+    def with_numbers_of(self, model: FitResult) -> "RolloutModel":
+        """Returns another model, whose errors are taken to be as large."""
         return dataclasses.replace(self, theta=model.theta, field=field_of(model))
 
 

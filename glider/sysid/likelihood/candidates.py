@@ -59,7 +59,8 @@ class Candidates:
         return [j for j, slot in enumerate(self.slots) if slot in own]
 
     def offering(self, blocks: Iterable[Block]) -> "Candidates":
-        """Returns candidates of formulas, and of those blocks that do not act yet."""
+        """Returns the candidates with those blocks that do not act yet; once."""
+        assert not self.blocks
         new = tuple(b for b in blocks if b.count and b.name not in self.model.kinds)
         scaled, variants, first = [*self.columns], {**self.variants}, len(self.columns)
         for block in new:
@@ -272,7 +273,7 @@ def _at_bounds(task: Task, model: FitResult) -> set[int]:
 def survey(task: Task, model: FitResult) -> dict[str, float]:
     """Computes the evidence of each block that does not act, on top of a model [nats].
 
-    On a few flights; minus infinity where the model diverges.
+    On a few flights; minus infinity where the model, or the block's column, diverges.
     """
     few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
     alone = gather(few, model, terms_of(few.blocks.values()))

@@ -245,21 +245,21 @@ def _secants(
 
     `usual` are nodes and ends where no shapes are set.
     """
-    layout, kinds = record.layout, {d.shapes: d.kind for d in directions}
+    layout, kinds = record.layout, {d.shapes: d.kind for d in directions if d.shapes}
     bases = {d.shapes: d.base(theta) for d in directions}
     nodes, ends = dict.fromkeys(bases, usual[0]), dict[Shapes, np.ndarray]()
     ends[()] = usual[1]
-    with_states = [s for s, kind in kinds.items() if s and kind in layout.states]
+    with_states = [s for s, kind in kinds.items() if kind in layout.states]
     if with_states:  # The path is the same, and the motion too without the effect.
         own = [bases[shapes] for shapes in with_states]
         found = with_states_along(record, own, usual[0], field)
         nodes |= zip(with_states, found, strict=True)
+    acting = layout.active_states(theta)
     for shapes, kind in kinds.items():
-        sizes = {*layout.slots_of(kind)}.difference(layout.shapes)
-        if kind in layout.states and not theta[[*sizes]].any():
-            ends[shapes] = usual[1]
-        elif shapes and kind not in layout.states:
+        if kind not in layout.states:
             nodes[shapes] = true_nodes(record, bases[shapes], field)
+        elif not {*layout.states[kind]}.intersection(acting):
+            ends[shapes] = usual[1]
     others = [shapes for shapes in bases if shapes not in ends]
     flown = [(bases[shapes], nodes[shapes]) for shapes in others]
     flown += [(d.moved(theta), nodes[d.shapes]) for d in directions]

@@ -38,7 +38,8 @@ class Search:
     #: Effects whose shapes were searched again, and the sets in which they were.
     reshaped: set[tuple[str, frozenset[str]]] = dataclasses.field(default_factory=set)
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
-    _formulas: tuple[Any, ...] = (None, None, None)  #: The same without functions.
+    #: Formulas about a model in all flights; functions may be offered beside them.
+    _formulas: tuple[Any, ...] = (None, None, None)
 
     @property
     def finished(self) -> list[FitResult]:

@@ -17,6 +17,7 @@ from glider.physics.effects.field import (
     gaussians,
     make_field,
 )
+from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import slopes, starts_of
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.linear_flight import (
@@ -174,6 +175,24 @@ def test_models_are_flown_at_once_as_each_alone(task):
         [alone] = advance_nodes(kinds, *([one] for one in own), NO_FIELD)
         np.testing.assert_array_equal(found, alone)
     assert np.abs(together[2] - together[0]).max() > 1e-4
+
+
+def test_an_absent_effect_may_have_any_shape(task):
+    """What it does along others depends on those alone."""
+    record, usual, layout = task.records[0], task.vehicle.theta, task.layout
+    slot = layout.index["lagged_separation", "relaxation"]
+    shaped = usual.copy()
+    shaped[slot] = 0.05
+    size = layout.index["lagged_separation", "slope"]
+    columns = slopes(layout, [size], ((slot, 0.12),))
+    found = [
+        linearize(record, theta, NO_FIELD, columns).inputs[:, :NUM_STATES, 0]
+        for theta in (usual, shaped)
+    ]
+    assert np.abs(found[0]).max() > 1e-4
+    np.testing.assert_allclose(*found, atol=1e-6)
+    whole = linearize(record, shaped, NO_FIELD, columns).inputs
+    assert np.abs(whole[..., 0]).max() < 10.0
 
 
 def test_an_error_of_many_columns_is_that_of_each(task):
