@@ -108,6 +108,17 @@ def test_a_planted_effect_holds():
         assert fold.corrected.position_rms_m < 0.5 * fold.refitted.position_rms_m
 
 
+def test_each_fold_is_flown_by_models_made_without_it(monkeypatch):
+    flown = []
+    compare = folds.compare
+    monkeypatch.setattr(folds, "compare", lambda own: flown.append(own) or compare(own))
+    task, _ = held_out(fly(KINDS["profile_drag"](cd0=0.05), flights=7), "profile_drag")
+    index = task.layout.index["profile_drag", "cd0"]
+    found = [own["corrected"][0].theta[index] for own in flown]
+    assert len({*found}) == FOLDS and np.ptp(found) < 0.01
+    assert len({own["corrected"][0].scales for own in flown}) == 1
+
+
 def test_costs_of_unseen_flights_are_by_their_predictive_distribution():
     """What their evidence adds to that of the others, by linear models' closed form."""
     task, noise = task_of(fly(KINDS["profile_drag"](cd0=0.05), flights=6))

@@ -26,7 +26,7 @@ from glider.sysid.likelihood.linear_flight import (
     linearize,
     path_of,
 )
-from glider.sysid.replay.replayed import signals, true_nodes
+from glider.sysid.replay.replayed import signals, true_nodes, with_states_along
 from tests.helpers.columns import SCALES, column_error, of_launch, whitened
 from tests.helpers.tasks import fly, task_of, with_gyro
 
@@ -164,17 +164,30 @@ def test_models_are_flown_at_once_as_each_alone(task):
     lagged[list(task.layout.slots_of("servo_lag"))] = 0.05
     heavy[task.layout.index["parameters", "mass"]] *= 1.1
     about, kinds = Surroundings(), record.layout.compiled_kinds
-    pairs = [path_of(record, own, about) for own in (theta, lagged, heavy)]
+    pairs = [path_of(record, own, about) for own in (theta, heavy, lagged)]
     paths, numbers = zip(*pairs, strict=True)
-    before = [path.elevator.copy() for path in paths]
-    nodes = [record.nodes, record.nodes + 0.01, record.nodes]
+    before = [(path.elevator.copy(), path.rate.copy()) for path in paths]
+    nodes = [record.nodes, record.nodes, record.nodes + 0.01]
     together = advance_nodes(kinds, paths, nodes, numbers, NO_FIELD)
-    for path, elevator in zip(paths, before, strict=True):
+    for path, (elevator, rate) in zip(paths, before, strict=True):
         np.testing.assert_array_equal(path.elevator, elevator)
+        np.testing.assert_array_equal(path.rate, rate)
     for found, *own in zip(together, paths, nodes, numbers, strict=True):
         [alone] = advance_nodes(kinds, *([one] for one in own), NO_FIELD)
         np.testing.assert_array_equal(found, alone)
-    assert np.abs(together[2] - together[0]).max() > 1e-4
+    assert np.abs(together[1] - together[0]).max() > 1e-4
+
+
+def test_states_along_a_flight_are_each_models_own(task):
+    """They begin at rest, which for separated flow is where it stalls."""
+    record, late = task.records[0], task.vehicle.theta.copy()
+    late[task.layout.index["lagged_separation", "stall_angle"]] = 0.05
+    models = [task.vehicle.theta, late]
+    together = with_states_along(record, models, record.nodes)
+    for theta, found in zip(models, together, strict=True):
+        [alone] = with_states_along(record, [theta], record.nodes)
+        np.testing.assert_array_equal(found, alone)
+    assert np.abs(together[1] - together[0])[0].max() > 1e-3
 
 
 def test_an_absent_effect_may_have_any_shape(task):
