@@ -483,7 +483,8 @@ def advance_nodes(
 
     Each has nodes (K + 1, n), numbers and a path; paths differ in the elevator alone.
     """
-    elevator, rate = (np.array([p[i] for p in paths]) for i in (1, 2))
+    elevator = np.array([path.elevator for path in paths])
+    rate = np.array([path.rate for path in paths])
     path = paths[0]._replace(elevator=elevator[0].copy(), rate=rate[0].copy())
     begins = np.array(nodes)
     ends = np.empty_like(begins[:, 1:])

@@ -288,8 +288,7 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
         [before] = evidence.extended(own, [()])
         return max(evidence.extended(own, candidates.variants[block.name])) - before
 
-    idle = [b for b in few.blocks.values() if b.count and b.name not in model.kinds]
-    return {block.name: gain(block) for block in idle}
+    return {b.name: gain(b) for b in alone.offering(few.blocks.values()).blocks}
 
 
 def tamed(
