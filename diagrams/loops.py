@@ -3,10 +3,11 @@
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import LogVectorOutput, MatrixGain, TrajectorySource
+from pydrake.systems.primitives import MatrixGain, TrajectorySource
 
 from diagrams.wiring import (
     add_glider,
+    add_log,
     add_motion_capture,
     finish,
     hold_command,
@@ -54,7 +55,8 @@ def open_loop(
     source = builder.AddNamedSystem("plan", TrajectorySource(plan.input_trajectory))
     builder.Connect(source.get_output_port(), servo.GetInputPort("command"))
     if motion_capture is not None:
-        add_motion_capture(builder, glider, servo, motion_capture)
+        add_motion_capture(builder, glider, motion_capture)
+        add_log(builder, source.get_output_port(), "command_log")
     return finish(builder, "open_loop", glider, truth, meshcat)
 
 
@@ -127,7 +129,8 @@ def closed_loop(
     command = hold_command(builder, regulator.get_output_port(0), command_rate)
     builder.Connect(command, servo.GetInputPort("command"))
     if motion_capture is not None:
-        add_motion_capture(builder, glider, servo, motion_capture)
+        add_motion_capture(builder, glider, motion_capture)
+        add_log(builder, command, "command_log")
     return finish(builder, "closed_loop", glider, truth, meshcat)
 
 
@@ -210,7 +213,7 @@ def estimated_loop(
         )
     builder = DiagramBuilder()
     glider, servo = add_glider(builder, truth)
-    add_motion_capture(builder, glider, servo, 1.0 / ekf.period)
+    add_motion_capture(builder, glider, 1.0 / ekf.period)
     capture = builder.GetSubsystemByName("motion_capture").GetOutputPort("measured")
     if rows < len(CAPTURED):
         capture = _first_of(builder, "pose_capture", capture, rows)
@@ -229,5 +232,6 @@ def estimated_loop(
     builder.Connect(
         believed.GetOutputPort("elevator_rate"), estimator.GetInputPort("elevator_rate")
     )
-    LogVectorOutput(state, builder).set_name("estimate_log")
+    add_log(builder, state, "estimate_log")
+    add_log(builder, command, "command_log")
     return finish(builder, "estimated_loop", glider, truth, meshcat)

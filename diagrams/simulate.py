@@ -10,7 +10,9 @@ from diagrams.wiring import LONGEST, tape_rows
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
-from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
+from glider.physics.actuator_replay import latest_command
+from glider.physics.servo import limited_rates
+from glider.physics.state import ELEVATOR, NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress
 from glider.simulation.flown_flights import FlownFlight, Perches, closest_pass, hooked
@@ -183,8 +185,9 @@ def _collect(
 def capture_of(diagram: Diagram, context: Context, name: str) -> Flight:
     """Returns the flight that motion capture has logged, for a campaign.
 
-    A new command shows in the first row after it was given, as in a real log.
-    The command is the one after the servo's limits: what the glider got.
+    A row's command is in force from its time on, after the servo's limits: what the
+    glider got. The logs hold values before the updates at their times, so that it is
+    the command of the integrator's next step.
 
     Args:
         diagram: with a motion capture.
@@ -192,14 +195,18 @@ def capture_of(diagram: Diagram, context: Context, name: str) -> Flight:
         name: of the flight's file, flight_*.csv.
     """
     times, capture = _read(diagram, context, "capture_log")
-    _, commands = _read(diagram, context, "command_log")
+    steps, commands = _read(diagram, context, "command_log")
+    _, states = _read(diagram, context, "state_log")
+    step = latest_command(steps, times)
+    held = commands[np.minimum(step + 1, len(steps) - 1), 0]
+    servo = diagram.GetSubsystemByName("glider").model.parameters.servo
     pose = len(POSE_NAMES)
     return Flight(
         name=name,
         time=times,
         pose=capture[:, :pose],
         elevator=capture[:, pose],
-        command=commands[:, 0],
+        command=limited_rates(held, states[step, ELEVATOR], servo),
     )
 
 

@@ -68,14 +68,11 @@ def add_log(
         LogVectorOutput(port, builder, 1.0 / rate).set_name(name)
 
 
-def add_motion_capture(
-    builder: DiagramBuilder, glider: System, servo: System, rate: float
-) -> None:
-    """Adds what a campaign's log is made of, sampled at a rate [Hz].
+def add_motion_capture(builder: DiagramBuilder, glider: System, rate: float) -> None:
+    """Adds a motion capture of pose and elevator, sampled at a rate [Hz].
 
     Adds "elevator_angle" and "markers", which gather POSE_NAMES and the elevator,
-    "motion_capture", which adds noise, and the logs "capture_log" and
-    "command_log". Exports "capture".
+    "motion_capture", which adds noise, and the log "capture_log". Exports "capture".
     """
     state = glider.GetOutputPort("state")
     row = [[float(name == "elevator") for name in STATE_NAMES]]
@@ -93,7 +90,6 @@ def add_motion_capture(
     measured = capture.GetOutputPort("measured")
     builder.ExportOutput(measured, "capture")
     add_log(builder, measured, "capture_log", rate)
-    add_log(builder, servo.GetOutputPort("elevator_rate"), "command_log", rate)
 
 
 def tape_rows(rate: float) -> int:
