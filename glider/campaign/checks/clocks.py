@@ -30,7 +30,7 @@ for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most 
 commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
 _WINDOW = 0.04  # Time over which a rate is taken [s].
-_MIN_RATES = 15  # Rates that a correlation is of, at least.
+_MIN_RATES = 15  # Rates that a correlation is of, at least: fewer show nothing.
 _FOLLOWS_ALONE = 0.6
 """Share of the campaign's correlation that a flight alone must reach at its delay.
 Measured: 0.93 at least for 600 flights; nine in ten with commands of another flight
@@ -185,7 +185,8 @@ def calc_correlation(
 ) -> tuple[float, float]:
     """Best correlation of elevators with commands, -1 to 1, and its delay [s].
 
-    With a `sign`, of 1 or -1, the best of that sign.
+    With a `sign`, of 1 or -1, the best of that sign. Both are nan where too few rates
+    are known to judge: no comparison with them holds.
     """
     count, turned, ordered, together = np.zeros((4, len(delays)))
     for flight in flights:
@@ -197,8 +198,10 @@ def calc_correlation(
         ordered += np.sum(commands**2, axis=1)
         together += commands @ rate
     correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
-    correlation[count < _MIN_RATES] = 0.0
-    best = int(np.argmax(sign * correlation if sign else np.abs(correlation)))
+    rank = sign * correlation if sign else np.abs(correlation)
+    best = int(np.argmax(np.where(count < _MIN_RATES, -np.inf, rank)))
+    if count[best] < _MIN_RATES:
+        return math.nan, math.nan
     return float(correlation[best]), float(delays[best])
 
 

@@ -108,12 +108,29 @@ def test_a_wrong_campaign_is_refused(campaign, kind):
         ({"gravity": 0.0}, "fall at 10 .* and 'gravity' is 0:"),
         ({"gravity": 1.62}, "fall at 10 .* and 'gravity' is 1.62:"),
         ({"gravity": 32.2}, "fall at 10 .* and 'gravity' is 32.2:"),
-        ({"air_density": 0.0012}, "is 0.00133; expected kg/m³"),
-        ({"wing_area": 885.0}, "expected kg/m³, m² and kg"),
+        ({"air_density": 0.0012}, "at an air_density of 0.0012 kg/m³; expected kg,"),
+        ({"wing_area": 8.85}, r"by a factor of 100 \(wing_area in dm²\?\); expected"),
+        ({"wing_area": 885.0}, r"by a factor of 10000 \(wing_area in cm²\?\); "),
+        ({"mass": 80.0}, r"80 kg / .* by a factor of 1000 \(mass in g\?\); expected"),
     ],
 )
 def test_wrong_numbers_of_the_vehicle_are_refused(campaign, told, sentence):
     assert re.search(sentence, refusal(b.tell(campaign, **told)))
+
+
+@pytest.mark.parametrize("known", [{"mass": 80.0}, {"wing_area": 8.85}])
+def test_a_mass_or_an_area_alone_is_compared_with_the_forces_too(campaign, known):
+    """Without an air density, which is rarely specified, and the other one."""
+    vehicle = {"gravity": 9.81} | known
+    alone = dataclasses.replace(campaign, vehicle=vehicle)
+    assert re.search(r"contradicts .* is not specified", refusal(alone))
+
+
+def test_forces_of_real_wings_pass(campaign):
+    """From half the plate's lift with a heavier glider to 2 pi with half the mass."""
+    for ratio in (0.35, 6.0):
+        told = b.tell(campaign, mass=ratio * campaign.vehicle["mass"])
+        assert inspect(told).warnings == ()
 
 
 def test_an_elevator_beyond_its_limits_is_refused(campaign):
