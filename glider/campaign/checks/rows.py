@@ -21,7 +21,7 @@ from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_dif
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps, elevator_path, hides_command
 
-_EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen.
+_EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen anyway.
 _EQUAL_NUMBERS = 5  # Equal rows of one column that may be frozen.
 _SURELY = 6.0  # Standard deviations by which a column should have moved, or did.
 _QUANTA = 5.0  # Digits of the log by which it should have.
@@ -69,10 +69,10 @@ def find_faults(campaign: Campaign) -> Faults:
     """
     flights = campaign.flights
     known = [(f, np.isfinite(f.pose).all(axis=1)) for f in flights]
+    known = [(f, rows & ~find_repeats(f.pose, 2)) for f, rows in known]
     each = [_measure_noise(f.time[rows], f.pose[rows]) for f, rows in known]
     noise = np.median(each, axis=0)
-    changes = np.abs(np.concatenate([np.diff(f.pose, axis=0) for f in flights]))
-    digits = np.min(changes, axis=0, where=changes > 0.0, initial=np.inf)
+    digits = _last_digits(np.concatenate([np.diff(f.pose, axis=0) for f in flights]))
     angles = [(f.time, f.elevator[:, None]) for f in flights if f.elevator is not None]
     each = [_measure_noise(time, angle) for time, angle in angles]
     elevator_noise = float(np.median(each)) if each else 0.0
@@ -169,6 +169,34 @@ def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
 
 
+def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Rows (n,) of a recording (n, k) that repeat the one before, but move on."""
+    fresh = ~find_repeats(values, 2)
+    noise = _measure_noise(time[fresh], values[fresh])
+    digits = _last_digits(np.diff(values, axis=0))
+    return _repeated(time, values, np.maximum(_SURELY * noise, _QUANTA * digits))
+
+
+def _last_digits(changes: np.ndarray) -> np.ndarray:
+    """The smallest changes (k,) of columns, (n, k), that are not zero."""
+    return np.min(np.abs(changes), axis=0, where=changes != 0.0, initial=np.inf)
+
+
+def _repeated(time: np.ndarray, values: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Rows (n,) that repeat the one before where a column moves by more than `least`.
+
+    A camera that measures anew measures another number, but for its last digit and
+    noise: equal rows of a body that moves by several of these are the last pose, sent
+    again. A slow body, in coarse digits, repeats what was measured.
+    """
+    stale = np.zeros(len(time), dtype=bool)
+    for first, last in stretches(find_repeats(values, 2)):
+        for k, own in enumerate(least):
+            if _moves_on(time, values[:, k], first - 1, last, own):
+                stale[first : last + 1] = True
+    return stale
+
+
 def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray:
     """Rows (n,) that repeat the row before while the glider moves.
 
@@ -176,30 +204,40 @@ def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray
     much that equal numbers cannot be.
     """
     same = np.diff(flight.pose, axis=0, prepend=np.nan) == 0.0
+    least = np.maximum(_SURELY * noise, _QUANTA * digits)
     frozen = find_repeats(flight.pose, _EQUAL_POSES)
+    frozen |= _repeated(flight.time, flight.pose, least)
     for k in range(3):
         noisy = noise[k] > _NOISY * digits[k]
-        least = -1.0 if noisy else max(_SURELY * noise[k], _QUANTA * digits[k])
         for first, last in stretches(same[:, k]):
+            rows = flight.time, flight.pose[:, k], first - 1, last
             long = last - first + 2 >= _EQUAL_NUMBERS
-            if long and _missed(flight, k, first - 1, last) > least:
+            if long and (noisy or _moves_on(*rows, least[k])):
                 frozen[first : last + 1] = True
     return frozen
 
 
-def _missed(flight: Flight, column: int, first: int, last: int) -> float:
-    """How far a column would have moved while it is equal, by its neighbors."""
-    missed = [0.0]
-    before = slice(max(first - _REACH, 0), first + 1)
-    for rows in (before, slice(last + 1, last + _REACH)):
-        time, values = flight.time[rows], flight.pose[rows, column]
-        if len(time) >= 4:
-            slope = np.polyfit(time - time[0], values, 1)[0]
-            missed.append(abs(slope) * (flight.time[last] - flight.time[first]))
-    if last + 1 < len(flight.time) and len(missed) > 1:  # It must catch up, then.
-        caught = abs(flight.pose[last + 1, column] - flight.pose[last, column])
-        return float(min(caught, max(missed)))
-    return float(max(missed))
+def _moves_on(
+    time: np.ndarray, values: np.ndarray, first: int, last: int, least: float
+) -> bool:
+    """Whether a column (n,) moves by more than `least` while equal, by its neighbors.
+
+    It must catch up, then.
+    """
+    following = values[last + 1 : last + 2]
+    if not np.all(np.abs(following - values[last]) > least):
+        return False
+    for rows in (
+        slice(max(first - _REACH, 0), first + 1),
+        slice(last + 1, last + _REACH),
+    ):
+        known = np.isfinite(values[rows])
+        own, beside = time[rows][known], values[rows][known]
+        if len(own) >= 4:
+            slope = np.polyfit(own - own[0], beside, 1)[0]
+            if abs(slope) * (time[last] - time[first]) > least:
+                return True
+    return False
 
 
 def _elevator_faults(

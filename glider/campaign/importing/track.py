@@ -34,7 +34,7 @@ class Track:
     clock: str
     servo: ServoLogs  #: Positive trailing edge up.
     onboard: Onboard = Onboard()  #: Vectors along nose, left and top.
-    late: int = 0  #: Rows that were dropped, as their time fell back.
+    notes: tuple[str, ...] = ()  #: On rows that were dropped.
 
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:
@@ -64,8 +64,14 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
                 f"{recording.path}: columns: {quantity} (of {mapping.source}): its "
                 "clock is not that of the poses; expected both in one file."
             )
+    # What cameras write of a body that they do not see.
+    zeros = np.all(logged.values == 0.0, axis=1)
+    counts = {
+        "whose time falls back: they are dropped": logged.late,
+        "in which the position is zero: the body was not seen": int(np.sum(zeros)),
+    }
     position = position @ world.T
-    seen &= np.isfinite(position).all(axis=1)
+    seen &= np.isfinite(position).all(axis=1) & ~zeros
     ahead, above = frame.tracked_point
     if rotation is not None:
         position = position - rotation @ np.array([ahead, 0.0, above])
@@ -81,7 +87,7 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         pitch=None if pitch is None else np.unwrap(pitch[seen]),
         along_throw=along_throw,
         clock=logged.clock,
-        late=logged.late,
+        notes=tuple(f"{count} rows {why}" for why, count in counts.items() if count),
         servo=servo,
         onboard=onboard,
     )
