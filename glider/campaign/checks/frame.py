@@ -44,6 +44,10 @@ _FORCE = 10.0
 passes. The smallest step to another unit, of an area in dm², is 100, and 10 is halfway.
 A wing's lift slope is at most 2 pi, 3.1 times that of the plate, and a mass half as
 large doubles it; the largest mass of the library makes it 0.18 (tests: 0.18 to 7.2)."""
+_TAIL = 30.0
+"""The same for the elevator's effect on the pitch. Lengths in mm are 1000 times off,
+areas in dm² 100 times; the strongest effects of the library make it 0.07 to 2.6."""
+_SURELY = 6.0  # Standard errors above which the elevator's effect is known.
 _UNITS = {
     1e-3: "mass in g",
     1e2: "wing_area in dm²",
@@ -71,6 +75,31 @@ def check_frame(
     turned = _check_ahead(turned, forces.at_release(motions), fit, warnings)
     _check_force(campaign, fit)
     return turned, tuple(warnings)
+
+
+def check_tail(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
+    """Refuses a vehicle whose elevator turns it by another order than measured.
+
+    After lengths and times were checked, which are squared here.
+    """
+    names = "elevator_area", "pitch_inertia"
+    if campaign.elevator != "servo" or not {*names} <= campaign.vehicle.keys():
+        return ()
+    vehicle = vars(GliderParameters()) | campaign.vehicle
+    arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
+    area, inertia = (vehicle[name] for name in names)
+    given = vehicle["air_density"] * area * arm / inertia
+    motions = {f.name: forces.usable_motion(f, masks) for f in campaign.flights}
+    fit = forces.fit_elevator(campaign, motions)
+    ratio = abs(fit.gain) / given
+    if abs(fit.effect) > _SURELY and not 1.0 / _TAIL < ratio < _TAIL:
+        raise InputError(
+            f"{campaign.path}: the tail of 'elevator_area' {area:g} m², {arm:g} m "
+            f"behind ('hinge_offset' + 'elevator_offset'), at a 'pitch_inertia' of "
+            f"{inertia:g} kg m² contradicts the measured pitch accelerations by a "
+            f"factor of {max(ratio, 1.0 / ratio):.2g}; expected m², m and kg m²."
+        )
+    return ()
 
 
 def _check_columns(campaign: Campaign, motion: Motion, fit: ForceFit) -> None:

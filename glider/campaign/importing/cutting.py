@@ -60,8 +60,9 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     """Finds the flights of a recording in their order; notes what was omitted."""
     flights, notes = [], [*track.notes]
     frozen = find_repeats(track.position, _EQUAL_ROWS)
-    repeats = frozen | find_stale(track.time, track.position)
-    seen = ~repeats
+    again = find_stale(track.time, track.position) & ~frozen
+    track = take(track, ~again)
+    seen = ~frozen[~again]
     if len(seen) > 1 and (step := float(np.median(np.diff(track.time)))) > _SLOWEST_LOG:
         expected = f"expected {_SLOWEST_LOG:g} s or less"
         return [], [f"the poses were logged every {step:.3g} s; {expected}"]
@@ -73,7 +74,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     for first, last in parts:
         part = take(track, first + np.flatnonzero(seen[first : last + 1]))
         is_lost = last + 1 < len(seen) and (
-            frozen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
+            not seen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
         )
         is_slow = last + 1 < len(seen) and not (is_lost or powered[last + 1])
         # The cubics see a stop up to half of their span late.
@@ -90,8 +91,8 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     elif not parts and not notes:
         reach = np.max(np.ptp(track.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
-    if lost := int(np.sum(repeats)):
-        notes.append(f"{lost} rows that repeat the pose before: they are dropped")
+    if repeats := int(np.sum(frozen | again)):
+        notes.append(f"{repeats} rows that repeat the pose before: they are dropped")
     return flights, notes
 
 

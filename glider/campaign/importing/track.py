@@ -21,6 +21,10 @@ from glider.errors import InputError
 _MAX_GAP = 0.1  # Time between two attitudes above which none is interpolated [s].
 
 
+_FEW_STEPS = 3.0
+"""Steps from row to row, over the usual one, by which a body may move on to zero."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Track:
     """One recording in x forward, y left, z up; n rows in which the body was seen."""
@@ -64,8 +68,7 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
                 f"{recording.path}: columns: {quantity} (of {mapping.source}): its "
                 "clock is not that of the poses; expected both in one file."
             )
-    # What cameras write of a body that they do not see.
-    zeros = np.all(logged.values == 0.0, axis=1)
+    zeros = _are_zeros(logged)
     counts = {
         "whose time falls back: they are dropped": logged.late,
         "in which the position is zero: the body was not seen": int(np.sum(zeros)),
@@ -91,6 +94,23 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         servo=servo,
         onboard=onboard,
     )
+
+
+def _are_zeros(place: Stream) -> np.ndarray:
+    """Rows (n,) at zero, of a body that cameras do not see: not one that passes there.
+
+    It would come from, or go to, a place that is a few steps away.
+    """
+    zeros = np.all(place.values == 0.0, axis=1)
+    others = np.flatnonzero(np.isfinite(place.values).all(axis=1) & ~zeros)
+    if not zeros.any() or len(others) < 2:
+        return zeros
+    steps = np.linalg.norm(np.diff(place.values[others], axis=0), axis=1)
+    index = np.searchsorted(others, np.flatnonzero(zeros))
+    beside = others[np.clip([index - 1, index], 0, len(others) - 1)]
+    away = np.linalg.norm(place.values[beside], axis=2).min(axis=0)
+    zeros[zeros] = away > _FEW_STEPS * np.median(steps)
+    return zeros
 
 
 def take(track: Track, rows: np.ndarray | slice) -> Track:
