@@ -51,7 +51,7 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
     """Refuses an elevator that does not follow its commands, or precedes them."""
     if campaign.elevator != "servo":
         return
-    commanded = max(np.ptp(integrate_commands(f)) for f in campaign.flights)
+    commanded = max(_commanded(f, masks) for f in campaign.flights)
     kept = [known_angles(f, masks)[1] for f in campaign.flights]
     moved = max((np.ptp(angles) for angles in kept if len(angles)), default=0.0)
     if commanded < _MOVES and moved < _MOVES:
@@ -171,7 +171,7 @@ def find_unrelated(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str,
     usual, delay = calc_correlation(campaign.flights, masks)
     near = delay + np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
     least = _FOLLOWS_ALONE * abs(usual)
-    wide = [f for f in campaign.flights if np.ptp(integrate_commands(f)) > _WIDE]
+    wide = [f for f in campaign.flights if _commanded(f, masks) > _WIDE]
     return tuple(
         f.name for f in wide if abs(calc_correlation([f], masks, near)[0]) < least
     )
@@ -218,8 +218,9 @@ def _rates(
     if len(time) < 2:
         return np.empty(0), np.empty((len(delays), 0))
     ends, rate = mean_rates(time, angle)
-    path, at = integrate_commands(flight), ends - delays[:, None, None]
-    earlier = np.interp(at, flight.time, path, left=np.nan, right=np.nan)
+    rows = known_commands(flight, masks)
+    path, at = integrate_commands(flight)[rows], ends - delays[:, None, None]
+    earlier = np.interp(at, flight.time[rows], path, left=np.nan, right=np.nan)
     return rate, earlier[:, 1] - earlier[:, 0]
 
 
@@ -242,11 +243,25 @@ def integrate_commands(flight: Flight) -> np.ndarray:
 def known_angles(
     flight: Flight, masks: Mapping[str, Masks]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and angles [rad] (k,) of the elevator that are not masked."""
+    """Times [s] and angles [rad] (k,) of the elevator that are not masked.
+
+    Those of the piece whose commands are known, where gaps hide others.
+    """
     assert flight.elevator is not None
     mask = masks.get(flight.name)
-    known = slice(None) if mask is None else ~mask.elevator
+    known = slice(None) if mask is None else ~(mask.elevator | mask.beyond)
     return flight.time[known], flight.elevator[known]
+
+
+def known_commands(flight: Flight, masks: Mapping[str, Masks]) -> slice:
+    """Rows of the piece whose commands are known."""
+    mask = masks.get(flight.name)
+    return slice(None) if mask is None else slice(mask.first, mask.last)
+
+
+def _commanded(flight: Flight, masks: Mapping[str, Masks]) -> float:
+    """Travel that known commands ask for [rad]."""
+    return float(np.ptp(integrate_commands(flight)[known_commands(flight, masks)]))
 
 
 def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:

@@ -31,6 +31,7 @@ _MIN_SHARE = 0.5  # Of flights that must be kept: else the campaign is at fault.
 _MAX_FAULTY = 0.6  # Share of the rows of an elevator: the rest is no better.
 _ROLLED = "by roll and yaw its wing is more than half out of the plane of flight"
 _HELD = "a hand still pushes the glider"
+_BEYOND = "pose: beyond a gap whose commands are not known"
 _UNRELATED = "its elevator does not follow its commands, unlike in most flights"
 
 
@@ -62,6 +63,9 @@ def inspect(campaign: Campaign) -> Inspection:
     kept.drop_short()
     kept.mask(find_rolled, _ROLLED)
     kept.drop_short(f": {_ROLLED}")
+    # Until here poses counted, whatever the servo did.
+    kept.mask(lambda flight, _: kept.masks[flight.name].beyond, _BEYOND)
+    kept.drop_short(f" ({_BEYOND})")
     kept.drop(dict.fromkeys(find_unrelated(kept.campaign, kept.masks), _UNRELATED))
     for check in (check_fall, check_travel, check_tail):
         warnings += check(kept.campaign, kept.masks)

@@ -87,13 +87,17 @@ def find_faults(campaign: Campaign) -> Faults:
     repeated, is_stopped = 0, list[bool]()
     for flight in flights:
         piece = pieces_with_commands(flight, campaign)
-        of_pose = _pose_faults(flight, noise, digits, piece)
+        of_pose = _pose_faults(flight, noise, digits)
         of_servo = _elevator_faults(campaign, flight, elevator_noise)
         again = of_pose.pop(_AGAIN)
         pose = np.logical_or.reduce([again, *of_pose.values()])
         elevator = np.logical_or.reduce([np.zeros_like(pose), *of_servo.values()])
-        first = int(np.argmax(piece == piece[np.argmin(pose)]))
-        masks[flight.name] = Masks(pose=pose, elevator=elevator, first=first)
+        first, last = 0, len(pose)
+        if flight.command is not None:  # The longest piece has all its commands.
+            longest = np.argmax(np.bincount(piece, weights=~pose))
+            first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
+        mask = Masks(pose=pose, elevator=elevator, first=first, last=last)
+        masks[flight.name] = mask
         for what, faults in (("pose", of_pose), ("elevator", of_servo)):
             excluded += [
                 ExcludedRows(flight.name, name_rows(flags), f"{what}: {why}")
@@ -149,7 +153,7 @@ def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
 
 
 def _pose_faults(
-    flight: Flight, noise: np.ndarray, digits: np.ndarray, piece: np.ndarray
+    flight: Flight, noise: np.ndarray, digits: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
     unknown = ~np.all(np.isfinite(flight.pose), axis=1)
@@ -164,10 +168,6 @@ def _pose_faults(
     own = np.clip(own, noise, 3.0 * noise)
     track = Track(flight.time, flight.pose, own)
     sticks_out, displaced, touched = find_one_motion(track, usable)
-    usable &= ~(sticks_out | displaced | touched)
-    cut_off = np.zeros(len(usable), dtype=bool)
-    if flight.command is not None:  # The longest piece has all its commands.
-        cut_off = usable & (piece != np.argmax(np.bincount(piece, weights=usable)))
     return {
         "is not a number": unknown,
         _AGAIN: again,
@@ -177,7 +177,6 @@ def _pose_faults(
         "departs from the motion around it": sticks_out,
         "the track jumps and stays displaced": displaced,
         "it touches something: its velocity jumps": touched,
-        "beyond a gap whose commands are not known": cut_off,
     }
 
 
