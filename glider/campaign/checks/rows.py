@@ -235,7 +235,7 @@ def _last_digits(logs: Sequence[np.ndarray]) -> np.ndarray:
 def _repeated(time: np.ndarray, values: np.ndarray, least: np.ndarray) -> np.ndarray:
     """Rows (n,) that repeat the one before where a column moves by more than `least`.
 
-    A camera that measures anew measures another number, but for its last digit and
+    A camera that measures again measures another number, but for its last digit and
     noise: equal rows of a body that moves by several of these are the last pose, sent
     again. A slow body, in coarse digits, repeats what was measured.
     """

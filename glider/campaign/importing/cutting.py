@@ -102,7 +102,7 @@ def _parts(track: Track, seen: np.ndarray, gravity: float) -> list[tuple[int, in
     time, position = track.time[rows], track.position[rows]
     breaks = [
         gap
-        for gap in np.flatnonzero(np.diff(time) > _MAX_GAP) + 1
+        for gap in (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
         if not _flies_on(time, position, gap, gravity)
     ]
     parts = []
