@@ -207,7 +207,7 @@ def test_what_is_at_the_floor_of_its_scale_is_not_in_that_of_the_error():
 
 
 @pytest.mark.parametrize("name", ["wing_area", "elevator_area", "hinge_offset"])
-@pytest.mark.parametrize("factor", [10.0, 100.0, 1e4])
+@pytest.mark.parametrize("factor", [100.0, 1e4])
 def test_the_floor_of_a_model_that_diverges_is_unknown(still, name, factor):
     """No warning, which pytest would raise, and no singular matrix."""
     campaign, truth = still
