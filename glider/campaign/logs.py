@@ -24,7 +24,9 @@ PITCH_RATE, COMMAND_TIME = "pitch_rate", "command_time"
 OPTIONAL: tuple[str, ...] = (PITCH_RATE, COMMAND_TIME)
 """Columns that each flight may have or not."""
 _NOT_IN_NAMES = frozenset("<>&\"'`")
-MAX_ANGLE = 2 * math.pi  # Largest angle in a log [rad]; more are degrees.
+MAX_ANGLE = 6.3
+"""Largest angle in a log [rad]; more are degrees. A full turn, with room for logs that
+round it: 2 pi in nine digits, as campaigns are written, is more than 2 pi."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,11 @@ from glider.campaign.importing.recording import Unit, scale_of
 from glider.campaign.logs import MAX_ANGLE, Campaign, ServoLog
 from glider.errors import InputError, expect, show
 from glider.files import schema
-from glider.physics.parameters import PARAMETER_NAMES, check_parameters
+from glider.physics.parameters import (
+    PARAMETER_NAMES,
+    GliderParameters,
+    check_parameters,
+)
 
 QUANTITIES = {
     "time": "time",
@@ -249,6 +253,13 @@ class Vehicle(KnownParameters):
         kinds = "'fixed', 'fixed_per_flight' or 'servo'"
         expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
         check_parameters(known)
+        usual = vars(GliderParameters()) | known
+        arm = usual["hinge_offset"] + usual["elevator_offset"]
+        expected = (
+            f"m, less than the {arm:g} to the tail (this looks like another unit)"
+        )
+        offset = usual["wing_offset"]
+        expect(abs(offset) < arm, "field 'wing_offset'", offset, expected)
         limits = self.elevator_limits or [0.0]
         expected, small = "radians (this looks like degrees)", max(map(abs, limits))
         expect(small <= MAX_ANGLE, "field 'elevator_limits'", limits, expected)

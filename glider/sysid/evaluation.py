@@ -259,6 +259,7 @@ def _innovations(
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
 def correlations(
     late: Sequence[np.ndarray], early: Sequence[np.ndarray], lags: int
 ) -> dict[str, np.ndarray]:

@@ -136,6 +136,11 @@ def judge(
                 "What the flat plate lacks depends on "
                 f"{', '.join(left.depends_on)}, and no effect explains it."
             )
+        if not math.isfinite(left.position_m):
+            return "not_trusted", (
+                "The model diverges on all held-out flights: is each number of "
+                "'vehicle' in SI units?"
+            )
         return "no_effect", "The flights show nothing beyond noise and moving air."
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import re
 import shutil
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -258,6 +259,10 @@ SPOILT_SETTINGS = {
         edited(vehicle__elevator_limits=[0.9, -0.4]),
         ["'elevator_limits'", "lower < upper"],
     ),
+    "offset in mm": (
+        edited(vehicle__wing_offset=10),
+        ["'wing_offset'", "10", "m, less than the 0.292 to the tail"],
+    ),
     "elevator": (edited(vehicle__elevator="free"), ["'elevator'", "'free'", "'fixed'"]),
     "zero rate": (edited(command_rate=0), ["'command_rate'", "0", "positive"]),
     "rate is nan": (edited(pose_rate=math.nan), ["'pose_rate'", "nan", "positive"]),
@@ -466,6 +471,24 @@ def test_campaign_round_trip(tmp_path, elevator, known):
             else:
                 np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-12)
     assert [flight.name for flight in loaded.flights] == list(NAMES)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(-20.0, 20.0), st.floats(-7.0, 7.0), st.integers(1, 59))
+def test_what_is_written_of_any_angle_is_read(begin, jump, row):
+    """Full turns too, in the nine digits that are written."""
+    flight = make_flight()
+    angle = np.full(len(flight.time), begin)
+    angle[row:] += jump
+    for turns in (angle, 2.0 * np.pi * np.round(angle / (2.0 * np.pi))):
+        pose = np.column_stack([flight.pose[:, :2], turns])
+        attitude = np.column_stack([0.0 * turns, turns, turns])
+        turned = dataclasses.replace(flight, pose=pose, attitude=attitude)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "written"
+            save_campaign(path, make_campaign([turned], path=path))
+            [again] = load_campaign(path).flights
+        assert np.allclose(np.exp(1j * again.pose[:, 2]), np.exp(1j * turns))
 
 
 def test_save_does_not_mix_campaigns(folder):

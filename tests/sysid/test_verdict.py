@@ -74,6 +74,7 @@ def verdict(
     times_floor=1.5,
     most_by_chance=1.8,
     times_along=math.nan,
+    left_m=0.05,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
@@ -89,7 +90,7 @@ def verdict(
         forces=None if left_over is None else object(),
     )
     left = Residual(
-        position_m=0.05,
+        position_m=left_m,
         ratio_to_floor=times_floor,
         ratio_along_pitch=times_along,
         chance=chance,
@@ -123,6 +124,13 @@ def test_nothing_found_is_no_effect():
     """However the flights came out."""
     assert verdict()[0] == "no_effect"
     assert verdict(t=-5.0)[0] == "no_effect"
+
+
+def test_a_model_that_diverges_shows_nothing():
+    """As with a number of the vehicle in another unit."""
+    word, reason = verdict(left_m=math.nan)
+    assert word == "not_trusted"
+    assert "diverges" in reason
 
 
 def test_effects_that_hold_are_found():

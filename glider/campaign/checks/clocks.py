@@ -30,7 +30,7 @@ for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most 
 commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
 _WINDOW = 0.04  # Time over which a rate is taken [s].
-_MIN_RATES = 15  # Rates that a correlation is of, at least.
+_MIN_RATES = 15  # Rates that a correlation is of, at least: fewer show nothing.
 _FOLLOWS_ALONE = 0.6
 """Share of the campaign's correlation that a flight alone must reach at its delay.
 Measured: 0.93 at least for 600 flights; nine in ten with commands of another flight
@@ -51,7 +51,7 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
     """Refuses an elevator that does not follow its commands, or precedes them."""
     if campaign.elevator != "servo":
         return
-    commanded = max(np.ptp(integrate_commands(f)) for f in campaign.flights)
+    commanded = max(_commanded(f, masks) for f in campaign.flights)
     kept = [known_angles(f, masks)[1] for f in campaign.flights]
     moved = max((np.ptp(angles) for angles in kept if len(angles)), default=0.0)
     if commanded < _MOVES and moved < _MOVES:
@@ -171,7 +171,7 @@ def find_unrelated(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str,
     usual, delay = calc_correlation(campaign.flights, masks)
     near = delay + np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
     least = _FOLLOWS_ALONE * abs(usual)
-    wide = [f for f in campaign.flights if np.ptp(integrate_commands(f)) > _WIDE]
+    wide = [f for f in campaign.flights if _commanded(f, masks) > _WIDE]
     return tuple(
         f.name for f in wide if abs(calc_correlation([f], masks, near)[0]) < least
     )
@@ -185,7 +185,8 @@ def calc_correlation(
 ) -> tuple[float, float]:
     """Best correlation of elevators with commands, -1 to 1, and its delay [s].
 
-    With a `sign`, of 1 or -1, the best of that sign.
+    With a `sign`, of 1 or -1, the best of that sign. Both are nan where too few rates
+    are known to judge: no comparison with them holds.
     """
     count, turned, ordered, together = np.zeros((4, len(delays)))
     for flight in flights:
@@ -197,8 +198,10 @@ def calc_correlation(
         ordered += np.sum(commands**2, axis=1)
         together += commands @ rate
     correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
-    correlation[count < _MIN_RATES] = 0.0
-    best = int(np.argmax(sign * correlation if sign else np.abs(correlation)))
+    rank = sign * correlation if sign else np.abs(correlation)
+    best = int(np.argmax(np.where(count < _MIN_RATES, -np.inf, rank)))
+    if count[best] < _MIN_RATES:
+        return math.nan, math.nan
     return float(correlation[best]), float(delays[best])
 
 
@@ -215,8 +218,9 @@ def _rates(
     if len(time) < 2:
         return np.empty(0), np.empty((len(delays), 0))
     ends, rate = mean_rates(time, angle)
-    path, at = integrate_commands(flight), ends - delays[:, None, None]
-    earlier = np.interp(at, flight.time, path, left=np.nan, right=np.nan)
+    rows = known_commands(flight, masks)
+    path, at = integrate_commands(flight)[rows], ends - delays[:, None, None]
+    earlier = np.interp(at, flight.time[rows], path, left=np.nan, right=np.nan)
     return rate, earlier[:, 1] - earlier[:, 0]
 
 
@@ -239,11 +243,25 @@ def integrate_commands(flight: Flight) -> np.ndarray:
 def known_angles(
     flight: Flight, masks: Mapping[str, Masks]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and angles [rad] (k,) of the elevator that are not masked."""
+    """Times [s] and angles [rad] (k,) of the elevator that are not masked.
+
+    Those of the piece whose commands are known, where gaps hide others.
+    """
     assert flight.elevator is not None
     mask = masks.get(flight.name)
-    known = slice(None) if mask is None else ~mask.elevator
+    known = slice(None) if mask is None else ~(mask.elevator | mask.beyond)
     return flight.time[known], flight.elevator[known]
+
+
+def known_commands(flight: Flight, masks: Mapping[str, Masks]) -> slice:
+    """Rows of the piece whose commands are known."""
+    mask = masks.get(flight.name)
+    return slice(None) if mask is None else slice(mask.first, mask.last)
+
+
+def _commanded(flight: Flight, masks: Mapping[str, Masks]) -> float:
+    """Travel that known commands ask for [rad]."""
+    return float(np.ptp(integrate_commands(flight)[known_commands(flight, masks)]))
 
 
 def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:

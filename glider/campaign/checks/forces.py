@@ -19,7 +19,7 @@ import numpy as np
 
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion, calc_motion, robust_std
-from glider.campaign.logs import Flight
+from glider.campaign.logs import Campaign, Flight
 
 START = 0.3  # Time after its release in which a glider goes where its nose is [s].
 _STRIDE = 3  # Rows from one acceleration to the next: those between add nothing new.
@@ -28,6 +28,7 @@ _WIND_AT = slice(7, 9)  # Columns of the wind, after forces, offsets and thrust.
 _STEP = 0.01  # Of the wind, for slopes [m/s].
 _WIND = 2.0  # Standard deviation of its prior, of the weight of one row [m/s].
 _MAX_WIND = 6.0  # [m/s]
+_ARM = 0.25  # Length of a tail over which an elevator's strength is compared [m].
 _HUBER = 2.0  # Residual, in standard deviations, above which a weight decreases.
 
 
@@ -39,6 +40,15 @@ class ForceFit(NamedTuple):
     forces: np.ndarray  #: (4,) A: normal, along by normal flow; then by axial [1/m].
     wind: np.ndarray  #: (2,) [m/s]
     misfit: float  #: Robust RMS of what is left [m/s²].
+
+
+class ElevatorFit(NamedTuple):
+    """Pitch accelerations explained by the elevator and the flow."""
+
+    effect: float  #: Of the elevator, in standard errors; trailing edge up: negative.
+    misfit: float  #: Robust RMS of what is left [rad/s²].
+    strength: float  #: Of the elevator, over that of the flow on a tail.
+    gain: float  #: Of V² times the elevator [1/m²].
 
 
 def usable_motion(flight: Flight, masks: Mapping[str, Masks]) -> Motion:
@@ -139,3 +149,36 @@ def offset_columns(motion: Motion, sign: int) -> list[np.ndarray]:
     square = motion.velocity[:, 2:] ** 2
     turning = sign * motion.acceleration[:, 2:]
     return [-turning * normal - square * body, turning * body - square * normal]
+
+
+def fit_elevator(campaign: Campaign, motions: Mapping[str, Motion]) -> ElevatorFit:
+    """Fits pitch accelerations of flights, whose motions are given by name.
+
+    pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q
+    and V times the elevator's rate with Huber's weights; trailing edge up turns the
+    nose up, so the effect is negative.
+    """
+    columns, targets = [], []
+    for flight in campaign.flights:
+        motion = motions[flight.name]
+        if flight.elevator is None or len(motion.time) < 3:
+            continue
+        angle = np.interp(motion.time, flight.time, flight.elevator)
+        speed, (vx, vz, rate) = motion.speed, motion.velocity.T
+        alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]
+        lift = [angle, np.sin(alpha), np.cos(alpha), np.sin(alpha) * np.cos(alpha)]
+        turning = [speed * rate, speed * np.gradient(angle, motion.time)]
+        columns.append(np.column_stack([speed**2 * c for c in lift] + turning))
+        targets.append(motion.acceleration[:, 2])
+    design, target = np.concatenate(columns), np.concatenate(targets)
+    weight = np.ones(len(target))
+    for _ in range(_ITERATIONS):
+        weighted = design * weight[:, None]
+        solution = np.linalg.lstsq(weighted, target * weight, rcond=None)[0]
+        rest = target - design @ solution
+        weight = huber_weights(rest)
+    misfit = float(np.sqrt(np.mean((weight * rest) ** 2)))
+    std = misfit * np.sqrt(np.linalg.pinv(weighted.T @ weighted)[0, 0])
+    tail = max(abs(solution[1]), abs(solution[4]) / _ARM, 1e-12)
+    effect, strength = solution[0] / max(std, 1e-12), abs(solution[0]) / tail
+    return ElevatorFit(float(effect), misfit, float(strength), float(solution[0]))

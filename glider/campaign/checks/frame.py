@@ -11,6 +11,7 @@ undetermined, which `_CLEARLY` detects.
 """
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
+from glider.physics.parameters import GliderParameters
 
 _MIN_FLIGHTS = 3  # One glide alone determines no gravity; a split needs as many.
 _MIN_ROWS = 60  # Accelerations that the constant is fitted to, at least.
@@ -39,7 +41,21 @@ _PATH = 0.01
 plate of the default glider needs 0.15 at 7 m/s to carry it."""
 _FORCE = 10.0
 """Ratio of the wing's measured force to that of the vehicle, or its inverse, that
-passes: mass and areas may be off by 6 (the library's bounds)."""
+passes. The smallest step to another unit, of an area in dm², is 100, and 10 is halfway.
+A wing's lift slope is at most 2 pi, 3.1 times that of the plate, and a mass half as
+large doubles it; the largest mass of the library makes it 0.18 (tests: 0.18 to 7.2)."""
+_TAIL = 30.0
+"""The same for the elevator's effect on the pitch. Lengths in mm are 1000 times off,
+areas in dm² 100 times; the strongest effects of the library make it 0.07 to 2.6."""
+_SURELY = 6.0  # Standard errors above which the elevator's effect is known.
+_UNITS = {
+    1e-3: "mass in g",
+    1e2: "wing_area in dm²",
+    1e4: "wing_area in cm²",
+    1e6: "wing_area in mm²",
+}
+"""Units of a vehicle by the factor that they make its wing's force per mass too large.
+"""
 
 
 def check_frame(
@@ -59,6 +75,31 @@ def check_frame(
     turned = _check_ahead(turned, forces.at_release(motions), fit, warnings)
     _check_force(campaign, fit)
     return turned, tuple(warnings)
+
+
+def check_tail(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
+    """Refuses a vehicle whose elevator turns it by another order than measured.
+
+    After lengths and times were checked, which are squared here.
+    """
+    names = "elevator_area", "pitch_inertia"
+    if campaign.elevator != "servo" or not {*names} <= campaign.vehicle.keys():
+        return ()
+    vehicle = vars(GliderParameters()) | campaign.vehicle
+    arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
+    area, inertia = (vehicle[name] for name in names)
+    given = vehicle["air_density"] * area * arm / inertia
+    motions = {f.name: forces.usable_motion(f, masks) for f in campaign.flights}
+    fit = forces.fit_elevator(campaign, motions)
+    ratio = abs(fit.gain) / given
+    if abs(fit.effect) > _SURELY and not 1.0 / _TAIL < ratio < _TAIL:
+        raise InputError(
+            f"{campaign.path}: the tail of 'elevator_area' {area:g} m², {arm:g} m "
+            f"behind ('hinge_offset' + 'elevator_offset'), at a 'pitch_inertia' of "
+            f"{inertia:g} kg m² contradicts the measured pitch accelerations by a "
+            f"factor of {max(ratio, 1.0 / ratio):.2g}; expected m², m and kg m²."
+        )
+    return ()
 
 
 def _check_columns(campaign: Campaign, motion: Motion, fit: ForceFit) -> None:
@@ -169,18 +210,33 @@ def _check_ahead(
 
 
 def _check_force(campaign: Campaign, fit: ForceFit) -> None:
-    """Refuses a vehicle whose wing force is of another order than measured."""
-    names = ("air_density", "wing_area", "mass")
-    if not all(name in campaign.vehicle for name in names):
+    """Refuses a vehicle whose wing force is of another order than measured.
+
+    An area or a mass alone counts too: the other is fitted about that of the nominal
+    glider. Without both, forces per mass say all.
+    """
+    if campaign.vehicle.keys().isdisjoint(("wing_area", "mass")):
         return
-    density, area, mass = (campaign.vehicle[name] for name in names)
+    usual = GliderParameters()
+    vehicle = vars(usual) | campaign.vehicle
+    mass, area, density = (vehicle[n] for n in ("mass", "wing_area", "air_density"))
     given, measured = density * area / mass, -float(fit.forces[0])
-    if measured > 0.0 and not 1.0 / _FORCE < measured / given < _FORCE:
-        raise InputError(
-            f"{campaign.path}: the wing's force is {measured:.3g} V² sin alpha "
-            f"and air_density * wing_area / mass is {given:.3g}; "
-            "expected kg/m³, m² and kg in campaign.yaml."
-        )
+    if measured <= 0.0 or 1.0 / _FORCE < measured / given < _FORCE:
+        return
+    excess = given / measured
+    unit = min(_UNITS, key=lambda factor: abs(math.log(excess / factor)))
+    hint = f" ({_UNITS[unit]}?)"
+    if abs(math.log(density / usual.air_density)) > math.log(_FORCE):
+        unit, hint = excess, f" at an air_density of {density:g} kg/m³"
+    elif abs(math.log(excess / unit)) > math.log(_FORCE):
+        unit, hint = excess, ""
+    assumed = [n for n in ("mass", "wing_area") if n not in campaign.vehicle]
+    hint += f"; '{assumed[0]}' is not specified, that is assumed" if assumed else ""
+    raise InputError(
+        f"{campaign.path}: the wing loading {mass:g} kg / {area:g} m² = "
+        f"{mass / area:.2g} kg/m² contradicts the measured forces by a factor of "
+        f"{max(unit, 1.0 / unit):.0f}{hint}; expected kg, m² and kg/m³."
+    )
 
 
 def _turn(campaign: Campaign, *, x: bool = False, z: bool = False) -> Campaign:

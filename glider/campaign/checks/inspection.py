@@ -9,8 +9,14 @@ import numpy as np
 from glider.campaign.checks.clocks import check_clocks, check_rates, find_unrelated
 from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.forces import calc_heading, fit_forces, join, usable_motion
-from glider.campaign.checks.frame import check_frame
-from glider.campaign.checks.masks import ALL, ExcludedRows, Masks, name_rows
+from glider.campaign.checks.frame import check_frame, check_tail
+from glider.campaign.checks.masks import (
+    ALL,
+    ExcludedRows,
+    Masks,
+    find_repeats,
+    name_rows,
+)
 from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rows import find_faults, find_hand
 from glider.campaign.checks.travel import check_travel
@@ -19,11 +25,13 @@ from glider.errors import InputError
 
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader expects.
 _MIN_SPAN = 0.15  # Time that they span [s].
-_MIN_DENSITY = 0.5  # Share of usable rows between the first and the last of a flight.
+_MIN_DENSITY = 0.5
+"""Share of usable rows between the first and the last of a flight, repeats apart."""
 _MIN_SHARE = 0.5  # Of flights that must be kept: else the campaign is at fault.
 _MAX_FAULTY = 0.6  # Share of the rows of an elevator: the rest is no better.
 _ROLLED = "by roll and yaw its wing is more than half out of the plane of flight"
 _HELD = "a hand still pushes the glider"
+_BEYOND = "pose: beyond a gap whose commands are not known"
 _UNRELATED = "its elevator does not follow its commands, unlike in most flights"
 
 
@@ -55,8 +63,11 @@ def inspect(campaign: Campaign) -> Inspection:
     kept.drop_short()
     kept.mask(find_rolled, _ROLLED)
     kept.drop_short(f": {_ROLLED}")
+    # Until here poses counted, whatever the servo did.
+    kept.mask(lambda flight, _: kept.masks[flight.name].beyond, _BEYOND)
+    kept.drop_short(f" ({_BEYOND})")
     kept.drop(dict.fromkeys(find_unrelated(kept.campaign, kept.masks), _UNRELATED))
-    for check in (check_fall, check_travel):
+    for check in (check_fall, check_travel, check_tail):
         warnings += check(kept.campaign, kept.masks)
     names = sorted(flight.name for flight in kept.campaign.flights)
     return Inspection(
@@ -103,13 +114,13 @@ class _Kept:
         reasons = {}
         for flight in self.campaign.flights:
             rows = np.flatnonzero(self.masks[flight.name].usable)
-            time = flight.time[rows]
+            time, fresh = flight.time[rows], ~find_repeats(flight.pose, 2)
             if len(time) < _MIN_ROWS or time[-1] - time[0] < _MIN_SPAN:
                 reasons[flight.name] = (
                     f"only {len(time)} rows of it show a flight; expected at least "
                     f"{_MIN_ROWS} over {_MIN_SPAN} s{cause}"
                 )
-            elif len(rows) < _MIN_DENSITY * (rows[-1] - rows[0] + 1):
+            elif len(rows) < _MIN_DENSITY * np.sum(fresh[rows[0] : rows[-1] + 1]):
                 reasons[flight.name] = "most of its rows are faulty"
         self.drop(reasons)
 

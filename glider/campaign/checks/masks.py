@@ -25,11 +25,19 @@ class Masks:
     pose: np.ndarray  #: (n,) of x, z and pitch.
     elevator: np.ndarray  #: (n,)
     first: int = 0  #: First row of the piece whose commands are known.
+    last: int | None = None  #: Row after it; None: that after the flight.
 
     @property
     def usable(self) -> np.ndarray:
         """Rows (n,) whose pose may be used."""
         return ~self.pose
+
+    @property
+    def beyond(self) -> np.ndarray:
+        """Rows (n,) of other pieces."""
+        beyond = np.ones(len(self.pose), dtype=bool)
+        beyond[self.first : self.last] = False
+        return beyond
 
 
 def no_masks(flight: Flight) -> Masks:

@@ -34,12 +34,25 @@ def describe_planarity(flight: Flight) -> str | None:
     )
 
 
+def body_axes(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Nose, left and top of the body in the world, columns of (n, 3, 3).
+
+    It is turned by yaw, pitch, roll.
+    """
+    zero, one = np.zeros_like(pitch), np.ones_like(pitch)
+
+    def turns(angle: np.ndarray, axis: int) -> np.ndarray:
+        cos, sin = np.cos(angle), np.sin(angle)
+        rows = [one, zero, zero], [zero, cos, -sin], [zero, sin, cos]
+        turn = np.moveaxis(np.array(rows), -1, 0)
+        return np.roll(turn, (axis, axis), (1, 2))
+
+    return turns(yaw, 2) @ turns(pitch, 1) @ turns(roll, 0)
+
+
 def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """The wing's normal in the world (n, 3), turned by yaw, pitch, roll."""
-    ahead, side = np.sin(pitch) * np.cos(roll), np.sin(roll)
-    x = np.cos(yaw) * ahead + np.sin(yaw) * side
-    y = np.sin(yaw) * ahead - np.cos(yaw) * side
-    return np.stack([x, y, np.cos(pitch) * np.cos(roll)], axis=1)
+    return body_axes(pitch, roll, yaw)[:, :, 2]
 
 
 def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:

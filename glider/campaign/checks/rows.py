@@ -6,6 +6,7 @@ accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,13 +18,16 @@ from glider.campaign.checks.masks import (
     stretches,
 )
 from glider.campaign.checks.motion import calc_motion, robust_std
+from glider.campaign.checks.planarity import body_axes
 from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps, elevator_path, hides_command
 
+_AGAIN = "repeat the pose before while the glider moves"
 _EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen.
 _EQUAL_NUMBERS = 5  # Equal rows of one column that may be frozen.
 _SURELY = 6.0  # Standard deviations by which a column should have moved, or did.
+_DECIMALS = 9  # Of m and rad, that a log may have: beyond is rounding.
 _QUANTA = 5.0  # Digits of the log by which it should have.
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
 _REACH = 6  # Rows beside a frozen stretch from which its slope is taken.
@@ -35,6 +39,10 @@ and two of them at 50 Hz turn the elevator by 0.5 rad."""
 _BESIDE = 3  # Rows on each side of a gap that show how far the elevator turned in it.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _NEAR_STOP = 0.02  # An elevator this close to its stop may rest there [rad].
+_TURN = 1.0
+"""Angle by which an attitude jumps where markers are exchanged [rad]. Measured throws
+turn by 0.14 at most from row to row, noise included."""
+_TURNING = 30.0  # Rate by which a body may turn that far, in a longer step [rad/s].
 _HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
 _PLACE = 0.008  # ... within this of its middle [m]; free fall from rest: 0.018.
 _SHORTEST = 0.06  # Rows that lie must last, at least [s].
@@ -69,22 +77,28 @@ def find_faults(campaign: Campaign) -> Faults:
     """
     flights = campaign.flights
     known = [(f, np.isfinite(f.pose).all(axis=1)) for f in flights]
+    known = [(f, rows & ~find_repeats(f.pose, 2)) for f, rows in known]
     each = [_measure_noise(f.time[rows], f.pose[rows]) for f, rows in known]
     noise = np.median(each, axis=0)
-    changes = np.abs(np.concatenate([np.diff(f.pose, axis=0) for f in flights]))
-    digits = np.min(changes, axis=0, where=changes > 0.0, initial=np.inf)
+    digits = _last_digits([f.pose[rows] for f, rows in known])
     angles = [(f.time, f.elevator[:, None]) for f in flights if f.elevator is not None]
     each = [_measure_noise(time, angle) for time, angle in angles]
     elevator_noise = float(np.median(each)) if each else 0.0
     masks, excluded, warnings = {}, [], []
+    repeated, is_stopped = 0, list[bool]()
     for flight in flights:
         piece = pieces_with_commands(flight, campaign)
-        of_pose = _pose_faults(flight, noise, digits, piece)
+        of_pose = _pose_faults(flight, noise, digits)
         of_servo = _elevator_faults(campaign, flight, elevator_noise)
-        pose = np.logical_or.reduce(list(of_pose.values()))
+        again = of_pose.pop(_AGAIN)
+        pose = np.logical_or.reduce([again, *of_pose.values()])
         elevator = np.logical_or.reduce([np.zeros_like(pose), *of_servo.values()])
-        first = int(np.argmax(piece == piece[np.argmin(pose)]))
-        masks[flight.name] = Masks(pose=pose, elevator=elevator, first=first)
+        first, last = 0, len(pose)
+        if flight.command is not None:  # The longest piece has all its commands.
+            longest = np.argmax(np.bincount(piece, weights=~pose))
+            first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
+        mask = Masks(pose=pose, elevator=elevator, first=first, last=last)
+        masks[flight.name] = mask
         for what, faults in (("pose", of_pose), ("elevator", of_servo)):
             excluded += [
                 ExcludedRows(flight.name, name_rows(flags), f"{what}: {why}")
@@ -98,8 +112,12 @@ def find_faults(campaign: Campaign) -> Faults:
             f"({steps[i]:.3g} s) after row {i + 2}"
             for i in np.flatnonzero(steps > _LONG_STEP * usual)
         ]
-    stopped = [name for name, mask in masks.items() if mask.pose[-1]]
-    if len(stopped) > _STOPPED * len(flights):
+        repeated += int(np.sum(again))
+        is_stopped.append(pose[~again][-1])
+    if repeated:
+        rows = sum(len(flight.time) for flight in flights)
+        warnings.append(f"{repeated} of {rows} rows {_AGAIN}: they are not used")
+    if sum(is_stopped) > _STOPPED * len(flights):
         for name, mask in masks.items():  # Within a row a stop can hide in noise.
             for last in np.flatnonzero(mask.usable)[-1:]:
                 mask.pose[last] = True
@@ -136,37 +154,98 @@ def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
 
 
 def _pose_faults(
-    flight: Flight, noise: np.ndarray, digits: np.ndarray, piece: np.ndarray
+    flight: Flight, noise: np.ndarray, digits: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
     unknown = ~np.all(np.isfinite(flight.pose), axis=1)
-    frozen = _frozen(flight, noise, digits)
-    usable = ~(unknown | frozen)
+    least = np.maximum(_SURELY * noise, _QUANTA * digits)
+    again = _repeated(flight.time, flight.pose, least)
+    again &= ~find_repeats(flight.pose, _EQUAL_POSES)
+    frozen, turned = _frozen(flight, noise, digits), _turned_over(flight)
+    usable = ~(unknown | again | frozen | turned)
     standing = find_standing(flight, usable)
     usable &= ~standing
     own = _measure_noise(flight.time[usable], flight.pose[usable])
     own = np.clip(own, noise, 3.0 * noise)
     track = Track(flight.time, flight.pose, own)
     sticks_out, displaced, touched = find_one_motion(track, usable)
-    usable &= ~(sticks_out | displaced | touched)
-    cut_off = np.zeros(len(usable), dtype=bool)
-    if flight.command is not None:  # The longest piece has all its commands.
-        cut_off = usable & (piece != np.argmax(np.bincount(piece, weights=usable)))
     return {
         "is not a number": unknown,
+        _AGAIN: again,
         "does not change while the glider moves: frozen": frozen,
+        "its attitude jumps, as where markers are taken for others": turned,
         "lies still, or is held": standing,
         "departs from the motion around it": sticks_out,
         "the track jumps and stays displaced": displaced,
         "it touches something: its velocity jumps": touched,
-        "beyond a gap whose commands are not known": cut_off,
     }
+
+
+def _turned_over(flight: Flight) -> np.ndarray:
+    """Rows (n,) between jumps of the attitude that no body can turn by.
+
+    The longest stretch without a jump is right, and those that continue it.
+    """
+    rows = np.arange(len(flight.time))
+    if flight.attitude is None:
+        return np.zeros(len(rows), dtype=bool)
+    _, roll, yaw = flight.attitude.T
+    axes = body_axes(flight.pose[:, 2], roll, yaw)
+
+    def is_jump(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Whether the body turns by more than `_TURN` from rows to others."""
+        cosine = 0.5 * (np.einsum("kij,kij->k", axes[one], axes[other]) - 1.0)
+        return cosine < np.cos(_TURN)
+
+    jumps = is_jump(rows[:-1], rows[1:]) & (np.diff(flight.time) < _TURN / _TURNING)
+    parts = np.split(rows, np.flatnonzero(jumps) + 1)
+    longest = max(range(len(parts)), key=lambda k: len(parts[k]))
+    turned = np.ones(len(rows), dtype=bool)
+    for inner, outer, side in ((0, -1, parts[longest:]), (-1, 0, parts[longest::-1])):
+        last = parts[longest][[inner]]
+        for part in side:
+            if part is parts[longest] or not is_jump(last, part[[inner]])[0]:
+                turned[part], last = False, part[[outer]]
+    return turned
 
 
 def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Standard deviations (k,) of the noise of columns (n, k)."""
     differences, _ = fourth_differences(time, values)
     return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
+
+
+def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Rows (n,) of a recording (n, k) that repeat the one before, but move on."""
+    fresh = ~find_repeats(values, 2)
+    noise = _measure_noise(time[fresh], values[fresh])
+    digits = _last_digits([values[fresh]])
+    return _repeated(time, values, np.maximum(_SURELY * noise, _QUANTA * digits))
+
+
+def _last_digits(logs: Sequence[np.ndarray]) -> np.ndarray:
+    """The last digit of columns (k,) of logs (n, k) without repeats.
+
+    All differences are multiples of it; of a fast motion the second ones are small.
+    """
+    steps = [np.diff(log, order, axis=0) for log in logs for order in (1, 2)]
+    sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
+    return np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
+
+
+def _repeated(time: np.ndarray, values: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Rows (n,) that repeat the one before where a column moves by more than `least`.
+
+    A camera that measures again measures another number, but for its last digit and
+    noise: equal rows of a body that moves by several of these are the last pose, sent
+    again. A slow body, in coarse digits, repeats what was measured.
+    """
+    stale = np.zeros(len(time), dtype=bool)
+    for first, last in stretches(find_repeats(values, 2)):
+        for k, own in enumerate(least):
+            if _moves_on(time, values[:, k], first - 1, last, own):
+                stale[first : last + 1] = True
+    return stale
 
 
 def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray:
@@ -176,30 +255,39 @@ def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray
     much that equal numbers cannot be.
     """
     same = np.diff(flight.pose, axis=0, prepend=np.nan) == 0.0
+    least = np.maximum(_SURELY * noise, _QUANTA * digits)
     frozen = find_repeats(flight.pose, _EQUAL_POSES)
     for k in range(3):
         noisy = noise[k] > _NOISY * digits[k]
-        least = -1.0 if noisy else max(_SURELY * noise[k], _QUANTA * digits[k])
         for first, last in stretches(same[:, k]):
+            rows = flight.time, flight.pose[:, k], first - 1, last
             long = last - first + 2 >= _EQUAL_NUMBERS
-            if long and _missed(flight, k, first - 1, last) > least:
+            if long and (noisy or _moves_on(*rows, least[k])):
                 frozen[first : last + 1] = True
     return frozen
 
 
-def _missed(flight: Flight, column: int, first: int, last: int) -> float:
-    """How far a column would have moved while it is equal, by its neighbors."""
-    missed = [0.0]
-    before = slice(max(first - _REACH, 0), first + 1)
-    for rows in (before, slice(last + 1, last + _REACH)):
-        time, values = flight.time[rows], flight.pose[rows, column]
-        if len(time) >= 4:
-            slope = np.polyfit(time - time[0], values, 1)[0]
-            missed.append(abs(slope) * (flight.time[last] - flight.time[first]))
-    if last + 1 < len(flight.time) and len(missed) > 1:  # It must catch up, then.
-        caught = abs(flight.pose[last + 1, column] - flight.pose[last, column])
-        return float(min(caught, max(missed)))
-    return float(max(missed))
+def _moves_on(
+    time: np.ndarray, values: np.ndarray, first: int, last: int, least: float
+) -> bool:
+    """Whether a column (n,) moves by more than `least` while equal, by its neighbors.
+
+    It must catch up, then.
+    """
+    following = values[last + 1 : last + 2]
+    if not np.all(np.abs(following - values[last]) > least):
+        return False
+    for rows in (
+        slice(max(first - _REACH, 0), first + 1),
+        slice(last + 1, last + _REACH),
+    ):
+        known = np.isfinite(values[rows])
+        own, beside = time[rows][known], values[rows][known]
+        if len(own) >= 4:
+            slope = np.polyfit(own - own[0], beside, 1)[0]
+            if abs(slope) * (time[last] - time[first]) > least:
+                return True
+    return False
 
 
 def _elevator_faults(

@@ -15,6 +15,7 @@ from glider.campaign.checks.clocks import (
     claim_scale,
     integrate_commands,
     known_angles,
+    known_commands,
     mean_rates,
 )
 from glider.campaign.checks.masks import Masks
@@ -103,13 +104,15 @@ def _sums(
         ends, change = mean_rates(*known_angles(flight, masks), _WINDOW)
         if len(change) < parts:
             continue
-        path = _follow(flight, delays, lags)
-        place = np.interp(ends, flight.time, np.arange(len(flight.time)))
-        before = np.minimum(place.astype(int), len(flight.time) - 2)
+        rows = known_commands(flight, masks)
+        time = flight.time[rows]
+        path = _follow(time, integrate_commands(flight)[rows], delays, lags)
+        place = np.interp(ends, time, np.arange(len(time)))
+        before = np.minimum(place.astype(int), len(time) - 2)
         share = place - before
         at = path[..., before] * (1.0 - share) + path[..., before + 1] * share
         turned = at[..., 1, :] - at[..., 0, :]  # (delays, lags, changes)
-        since = (ends - flight.time[0]) / np.maximum(lags, 1e-3)[:, None, None]
+        since = (ends - time[0]) / np.maximum(lags, 1e-3)[:, None, None]
         fading = np.exp(-since[:, 0]) - np.exp(-since[:, 1])
         fading /= np.sqrt(np.sum(fading**2, axis=1, keepdims=True)) + 1e-30
         own = change - (fading @ change)[:, None] * fading  # (lags, changes)
@@ -120,9 +123,10 @@ def _sums(
     return sums.reshape(-1, *sums.shape[2:])
 
 
-def _follow(flight: Flight, delays: np.ndarray, lags: np.ndarray) -> np.ndarray:
+def _follow(
+    time: np.ndarray, path: np.ndarray, delays: np.ndarray, lags: np.ndarray
+) -> np.ndarray:
     """Angles (delays, lags, n) of servos that rest before the first command [rad]."""
-    time, path = flight.time, integrate_commands(flight)
     asked = np.interp(time - delays[:, None], time, path)[:, None, :]
     found = np.zeros((len(delays), len(lags), len(time)))
     found[..., 0] = asked[..., 0]

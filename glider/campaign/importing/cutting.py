@@ -3,7 +3,8 @@
 A glider in flight moves and loses energy to the air; a hand adds energy, and an impact
 shows as a jump of the velocity. So a recording is split where the body is not seen,
 stands still or is frozen; each part that moves is searched for the last push of a hand
-and for the first jump of the velocity.
+and for the first jump of the velocity. A throw in which the body is not seen for a
+moment is one flight: in a gap too short for another throw it has gained no energy.
 """
 
 from typing import NamedTuple
@@ -12,6 +13,7 @@ import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
 from glider.campaign.checks.motion import SPAN, Motion, calc_motion, robust_std
+from glider.campaign.checks.rows import find_stale
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
@@ -32,7 +34,8 @@ and a speed that is 0.1 m/s wrong at an end makes an error of 1."""
 _SLOWEST_LOG = 0.06
 """Time between rows above which they are too few [s]: seven make a cubic, and a pitch
 oscillation lasts half a second."""
-_MAX_GAP = 0.1  # Time without the body that splits a recording [s].
+_MAX_GAP = 0.1
+"""Time without the body that splits a recording [s], unless it flies on meanwhile."""
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
@@ -55,18 +58,21 @@ class Cut(NamedTuple):
 
 def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     """Finds the flights of a recording in their order; notes what was omitted."""
-    flights, notes = [], []
-    seen = ~find_repeats(track.position, _EQUAL_ROWS)
+    flights, notes = [], [*track.notes]
+    frozen = find_repeats(track.position, _EQUAL_ROWS)
+    again = find_stale(track.time, track.position) & ~frozen
+    track = take(track, ~again)
+    seen = ~frozen[~again]
     if len(seen) > 1 and (step := float(np.median(np.diff(track.time)))) > _SLOWEST_LOG:
         expected = f"expected {_SLOWEST_LOG:g} s or less"
         return [], [f"the poses were logged every {step:.3g} s; {expected}"]
     powered = _is_powered(track)
-    if any(powered[a : b + 1].any() for a, b in _parts(track, seen)):
+    if any(powered[a : b + 1].any() for a, b in _parts(track, seen, gravity)):
         share = f"{100.0 * np.mean(powered):.0f} % of the rows"
         notes.append(f"{MOTOR} in {share}: they are cut off")
-    parts = _parts(track, seen & ~powered)
+    parts = _parts(track, seen & ~powered, gravity)
     for first, last in parts:
-        part = take(track, slice(first, last + 1))
+        part = take(track, first + np.flatnonzero(seen[first : last + 1]))
         is_lost = last + 1 < len(seen) and (
             not seen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
         )
@@ -85,18 +91,20 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     elif not parts and not notes:
         reach = np.max(np.ptp(track.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
-    if track.late:
-        notes.append(f"{track.late} rows whose time falls back: they are dropped")
-    if lost := int(np.sum(~seen)):
-        notes.append(f"{lost} rows that repeat the one before: the body was lost")
+    if repeats := int(np.sum(frozen | again)):
+        notes.append(f"{repeats} rows that repeat the pose before: they are dropped")
     return flights, notes
 
 
-def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
+def _parts(track: Track, seen: np.ndarray, gravity: float) -> list[tuple[int, int]]:
     """First and last row of each part in which the body is seen and moves."""
     rows = np.flatnonzero(seen)
     time, position = track.time[rows], track.position[rows]
-    breaks = np.flatnonzero(np.diff(time) > _MAX_GAP) + 1
+    breaks = [
+        gap
+        for gap in (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
+        if not _flies_on(time, position, gap, gravity)
+    ]
     parts = []
     for block in np.split(np.arange(len(rows)), breaks):
         if len(block) < _MIN_ROWS:
@@ -110,6 +118,28 @@ def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
         for first, last in stretches(speed > _SLOWEST):
             parts.append((int(rows[block[first]]), int(rows[block[last]])))
     return [p for p in parts if track.time[p[1]] - track.time[p[0]] > 0.5 * _SHORTEST]
+
+
+def _flies_on(time: np.ndarray, position: np.ndarray, gap: int, gravity: float) -> bool:
+    """Whether the body flies before a gap, ahead of a row, and after, and between.
+
+    A hand that caught and threw it again took as long as a throw; one that threw it
+    gave it energy, as in `_find_release`.
+    """
+    begin, end = time[gap - 1], time[gap]
+    if end - begin > _THROW:
+        return False
+    near = slice(*np.searchsorted(time, [begin - 2.0 * SPAN, end + 2.0 * SPAN]))
+    motion = calc_motion(time[near], position[near])
+    sides = motion.time <= begin, motion.time >= end
+    if not (sides[0].any() and sides[1].any()):
+        return False
+    ends = np.flatnonzero(sides[0])[-1], np.flatnonzero(sides[1])[0]
+    speed = np.linalg.norm(motion.velocity, axis=1)
+    energy = gravity * motion.pose[:, 2] + 0.5 * speed**2
+    way = np.linalg.norm(motion.pose[ends[1]] - motion.pose[ends[0]])
+    gained = energy[ends[1]] - energy[ends[0]]
+    return bool(min(speed[[*ends]]) > _SLOWEST and gained <= 0.5 * _PUSH * way)
 
 
 def _is_powered(track: Track) -> np.ndarray:

@@ -15,7 +15,8 @@ import numpy as np
 from glider.campaign.checks import forces
 from glider.campaign.checks.clocks import check_clocks, follow_sign
 from glider.campaign.checks.fall import check_fall
-from glider.campaign.checks.frame import check_frame
+from glider.campaign.checks.forces import fit_elevator
+from glider.campaign.checks.frame import check_frame, check_tail
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.checks.rows import find_faults
@@ -31,11 +32,9 @@ _ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
 _ASIDE = 0.2  # Of gravity; throws: 0.04 sideways, with y and z exchanged 0.46.
 _STEEP = 2.0  # Ratio of height to way above which forces must show what is up.
 _AHEAD = 0.4  # Least mean cosine of the angle of attack: within 66° of the way.
-_ARM = 0.25  # Length of a tail over which an elevator's strength is compared [m].
 _STRONGEST = 7.5
 """Strength of an elevator above which its angles are 57 times too small. Measured: 1.4
 at most in 47 simulated campaigns, parts of them and strong effects; this is √57."""
-_ITERATIONS = 5  # Of Huber's weights.
 _UNDECIDED = "the flights do not show which sign the {} has: check that it is right"
 
 Motions = dict[str, Motion]  # Of flights, by name.
@@ -61,7 +60,7 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
         check_clocks(campaign, masks)
         undecided += _check_elevator(campaign, motions, masks)
     undecided += check_fall(campaign, masks, says_unknown=True)
-    return undecided + check_travel(campaign, masks)
+    return undecided + check_travel(campaign, masks) + check_tail(campaign, masks)
 
 
 def misfit_of(campaign: Campaign) -> float:
@@ -72,40 +71,7 @@ def misfit_of(campaign: Campaign) -> float:
     if campaign.elevator != "servo":
         return misfit
     turning = float(np.sqrt(np.mean(motion.acceleration[:, 2] ** 2)))
-    return misfit * fit_elevator(campaign, motions)[1] / max(turning, 1e-12)
-
-
-def fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float, float]:
-    """The elevator's effect in standard errors, misfit [rad/s²], and strength.
-
-    pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q
-    and V times the elevator's rate with Huber's weights; trailing edge up turns the
-    nose up, so the effect is negative.
-    """
-    columns, targets = [], []
-    for flight in campaign.flights:
-        motion = motions[flight.name]
-        if flight.elevator is None or len(motion.time) < 3:
-            continue
-        angle = np.interp(motion.time, flight.time, flight.elevator)
-        speed, (vx, vz, rate) = motion.speed, motion.velocity.T
-        alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]
-        lift = [angle, np.sin(alpha), np.cos(alpha), np.sin(alpha) * np.cos(alpha)]
-        turning = [speed * rate, speed * np.gradient(angle, motion.time)]
-        columns.append(np.column_stack([speed**2 * c for c in lift] + turning))
-        targets.append(motion.acceleration[:, 2])
-    design, target = np.concatenate(columns), np.concatenate(targets)
-    weight = np.ones(len(target))
-    for _ in range(_ITERATIONS):
-        weighted = design * weight[:, None]
-        solution = np.linalg.lstsq(weighted, target * weight, rcond=None)[0]
-        rest = target - design @ solution
-        weight = forces.huber_weights(rest)
-    misfit = float(np.sqrt(np.mean((weight * rest) ** 2)))
-    std = misfit * np.sqrt(np.linalg.pinv(weighted.T @ weighted)[0, 0])
-    tail = max(abs(solution[1]), abs(solution[4]) / _ARM, 1e-12)
-    effect, strength = solution[0] / max(std, 1e-12), abs(solution[0]) / tail
-    return float(effect), misfit, float(strength)
+    return misfit * fit_elevator(campaign, motions).misfit / max(turning, 1e-12)
 
 
 def _check_attitude(campaign: Campaign, motion: Motion) -> None:
@@ -117,7 +83,8 @@ def _check_attitude(campaign: Campaign, motion: Motion) -> None:
     ]
     if tracks:
         early = np.concatenate([track[time < forces.START] for time, track in tracks])
-        roll, yaw = np.median(np.abs(early), axis=0)[1:3]
+        # Whole turns are none: an attitude may have jumped by half turns.
+        roll, yaw = np.median(np.abs(np.angle(np.exp(1j * early[:, 1:3]))), axis=0)
         for name, angle, field in (("roll", roll, "top"), ("yaw", yaw, "nose")):
             if angle > _ASTRAY:
                 raise InputError(
@@ -216,7 +183,7 @@ def _check_elevator(
     campaign: Campaign, motions: Motions, masks: dict[str, Masks]
 ) -> tuple[str, ...]:
     """Refuses an elevator or commands of the wrong sign."""
-    effect, _, strength = fit_elevator(campaign, motions)
+    effect, _, strength, _ = fit_elevator(campaign, motions)
     if strength > _STRONGEST and abs(effect) > SIGNIFICANT:
         raise InputError(
             f"{campaign.path}: columns: the elevator turns the glider {strength:.0f} "

@@ -16,6 +16,9 @@ from glider.errors import InputError
 FLIGHT = "flight"  #: Column that separates flights where it is not mapped.
 FEWEST_ROWS = 20  #: Of a flight: a clock behind for fewer has not started again.
 
+_PERIODS = (2.0**16, 2.0**32, 2.0**16 / 1e3, 2.0**32 / 1e3, 2.0**32 / 1e6)
+"""Counts, of ms or of µs, that a counter of 16 or 32 bits has; the same in seconds."""
+
 Columns = Mapping[str, Any]  # Of a mapping, by quantity.
 
 
@@ -33,6 +36,25 @@ def find_restarts(time: np.ndarray) -> list[int]:
     return starts
 
 
+def _unwound(recording: Recording, group: Group, columns: Columns) -> Group:
+    """A group whose times go on where a counter of 16 or 32 bits begins at 0 again.
+
+    The step there is then a usual one, which no end of a flight is by chance.
+    """
+    rows = max((len(column.values) for column in group.columns.values()), default=0)
+    found = recording.find_times(group, columns.get("time", "time"), rows)
+    steps = np.diff(found.values) if found is not None else np.zeros(0)
+    usual = np.median(steps[steps > 0.0]) if np.any(steps > 0.0) else np.inf
+    for period in _PERIODS:
+        wraps = np.abs(steps + period - usual) < usual
+        if found is not None and np.any(wraps & (steps < 0.0)):
+            turns = np.concatenate([[0], np.cumsum(wraps & (steps < 0.0))])
+            whole = dataclasses.replace(found, values=found.values + period * turns)
+            named = {n: whole if c is found else c for n, c in group.columns.items()}
+            return dataclasses.replace(group, columns=named)
+    return group
+
+
 def split_flights(recording: Recording, columns: Columns) -> list[Recording]:
     """Splits a recording where its column of flights changes or its time restarts.
 
@@ -48,6 +70,8 @@ def split_flights(recording: Recording, columns: Columns) -> list[Recording]:
     """
     if FLIGHT in columns:
         recording.find(columns[FLIGHT], "columns: flight")
+    groups = tuple(_unwound(recording, group, columns) for group in recording.groups)
+    recording = dataclasses.replace(recording, groups=groups)
     spans = [_spans(recording, group, columns) for group in recording.groups]
     longest = max(spans, key=len, default=[])
     if len(longest) < 2 and not any(name for name, _ in longest):

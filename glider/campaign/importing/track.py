@@ -21,6 +21,10 @@ from glider.errors import InputError
 _MAX_GAP = 0.1  # Time between two attitudes above which none is interpolated [s].
 
 
+_FEW_STEPS = 3.0
+"""Steps from row to row, over the usual one, by which a body may move on to zero."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Track:
     """One recording in x forward, y left, z up; n rows in which the body was seen."""
@@ -34,7 +38,7 @@ class Track:
     clock: str
     servo: ServoLogs  #: Positive trailing edge up.
     onboard: Onboard = Onboard()  #: Vectors along nose, left and top.
-    late: int = 0  #: Rows that were dropped, as their time fell back.
+    notes: tuple[str, ...] = ()  #: On rows that were dropped.
 
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:
@@ -64,8 +68,13 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
                 f"{recording.path}: columns: {quantity} (of {mapping.source}): its "
                 "clock is not that of the poses; expected both in one file."
             )
+    zeros = _are_zeros(logged)
+    counts = {
+        "whose time falls back: they are dropped": logged.late,
+        "in which the position is zero: the body was not seen": int(np.sum(zeros)),
+    }
     position = position @ world.T
-    seen &= np.isfinite(position).all(axis=1)
+    seen &= np.isfinite(position).all(axis=1) & ~zeros
     ahead, above = frame.tracked_point
     if rotation is not None:
         position = position - rotation @ np.array([ahead, 0.0, above])
@@ -81,10 +90,27 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         pitch=None if pitch is None else np.unwrap(pitch[seen]),
         along_throw=along_throw,
         clock=logged.clock,
-        late=logged.late,
+        notes=tuple(f"{count} rows {why}" for why, count in counts.items() if count),
         servo=servo,
         onboard=onboard,
     )
+
+
+def _are_zeros(place: Stream) -> np.ndarray:
+    """Rows (n,) at zero, of a body that cameras do not see: not one that passes there.
+
+    It would come from, or go to, a place that is a few steps away.
+    """
+    zeros = np.all(place.values == 0.0, axis=1)
+    others = np.flatnonzero(np.isfinite(place.values).all(axis=1) & ~zeros)
+    if not zeros.any() or len(others) < 2:
+        return zeros
+    steps = np.linalg.norm(np.diff(place.values[others], axis=0), axis=1)
+    index = np.searchsorted(others, np.flatnonzero(zeros))
+    beside = others[np.clip([index - 1, index], 0, len(others) - 1)]
+    away = np.linalg.norm(place.values[beside], axis=2).min(axis=0)
+    zeros[zeros] = away > _FEW_STEPS * np.median(steps)
+    return zeros
 
 
 def take(track: Track, rows: np.ndarray | slice) -> Track:

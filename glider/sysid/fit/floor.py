@@ -36,6 +36,9 @@ from glider.sysid.report import EquationErrors, Errors
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
 _REPLICAS = 100  # Of a flight: see `Floor.accuracy`.
 _LARGEST = 10.0  # Error above which a replica or a model says nothing [m].
+_GROWTH = 1.0 / np.sqrt(np.finfo(float).eps)
+"""Growth of deviations along a flight, in any units, up to which it can be predicted:
+beyond, normal equations, where it is squared, keep no digit of a launch."""
 _STEP = 0.1  # Of the logarithm of gusts, for slopes of the likelihood.
 _TRANSLATED = [0, 1, 4, 5]  # States that are fitted along the measured pitch,
 _TURNED = [PITCH, PITCH_RATE]  # and those that are measured.
@@ -123,6 +126,7 @@ def find_floor(
     return Floor(rows=rows, squares=np.array(squares))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
 def _squares(
     model: RolloutModel,
     record: Record,
@@ -130,7 +134,7 @@ def _squares(
     truth: Scales,
     pitch_ratio: float,
 ) -> np.ndarray:
-    """Mean squares of a flight's replicas (4, R), as in `Floor`."""
+    """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
     flight, count = linearize(record, model.theta, model.field), _REPLICAS
     moves, shows = _transitions(flight, truth)
     (nodes, channels, total), n = shows.shape, len(flight.states)
@@ -149,6 +153,8 @@ def _squares(
     # Rollouts have next to no process noise: their filter is a regression.
     later = (0, nodes - 1), (0, 0), (0, 0)
     shown = shows @ _flown(moves, np.pad(np.eye(total)[None], later))
+    if not np.max(np.abs(shown)) < _GROWTH:
+        return np.full((4, count), np.inf)
     weights = first[..., None] / sensors[:, None]
     columns, values = (weights * shown).reshape(-1, total), weights * measured
     prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
@@ -167,6 +173,8 @@ def _squares(
     start[:, _TURNED, :count] = turned
     start[:, PITCH, :count] -= known[-1]
     guided = (shows @ _flown(moves, start))[:, :2]
+    if not np.max(np.abs(guided)) < _GROWTH:
+        return np.full((4, count), np.inf)
     left, columns = measured[:, :2] - guided[..., :count], guided[..., count:]
     fitted = first[:, :2]
     step = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]

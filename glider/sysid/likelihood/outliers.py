@@ -67,7 +67,8 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
 
     Logarithms are compared, since an error common to all flights scales the squares.
     """
-    outlying = deviations(np.log(squares), LEAST_DEVIATION) > Z
+    with np.errstate(invalid="ignore"):  # A model may diverge on most of them.
+        outlying = deviations(np.log(squares), LEAST_DEVIATION) > Z
     return outlying & (FOLDS * np.sum(outlying) <= len(squares))
 
 

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from glider.campaign.checks.clocks import check_limits
+from glider.campaign.checks.clocks import calc_correlation, check_clocks, check_limits
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.reader import load_campaign
@@ -108,12 +108,45 @@ def test_a_wrong_campaign_is_refused(campaign, kind):
         ({"gravity": 0.0}, "fall at 10 .* and 'gravity' is 0:"),
         ({"gravity": 1.62}, "fall at 10 .* and 'gravity' is 1.62:"),
         ({"gravity": 32.2}, "fall at 10 .* and 'gravity' is 32.2:"),
-        ({"air_density": 0.0012}, "is 0.00133; expected kg/m³"),
-        ({"wing_area": 885.0}, "expected kg/m³, m² and kg"),
+        ({"air_density": 0.0012}, "at an air_density of 0.0012 kg/m³; expected kg,"),
+        ({"wing_area": 8.85}, r"by a factor of 100 \(wing_area in dm²\?\); expected"),
+        ({"wing_area": 885.0}, r"by a factor of 10000 \(wing_area in cm²\?\); "),
+        ({"mass": 80.0}, r"80 kg / .* by a factor of 1000 \(mass in g\?\); expected"),
     ],
 )
 def test_wrong_numbers_of_the_vehicle_are_refused(campaign, told, sentence):
     assert re.search(sentence, refusal(b.tell(campaign, **told)))
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        {"hinge_offset": 270.0},
+        {"hinge_offset": 27.0},
+        {"elevator_offset": 22.0},
+        {"elevator_area": 1.47},
+        {"pitch_inertia": 1.5},
+        {"pitch_inertia": 15e-6},
+    ],
+)
+def test_a_tail_in_other_units_is_refused(campaign, told):
+    words = "contradicts the measured pitch accelerations by a factor of"
+    assert words in refusal(b.tell(campaign, **told))
+
+
+@pytest.mark.parametrize("known", [{"mass": 80.0}, {"wing_area": 8.85}])
+def test_a_mass_or_an_area_alone_is_compared_with_the_forces_too(campaign, known):
+    """Without an air density, which is rarely specified, and the other one."""
+    vehicle = {"gravity": 9.81} | known
+    alone = dataclasses.replace(campaign, vehicle=vehicle)
+    assert re.search(r"contradicts .* is not specified", refusal(alone))
+
+
+def test_forces_of_real_wings_pass(campaign):
+    """From half the plate's lift with a heavier glider to 2 pi with half the mass."""
+    for ratio in (0.35, 6.0):
+        told = b.tell(campaign, mass=ratio * campaign.vehicle["mass"])
+        assert inspect(told).warnings == ()
 
 
 def test_an_elevator_beyond_its_limits_is_refused(campaign):
@@ -235,6 +268,32 @@ def test_what_lies_beyond_a_gap_in_the_commands_is_set_aside(campaign):
     pieces = list(range(30)), list(range(30, length - 40))
     assert rows == min(pieces, key=len)
     assert [w.split(" (")[0] for w in found.warnings] == [f"{NAME}: a gap of 40 rows"]
+
+
+@pytest.mark.parametrize(("begin", "count"), [(20, 36), (40, 36), (50, 18)])
+def test_a_dropout_in_each_flight_says_nothing_of_glider_or_servo(begin, count):
+    """Whichever piece stays, poses of both show how the glider flies."""
+    whole = load_campaign(campaign_path("attached_lift"))
+    whole = dataclasses.replace(whole, flights=whole.flights[:6])
+    found = inspect(b.change(whole, b.lose(begin, count)))
+    whys = {excluded.why for excluded in found.excluded}
+    assert whys == {"pose: beyond a gap whose commands are not known"}
+    assert len(found.campaign.flights) == 6
+
+
+def test_flights_too_short_to_show_whether_a_servo_follows_are_kept(campaign):
+    """In 32 rows at 120 Hz there are ten windows."""
+
+    def shorten(flight):
+        names = "time", "pose", "elevator", "command"
+        return dataclasses.replace(
+            flight, **{n: getattr(flight, n)[:32] for n in names}
+        )
+
+    assert inspect(b.change(campaign, shorten)).excluded == ()
+    one = dataclasses.replace(campaign, flights=campaign.flights[:1])
+    assert np.isnan(calc_correlation(b.change(one, shorten).flights, {})).all()
+    check_clocks(b.change(one, shorten), {})
 
 
 def test_a_short_gap_is_cut_only_where_it_hides_how_the_elevator_turned(campaign):

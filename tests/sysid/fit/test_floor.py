@@ -204,3 +204,20 @@ def test_what_is_at_the_floor_of_its_scale_is_not_in_that_of_the_error():
     assert (scales.air, scales.air_time) == (0.1, FLOOR.air_time)
     assert max(scales.wind, scales.trim, scales.moment) < 1e-8
     assert scales.position == FLOOR.position
+
+
+@pytest.mark.parametrize("name", ["wing_area", "elevator_area", "hinge_offset"])
+@pytest.mark.parametrize("factor", [100.0, 1e4])
+def test_the_floor_of_a_model_that_diverges_is_unknown(still, name, factor):
+    """No warning, which pytest would raise, and no singular matrix."""
+    campaign, truth = still
+    few = dataclasses.replace(campaign, flights=campaign.flights[:2])
+    task, noise = task_of(few)
+    scales = scales_of(truth)
+    model = dataclasses.replace(begin(task, noise), scales=scales)
+    model.theta[task.layout.index["parameters", name]] *= factor
+    flown = flown_by(task, model, scales)
+    ratio = noise.smoothing[2].ratio
+    floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))
+    errors = floor.errors(NO_NOISE, 2)
+    assert not errors.position_rms_m < 10.0
