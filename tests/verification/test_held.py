@@ -12,9 +12,11 @@ from glider.__main__ import main
 from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
+from glider.physics.state import ELEVATOR
 from glider.report.check_funnel import describe_flown
-from glider.verification.dynamics.nominal import evaluate, hermite_path
-from glider.verification.funnel.clock import bend_sizes, form_size
+from glider.verification.dynamics.defect import defect_bounds
+from glider.verification.dynamics.nominal import evaluate, hermite_path, table_of
+from glider.verification.funnel.clock import bend_sizes, form_size, hold_slopes
 from glider.verification.funnel.funnel import funnel_policy, load_funnel, save_funnel
 from glider.verification.funnel.growth import push_form
 from glider.verification.proof import flight_proof, held
@@ -221,6 +223,147 @@ def test_the_error_grows_as_the_polynomials_say(clocked):
         most = held._pull(interval.push_slopes[:, axis], *given)
         pulls = np.abs(np.sum(along * slopes[..., axis], axis=1))
         assert np.all(pulls <= most) and pulls.max() > 0.5 * most
+
+
+def still(piece):
+    """The same without wind, and with no remainder."""
+    settings = dataclasses.replace(piece.settings, wind=0.0)
+    return dataclasses.replace(piece, settings=settings, beta=0.0 * piece.beta)
+
+
+def windy(piece):
+    settings = dataclasses.replace(piece.settings, wind=20.0)
+    return dataclasses.replace(still(piece), settings=settings)
+
+
+def focused(piece):
+    """With a remainder that is 21 times as large in one direction."""
+    f = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.3, 0.1])
+    f *= np.sqrt(20.0 / (f @ np.linalg.inv(piece.S[0]) @ f))
+    focus = np.repeat(np.outer(f, f)[None], 2, axis=0)
+    return dataclasses.replace(still(piece), beta=30.0 * piece.beta, focus=focus)
+
+
+def bent(piece):
+    """With a known error that commands themselves hardly change."""
+    push = piece.nominal.push_slopes[0, :, 0, 0]
+    m = np.eye(7)[6]
+    m -= push * (m @ push) / (push @ push)
+    bends = np.repeat(1e4 * np.outer(m, m)[None], 2, axis=0)
+    nominal = dataclasses.replace(piece.nominal, bends=bends)
+    return changed(dataclasses.replace(still(piece), nominal=nominal), "gains", ..., 0)
+
+
+def off_flight(piece):
+    return changed(still(piece), "states", (1, ELEVATOR), 1.0, 1e-2)
+
+
+TERMS = {
+    "all": (lambda piece: piece, 0.7),
+    "the dynamics": (still, 0.6),
+    "the wind": (windy, 0.7),
+    "the remainder": (focused, 0.85),
+    "steep gains": (lambda piece: changed(still(piece), "gains", ..., 100.0), 0.2),
+    "a form of fourth degree": (bent, 0.4),
+    "the nominal's defect": (off_flight, 0.9),
+}
+"""Parts of q̇ that are largest in a piece, and how much of its bound some states reach."""
+
+
+def error_rates(piece, share, e):
+    """Largest |q̇| (B,) where q is zero, and |(K - 2 eᵀ M) G| (B, 3), at e (B, n).
+
+    From the definition of q: u = u₀ - K e + eᵀ M e + q, K and M cubic, is constant, and
+    the flight's dynamics are those about straight lines.
+    """
+    nominal, slopes = piece.nominal, hold_slopes(piece.nominal)
+    start, stop = nominal.times
+    time, ends = start + share * (stop - start), np.array([1.0 - share, share])
+    curves = (
+        CubicHermiteSpline(nominal.times, values, rise)
+        for values, rise in zip((nominal.gains, nominal.bends), slopes, strict=True)
+    )
+    (K, K_rise), (M, M_rise) = ((curve(time), curve(time, 1)) for curve in curves)
+
+    def line(values):
+        return np.tensordot(ends, values, 1)
+
+    def square(form):
+        return np.einsum("bi,ij,bj->b", e, form, e)
+
+    gains, dynamics, slopes = map(
+        line, (nominal.gains, nominal.open_loop, nominal.push_slopes)
+    )
+    dynamics[:, 0] = 0.0
+    G = slopes[..., 0] + np.einsum("ika,ba->bik", slopes[..., 1:], e)
+    off = e @ (gains - K) + square(M)
+    rates = table_of(8).values(np.column_stack([e, -e @ gains])) @ dynamics.T
+    rates += G[..., 0] * off[:, None]
+    along = K - 2.0 * e @ M
+    found = np.abs(e @ K_rise - square(M_rise) + np.sum(along * rates, axis=1))
+    pulls = np.abs(np.einsum("bi,bik->bk", along, G))
+    rest = line(piece.beta) * (1.0 + square(line(piece.focus)))[:, None]
+    found += np.sum(np.abs(along) * (rest + defect_bounds(nominal)[0]), axis=1)
+    return found + piece.settings.wind * np.linalg.norm(pulls[:, 1:], axis=1), pulls
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_no_part_of_the_errors_growth_is_left_out(clocked, name):
+    """Bounds are above what some states reach, and not far."""
+    change, share_reached = TERMS[name]
+    k = np.flatnonzero(np.diff(clocked.nominal.times) == 0.0)[5] - 1
+    piece = change(clocked.between(k, k + 1))
+    step = np.diff(piece.nominal.times)[0]
+    alone, more = (held._error_after(piece, before)[0] for before in (0.0, 1.0))
+    growth = more - alone
+    z, largest, pull = sphere_points(5000, 7), 0.0, 0.0
+    z[::3] *= 0.5
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        time = piece.nominal.times[0] + share * step
+        L_T, L_inv_T = (turn[0] for turn in to_ball(piece.shape([time])))
+        toward = L_inv_T.T @ piece.focus[0] @ L_inv_T
+        z[:2] = np.linalg.eigh(toward)[1][:, -1:].T * [[1.0], [-1.0]]
+        rates, pulls = error_rates(piece, share, z @ L_inv_T.T)
+        largest, pull = max(largest, rates.max()), max(pull, pulls[:, 0].max())
+    bound = alone / growth / step
+    assert share_reached * bound < largest <= bound
+    assert 0.3 * np.log(growth) < step * pull <= np.log(growth)
+
+
+def test_lines_and_cubics_are_both_within_what_a_file_allows(clocked):
+    """The bounds in a file are of the lines: by how much the cubics differ counts."""
+    piece, step = clocked.between(0, 1), np.diff(clocked.nominal.times[:2])
+    error, apart, known = held._error_after(piece, ERROR)
+    (K, K_rise), (M, M_rise) = (
+        (values, slopes * step)
+        for values, slopes in zip(
+            (piece.nominal.gains, piece.nominal.bends),
+            hold_slopes(piece.nominal),
+            strict=True,
+        )
+    )
+    # In the middle a cubic is off its line by an eighth of its slopes' difference.
+    e = sphere_points(5000, 7) @ to_ball(piece.shape([0.5 * step[0]]))[1][0].T
+    off = e @ (K_rise[0] - K_rise[1]) / 8.0
+    off -= np.einsum("bi,ij,bj->b", e, M_rise[0] - M_rise[1], e) / 8.0
+    assert 0.5 * apart < np.abs(off).max() <= apart
+    assert K.shape == (2, 7) and M.shape == (2, 7, 7)
+    rests = np.array([ERROR, error])
+    for share, faults in ((1.0, 0), (0.5, 1)):
+        own = rests + share * apart
+        for bounds in ((own, rests + apart + known), (rests + apart, own + known)):
+            names = dict(zip(("rests", "errors"), bounds, strict=True))
+            assert len(held_faults(dataclasses.replace(piece, **names))) == faults
+
+
+def test_the_end_at_which_the_error_is_worse_is_named(clocked):
+    piece = part(clocked, 1)
+    error, apart, _ = held._error_after(piece.between(0, 1), ERROR)
+    rests = piece.rests.copy()
+    rests[0] = ERROR + 0.5 * apart
+    [fault] = held_faults(dataclasses.replace(piece, rests=rests))
+    allowed, found = f"allows {rests[0]:.3g} rad/s", f"be {ERROR + apart:.3g} rad/s"
+    assert found in fault and "at 0.0000 s" in fault and allowed in fault
 
 
 def test_the_known_error_is_that_of_neighbors_too():

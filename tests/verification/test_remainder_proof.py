@@ -115,6 +115,26 @@ def test_no_remainder_on_a_box_is_larger_than_its_bound(pieces, k, size, change)
         assert np.median((bounds / largest)[some]) < (2.0 if change is focused else 1.6)
 
 
+def test_bounds_are_no_larger_than_those_of_the_file(pieces):
+    """Also in the middle of the time, where both of their factors change much."""
+    piece = focused(pieces[EARLY])
+    factor = np.array([1.0, 3.0])[:, None, None]
+    piece = dataclasses.replace(
+        piece, beta=piece.beta * [[0.3], [1.0]], focus=piece.focus * factor
+    )
+    remainder, rows = remainder_on(piece), nonlinear_parts(piece.nominal.model)[1]
+    m, s = len(remainder.basis), np.tile(np.linspace(-1.0, 1.0, 5), 600)
+    w = ball(m, len(s))
+    found = monomials(m + 1, 3).values(np.vstack([w, s]).T) @ remainder.limits.T
+    shares = 0.5 * np.array([1.0 - s, 1.0 + s])
+    e = np.zeros((7, len(s)))
+    e[2:] = (remainder.basis @ w)[:-1]  # The last is the command.
+    bent = np.einsum("ib,tij,jb->tb", e, piece.focus, e)
+    allowed = (shares.T @ piece.beta[:, rows]).T * (1.0 + np.sum(shares * bent, axis=0))
+    assert np.all(found.T <= allowed)
+    assert np.median(found.T / allowed) > 0.5
+
+
 def test_a_bound_that_is_not_positive_proves_nothing(pieces):
     """Where 1 + eᵀ F e is negative, V̇ would seem to fall, and |R / β| may be small."""
     piece = focused(pieces[LATE], size=-1.0)
@@ -311,6 +331,19 @@ def test_an_interval_may_be_proven_in_halves(pieces):
     )
     assert first.proven and second.proven
     assert max(first.ratio, second.ratio) == pytest.approx(whole.ratio, rel=0.1)
+
+
+@pytest.mark.parametrize("failing", [(-1.0, 0.0), (0.0, 1.0), None])
+def test_each_half_has_to_be_bounded(pieces, failing, monkeypatch):
+    def bound(remainder, budget):
+        fails = remainder.span in ((-1.0, 1.0), failing)
+        return IntervalProof(fault="stubborn" if fails else "", boxes=7)
+
+    monkeypatch.setattr(interval_proof, "bound_remainder", bound)
+    given = pieces[EARLY], make_interval(pieces[EARLY])
+    proof = prove_remainder(*given, halvings=1)
+    assert proof.proven == (failing is None)
+    assert proof.boxes == (14 if failing == (-1.0, 0.0) else 21)
 
 
 def test_a_ball_that_takes_too_many_boxes_leaves_some_for_its_halves(

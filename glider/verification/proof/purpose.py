@@ -60,9 +60,16 @@ def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
     )
 
 
+@np.errstate(all="ignore")
 def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
-    """Returns how far each state may deviate at a time, alone and with others [SI]."""
-    extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
+    """Returns how far each state may deviate at a time, alone and with others [SI].
+
+    It is infinite or NaN where the set is no ellipsoid.
+    """
+    try:
+        extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
+    except np.linalg.LinAlgError:
+        extents = np.full(funnel.num_states, np.inf)
     found = {"half_widths": funnel.half_widths(time), "extents": extents}
     names = funnel.nominal.model.state_names
     return {k: dict(zip(names, v.tolist(), strict=True)) for k, v in found.items()}
