@@ -42,10 +42,10 @@ The size of the inlet is printed; --least-inlet requires one.
 The check applies to one glider; --prove covers all gliders of a funnel that was made
 for a set of them. If --model has a covariance, that set must contain the model's set
 of the same probability, and at least that of 95 %; --least-level requires another, also
-of a funnel of one glider, which has no set. --confidence draws gliders that the data allow, from the
-covariance in --model's file (close-the-loop writes it), flies them from the boundary
-and climbs to the worst flights and the worst corner of their set. Flights alone prove
-nothing.
+of a funnel of one glider, which has no set. --confidence draws gliders that the data
+allow, from the covariance in --model's file (close-the-loop writes it), flies them from
+the boundary and climbs to the worst flights and the worst corner of their set. Flights
+alone prove nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
 time, and --hold is the time that its commands must be held, also with --as-flown. With

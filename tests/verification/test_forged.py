@@ -166,7 +166,9 @@ def test_a_funnel_of_one_glider_has_no_set_of_a_level(source, tmp_path, capsys):
     command = ["check-funnel", str(source), *FEW, "--model"]
     assert main([*command, str(model), "--least-level", "1e-9"]) == 1
     said = capsys.readouterr().out
-    assert "of one glider; expected a set that contains the model's 1e-07 % set." in said
+    assert (
+        "of one glider; expected a set that contains the model's 1e-07 % set." in said
+    )
     assert main([*command, str(bare), "--least-level", "0.9"]) == 2
     assert "--least-level has no effect without a --model" in capsys.readouterr().err
     for wrong in ("0", "1", "95", "nan", "all"):

@@ -116,7 +116,7 @@ def test_what_is_proven_is_said_of_whom_it_is(made):
         candidate=None,
     )
     words = describe_proof(made, proof)
-    assert words.startswith("Proven: every flight of every glider of its set that")
+    assert words.startswith("Proven: every flight of every glider of its 95 % set that")
     assert "stays in the funnel about its own center and ends in its last set" in words
     some = dataclasses.replace(proof, outcomes={0: IntervalProof()})
     words = describe_proof(made, some)

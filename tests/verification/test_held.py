@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import json
 from fractions import Fraction
 
 import numpy as np
@@ -19,7 +20,7 @@ from glider.verification.dynamics.nominal import evaluate, hermite_path, table_o
 from glider.verification.funnel.clock import bend_sizes, form_size, hold_slopes
 from glider.verification.funnel.funnel import funnel_policy, load_funnel, save_funnel
 from glider.verification.funnel.growth import push_form
-from glider.verification.proof import flight_proof, held
+from glider.verification.proof import check, flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
@@ -267,7 +268,7 @@ TERMS = {
     "a form of fourth degree": (bent, 0.4),
     "the nominal's defect": (off_flight, 0.9),
 }
-"""Parts of q̇ that are largest in a piece, and how much of its bound some states reach."""
+"""Parts of q̇ that are largest in a piece, and what share of its bound is reached."""
 
 
 def error_rates(piece, share, e):
@@ -320,7 +321,7 @@ def test_no_part_of_the_errors_growth_is_left_out(clocked, name):
     z[::3] *= 0.5
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
         time = piece.nominal.times[0] + share * step
-        L_T, L_inv_T = (turn[0] for turn in to_ball(piece.shape([time])))
+        L_inv_T = to_ball(piece.shape([time]))[1][0]
         toward = L_inv_T.T @ piece.focus[0] @ L_inv_T
         z[:2] = np.linalg.eigh(toward)[1][:, -1:].T * [[1.0], [-1.0]]
         rates, pulls = error_rates(piece, share, z @ L_inv_T.T)
@@ -334,20 +335,11 @@ def test_lines_and_cubics_are_both_within_what_a_file_allows(clocked):
     """The bounds in a file are of the lines: by how much the cubics differ counts."""
     piece, step = clocked.between(0, 1), np.diff(clocked.nominal.times[:2])
     error, apart, known = held._error_after(piece, ERROR)
-    (K, K_rise), (M, M_rise) = (
-        (values, slopes * step)
-        for values, slopes in zip(
-            (piece.nominal.gains, piece.nominal.bends),
-            hold_slopes(piece.nominal),
-            strict=True,
-        )
-    )
-    # In the middle a cubic is off its line by an eighth of its slopes' difference.
-    e = sphere_points(5000, 7) @ to_ball(piece.shape([0.5 * step[0]]))[1][0].T
-    off = e @ (K_rise[0] - K_rise[1]) / 8.0
-    off -= np.einsum("bi,ij,bj->b", e, M_rise[0] - M_rise[1], e) / 8.0
-    assert 0.5 * apart < np.abs(off).max() <= apart
-    assert K.shape == (2, 7) and M.shape == (2, 7, 7)
+    # In the middle a cubic is off its line by an eighth of what its slopes change by.
+    K, M = (step / 8.0 * (of[0] - of[1]) for of in hold_slopes(piece.nominal))
+    e = sphere_points(5000, 7) @ to_ball(piece.shape(0.5 * step))[1][0].T
+    off = np.abs(e @ K - np.einsum("bi,ij,bj->b", e, M, e))
+    assert 0.5 * apart < off.max() <= apart
     rests = np.array([ERROR, error])
     for share, faults in ((1.0, 0), (0.5, 1)):
         own = rests + share * apart
@@ -358,7 +350,7 @@ def test_lines_and_cubics_are_both_within_what_a_file_allows(clocked):
 
 def test_the_end_at_which_the_error_is_worse_is_named(clocked):
     piece = part(clocked, 1)
-    error, apart, _ = held._error_after(piece.between(0, 1), ERROR)
+    _, apart, _ = held._error_after(piece.between(0, 1), ERROR)
     rests = piece.rests.copy()
     rests[0] = ERROR + 0.5 * apart
     [fault] = held_faults(dataclasses.replace(piece, rests=rests))
@@ -532,9 +524,29 @@ def test_a_feedback_of_held_commands_does_not_act_at_all_times(clocked):
 def test_the_command_requires_the_clock(capsys):
     source = str(models_path("funnels", "disturbed_hook.npz"))
     asked = ["check-funnel", source, "--hook", "--every", "200", "--prove"]
-    assert main([*asked, "--hold", "0.02"]) == 1
+    for also in ([], ["--as-flown"]):
+        assert main([*asked, "--hold", "0.02", *also]) == 1
+        said = " ".join(capsys.readouterr().out.split())
+        assert "a feedback that acts at all times; expected a hold of 20 ms." in said
+    assert main([*asked, "--latency", "0.01", "--as-flown", "--predict"]) == 2
+    assert "--latency is proven of held commands" in capsys.readouterr().err
+
+
+def test_held_commands_are_flown_as_their_funnel_has_them(monkeypatch, capsys):
+    """Its period, and half of it as a latency that is predicted."""
+    monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 0)
+    monkeypatch.setattr(check, "held_faults", lambda *given: [])  # It takes long.
+    source = str(models_path("funnels", "held_hook.npz"))
+    asked = ["check-funnel", source, "--every", "300", "--as-flown", "--flights", "20"]
+    assert main(asked) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "a feedback that acts at all times; expected a hold of 20 ms." in said
+    words = "held for 20 ms, each computed from the state 10 ms before by a predictor,"
+    assert words in said and "0 of 20 flights" in said
+    assert main([*asked, "--feedback-of", source, "--json"]) == 0
+    flown = json.loads(capsys.readouterr().out)["as_flown"]
+    assert (flown["latency_s"], flown["predicts"]) == (0.0, False)
+    assert main([*asked, "--hold", "0.01"]) == 2
+    assert "the period of commands is 0.01" in capsys.readouterr().err
 
 
 def test_gliders_of_a_set_are_flown_by_the_clock_only(capsys):

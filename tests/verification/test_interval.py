@@ -10,6 +10,7 @@ from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import table_of
 from glider.verification.funnel.growth import remainder_form
+from glider.verification.proof import interval_growth
 from glider.verification.proof.interval import (
     covers,
     keeps_servo,
@@ -17,7 +18,6 @@ from glider.verification.proof.interval import (
     stays_definite,
     tight_cover,
 )
-from glider.verification.proof import interval_growth
 from glider.verification.proof.interval_growth import growth_forms, prove_growth
 from glider.verification.proof.interval_proof import gram_guesses
 from glider.verification.sos.exact import exact, in_time, line, rounded
@@ -134,10 +134,6 @@ def test_each_half_has_to_be_proven(interval, monkeypatch):
     """A proof of one of them, or of neither, is no proof."""
     parts = [(-1.0, 1.0), (-1.0, 0.0), (0.0, 1.0)]
 
-    def prove(part, slack, grams):
-        return "a guess", None if part.span in failing else (part.span, None, [])
-
-    monkeypatch.setattr(interval_growth, "_prove_whole", prove)
     for failing, found in (
         ([], 1),
         (parts[:1], 2),
@@ -145,6 +141,11 @@ def test_each_half_has_to_be_proven(interval, monkeypatch):
         (parts[::2], None),
         (parts, None),
     ):
+
+        def prove(part, slack, grams, failing=failing):
+            return "a guess", None if part.span in failing else (part.span, None, [])
+
+        monkeypatch.setattr(interval_growth, "_prove_whole", prove)
         proof = prove_growth(interval, exact(0.0), ("first", "last"), halvings=1)
         assert (proof and len(proof)) == found
 

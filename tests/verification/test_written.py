@@ -220,7 +220,9 @@ def test_a_defect_needs_its_slack(verifier, lines, piece):
     most, least = (of(piece.S[:, ELEVATOR, ELEVATOR]) for of in (np.max, np.min))
     interval.check_slack(verifier.rational(1.01 * 2.0 * off * float(np.sqrt(most))))
     with pytest.raises(verifier.Fault, match="defect exceeds the slack"):
-        interval.check_slack(verifier.rational(0.99 * 2.0 * off * float(np.sqrt(least))))
+        interval.check_slack(
+            verifier.rational(0.99 * 2.0 * off * float(np.sqrt(least)))
+        )
 
 
 @pytest.mark.parametrize("half", [0.5, 0.125, 0.03125])
