@@ -16,6 +16,7 @@ from glider.verification.dynamics.nominal import (
     table_of,
 )
 from glider.verification.proof import interval_proof
+from glider.verification.proof.boxes import run_on_boxes
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval, tight_cover
 from glider.verification.proof.interval_proof import (
@@ -170,6 +171,24 @@ def test_what_the_polynomials_lack_is_part_of_it(pieces):
     assert np.all(lacking.bounds(*box)[0] > before + 0.9)
     lacking = dataclasses.replace(remainder, beyond=np.full(8, 0.1))
     assert np.all(lacking.bounds(*box)[0] > before + 0.5)
+
+
+@pytest.mark.parametrize(("terms", "factor"), [(100, 1.0), (900, 3.0)])
+def test_the_rounding_of_a_long_sum_is_counted(terms, factor):
+    """As many variables as a set of six numbers has, with a wind and an error."""
+
+    class Program:
+        def run(self, found, lost):
+            return found, lost
+
+    table = monomials(16, 3)
+    polynomials = np.zeros((1, len(table.degrees)))
+    polynomials[:, :terms] = 1.0
+    center, half = np.full((16, 1), 0.5), np.full((16, 1), 0.25)
+    found, lost = run_on_boxes(Program(), table, polynomials, np.zeros(1), center, half)
+    largest = np.sum(0.75 ** table.degrees[:terms])
+    assert found.sum() == pytest.approx(largest)
+    assert lost[0, 0] == pytest.approx(factor * ROUNDING * largest)
 
 
 def top_in_balls(coefficients, remainder, center, half, exponents, balls):
