@@ -242,17 +242,26 @@ def focused(piece):
     f = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.3, 0.1])
     f *= np.sqrt(20.0 / (f @ np.linalg.inv(piece.S[0]) @ f))
     focus = np.repeat(np.outer(f, f)[None], 2, axis=0)
-    return dataclasses.replace(still(piece), beta=30.0 * piece.beta, focus=focus)
+    beta = piece.beta * [[10.0], [30.0]]
+    return dataclasses.replace(still(piece), beta=beta, focus=focus)
 
 
 def bent(piece):
-    """With a known error that commands themselves hardly change."""
-    push = piece.nominal.push_slopes[0, :, 0, 0]
+    """For a short time, with a known error that commands themselves hardly change."""
+    nominal = piece.nominal
+    times = nominal.times[0] + 0.01 * (nominal.times - nominal.times[0])
+    short = dataclasses.replace(nominal, times=times, states=nominal.path(times))
+    piece, push = (
+        dataclasses.replace(piece, nominal=short),
+        short.push_slopes[0, :, 0, 0],
+    )
     m = np.eye(7)[6]
     m -= push * (m @ push) / (push @ push)
     bends = np.repeat(1e4 * np.outer(m, m)[None], 2, axis=0)
-    nominal = dataclasses.replace(piece.nominal, bends=bends)
-    return changed(dataclasses.replace(still(piece), nominal=nominal), "gains", ..., 0)
+    piece = dataclasses.replace(
+        still(piece), nominal=dataclasses.replace(short, bends=bends)
+    )
+    return changed(piece, "gains", ..., 0.0)
 
 
 def off_flight(piece):
@@ -265,7 +274,7 @@ TERMS = {
     "the wind": (windy, 0.7),
     "the remainder": (focused, 0.85),
     "steep gains": (lambda piece: changed(still(piece), "gains", ..., 100.0), 0.2),
-    "a form of fourth degree": (bent, 0.4),
+    "a form of fourth degree": (bent, 0.5),
     "the nominal's defect": (off_flight, 0.9),
 }
 """Parts of q̇ that are largest in a piece, and what share of its bound is reached."""
