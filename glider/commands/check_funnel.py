@@ -172,11 +172,6 @@ def run(args: argparse.Namespace) -> int:
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None
     least_level = _level("--least-level", args.least_level)
-    if least_level is not None and covariance is None:
-        raise InputError(
-            "--least-level has no effect without a --model with a covariance, as "
-            "close-the-loop writes it; expected both."
-        )
     confidence = None
     if level is not None:
         shape = "box" if args.box else "ellipsoid"
@@ -239,6 +234,11 @@ def _check(args, funnels, least_inlet, given, follow):
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.phases import phase_faults
 
+    if given["least_level"] and given["covariance"] is None:
+        raise InputError(
+            "--least-level has no effect without a --model with a covariance, as "
+            "close-the-loop writes it; expected both."
+        )
     (first, *rests), inlet = funnels, {"least_inlet": least_inlet}
     pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
     period, problem = args.hold if args.prove else None, given["problem"]
