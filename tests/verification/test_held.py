@@ -271,6 +271,8 @@ def off_flight(piece):
 TERMS = {
     "all": (lambda piece: piece, 0.7),
     "the dynamics": (still, 0.6),
+    "gains of another law": (lambda piece: changed(still(piece), "gains", 1, 1.5), 0.6),
+    "bends of another law": (lambda piece: changed(still(piece), "bends", 1, 9.0), 0.5),
     "the wind": (windy, 0.7),
     "the remainder": (focused, 0.85),
     "steep gains": (lambda piece: changed(still(piece), "gains", ..., 100.0), 0.2),
@@ -280,30 +282,32 @@ TERMS = {
 """Parts of q̇ that are largest in a piece, and what share of its bound is reached."""
 
 
+def between(values, share):
+    """The values between two."""
+    return (1.0 - share) * values[0] + share * values[1]
+
+
+def cubics(nominal, time):
+    """K and M of a held command at a time, and their slopes."""
+    ends = zip((nominal.gains, nominal.bends), hold_slopes(nominal), strict=True)
+    curves = (CubicHermiteSpline(nominal.times, *of) for of in ends)
+    return [(curve(time), curve(time, 1)) for curve in curves]
+
+
 def error_rates(piece, share, e):
     """Largest |q̇| (B,) where q is zero, and |(K - 2 eᵀ M) G| (B, 3), at e (B, n).
 
     From the definition of q: u = u₀ - K e + eᵀ M e + q, K and M cubic, is constant, and
     the flight's dynamics are those about straight lines.
     """
-    nominal, slopes = piece.nominal, hold_slopes(piece.nominal)
-    start, stop = nominal.times
-    time, ends = start + share * (stop - start), np.array([1.0 - share, share])
-    curves = (
-        CubicHermiteSpline(nominal.times, values, rise)
-        for values, rise in zip((nominal.gains, nominal.bends), slopes, strict=True)
-    )
-    (K, K_rise), (M, M_rise) = ((curve(time), curve(time, 1)) for curve in curves)
-
-    def line(values):
-        return np.tensordot(ends, values, 1)
+    nominal = piece.nominal
+    (K, K_rise), (M, M_rise) = cubics(nominal, between(nominal.times, share))
 
     def square(form):
         return np.einsum("bi,ij,bj->b", e, form, e)
 
-    gains, dynamics, slopes = map(
-        line, (nominal.gains, nominal.open_loop, nominal.push_slopes)
-    )
+    ends = nominal.gains, nominal.open_loop, nominal.push_slopes
+    gains, dynamics, slopes = (between(values, share) for values in ends)
     dynamics[:, 0] = 0.0
     G = slopes[..., 0] + np.einsum("ika,ba->bik", slopes[..., 1:], e)
     off = e @ (gains - K) + square(M)
@@ -312,7 +316,10 @@ def error_rates(piece, share, e):
     along = K - 2.0 * e @ M
     found = np.abs(e @ K_rise - square(M_rise) + np.sum(along * rates, axis=1))
     pulls = np.abs(np.einsum("bi,bik->bk", along, G))
-    rest = line(piece.beta) * (1.0 + square(line(piece.focus)))[:, None]
+    rest = (
+        between(piece.beta, share)
+        * (1.0 + square(between(piece.focus, share)))[:, None]
+    )
     found += np.sum(np.abs(along) * (rest + defect_bounds(nominal)[0]), axis=1)
     return found + piece.settings.wind * np.linalg.norm(pulls[:, 1:], axis=1), pulls
 
@@ -342,13 +349,19 @@ def test_no_part_of_the_errors_growth_is_left_out(clocked, name):
 
 def test_lines_and_cubics_are_both_within_what_a_file_allows(clocked):
     """The bounds in a file are of the lines: by how much the cubics differ counts."""
-    piece, step = clocked.between(0, 1), np.diff(clocked.nominal.times[:2])
-    error, apart, known = held._error_after(piece, ERROR)
-    # In the middle a cubic is off its line by an eighth of what its slopes change by.
-    K, M = (step / 8.0 * (of[0] - of[1]) for of in hold_slopes(piece.nominal))
-    e = sphere_points(5000, 7) @ to_ball(piece.shape(0.5 * step))[1][0].T
-    off = np.abs(e @ K - np.einsum("bi,ij,bj->b", e, M, e))
-    assert 0.5 * apart < off.max() <= apart
+    bent = changed(clocked.between(2, 3), "bends", ..., 100.0)
+    for piece in (bent, clocked.between(0, 1)):
+        error, apart, known = held._error_after(piece, ERROR)
+        most = 0.0
+        for share in (0.2, 0.5, 0.8):
+            time = between(piece.nominal.times, share)
+            (K, _), (M, _) = cubics(piece.nominal, time)
+            K -= between(piece.nominal.gains, share)
+            M -= between(piece.nominal.bends, share)
+            e = sphere_points(5000, 7) @ to_ball(piece.shape([time]))[1][0].T
+            off = e @ K - np.einsum("bi,ij,bj->b", e, M, e)
+            most = max(most, np.abs(off).max())
+        assert 0.25 * apart < most <= apart
     rests = np.array([ERROR, error])
     for share, faults in ((1.0, 0), (0.5, 1)):
         own = rests + share * apart
