@@ -364,7 +364,7 @@ def test_lines_and_cubics_are_both_within_what_a_file_allows(clocked):
         assert 0.25 * apart < most <= apart
     rests = np.array([ERROR, error])
     for share, faults in ((1.0, 0), (0.5, 1)):
-        own = rests + share * apart
+        own = rests + np.array([1.0, share]) * apart
         for bounds in ((own, rests + apart + known), (rests + apart, own + known)):
             names = dict(zip(("rests", "errors"), bounds, strict=True))
             assert len(held_faults(dataclasses.replace(piece, **names))) == faults
