@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import math
 from itertools import zip_longest
 from pathlib import Path
@@ -42,27 +41,31 @@ The size of the inlet is printed; --least-inlet requires one.
 
 The check applies to one glider; --prove covers all gliders of a funnel that was made
 for a set of them. If --model has a covariance, that set must contain the model's set
-of the same probability. --confidence draws gliders that the data allow, from the
-covariance in --model's file (close-the-loop writes it), flies them from the boundary
-and climbs to the worst flights and the worst corner of their set. Flights alone prove
-nothing.
+of the same probability, and at least that of 95 %; --least-level requires another, also
+of a funnel of one glider, which has no set. --confidence draws gliders that the data
+allow, from the covariance in --model's file (close-the-loop writes it), flies them from
+the boundary and climbs to the worst flights and the worst corner of their set. Flights
+alone prove nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
-time, and --hold is the time that its commands must be held. With --latency each command
-is computed from the state that long before, by a predictor that knows the glider and
-the commands on their way: what it misses in the wind is proven to be within the
-funnel's command error, together with --command-error.
+time, and --hold is the time that its commands must be held, also with --as-flown. With
+--latency each command is computed from the state exactly that long before, by a
+predictor that knows the glider and the commands on their way: what it misses in the
+wind is proven to be within the funnel's command error, together with --command-error.
+The state is the true one: no estimator is proven.
 
 --as-flown flies what the theorem leaves out: commands from a clock at any phase, held,
 computed from a state of some time ago, other command errors and wind; from the inlet's
 boundary, climbing to the worst starts, phases and winds. With --confidence, gliders of
-that set fly.
+that set fly. A funnel of held commands is flown by its own clock, and by a predictor
+where there is a latency.
 
 A funnel of held commands is for a clock that starts with the launch. --phases is for
 any clock: the funnel is then that of the launch, until the first command acts, and the
 files are those of the rest of the flight, for commands that begin to act at different
 times. --model, --every, --command-error and --wind apply to each, --least-inlet to the
-launch's, --hold and --hook to the others; --latency is their common one. Whenever the
+launch's, --hold and --hook to the others; --latency is their common one, and
+--least-level is of each. Whenever the
 first command acts, the flight must be inside one of them.
 
 --feedback-of is for rival explanations, whose models close-the-loop writes: it requires
@@ -87,6 +90,11 @@ def add_arguments(parser: CommandParser) -> None:
         "alone, as z=0.1,pitch=0.05 (default: any)"
     )
     parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
+    words = (
+        "the funnel's set must contain the model's set of this probability; needs a "
+        f"--model with a covariance (default: {LEVEL} of a funnel that has a set)"
+    )
+    parser.add_argument("--least-level", metavar="P", help=words)
     words = "funnels after a launch funnel, for a clock of any phase (after its name)"
     parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
     words = "funnel of another glider, whose feedback of held commands must be its own"
@@ -116,20 +124,23 @@ def add_arguments(parser: CommandParser) -> None:
     words = "fly held and late commands; states how many flights leave the funnel"
     parser.add_switch("--as-flown", words)
     both = "--as-flown or --prove"
-    for name, option, default, words in (
-        ("--hold", both, HOLD, "time that a command is held [s]"),
+    for name, option, words, default in (
+        ("--hold", both, "time that a command is held [s]", f"the funnel's, or {HOLD}"),
         (
             "--latency",
             "--as-flown, --phases or --prove",
-            LATENCY,
-            "time from a state to its command [s]; none of one funnel with --prove",
+            "time from a state to its command [s]",
+            f"as flown the funnel's, half of its hold, or {LATENCY}; none to prove",
         ),
-        ("--command-error", both, 0.0, "largest other error of the command [rad/s]"),
-        ("--wind", both, 0.0, "largest wind beyond the model's own [m/s]"),
+        ("--command-error", both, "largest other error of the command [rad/s]", "0"),
+        ("--wind", both, "largest wind beyond the model's own [m/s]", "0"),
     ):
-        help_ = f"with {option}: {words} (default: {default:g})"
+        help_ = f"with {option}: {words} (default: {default})"
         parser.add_argument(name, metavar="X", type=float, help=help_)
-    words = "with --as-flown: a predictor makes up for the latency and half of the hold"
+    words = (
+        "with --as-flown: a predictor makes up for the latency and, of a feedback that "
+        "acts at all times, half of the hold"
+    )
     parser.add_switch("--predict", words)
     parser.add_json("JSON instead of sentences")
 
@@ -160,13 +171,14 @@ def run(args: argparse.Namespace) -> int:
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None
+    least_level = _level("--least-level", args.least_level)
     confidence = None
     if level is not None:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, covariance, level, shape)
-    loop = _flown_loop(args, confidence) if args.as_flown else None
-    if not rests and (latency := _own_latency(args, funnel)):
-        check_latency(funnel, latency)
+    loop = _flown_loop(args, funnel, rests, confidence) if args.as_flown else None
+    if args.prove and args.latency and not rests:
+        check_latency(funnel, args.latency)
     if loop:
         check_clock(funnel, loop.hold, rests)
     elif confidence and (rests or funnel.settings.period):
@@ -182,8 +194,14 @@ def run(args: argparse.Namespace) -> int:
         def follow(what):
             return lambda share: progress(Step(f"checking the {what}", share))
 
-        given = problem, model, covariance, least_inlet, feedback_of
-        checked = _check(args, (funnel, *rests), *given, follow)
+        given = {
+            "problem": problem,
+            "model": model,
+            "covariance": covariance,
+            "least_level": least_level,
+            "feedback_of": feedback_of,
+        }
+        checked = _check(args, (funnel, *rests), least_inlet, given, follow)
         if confidence and checked.holds and not (rests or funnel.settings.period):
             rng, say = np.random.default_rng(seed), follow("gliders")
             trial = falsify_funnel(
@@ -206,35 +224,42 @@ def run(args: argparse.Namespace) -> int:
     return 0 if good and not left else 1
 
 
-def _check(args, funnels, problem, model, covariance, least_inlet, feedback_of, follow):
-    """Checks all funnels, and proves them where that is asked for and they hold."""
+def _check(args, funnels, least_inlet, given, follow):
+    """Checks all funnels, and proves them where that is asked for and they hold.
+
+    What is given applies to each, but for the problem, which is not the launch's own.
+    """
     from glider.report.check_funnel import Checked
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.phases import phase_faults
 
+    if given["least_level"] and given["covariance"] is None:
+        raise InputError(
+            "--least-level has no effect without a --model with a covariance, as "
+            "close-the-loop writes it; expected both."
+        )
     (first, *rests), inlet = funnels, {"least_inlet": least_inlet}
     pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
-    period = args.hold if args.prove and not args.as_flown else None
-    end = {"hook": args.hook, "period": period, "problem": problem}
+    period, problem = args.hold if args.prove else None, given["problem"]
+    end = {"hook": args.hook, "period": period}
     needs, faults = [inlet | end], []
     if rests:
-        needs = [inlet] + [end | {"from_launch": False}] * len(rests)
+        needs = [inlet | {"problem": None}]
+        needs += [end | {"from_launch": False}] * len(rests)
         faults = phase_faults(first, rests, problem, args.latency)
     verdicts = [
         check_funnel(
             own,
             args.every,
             follow("certificate"),
-            model=model,
-            covariance=covariance,
             least_pushes=pushes,
-            feedback_of=feedback_of,
             seed=args.seed,
-            **needed,
+            **given | needed,
         )
         for own, needed in zip(funnels, needs, strict=True)
     ]
+    covariance = given["covariance"]
     checked = Checked(problem, covariance, funnels, verdicts, faults, [], None)
     if not (args.prove and checked.holds):
         return checked
@@ -257,8 +282,8 @@ def _check(args, funnels, problem, model, covariance, least_inlet, feedback_of, 
 def _prove_latency(args, funnels, progress):
     """Returns what a latency leaves of the command's error; None where there is none.
 
-    All else must be proven. Of one funnel the latency has to be given, and predicted
-    where it is flown; a launch funnel has its own.
+    All else must be proven. Of one funnel the latency has to be given; a launch funnel
+    has its own.
     """
     from glider.verification.proof.latency import (
         first_predictions,
@@ -268,19 +293,13 @@ def _prove_latency(args, funnels, progress):
     from glider.verification.proof.phases import GRID_ROOM, first_commands
 
     first, *rests = funnels
-    latency = first_commands(first, rests)[0] if rests else _own_latency(args, first)
+    latency = first_commands(first, rests)[0] if rests else args.latency or 0.0
     if latency <= GRID_ROOM:
         return None
     found = first_predictions(first, rests, latency) if rests else []
     for own in rests or [first]:
         found += predictions_of(own, latency)
     return prove_latency(found, args.command_error or 0.0, progress=progress)
-
-
-def _own_latency(args, funnel):
-    """Returns the latency that is to be proven of one funnel; 0 where none is."""
-    is_only_flown = args.as_flown and not (args.predict and funnel.settings.period)
-    return 0.0 if is_only_flown or not args.prove else args.latency or 0.0
 
 
 def _print_outcome(args, checked, feedback_of, trial, flown):
@@ -304,7 +323,7 @@ def _print_outcome(args, checked, feedback_of, trial, flown):
             report["phases"] = others
             report["any_phase"] = words.phases_report(checked)
         if latency:
-            report["latency"] = dataclasses.asdict(latency) | {"holds": latency.holds}
+            report["latency"] = words.latency_report(checked)
         if trial:
             report["gliders"] = words.trial_report(funnel, trial, seed)
         if flown:
@@ -349,7 +368,7 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
         )
     latency, words = args.latency or 0.0, "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)
-    level = _level(args.confidence)
+    level = _level("--confidence", args.confidence)
     names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}
     given = [
@@ -401,28 +420,35 @@ def _least_inlet(text: str | None) -> dict[str, float]:
     return found
 
 
-def _level(text: str | None) -> float | None:
-    """The probability given by --confidence; None without it."""
+def _level(option: str, text: str | None) -> float | None:
+    """The probability given by an option; None without it."""
     if text is None:
         return None
     try:
         level = float(text)
     except ValueError:
         level = math.nan
-    expected = f"a probability between 0 and 1, such as {LEVEL:g}, or no value"
-    expect(0.0 < level < 1.0, "--confidence", text, expected)
+    expected = f"a probability between 0 and 1, such as {LEVEL:g}"
+    expect(0.0 < level < 1.0, option, text, expected)
     return level
 
 
-def _flown_loop(args, gliders):
-    """The loop of --as-flown."""
+def _flown_loop(args, funnel, rests, gliders):
+    """The loop of --as-flown: of held commands that of their clock, predicted."""
     from glider.control.predictor import Hold
+    from glider.verification.proof.phases import first_commands
     from glider.verification.trials.as_flown import FlownLoop
 
-    hold = HOLD if args.hold is None else args.hold
-    latency = LATENCY if args.latency is None else args.latency
+    period, latency = (rests or [funnel])[0].settings.period, LATENCY
+    if args.feedback_of:
+        latency = 0.0
+    elif period:
+        latency = first_commands(funnel, rests)[0] if rests else 0.5 * period
+    latency = latency if args.latency is None else args.latency
+    predicts = args.predict or (period > 0.0 and latency > 0.0)
+    hold = args.hold if args.hold is not None else period or HOLD
     return FlownLoop(
-        hold=Hold(period=hold, latency=latency, predicts=args.predict),
+        hold=Hold(period=hold, latency=latency, predicts=predicts),
         wind=args.wind or 0.0,
         command_error=args.command_error or 0.0,
         gliders=gliders,

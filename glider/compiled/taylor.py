@@ -9,8 +9,9 @@ import numpy as np
 
 from glider.compiled.kernel import called_code, machine_code
 
-ROUNDING = 1e-13
-"""Relative bound of an operation's rounding: a sum of 300 products has 7e-14."""
+ROUNDING, TERMS = 1e-13, 300
+"""Relative bound of an operation's rounding, and terms of a sum that it is enough for:
+a sum of 300 products has 7e-14."""
 
 WIDER = 1.0 + 1e-12
 """Factor that covers the rounding of the bounds themselves: they are sums of a

@@ -280,6 +280,11 @@ def describe_set(confidence: ConfidenceSet) -> str:
         for name, width in zip(confidence.names, widths, strict=True)
         if width > 0.0
     )
-    level = f"{100.0 * confidence.level:g}"
-    level = "over 99.999" if level == "100" else level
-    return f"{level} % {confidence.shape} of {within or 'nothing'}"
+    level = describe_level(confidence.level)
+    return f"{level} {confidence.shape} of {within or 'nothing'}"
+
+
+def describe_level(level: float) -> str:
+    """Returns a probability in percent: "95 %"."""
+    percent = f"{100.0 * level:g}"
+    return f"{'over 99.999' if percent == '100' else percent} %"

@@ -13,7 +13,7 @@ import jinja2
 import numpy as np
 
 from glider.errors import printable
-from glider.physics.confidence import describe_set
+from glider.physics.confidence import describe_level, describe_set
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
 from glider.planning.problem import PerchingProblem
@@ -79,6 +79,7 @@ def check_report(
     is None where the funnel's end is no perch.
     """
     report = dataclasses.asdict(verdict) | {
+        "loop": _loop_report(funnel, funnel.settings),
         "holds": verdict.holds,
         "file_sha256": funnel.sha256,
         "glider_sha256": model_hash(funnel.nominal.model),
@@ -109,6 +110,32 @@ def check_report(
             "boxes": proof.boxes,
         }
     return report
+
+
+def _loop_report(funnel, settings, latency=0.0):
+    """Returns the loop that a theorem is about as it is written to JSON.
+
+    The state is the true one, without an estimator; periods and latency are exact.
+    """
+    gliders = funnel.gliders
+    return {
+        "state": "true",
+        "commands": _commands(funnel),
+        "period_s": settings.period,
+        "latency_s": latency,
+        "jitter_s": 0.0,
+        "command_error_rad_s": settings.command_error,
+        "wind_m_s": settings.wind,
+        "set_level": gliders and gliders.confidence.level,
+    }
+
+
+def _commands(funnel):
+    """Returns what moves the elevator: held commands, others, or none."""
+    nominal = funnel.nominal
+    if funnel.settings.period:
+        return "held"
+    return "continuous" if nominal.inputs.any() or nominal.gains.any() else "none"
 
 
 def trial_report(funnel: Funnel, trial: Falsification, seed: int) -> dict[str, Any]:
@@ -193,6 +220,7 @@ def phases_report(checked: Checked) -> dict[str, Any]:
         "holds": not checked.faults,
         "faults": checked.faults,
         "proven": checked.is_proven,
+        "loop": _loop_report(rests[0], least, first_commands(launch, rests)[0]),
         "first_command_s": list(first_commands(launch, rests)),
         "level": LEVEL,
         "command_error_rad_s": least.command_error,
@@ -206,14 +234,26 @@ def describe_phases(checked: Checked) -> str:
     least, (launch, *rests) = _least_of(checked), checked.funnels
     times = 1e3 * np.array(first_commands(launch, rests))
     faults, proven = checked.faults, checked.is_proven
-    set_of = launch.gliders is not None
-    return _text("phases", len(rests), least, LEVEL, faults, times, proven, set_of)
+    return _text("phases", len(rests), least, LEVEL, faults, times, proven, launch)
 
 
 def describe_latency(checked: Checked) -> str:
     """Returns what is proven of a latency in a sentence."""
-    set_of = checked.funnels[0].gliders is not None
-    return _text("latency", checked.latency, set_of)
+    launch, *rests = checked.funnels
+    return _text("latency", checked.latency, launch, bool(rests))
+
+
+def latency_report(checked: Checked) -> dict[str, Any]:
+    """Returns the same as it is written to JSON."""
+    proven, (_, *rests) = checked.latency, checked.funnels
+    assert proven is not None
+    return dataclasses.asdict(proven) | {
+        "holds": proven.holds,
+        "state": "true",
+        "jitter_s": 0.0,
+        "predictor_knows_all_commands": True,
+        "first_command_is_predicted": bool(rests),
+    }
 
 
 def _least_of(checked):
@@ -267,6 +307,8 @@ def _template():
         "digits": HASH_DIGITS,
         "shares": len(SHARES),
         "describe_set": describe_set,
+        "describe_level": describe_level,
+        "commands_of": _commands,
         "model_hash": lambda funnel: model_hash(funnel.nominal.model),
         "degrees": lambda limits: "{:.0f}° to {:.0f}°".format(*np.degrees(limits)),
     }

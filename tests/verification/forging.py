@@ -4,10 +4,17 @@ Each takes the arrays and notes of a good file and changes them in place; beside
 words of the sentence that refuses it. A review found the first; the others follow.
 """
 
+import dataclasses
 import json
 
 import numpy as np
 from scipy.stats import chi2
+
+from glider.files import schema
+from glider.paths import models_path
+from glider.physics.state import PITCH, POSITION
+from glider.planning.problem import Hook, PerchingProblem
+from glider.verification.funnel.funnel import load_funnel, save_funnel
 
 
 def forge(source, path, change):
@@ -17,6 +24,33 @@ def forge(source, path, change):
     notes = json.loads(str(arrays.pop("notes")))
     change(arrays, notes)
     np.savez_compressed(path, notes=np.array(json.dumps(notes)), **arrays)
+
+
+def shorten(name, count, folder):
+    """Writes the first intervals of a shipped funnel, as a funnel of its own.
+
+    Returns the command's arguments for it, with a problem that ends there.
+    """
+    source, problem = folder / f"{name}.npz", folder / f"{name}.yaml"
+    whole = load_funnel(models_path("funnels", f"{name}.npz"))
+    part = whole.between(0, whole.nominal.flows[count - 1] + 1)
+    end = part.nominal.states[-1]
+    goal = 3.0 * np.sqrt(np.diagonal(np.linalg.inv(part.S[-1])))
+    settings = dataclasses.replace(part.settings, goal=tuple(goal.tolist()))
+    save_funnel(source, dataclasses.replace(part, settings=settings))
+    near = end[PITCH] + np.array([-0.1, 0.1])
+    reach = 1.01 * goal[POSITION].max()
+    place = PerchingProblem(
+        wire=end[POSITION].tolist(),
+        final_pitch_limits=near.tolist(),
+        final_speed_limit=9.0,
+        duration_limits=[0.01, 2.0],
+        hook=Hook(reach=reach, speed_limit=20.0, pitch_limits=[-1.5, 1.5]),
+    )
+    problem.write_text(schema.yaml_text(place))
+    model = models_path("identified", "head_wind.yaml")
+    options = ["--hook", "--problem", str(problem), "--model", str(model)]
+    return source, [*options, "--every", "1000"]
 
 
 def _widened_goal(arrays, notes, factor=10.0):
@@ -185,6 +219,47 @@ REVIEWED = {
     "no Gram matrices": (_no_grams, "The Gram matrix does not prove that V falls"),
 }
 """Forged files of a review: the change and words of the sentence that refuses it."""
+
+
+def _zero(name, where):
+    def change(arrays, notes):
+        arrays[name][where] = 0.0
+
+    return change
+
+
+def _least_bounds(arrays, notes):
+    arrays["beta"][:] = 5e-324
+
+
+def _huge_bend(arrays, notes):
+    arrays["bends"][3] = 1e308
+
+
+def _first_format(arrays, notes):
+    notes["format"] = "drake-glider funnel 1"
+
+
+def _level(value):
+    def change(arrays, notes):
+        notes["confidence"]["level"] = value
+
+    return change
+
+
+_UNBOUNDED = "The error of the held command is not bounded at 0."
+
+HELD = {
+    "no weight of a push at one time": (_zero("push_weights", 7), _UNBOUNDED),
+    "no weights of pushes": (_zero("push_weights", slice(None)), _UNBOUNDED),
+    "no weights": (_zero("weights", slice(None)), _UNBOUNDED),
+    "bounds of 5e-324": (_least_bounds, _UNBOUNDED),
+    "a bend of 1e308": (_huge_bend, _UNBOUNDED),
+    "the first format": (_first_format, _UNBOUNDED),
+    "a set of 50 %": (_level(0.5), "the 50 % ellipsoid of wind.x ± 0.0004"),
+    "a set of nothing": (_level(5e-324), "ellipsoid of nothing, is smaller than the"),
+}
+"""Forged files of held commands and of a set of gliders."""
 
 
 def _late_launch(arrays, notes):

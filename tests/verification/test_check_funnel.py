@@ -50,12 +50,21 @@ def test_the_command_line_proves_that_no_flight_leaves(tmp_path, capsys, monkeyp
     assert main([*few, "--json", "--resume", str(noted)]) == 1  # Not the whole funnel.
     found = json.loads(capsys.readouterr().out)
     assert found["every_flight"] is False
+    loop = found["loop"]
+    assert (loop["state"], loop["commands"], loop["period_s"]) == (
+        "true",
+        "continuous",
+        0.0,
+    )
+    assert loop["command_error_rad_s"] == loop["wind_m_s"] == loop["jitter_s"] == 0.0
     assert (found["intervals_proven"], found["of_intervals"]) == (2, 21)
     assert found["remainder"].endswith("in 2 of 21 intervals")
     assert found["boxes"] > 100
     assert main([*few, "--resume", str(noted)]) == 1
     words = capsys.readouterr().out
-    assert "Proven: no flight leaves the funnel in 2 of its 21 intervals" in words
+    assert "Proven: no flight of this glider with a command error of at most 0" in words
+    assert "leaves the funnel in 2 of its 21 intervals" in words
+    assert "without an estimator: its commands follow the true state at all" in words
     assert "2 of the intervals were read from the file" in words
     fails = IntervalProof(fault="the remainder is 2 times its bound")
     monkeypatch.setattr(flight_proof, "prove_interval", lambda piece, budget: fails)

@@ -211,11 +211,12 @@ def test_the_hash_is_of_every_source_of_the_checker(tmp_path, monkeypatch):
     shutil.copytree(PACKAGE, tmp_path / "glider", ignore=shutil.ignore_patterns("_*"))
     monkeypatch.setattr(flight_proof, "PACKAGE", tmp_path / "glider")
     found = {before, flight_proof.checker_hash.__wrapped__()}
-    for name in ("verification/proof/boxes.py", "physics/chain.py"):
+    names = "verification/proof/boxes.py", "physics/chain.py", "control/predictor.py"
+    for name in names:
         with (tmp_path / "glider" / name).open("a") as stream:
             stream.write("# Edited.\n")
         found.add(flight_proof.checker_hash.__wrapped__())
-    assert len(found) == 4
+    assert len(found) == 5
 
 
 def test_a_record_of_a_size_that_nobody_wrote_is_not_read(proven, tmp_path):

@@ -1,5 +1,6 @@
 """No forged file passes `check-funnel`, and each is refused in a sentence."""
 
+import json
 import os
 import tracemalloc
 import zipfile
@@ -9,11 +10,22 @@ import pytest
 
 from glider.__main__ import main
 from glider.paths import models_path
+from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from tests.verification.forging import INVENTED, REVIEWED, SETS, forge
+from glider.verification.funnel.funnel import load_funnel
+from tests.verification.forging import HELD, INVENTED, REVIEWED, SETS, forge, shorten
 
 FORGED = REVIEWED | INVENTED
 FEW = ["--every", "100"]
+
+SHORTENED = {"held_head_wind_95_hook": 10, "head_wind_95": 12}
+"""Shipped funnels of a set of gliders, and how many of their intervals are forged."""
+
+TRUE = {"half of the remainder", "a remainder 14 % smaller"}
+"""Changes that a short funnel of held commands has room for."""
+
+ELSEWHERE = {"a launch in mid-flight", "a wind nobody asked for"}
+"""Changes that it cannot have: it is short, and its glider has a wind."""
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +38,23 @@ def vehicle():
     return str(models_path("vehicles", "perching.yaml"))
 
 
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """Files of a few intervals each, and the arguments of the command for them."""
+    folder = tmp_path_factory.mktemp("short")
+    return {name: shorten(name, k, folder) for name, k in SHORTENED.items()}
+
+
+def expect_refusal(code, said, words):
+    """Requires an exit code of a refusal, and one sentence with some words."""
+    assert code in (1, 2), said
+    sentences = [line for line in said.splitlines() if words in line]
+    assert sentences, said
+    assert len(sentences[0]) < 300
+    assert sentences[0].endswith(".")
+    assert "".join(said.splitlines()).isprintable()
+
+
 @pytest.mark.parametrize("name", FORGED)
 def test_a_forged_file_is_refused_in_a_sentence(
     name, source, vehicle, tmp_path, capsys
@@ -34,13 +63,45 @@ def test_a_forged_file_is_refused_in_a_sentence(
     path = tmp_path / "funnel.npz"
     forge(source, path, change)
     code = main(["check-funnel", str(path), *FEW, "--model", vehicle])
+    expect_refusal(code, "".join(capsys.readouterr()), words)
+
+
+@pytest.mark.parametrize("name", [name for name in FORGED if name not in ELSEWHERE])
+def test_a_forged_file_of_held_commands_is_refused_in_a_sentence(
+    name, short, tmp_path, capsys
+):
+    """Of a set of gliders, too."""
+    source, options = short["held_head_wind_95_hook"]
+    forge(source, tmp_path / "funnel.npz", FORGED[name][0])
+    code = main(["check-funnel", str(tmp_path / "funnel.npz"), *options])
     said = "".join(capsys.readouterr())
-    assert code in (1, 2)
-    sentences = [line for line in said.splitlines() if words in line]
-    assert sentences, said
-    assert len(sentences[0]) < 300
-    assert sentences[0].endswith(".")
-    assert "".join(said.splitlines()).isprintable()
+    if name in TRUE:
+        assert code == 0, said
+    else:
+        expect_refusal(code, said, ".")
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_forged_holds_and_sets_are_refused_in_a_sentence(name, short, tmp_path, capsys):
+    source, options = short["held_head_wind_95_hook"]
+    change, words = HELD[name]
+    forge(source, tmp_path / "funnel.npz", change)
+    code = main(["check-funnel", str(tmp_path / "funnel.npz"), *options])
+    expect_refusal(code, "".join(capsys.readouterr()), words)
+
+
+def test_a_set_that_is_flat_is_refused_as_json(short, tmp_path, capsys):
+    """Also where its sizes are not finite."""
+    source, options = short["held_head_wind_95_hook"]
+    for factor in (0.0, -1.0, 1e308):
+
+        def change(arrays, notes, factor=factor):
+            arrays["S"][:] = factor
+
+        forge(source, tmp_path / "funnel.npz", change)
+        path = str(tmp_path / "funnel.npz")
+        assert main(["check-funnel", path, *options, "--json"]) == 1
+        assert json.loads(capsys.readouterr().out)["holds"] is False
 
 
 @pytest.mark.parametrize("shape", [(10**12,), (10**7, 7, 7), (10**400,)])
@@ -61,25 +122,62 @@ def test_a_header_of_more_than_the_memory_is_refused_unread(
 
 
 @pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize("of", SHORTENED)
 def test_a_set_of_gliders_that_the_model_does_not_have_is_refused(
-    name, tmp_path, capsys
+    name, of, short, tmp_path, capsys
 ):
-    path = tmp_path / "funnel.npz"
-    forge(models_path("funnels", "head_wind_95.npz"), path, SETS[name])
-    model = str(models_path("identified", "head_wind.yaml"))
-    few = ["--every", "1000", "--prove"]
-    code = main(["check-funnel", str(path), *few, "--model", model])
+    path, (source, options) = tmp_path / "funnel.npz", short[of]
+    forge(source, path, SETS[name])
+    code = main(["check-funnel", str(path), *options, "--prove"])
     said = capsys.readouterr().out
     assert code == 1
     assert "is smaller than the model's, the " in said
     assert "Proven" not in said and " 100 %" not in said
 
 
-def test_a_set_without_a_model_is_said_to_be_the_files_own(tmp_path, capsys):
-    path, bare = tmp_path / "funnel.npz", tmp_path / "bare.yaml"
-    source = models_path("funnels", "head_wind_95.npz")
+@pytest.mark.parametrize("of", SHORTENED)
+def test_a_set_must_contain_that_of_the_level_which_is_required(
+    of, short, tmp_path, capsys
+):
+    path, (source, options) = tmp_path / "funnel.npz", short[of]
+    command = ["check-funnel", str(path), *options]
+    forge(source, path, HELD["a set of 50 %"][0])
+    assert main([*command, "--least-level", "0.4", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["set_level"], found["loop"]["set_level"]) == (0.5, 0.5)
+    assert main([*command, "--least-level", "0.4"]) == 0
+    assert "which contains the 50 % set of " in capsys.readouterr().out
+    assert main([*command, "--least-level", "0.6"]) == 1
+    assert "smaller than the model's, the 60 % ellipsoid" in capsys.readouterr().out
     forge(source, path, lambda arrays, notes: None)
-    few = ["check-funnel", str(path), "--every", "1000"]
+    assert main([*command, "--least-level", "0.99"]) == 1
+    assert "smaller than the model's, the 99 % ellipsoid" in capsys.readouterr().out
+
+
+def test_a_funnel_of_one_glider_has_no_set_of_a_level(source, tmp_path, capsys):
+    model, bare = tmp_path / "model.yaml", tmp_path / "bare.yaml"
+    glider, known = load_funnel(source).nominal.model, Covariance
+    glider.save(model, covariance=known(names=("mass",), matrix=np.array([[1e-9]])))
+    glider.save(bare)
+    command = ["check-funnel", str(source), *FEW, "--model"]
+    assert main([*command, str(model), "--least-level", "1e-9"]) == 1
+    said = capsys.readouterr().out
+    assert (
+        "of one glider; expected a set that contains the model's 1e-07 % set." in said
+    )
+    assert main([*command, str(bare), "--least-level", "0.9"]) == 2
+    assert "--least-level has no effect without a --model" in capsys.readouterr().err
+    for wrong in ("0", "1", "95", "nan", "all"):
+        assert main([*command, str(model), "--least-level", wrong]) == 2
+        said = capsys.readouterr().err
+        assert f"--least-level is '{wrong}'; expected a probability" in said
+
+
+def test_a_set_without_a_model_is_said_to_be_the_files_own(short, tmp_path, capsys):
+    bare, (path, options) = tmp_path / "bare.yaml", short["head_wind_95"]
+    few = ["check-funnel", str(path), *options]
+    at = few.index("--model")
+    del few[at : at + 2]
     assert main(few) == 0
     assert "which is the file's own statement: compare" in capsys.readouterr().out
     GliderModel.load(models_path("identified", "head_wind.yaml")).save(bare)

@@ -116,12 +116,13 @@ def test_what_is_proven_is_said_of_whom_it_is(made):
         candidate=None,
     )
     words = describe_proof(made, proof)
-    assert words.startswith("Proven: every flight of every glider of its set that")
+    assert words.startswith("Proven: every flight of every glider of its 95 % set that")
     assert "stays in the funnel about its own center and ends in its last set" in words
     some = dataclasses.replace(proof, outcomes={0: IntervalProof()})
     words = describe_proof(made, some)
     assert "no flight of every glider" not in words
-    assert "no flight of a glider of its set leaves the funnel about its own" in words
+    assert "no flight of any glider of its 95 % set with a command error of" in words
+    assert "leaves the funnel about its own center in 1 of its" in words
     alone = dataclasses.replace(made, gliders=None)
     assert "every flight of this glider that starts" in describe_proof(alone, proof)
 

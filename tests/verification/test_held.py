@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import json
 from fractions import Fraction
 
 import numpy as np
@@ -12,12 +13,14 @@ from glider.__main__ import main
 from glider.control.predictor import Hold, advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
+from glider.physics.state import ELEVATOR
 from glider.report.check_funnel import describe_flown
-from glider.verification.dynamics.nominal import evaluate, hermite_path
-from glider.verification.funnel.clock import bend_sizes, form_size
+from glider.verification.dynamics.defect import defect_bounds
+from glider.verification.dynamics.nominal import evaluate, hermite_path, table_of
+from glider.verification.funnel.clock import bend_sizes, form_size, hold_slopes
 from glider.verification.funnel.funnel import funnel_policy, load_funnel, save_funnel
 from glider.verification.funnel.growth import push_form
-from glider.verification.proof import flight_proof, held
+from glider.verification.proof import check, flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
@@ -223,6 +226,160 @@ def test_the_error_grows_as_the_polynomials_say(clocked):
         assert np.all(pulls <= most) and pulls.max() > 0.5 * most
 
 
+def still(piece):
+    """The same without wind, and with no remainder."""
+    settings = dataclasses.replace(piece.settings, wind=0.0)
+    return dataclasses.replace(piece, settings=settings, beta=0.0 * piece.beta)
+
+
+def windy(piece):
+    settings = dataclasses.replace(piece.settings, wind=20.0)
+    return dataclasses.replace(still(piece), settings=settings)
+
+
+def focused(piece):
+    """With a remainder that is 21 times as large in one direction."""
+    f = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.3, 0.1])
+    f *= np.sqrt(20.0 / (f @ np.linalg.inv(piece.S[0]) @ f))
+    focus = np.repeat(np.outer(f, f)[None], 2, axis=0)
+    beta = piece.beta * [[10.0], [30.0]]
+    return dataclasses.replace(still(piece), beta=beta, focus=focus)
+
+
+def bent(piece):
+    """For a short time, with a known error that commands themselves hardly change."""
+    nominal = piece.nominal
+    times = nominal.times[0] + 0.01 * (nominal.times - nominal.times[0])
+    short = dataclasses.replace(nominal, times=times, states=nominal.path(times))
+    piece, push = (
+        dataclasses.replace(piece, nominal=short),
+        short.push_slopes[0, :, 0, 0],
+    )
+    m = np.eye(7)[6]
+    m -= push * (m @ push) / (push @ push)
+    bends = np.repeat(1e4 * np.outer(m, m)[None], 2, axis=0)
+    piece = dataclasses.replace(
+        still(piece), nominal=dataclasses.replace(short, bends=bends)
+    )
+    return changed(piece, "gains", ..., 0.0)
+
+
+def off_flight(piece):
+    return changed(still(piece), "states", (1, ELEVATOR), 1.0, 1e-2)
+
+
+TERMS = {
+    "all": (lambda piece: piece, 0.7),
+    "the dynamics": (still, 0.6),
+    "gains of another law": (lambda piece: changed(still(piece), "gains", 1, 1.5), 0.6),
+    "bends of another law": (lambda piece: changed(still(piece), "bends", 1, 9.0), 0.5),
+    "the wind": (windy, 0.7),
+    "the remainder": (focused, 0.85),
+    "steep gains": (lambda piece: changed(still(piece), "gains", ..., 100.0), 0.2),
+    "a form of fourth degree": (bent, 0.5),
+    "the nominal's defect": (off_flight, 0.9),
+}
+"""Parts of q̇ that are largest in a piece, and what share of its bound is reached."""
+
+
+def between(values, share):
+    """The values between two."""
+    return (1.0 - share) * values[0] + share * values[1]
+
+
+def cubics(nominal, time):
+    """K and M of a held command at a time, and their slopes."""
+    ends = zip((nominal.gains, nominal.bends), hold_slopes(nominal), strict=True)
+    curves = (CubicHermiteSpline(nominal.times, *of) for of in ends)
+    return [(curve(time), curve(time, 1)) for curve in curves]
+
+
+def error_rates(piece, share, e):
+    """Largest |q̇| (B,) where q is zero, and |(K - 2 eᵀ M) G| (B, 3), at e (B, n).
+
+    From the definition of q: u = u₀ - K e + eᵀ M e + q, K and M cubic, is constant, and
+    the flight's dynamics are those about straight lines.
+    """
+    nominal = piece.nominal
+    (K, K_rise), (M, M_rise) = cubics(nominal, between(nominal.times, share))
+
+    def square(form):
+        return np.einsum("bi,ij,bj->b", e, form, e)
+
+    ends = nominal.gains, nominal.open_loop, nominal.push_slopes
+    gains, dynamics, slopes = (between(values, share) for values in ends)
+    dynamics[:, 0] = 0.0
+    G = slopes[..., 0] + np.einsum("ika,ba->bik", slopes[..., 1:], e)
+    off = e @ (gains - K) + square(M)
+    rates = table_of(8).values(np.column_stack([e, -e @ gains])) @ dynamics.T
+    rates += G[..., 0] * off[:, None]
+    along = K - 2.0 * e @ M
+    found = np.abs(e @ K_rise - square(M_rise) + np.sum(along * rates, axis=1))
+    pulls = np.abs(np.einsum("bi,bik->bk", along, G))
+    rest = (
+        between(piece.beta, share)
+        * (1.0 + square(between(piece.focus, share)))[:, None]
+    )
+    found += np.sum(np.abs(along) * (rest + defect_bounds(nominal)[0]), axis=1)
+    return found + piece.settings.wind * np.linalg.norm(pulls[:, 1:], axis=1), pulls
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_no_part_of_the_errors_growth_is_left_out(clocked, name):
+    """Bounds are above what some states reach, and not far."""
+    change, share_reached = TERMS[name]
+    k = np.flatnonzero(np.diff(clocked.nominal.times) == 0.0)[5] - 1
+    piece = change(clocked.between(k, k + 1))
+    step = np.diff(piece.nominal.times)[0]
+    alone, more = (held._error_after(piece, before)[0] for before in (0.0, 1.0))
+    growth = more - alone
+    z, largest, pull = sphere_points(5000, 7), 0.0, 0.0
+    z[::3] *= 0.5
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        time = piece.nominal.times[0] + share * step
+        L_inv_T = to_ball(piece.shape([time]))[1][0]
+        toward = L_inv_T.T @ piece.focus[0] @ L_inv_T
+        z[:2] = np.linalg.eigh(toward)[1][:, -1:].T * [[1.0], [-1.0]]
+        rates, pulls = error_rates(piece, share, z @ L_inv_T.T)
+        largest, pull = max(largest, rates.max()), max(pull, pulls[:, 0].max())
+    bound = alone / growth / step
+    assert share_reached * bound < largest <= bound
+    assert 0.3 * np.log(growth) < step * pull <= np.log(growth)
+
+
+def test_lines_and_cubics_are_both_within_what_a_file_allows(clocked):
+    """The bounds in a file are of the lines: by how much the cubics differ counts."""
+    bent = changed(clocked.between(2, 3), "bends", ..., 100.0)
+    for piece in (bent, clocked.between(0, 1)):
+        error, apart, known = held._error_after(piece, ERROR)
+        most = 0.0
+        for share in (0.2, 0.5, 0.8):
+            time = between(piece.nominal.times, share)
+            (K, _), (M, _) = cubics(piece.nominal, time)
+            K -= between(piece.nominal.gains, share)
+            M -= between(piece.nominal.bends, share)
+            e = sphere_points(5000, 7) @ to_ball(piece.shape([time]))[1][0].T
+            off = e @ K - np.einsum("bi,ij,bj->b", e, M, e)
+            most = max(most, np.abs(off).max())
+        assert 0.25 * apart < most <= apart
+    rests = np.array([ERROR, error])
+    for share, faults in ((1.0, 0), (0.5, 1)):
+        own = rests + np.array([1.0, share]) * apart
+        for bounds in ((own, rests + apart + known), (rests + apart, own + known)):
+            names = dict(zip(("rests", "errors"), bounds, strict=True))
+            assert len(held_faults(dataclasses.replace(piece, **names))) == faults
+
+
+def test_the_end_at_which_the_error_is_worse_is_named(clocked):
+    piece = part(clocked, 1)
+    _, apart, _ = held._error_after(piece.between(0, 1), ERROR)
+    rests = piece.rests.copy()
+    rests[0] = ERROR + 0.5 * apart
+    [fault] = held_faults(dataclasses.replace(piece, rests=rests))
+    allowed, found = f"allows {rests[0]:.3g} rad/s", f"be {ERROR + apart:.3g} rad/s"
+    assert found in fault and "at 0.0000 s" in fault and allowed in fault
+
+
 def test_the_known_error_is_that_of_neighbors_too():
     """A proof has one ball for an interval, and sets may grow by a tenth in it."""
     S = np.array([np.eye(3), np.eye(3), 0.5 * np.eye(3), np.eye(3), np.eye(3)])
@@ -389,9 +546,29 @@ def test_a_feedback_of_held_commands_does_not_act_at_all_times(clocked):
 def test_the_command_requires_the_clock(capsys):
     source = str(models_path("funnels", "disturbed_hook.npz"))
     asked = ["check-funnel", source, "--hook", "--every", "200", "--prove"]
-    assert main([*asked, "--hold", "0.02"]) == 1
+    for also in ([], ["--as-flown"]):
+        assert main([*asked, "--hold", "0.02", *also]) == 1
+        said = " ".join(capsys.readouterr().out.split())
+        assert "a feedback that acts at all times; expected a hold of 20 ms." in said
+    assert main([*asked, "--latency", "0.01", "--as-flown", "--predict"]) == 2
+    assert "--latency is proven of held commands" in capsys.readouterr().err
+
+
+def test_held_commands_are_flown_as_their_funnel_has_them(monkeypatch, capsys):
+    """Its period, and half of it as a latency that is predicted."""
+    monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 0)
+    monkeypatch.setattr(check, "held_faults", lambda *given: [])  # It takes long.
+    source = str(models_path("funnels", "held_hook.npz"))
+    asked = ["check-funnel", source, "--every", "300", "--as-flown", "--flights", "20"]
+    assert main(asked) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "a feedback that acts at all times; expected a hold of 20 ms." in said
+    words = "held for 20 ms, each computed from the state 10 ms before by a predictor,"
+    assert words in said and "0 of 20 flights" in said
+    assert main([*asked, "--feedback-of", source, "--json"]) == 0
+    flown = json.loads(capsys.readouterr().out)["as_flown"]
+    assert (flown["latency_s"], flown["predicts"]) == (0.0, False)
+    assert main([*asked, "--hold", "0.01"]) == 2
+    assert "the period of commands is 0.01" in capsys.readouterr().err
 
 
 def test_gliders_of_a_set_are_flown_by_the_clock_only(capsys):

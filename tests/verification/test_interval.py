@@ -6,8 +6,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from glider.physics.servo import STOPPING_TIME
+from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import table_of
 from glider.verification.funnel.growth import remainder_form
+from glider.verification.proof import interval_growth
 from glider.verification.proof.interval import (
     covers,
     keeps_servo,
@@ -127,6 +130,26 @@ def test_v_falls_throughout_and_not_for_larger_sets(piece, interval):
     assert prove_growth(make_interval(larger), exact(0.003), guesses, 1) is None
 
 
+def test_each_half_has_to_be_proven(interval, monkeypatch):
+    """A proof of one of them, or of neither, is no proof."""
+    parts = [(-1.0, 1.0), (-1.0, 0.0), (0.0, 1.0)]
+
+    for failing, found in (
+        ([], 1),
+        (parts[:1], 2),
+        (parts[:2], None),
+        (parts[::2], None),
+        (parts, None),
+    ):
+
+        def prove(part, slack, grams, failing=failing):
+            return "a guess", None if part.span in failing else (part.span, None, [])
+
+        monkeypatch.setattr(interval_growth, "_prove_whole", prove)
+        proof = prove_growth(interval, exact(0.0), ("first", "last"), halvings=1)
+        assert (proof and len(proof)) == found
+
+
 def test_an_interval_that_is_halved_is_proven_too(proven):
     piece = proven.between(39, 40)
     interval, guesses = make_interval(piece), gram_guesses(piece, 0.003)
@@ -153,6 +176,34 @@ def test_the_ball_covers_the_sets_and_hardly_more(interval):
         S, C = at(interval.S, share), at(interval.outputs, share)[interval.which]
         e = to_ball(S)[1] @ sphere_points(500, 7).T
         assert np.linalg.norm(np.linalg.solve(basis, C @ e), axis=0).max() < 1.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("limit", ["rate", "stop"])
+def test_each_limit_of_the_servo_counts_alone(piece, limit, sign):
+    """Where others are far: what the sets need, with an error of the command."""
+    nominal, error, far = piece.nominal, 10.0, 1e3
+    inputs, angle = np.full(2, 2.0 * sign), nominal.states[:, ELEVATOR]
+    along, middle, off = nominal.gains, inputs, error
+    if limit == "stop":
+        along = np.eye(7)[ELEVATOR] - STOPPING_TIME * along
+        middle, off = angle + STOPPING_TIME * inputs, STOPPING_TIME * error
+    reach = np.sqrt(np.einsum("ti,tij,tj->t", along, np.linalg.inv(piece.S), along))
+    needed = float(np.max(sign * middle + reach + off))
+    nominal = dataclasses.replace(nominal, inputs=inputs)
+    room = 0.01 * reach.max()
+    for bound, kept in ((needed + room, True), (needed - room, False)):
+        stops = [-bound, far] if sign < 0 else [-far, bound]
+        parameters = dataclasses.replace(
+            nominal.model.parameters,
+            elevator_rate_limit=bound if limit == "rate" else far,
+            elevator_limits=stops if limit == "stop" else [-far, far],
+        )
+        model = dataclasses.replace(nominal.model, parameters=parameters)
+        given = dataclasses.replace(nominal, model=model), np.full(2, error)
+        own = dict(zip(("nominal", "errors"), given, strict=True))
+        found = make_interval(dataclasses.replace(piece, **own))
+        assert keeps_servo(found) == kept
 
 
 def test_the_servo_is_watched_between_the_times(proven):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -13,12 +14,15 @@ from glider.paths import models_path
 from glider.physics.compose import compose
 from glider.physics.effects import ATTACHED_LIFT, NO_FIELD, SERVO_LAG
 from glider.physics.parameters import Theta
+from glider.physics.servo import STOPPING_TIME
+from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.jets import Slope, monomials, variables
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.dynamics.taylor_models import Recording
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof import check, flight_proof
 from glider.verification.proof import latency as prediction
+from glider.verification.proof.interval import make_interval
 from glider.verification.proof.interval_proof import IntervalProof
 from glider.verification.proof.latency import (
     FINE,
@@ -218,6 +222,86 @@ def test_the_choice_of_a_funnel_is_by_an_inlet_within_all(launch, rest):
         first_predictions(launch, [flat], LATENCY)
 
 
+class Recorded:
+    """Bounds of slopes on one interval, given as a number of its times."""
+
+    pushes = np.array([0.02, 0.05])
+
+    def __init__(self, slopes, part, near):
+        self.first, self.last = part.nominal.times
+
+    def sizes(self, rooms):
+        return np.zeros((7, 9))
+
+    def pulls(self, first, last, duration, apart, rooms):
+        return np.full((len(first), 2), self.worth(self.first, self.last))
+
+
+@pytest.mark.parametrize("ends", [(0.01, 0.03), (0.0118, 0.0283), (0.0175, 0.0175)])
+@pytest.mark.parametrize("is_late", [True, False])
+def test_every_interval_of_a_latency_counts(launch, ends, is_late, monkeypatch):
+    """Of all lines of λ, for the first and the last time at which it may end."""
+    monkeypatch.setattr(prediction, "NearSets", Recorded)
+    Recorded.worth = lambda self, first, last: last if is_late else 1.0 - first
+    times = launch.nominal.times
+    given = prediction.Prediction(
+        window=launch,
+        ends=ends,
+        latency=LATENCY,
+        gains=np.ones(7),
+        bound=0.05,
+        root=np.zeros((0, 7)),
+    )
+    found = prediction._missed(given, None, np.ones((3, 7)), FINE)
+    duration, expected = LATENCY / prediction.PARTS, 0.0
+    for k in range(prediction.PARTS):
+        begin, end = ends[0] - (k + 1) * duration, ends[1] - k * duration
+        met = np.flatnonzero((times[1:] > begin + 1e-9) & (times[:-1] < end - 1e-9))
+        worst = times[1:][met[-1]] if is_late else 1.0 - times[:-1][met[0]]
+        expected += duration * worst
+    room = duration * np.diff(times).max() * prediction.PARTS  # Where intervals meet.
+    for column, push in ((0, 0.02), (1, 1.0)):
+        assert np.all(found[:, column] >= expected * push)
+        assert np.all(found[:, column] <= (expected + room) * push * (1.0 + 1e-9))
+
+
+@pytest.mark.parametrize("size", [0.1, 5.0, 20.0])
+def test_what_is_apart_is_that_of_all_terms_of_its_series(size):
+    """Of one state that grows at a rate: (exp(rate t) - 1) / rate."""
+    found = prediction._apart(np.array([[size / LATENCY, 3.0]]), LATENCY)
+    expected = 3.0 * np.expm1(size) / (size / LATENCY)
+    assert expected <= found[0, 0] <= expected * (1.0 + 1e-3)
+
+
+def room_to_stops(piece):
+    """How far the sets of two times keep away from the nearer stop [rad]."""
+    interval, lefts = make_interval(piece), []
+    for a, b in interval.limits:
+        for share in (0, 1):
+            given = (v.at(Fraction(share)).to_float() for v in (a, b, interval.S))
+            along, bound, S = given
+            lefts.append(bound - np.sqrt(along @ np.linalg.solve(S, along)))
+    return float(np.min(lefts))
+
+
+@pytest.mark.parametrize("what", ["elevator", "command"])
+def test_a_prediction_keeps_away_from_the_stops_too(rest, slopes, what):
+    """By how far its elevator may be off, and its command."""
+    part, near = rest.between(20, 21), np.zeros(7)
+    settings = dataclasses.replace(part.settings, command_error=0.0)
+    part = dataclasses.replace(part, settings=settings)
+    room = room_to_stops(part)
+    for share, kept in ((0.98, True), (1.02, False)):
+        if what == "elevator":
+            near[ELEVATOR] = share * room
+        else:
+            error = share * room / STOPPING_TIME
+            settings = dataclasses.replace(part.settings, command_error=error)
+            part = dataclasses.replace(part, settings=settings)
+        lacks = NearSets(slopes, part, near)._lacks
+        assert np.all(np.isfinite(lacks)) == kept
+
+
 def test_the_choice_leaves_less_than_its_room(launch, rest, slopes, monkeypatch):
     """Where rows of the root miss 0.001 each and 0.01 a rad/s, √7 of each do in all."""
     own = first_predictions(launch, [rest], LATENCY)[0]
@@ -277,8 +361,11 @@ def test_a_latency_is_proven_of_what_is_proven_as_a_whole(
     monkeypatch.setattr(flight_proof.FlightProof, "is_whole", True)
     assert main(asked) == code
     said = " ".join(capsys.readouterr().out.split())
-    words = "Proven: commands may be computed 10 ms before they act"
-    assert (words in said) == (code == 0)
+    words = (
+        "Proven: commands may be computed 10 ms before they act",
+        "The first command is computed from the state in which it acts.",
+    )
+    assert [w in said for w in words] == 2 * [code == 0]
     assert ("leaves 0.004 rad/s of the funnel's command error" in said) == (code == 1)
     assert main([*asked, "--json"]) == code
     assert json.loads(capsys.readouterr().out)["latency"]["holds"] == (code == 0)

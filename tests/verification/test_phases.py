@@ -31,6 +31,7 @@ from glider.verification.sos.sphere import normalized
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, fly_loop
 from glider.verification.trials.falsify import ESCAPE_LEVEL, boundary_states
+from tests.verification.forging import HELD, forge
 from tests.verification.test_gliders import allowed_by, among
 
 FOLDER = models_path("funnels", "any_phase")
@@ -280,17 +281,27 @@ def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
     assert quick("--prove", "--json", *bounds) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["latency"]["holds"] and report["latency"]["error_left"] == 0.006
+    assert report["latency"]["first_command_is_predicted"]
+    assert report["loop"]["commands"] == "none"
     report = report["any_phase"]
+    loop = report["loop"]
+    assert (loop["commands"], loop["state"], loop["jitter_s"]) == ("held", "true", 0.0)
+    assert (loop["period_s"], loop["set_level"]) == (0.02, 0.95)
+    assert loop["latency_s"] == pytest.approx(0.01)
+    assert loop["command_error_rad_s"] == 0.006
     assert report["proven"] and report["wind_m_s"] == 0.02
     assert report["command_error_rad_s"] == 0.006
     assert quick("--prove", *bounds) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "Proven for a clock of any phase, with a latency of 10 ms" in said
+    assert "Proven for a clock of any phase, with a latency of exactly 10 ms" in said
+    assert "by a predictor of the model's glider that knows every command sent" in said
+    assert "The first command is computed from the state in which" not in said
+    assert "loop without an estimator" in said and "by a clock without jitter" in said
     assert "with a command error of at most 0.006 rad/s" in said
     assert "Proven: commands may be computed 10 ms before they act" in said
-    assert "every flight of every glider of their set that starts in" in said
+    assert "every flight of every glider of their 95 % set that starts in" in said
     assert "in one of the others, each about its own center, and ends" in said
-    assert "What it misses of any glider of the set in the wind is" in said
+    assert "What the predictor misses of any glider of the set in the wind" in said
     for command_error, error_left in (("0.007", 0.006), ("0", -0.001)):
         asked = ("--prove", *bounds, "--command-error", command_error)
         assert quick(*asked, error_left=error_left) == 1
@@ -335,6 +346,14 @@ def test_centers_of_a_set_take_their_part_of_the_inlet(launch, rests, shape):
             assert worst <= LEVEL if holds else worst > LEVEL or shape == "box"
 
 
+def test_phases_of_a_set_of_nothing_are_refused(quick, tmp_path, capsys):
+    forge(FOLDER / "launch.npz", tmp_path / "launch.npz", HELD["a set of nothing"][0])
+    model = str(models_path("identified", "head_wind.yaml"))
+    assert quick("--model", model, launch=tmp_path / "launch.npz") == 1
+    said = capsys.readouterr().out
+    assert "ellipsoid of nothing, is smaller than the model's, the 95 % " in said
+
+
 def test_phases_have_one_set_of_gliders(launch, rests):
     sets = [among(own, allowed_by()) for own in (scaled(launch, 0.9), *rests)]
     assert phase_faults(sets[0], sets[1:]) == []
@@ -349,7 +368,7 @@ def test_gliders_of_phases_are_flown_by_the_clock_only(quick, capsys, monkeypatc
     assert quick(*asked) == 2
     said = " ".join(capsys.readouterr().err.split())
     assert "of these funnels are held: expected --as-flown, too." in said
-    asked += "--as-flown", "--predict", "--flights", "20"
+    asked += "--as-flown", "--flights", "20"
     assert quick(*asked, "--json") == 0
     report = json.loads(capsys.readouterr().out)
     assert "gliders" not in report and "wind.x" in report["as_flown"]["gliders"]

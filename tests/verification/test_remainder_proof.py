@@ -16,6 +16,7 @@ from glider.verification.dynamics.nominal import (
     table_of,
 )
 from glider.verification.proof import interval_proof
+from glider.verification.proof.boxes import run_on_boxes
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval, tight_cover
 from glider.verification.proof.interval_proof import (
@@ -115,6 +116,26 @@ def test_no_remainder_on_a_box_is_larger_than_its_bound(pieces, k, size, change)
         assert np.median((bounds / largest)[some]) < (2.0 if change is focused else 1.6)
 
 
+def test_bounds_are_no_larger_than_those_of_the_file(pieces):
+    """Also in the middle of the time, where both of their factors change much."""
+    piece = focused(pieces[EARLY])
+    factor = np.array([1.0, 3.0])[:, None, None]
+    piece = dataclasses.replace(
+        piece, beta=piece.beta * [[0.3], [1.0]], focus=piece.focus * factor
+    )
+    remainder, rows = remainder_on(piece), nonlinear_parts(piece.nominal.model)[1]
+    m, s = len(remainder.basis), np.tile(np.linspace(-1.0, 1.0, 5), 600)
+    w = ball(m, len(s))
+    found = monomials(m + 1, 3).values(np.vstack([w, s]).T) @ remainder.limits.T
+    shares = 0.5 * np.array([1.0 - s, 1.0 + s])
+    e = np.zeros((7, len(s)))
+    e[2:] = (remainder.basis @ w)[:-1]  # The last is the command.
+    bent = np.einsum("ib,tij,jb->tb", e, piece.focus, e)
+    allowed = (shares.T @ piece.beta[:, rows]).T * (1.0 + np.sum(shares * bent, axis=0))
+    assert np.all(allowed >= found.T)
+    assert np.median(found.T / allowed) > 0.5
+
+
 def test_a_bound_that_is_not_positive_proves_nothing(pieces):
     """Where 1 + eᵀ F e is negative, V̇ would seem to fall, and |R / β| may be small."""
     piece = focused(pieces[LATE], size=-1.0)
@@ -150,6 +171,24 @@ def test_what_the_polynomials_lack_is_part_of_it(pieces):
     assert np.all(lacking.bounds(*box)[0] > before + 0.9)
     lacking = dataclasses.replace(remainder, beyond=np.full(8, 0.1))
     assert np.all(lacking.bounds(*box)[0] > before + 0.5)
+
+
+@pytest.mark.parametrize(("terms", "factor"), [(100, 1.0), (900, 3.0)])
+def test_the_rounding_of_a_long_sum_is_counted(terms, factor):
+    """As many variables as a set of six numbers has, with a wind and an error."""
+
+    class Program:
+        def run(self, found, lost):
+            return found, lost
+
+    table = monomials(16, 3)
+    polynomials = np.zeros((1, len(table.degrees)))
+    polynomials[:, :terms] = 1.0
+    center, half = np.full((16, 1), 0.5), np.full((16, 1), 0.25)
+    found, lost = run_on_boxes(Program(), table, polynomials, np.zeros(1), center, half)
+    largest = np.sum(0.75 ** table.degrees[:terms])
+    assert found.sum() == pytest.approx(largest)
+    assert lost[0, 0] == pytest.approx(factor * ROUNDING * largest)
 
 
 def top_in_balls(coefficients, remainder, center, half, exponents, balls):
@@ -311,6 +350,19 @@ def test_an_interval_may_be_proven_in_halves(pieces):
     )
     assert first.proven and second.proven
     assert max(first.ratio, second.ratio) == pytest.approx(whole.ratio, rel=0.1)
+
+
+@pytest.mark.parametrize("failing", [(-1.0, 0.0), (0.0, 1.0), None])
+def test_each_half_has_to_be_bounded(pieces, failing, monkeypatch):
+    def bound(remainder, budget):
+        fails = remainder.span in ((-1.0, 1.0), failing)
+        return IntervalProof(fault="stubborn" if fails else "", boxes=7)
+
+    monkeypatch.setattr(interval_proof, "bound_remainder", bound)
+    given = pieces[EARLY], make_interval(pieces[EARLY])
+    proof = prove_remainder(*given, halvings=1)
+    assert proof.proven == (failing is None)
+    assert proof.boxes == (14 if failing == (-1.0, 0.0) else 21)
 
 
 def test_a_ball_that_takes_too_many_boxes_leaves_some_for_its_halves(

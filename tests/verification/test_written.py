@@ -15,6 +15,8 @@ from glider.__main__ import main
 from glider.errors import InputError
 from glider.paths import PACKAGE, models_path
 from glider.physics.effects import KINDS, Effect
+from glider.physics.servo import STOPPING_TIME
+from glider.physics.state import ELEVATOR
 from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.funnel.funnel import save_funnel
@@ -171,6 +173,56 @@ def remainder(verifier, lines):
     span, ball = list(verifier.tile(given["balls"], "balls"))[-1]
     basis = verifier.array(ball["basis"], (6, 6))
     return verifier.Remainder(verifier.Interval(knots, 0, P), glider, span, basis)
+
+
+def interval_of(verifier, lines, **changes):
+    """The polynomials of a proof of one interval, with some values at its ends."""
+    knots = {
+        name: verifier.array(lines[1][name], (2, *shape))
+        for name, shape in verifier.KNOTS.items()
+    }
+    own = {
+        name: verifier.array([float(v) for v in values], (2,))
+        for name, values in changes.items()
+    }
+    return verifier.Interval(knots | own, 0, ([], []))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("limit", ["rate", "stop"])
+def test_each_limit_of_the_servo_counts_alone(verifier, lines, piece, limit, sign):
+    """Where others are far: what the sets need."""
+    inputs, along = np.full(2, 2.0 * sign), piece.nominal.gains
+    middle, far = inputs, 1000
+    if limit == "stop":
+        along = np.eye(7)[ELEVATOR] - STOPPING_TIME * along
+        middle = piece.nominal.states[:, ELEVATOR] + STOPPING_TIME * inputs
+    reach = np.sqrt(np.einsum("ti,tij,tj->t", along, np.linalg.inv(piece.S), along))
+    needed = float(np.max(sign * middle + reach))
+    glider = verifier.Glider(lines[0])
+    interval = interval_of(verifier, lines, inputs=inputs)
+    for room, kept in ((0.01, True), (-0.01, False)):
+        glider.rate, glider.low, glider.high = far, -far, far
+        name = "rate" if limit == "rate" else ("high" if sign > 0 else "low")
+        bound = verifier.rational(needed + room * float(reach.max()))
+        setattr(glider, name, -bound if name == "low" else bound)
+        if kept:
+            interval.check_sets(glider)
+        else:
+            with pytest.raises(verifier.Fault, match="would meet its limits"):
+                interval.check_sets(glider)
+
+
+def test_a_defect_needs_its_slack(verifier, lines, piece):
+    """Of a command that the elevator does not follow: 2 |d| √S."""
+    off = 0.1
+    interval = interval_of(verifier, lines, inputs=piece.nominal.inputs + off)
+    most, least = (of(piece.S[:, ELEVATOR, ELEVATOR]) for of in (np.max, np.min))
+    interval.check_slack(verifier.rational(1.01 * 2.0 * off * float(np.sqrt(most))))
+    with pytest.raises(verifier.Fault, match="defect exceeds the slack"):
+        interval.check_slack(
+            verifier.rational(0.99 * 2.0 * off * float(np.sqrt(least)))
+        )
 
 
 @pytest.mark.parametrize("half", [0.5, 0.125, 0.03125])

@@ -126,6 +126,7 @@ def load_funnel(path: Path | str) -> Funnel:
     return funnel_of(path, *read_file(path))
 
 
+@np.errstate(all="ignore")  # Numbers that overflow are for `check_funnel` to refuse.
 def funnel_of(
     path: Path | str, notes: Notes, arrays: dict[str, np.ndarray], sha256: str
 ) -> Funnel:

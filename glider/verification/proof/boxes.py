@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from glider.compiled.boxes import shift, top_in_balls
-from glider.compiled.taylor import ROUNDING, WIDER
+from glider.compiled.taylor import ROUNDING, TERMS, WIDER
 from glider.verification.dynamics.jets import Monomials
 
 SLOPE_BLAME = 0.2
@@ -27,7 +27,9 @@ def run_on_boxes(program, table, polynomials, lacks, center, half):
     centers, halves, both = (table.values(of.T).T.copy() for of in points)
     products = table.left, table.right, *_binomials(table)
     found = shift(polynomials, centers, halves, *products)
-    left = ROUNDING * WIDER * (np.abs(polynomials) @ both)
+    terms = np.count_nonzero(polynomials, axis=1, keepdims=True)
+    rounding = ROUNDING * np.maximum(1.0, terms / TERMS)
+    left = rounding * WIDER * (np.abs(polynomials) @ both)
     return program.run(found, (left + lacks[:, None]) * WIDER)
 
 

@@ -60,6 +60,9 @@ class Verdict:
     remainder_seen: float
     between: float  #: Largest V̇/V found between them; infinite after a fault [1/s].
     seed: int  #: Seed of the points where the ascents start.
+    #: Level of the model's set of gliders that the funnel's contains; None where there
+    #: is no set, or none to compare it with.
+    set_level: float | None = None
 
     @property
     def holds(self) -> bool:
@@ -73,6 +76,7 @@ class Verdict:
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
+@np.errstate(all="ignore")  # What is infinite or NaN holds nothing.
 def check_funnel(
     funnel: Funnel,
     every: int = 1,
@@ -82,6 +86,7 @@ def check_funnel(
     from_launch: bool = True,
     model: GliderModel | None = None,
     covariance: Covariance | None = None,
+    least_level: float | None = None,
     hook: bool = False,
     least_inlet: Mapping[str, float] | None = None,
     least_pushes: tuple[float, float] = (0.0, 0.0),
@@ -97,8 +102,10 @@ def check_funnel(
         problem: the problem that it must be a funnel of; any if None.
         from_launch: whether it must start at that problem's launch.
         model: the glider that it must be a funnel of; any if None.
-        covariance: of that glider, whose set of the same level the funnel's set of
-            gliders, if it is of one, must contain; any if None.
+        covariance: of that glider, whose set of the same level, and of at least 95 %,
+            the funnel's set of gliders, if it has one, must contain; any if None.
+        least_level: with a covariance, the level instead of 95 %; then a funnel of one
+            glider is refused.
         hook: whether the problem's hook must accept every state of the last set.
         least_inlet: least half-widths of the inlet, of states that deviate alone.
         least_pushes: command error [rad/s] and wind [m/s] that it must account for.
@@ -113,7 +120,7 @@ def check_funnel(
     seed = secrets.randbits(32) if seed is None else seed
     faults = purpose.model_faults(funnel, model) if model else []
     if covariance and not faults:
-        faults = purpose.set_faults(funnel, covariance)
+        faults = purpose.set_faults(funnel, covariance, least_level)
     faults += purpose.inlet_faults(funnel, least_inlet or {})
     faults += purpose.push_faults(funnel, least_pushes, period)
     faults += purpose.feedback_faults(funnel, feedback_of) if feedback_of else []
@@ -137,6 +144,7 @@ def check_funnel(
         remainder_seen=seen,
         between=between,
         seed=seed,
+        set_level=covariance and purpose.compared_level(funnel, least_level),
     )
 
 

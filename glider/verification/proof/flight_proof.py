@@ -35,7 +35,7 @@ from glider.verification.proof.interval_proof import (
 
 _FORMAT = "drake-glider funnel proof 2"
 
-_CHECKER = ("verification", "physics", "compiled", "files")
+_CHECKER = ("verification", "physics", "compiled", "control", "files")
 """Packages whose sources a proof depends on."""
 
 

@@ -72,10 +72,18 @@ def held_faults(funnel: Funnel, progress: Shares = silent) -> list[str]:
         rests = np.array([before, error]) + apart
         pairs = (funnel.rests[ends], rests), (funnel.errors[ends], rests + known)
         for allowed, found in pairs:
+            # The worse end is the one to name; what is not bounded is infinite.
+            worst = int(np.argmax(found - allowed))
+            when = f"at {times[ends[worst]]:.4f} s"
+            if not np.all(np.isfinite(found)):
+                return [
+                    f"The error of the held command is not bounded {when}: a weight is "
+                    "zero, its numbers are too large, or its sets too flat."
+                ]
             if not np.all(found <= allowed):
                 return [
-                    f"The held command may be {found[1]:.3g} rad/s off the feedback at "
-                    f"{times[k + 1]:.4f} s; the funnel allows {allowed[1]:.3g} rad/s."
+                    f"The held command may be {found[worst]:.3g} rad/s off the "
+                    f"feedback {when}; the funnel allows {allowed[worst]:.3g} rad/s."
                 ]
     return []
 
@@ -97,6 +105,14 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
 
     Both are infinite where nothing is proven. The third (2,) is of |eᵀ M e|.
     """
+    try:
+        return _bounded_after(piece, before)
+    except (np.linalg.LinAlgError, OverflowError, ValueError):
+        return np.inf, np.inf, np.zeros(2)
+
+
+def _bounded_after(piece, before):
+    """Returns the same; raises ValueError and others where numbers do not allow it."""
     nominal, n, interval = piece.nominal, piece.num_states, make_interval(piece)
     whole = exact(np.eye(n))
     states = dataclasses.replace(interval, outputs=whole, which=list(range(n)))

@@ -78,6 +78,7 @@ class IntervalProof:
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
+@np.errstate(all="ignore")  # What is infinite or NaN proves nothing.
 def prove_interval(piece: Funnel, budget: int = BUDGET) -> IntervalProof:
     """Tries to prove that no flight leaves a funnel of two times between them.
 
@@ -157,6 +158,7 @@ class Candidate:
     growth: float  #: V̇/V of the full dynamics there [1/s].
 
 
+@np.errstate(all="ignore")
 def worst_candidate(piece: Funnel) -> Candidate:
     """Returns the worst state and time that were found on the boundary."""
     n, shares = piece.num_states, np.linspace(0.0, 1.0, TIMES)

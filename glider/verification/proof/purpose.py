@@ -12,7 +12,12 @@ import numpy as np
 
 from glider.errors import expect, show
 from glider.files.schema import parse_yaml
-from glider.physics.confidence import describe_set, make_confidence
+from glider.physics.confidence import (
+    LEVEL,
+    describe_level,
+    describe_set,
+    make_confidence,
+)
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
 from glider.physics.state import PITCH, POSITION, VELOCITY
@@ -55,9 +60,16 @@ def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
     )
 
 
+@np.errstate(all="ignore")
 def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
-    """Returns how far each state may deviate at a time, alone and with others [SI]."""
-    extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
+    """Returns how far each state may deviate at a time, alone and with others [SI].
+
+    It is infinite or NaN where the set is no ellipsoid.
+    """
+    try:
+        extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
+    except np.linalg.LinAlgError:
+        extents = np.full(funnel.num_states, np.inf)
     found = {"half_widths": funnel.half_widths(time), "extents": extents}
     names = funnel.nominal.model.state_names
     return {k: dict(zip(names, v.tolist(), strict=True)) for k, v in found.items()}
@@ -86,16 +98,30 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     return [f"{words} expected {expected}."]
 
 
-def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
-    """Returns why a funnel's set of gliders is not the one of a model's covariance.
+def compared_level(funnel: Funnel, least: float | None = None) -> float | None:
+    """Returns the level of a model's set that a funnel's set has to contain.
 
-    It has to contain the model's set of the same level and shape. A funnel of one
-    glider states no set.
+    It is the file's own, or a least one where that is less: a file may state any. None
+    for a funnel of one glider, which states no set.
     """
     if funnel.gliders is None:
-        return []
+        return None
+    return max(funnel.gliders.confidence.level, LEVEL if least is None else least)
+
+
+def set_faults(
+    funnel: Funnel, covariance: Covariance, least: float | None = None
+) -> list[str]:
+    """Returns why a funnel's set does not contain that of a model's covariance.
+
+    The model's is of the same shape and of the `compared_level`.
+    """
+    level = compared_level(funnel, least)
+    if level is None:
+        words = "The funnel is of one glider; expected a set that contains the model's"
+        return [f"{words} {describe_level(least)} set."] if least else []
     own, model = funnel.gliders.confidence, funnel.nominal.model
-    given = make_confidence(model, covariance, own.level, own.shape)
+    given = make_confidence(model, covariance, level, own.shape)
     words = f"The funnel's set of gliders, the {describe_set(own)}, is smaller than"
     fault = f"{words} the model's, the {describe_set(given)}."
     return unmet((own.covers(given), fault))
