@@ -16,7 +16,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from diagrams import closed_loop, program, simulate_flights
+from diagrams import closed_loop, simulate_flights
 from glider import (
     GliderModel,
     PerchingProblem,
@@ -27,7 +27,7 @@ from glider import (
     tracking_regulator,
 )
 
-truth = program.load_truth("head_wind")
+truth = GliderModel.load("head_wind")
 nominal = GliderModel(parameters=truth.parameters)
 problem = PerchingProblem()
 print("the true glider:", {e.kind.kind: e.to_dict() for e in truth.effects})

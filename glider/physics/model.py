@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.files.writing import write_text
+from glider.paths import shipped_path
 from glider.physics.compose import compose, initial_extra, ordered
 from glider.physics.covariance import Covariance, check_names
 from glider.physics.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
@@ -206,11 +207,10 @@ class GliderModel:
         A vehicle's file is a model without effects.
 
         Args:
-            path: of the file.
+            path: of the file, or the name of one in models/truths.
             own_effects: custom kinds that the file may name.
         """
-        text = schema.read_text(path, "a glider model")
-        return parse_model(text, str(path), own_effects)[0]
+        return _load(path, own_effects)[0]
 
     def save(
         self,
@@ -274,8 +274,15 @@ def load_covariance(
     path: Path | str, own_effects: Sequence[EffectKind] = ()
 ) -> Covariance | None:
     """Loads the covariance in a model's file, or None; see `GliderModel.load`."""
+    return _load(path, own_effects)[1]
+
+
+def _load(
+    path: Path | str, own_effects: Sequence[EffectKind]
+) -> tuple[GliderModel, Covariance | None]:
+    path = shipped_path(path, "truths")
     text = schema.read_text(path, "a glider model")
-    return parse_model(text, str(path), own_effects)[1]
+    return parse_model(text, str(path), own_effects)
 
 
 def parse_model(
@@ -324,6 +331,6 @@ def as_model(model: GliderModel | Path | str) -> GliderModel:
     if not isinstance(model, GliderModel):
         raise InputError(
             f"a glider model: found {type(model).__name__}; expected a GliderModel or "
-            "the path of its file."
+            "the path of its file, or the name of one in models/truths."
         )
     return model

@@ -9,7 +9,7 @@ import numpy as np
 
 from glider.errors import expect, show
 from glider.files import schema
-from glider.paths import models_path
+from glider.paths import shipped_path
 from glider.physics.parameters import is_number
 from glider.physics.state import NUM_STATES, PITCH, POSITION, STATE_NAMES, VELOCITY
 
@@ -128,9 +128,9 @@ class PerchingProblem:
         Args:
             path: of the file, or the name of one in models/problems.
         """
-        if not Path(path).suffix:
-            path = models_path("problems", f"{path}.yaml")
-        return schema.load_yaml(cls, path, "a perching problem")
+        return schema.load_yaml(
+            cls, shipped_path(path, "problems"), "a perching problem"
+        )
 
 
 _STATES = ("launch", "goal", "goal_weights")

@@ -14,7 +14,6 @@ import argparse
 
 import numpy as np
 
-from diagrams.program import load_truth
 from examples.replan import COMMAND_RATE, CONTROLLERS, corrected_model, race
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
@@ -50,7 +49,7 @@ def main(
     print("| truth | model | " + " | ".join(columns) + " |")
     print("|---|---|" + "---|" * len(columns))
     for name in truths:
-        truth = load_truth(name)
+        truth = GliderModel.load(name)
         corrected = corrected_model(truth, FLIGHTS, np.random.default_rng(0))
         models = {"corrected": corrected}
         if not estimated:

@@ -12,7 +12,6 @@ from diagrams.playback import Track
 from diagrams.program import (
     add_launches,
     check_files,
-    load_truth,
     make_parser,
     read_options,
     run,
@@ -25,6 +24,7 @@ from diagrams.program import (
 )
 from glider.errors import InputError
 from glider.paths import models_path
+from glider.physics.model import GliderModel
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Attempt
 
@@ -227,10 +227,10 @@ def test_every_shipped_truth_is_a_model_with_one_effect_or_a_field():
     names = [path.stem for path in models_path("truths").glob("*.yaml")]
     assert len(names) >= 6
     for name in names:
-        truth = load_truth(name)
+        truth = GliderModel.load(name)
         assert (len(truth.effects) == 1) != (truth.field is not None)
 
 
 def test_an_unknown_truth_is_refused_with_the_known_ones():
     with pytest.raises(InputError, match=r"'tail_wind'.*head_wind"):
-        load_truth("tail_wind")
+        GliderModel.load("tail_wind")

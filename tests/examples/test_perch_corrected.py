@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagrams.program import load_truth
 from examples import perch_corrected
 from examples.perch_corrected import Correction, Rehearsal, name_effects, rehearse
 from glider.physics.effects import PITCH_DAMPING, WIND
@@ -20,7 +19,7 @@ LAUNCHES = 6
 
 @pytest.fixture(scope="module")
 def flown():
-    return perch_corrected.fly(load_truth("head_wind"), launches=LAUNCHES, seed=3)
+    return perch_corrected.fly(GliderModel.load("head_wind"), launches=LAUNCHES, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +48,7 @@ def test_the_result_is_reported(output, flown):
     assert "planned corrected: 6 of 6 launches perch" in output.words
     truth, *asked = output.asked.call_args.args[:3]
     assert asked == [LAUNCHES, 3]
-    assert truth == load_truth("head_wind")
+    assert truth == GliderModel.load("head_wind")
 
 
 @pytest.mark.slow
@@ -93,14 +92,14 @@ def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
 def test_what_is_true_is_reported(tmp_path, truth, expected):
     """Of files with several effects or none."""
     truth.save(tmp_path / "truth.yaml")
-    assert name_effects(load_truth(str(tmp_path / "truth.yaml"))) == expected
+    assert name_effects(GliderModel.load(str(tmp_path / "truth.yaml"))) == expected
 
 
 def test_a_correction_tells_its_truth_and_its_effects():
     """Nothing is flown here."""
     flown = Rehearsal(plan=None, flights=Perches([]))
     found = SimpleNamespace(effects=(SimpleNamespace(kind="wind"),))
-    truth = load_truth("head_wind")
+    truth = GliderModel.load("head_wind")
     correction = Correction(truth=truth, before=flown, found=found, after=flown)
     none = Perches([]).key_figures()
     assert none["perched"] == 0
