@@ -20,6 +20,7 @@ import json
 import math
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -31,7 +32,13 @@ from rich.console import Console
 
 from diagrams.page import serve_page, write_html
 from diagrams.playback import Track, legend_of, play, stage_of
-from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
+from glider.errors import (
+    INTERRUPTED,
+    INTERRUPTED_CODE,
+    InputError,
+    os_error_line,
+    warning_line,
+)
 from glider.files.writing import write_text
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError
@@ -307,6 +314,7 @@ def show(
 
 def run(main: Callable[[], None]) -> int:
     """Runs a program and returns its exit code; a user's fault is one sentence."""
+    warnings.formatwarning = warning_line
     try:
         main()
     except (InputError, PlanningError) as error:

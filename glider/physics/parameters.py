@@ -2,12 +2,13 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from glider.errors import InputError, expect
+from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.physics.effects.field import Field
 from glider.physics.servo import Servo
@@ -97,6 +98,15 @@ class GliderParameters:
         return Servo(low, high, float(self.elevator_rate_limit))
 
 
+MAX_ANGLE = 2 * math.pi
+"""Largest angle [rad]; more are degrees."""
+
+LEAST_GYRATION = 1 / 20
+"""Least radius of gyration √(I/m) over the distance of the elevator's hinge.
+
+Tail and boom alone, 1/400 of the mass at the hinge, have it. Of gliders it is about a
+half; a mass in grams divides it by 32, so that such a glider is below."""
+
 POSITIVE = {"mass", "pitch_inertia", "wing_area", "elevator_area", "air_density"}
 POSITIVE |= {"elevator_rate_limit", "hinge_offset"}  # The tail is behind.
 
@@ -111,10 +121,33 @@ def check_parameters(values: dict) -> None:
             pair = isinstance(value, (list, tuple)) and len(value) == 2
             rises = pair and all(map(is_number, value)) and value[0] < value[1]
             expect(rises, what, value, "[lower, upper] in radians with lower < upper")
+            small = max(map(abs, value)) <= MAX_ANGLE
+            expect(small, what, value, "radians (this looks like degrees)")
             continue
         expect(is_number(value), what, value, "a finite number")
         expect(name not in POSITIVE or value > 0, what, value, "a positive number")
         expect(name != "gravity" or value >= 0, what, value, "a number not negative")
+
+
+def check_units(values: Mapping[str, Any]) -> None:
+    """Raises InputError where mass, pitch inertia and tail cannot be of one glider.
+
+    Only where all three are given: defaults belong to another glider than a mass that
+    is given alone.
+    """
+    if not {"mass", "pitch_inertia", "hinge_offset"} <= values.keys():
+        return
+    mass, inertia, arm = (
+        values[name] for name in ("mass", "pitch_inertia", "hinge_offset")
+    )
+    found = f"{math.sqrt(inertia / mass):.2g}"
+    if float(found) < LEAST_GYRATION * arm:
+        raise InputError(
+            f"fields 'mass' and 'pitch_inertia' are {show(mass)} kg and "
+            f"{show(inertia)} kg m²: a radius of gyration of {found} m; expected at "
+            f"least {LEAST_GYRATION:.2g} of 'hinge_offset', {show(arm)} m (is the mass "
+            "in grams?)."
+        )
 
 
 def is_number(value: object) -> bool:
@@ -125,5 +158,8 @@ def is_number(value: object) -> bool:
 
 
 def load_parameters(path: Path | str) -> GliderParameters:
-    """Loads a vehicle; a misspelt field or a value out of range is an InputError."""
+    """Loads a vehicle; a misspelt field or a value out of range is an InputError.
+
+    A file gives only what differs from the article's glider.
+    """
     return schema.load_yaml(GliderParameters, path, "a vehicle")
