@@ -81,12 +81,12 @@ TABLES = {
         columns=("campaign", "verdict", "nominal", "corrected", "limit", "effects"),
         rows=sample_names(),
         measure=sample_row,
-        inputs=tuple(f"campaigns/{name}.zip" for name in sample_names()),
+        inputs=("campaigns/{row}.zip",),
     ),
     "perches": Table(
         columns=("truth", "found", "perch before", "miss", "perch after", "miss"),
         rows=_PERCHES,
         measure=perch_row,
-        inputs=tuple(f"truths/{name}.yaml" for name in _PERCHES),
+        inputs=("truths/{row}.yaml",),
     ),
 }
