@@ -90,11 +90,12 @@ class Table:
 
 def measure(table: Table, name: str) -> Row:
     """Measures a row."""
+    code = table.code  # Of the files as they are now, when they are imported.
     cells = table.measure(name)
     ours, drake = (importlib.metadata.version(p) for p in ("drake-glider", "drake"))
     return Row(
         cells=cells,
-        code=table.code,
+        code=code,
         inputs=hashes(table, name),
         version=f"{ours}, Drake {drake}, Python {platform.python_version()}",
         date=datetime.date.today().isoformat(),
