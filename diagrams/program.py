@@ -17,6 +17,7 @@ if __name__ == "__main__":
 import argparse
 import contextlib
 import json
+import logging
 import math
 import os
 import sys
@@ -260,7 +261,15 @@ def plot_perches(
 
 def start_meshcat(args: argparse.Namespace) -> Meshcat | None:
     """Returns a Meshcat; None if it is not viewed (headless and no --html)."""
-    return None if args.headless and not args.html else Meshcat()
+    if args.headless and not args.html:
+        return None
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.WARNING)  # It names a page without legend and clock.
+    try:
+        return Meshcat()
+    finally:
+        log.setLevel(level)
 
 
 def finish(

@@ -79,6 +79,7 @@ print(found.verdict, "-", found.reason)
 for effect in found.effects:
     for name, c in effect.coefficients.items():
         print(f"{effect.kind}.{name} = {c.value:.3f} ± {c.std:.1g} {c.unit}")
+assert found.verdict == "effect_found"
 assert [effect.kind for effect in found.effects] == ["wind"]
 
 # %% [markdown]

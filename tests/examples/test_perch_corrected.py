@@ -37,6 +37,14 @@ def test_the_corrected_model_perches_where_the_nominal_one_misses(flown):
     assert max(flown.after.flights.misses) < 0.05 < min(flown.before.flights.misses)
 
 
+@pytest.mark.nightly
+def test_of_a_hundred_launches_the_wind_is_found_and_nothing_else():
+    """As README.md and the tables of the docs run it."""
+    flown = perch_corrected.fly(GliderModel.load("head_wind"), launches=100, seed=0)
+    assert flown.found.verdict == "effect_found"
+    assert [effect.kind for effect in flown.found.effects] == ["wind"]
+
+
 @pytest.mark.slow
 def test_the_result_is_reported(output, flown):
     figures = output.figures
