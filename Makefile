@@ -100,7 +100,8 @@ $(RUNS) $(READY): pyproject.toml
 			"$(if $(PYTHON),but $(PYTHON) will not do,found none)" \
 			"here: install it (on Debian and Ubuntu python3-venv too)" \
 			"or name one with make PYTHON=/path/to/python." >&2; exit 1; }
-	@echo "Setting up $(VENV) (about a minute the first time) ..."
+	@echo "Setting up $(VENV): Drake and the other requirements of pyproject.toml are" \
+		"downloaded and installed (a minute or more the first time, and silent) ..."
 	@test "$$($(BIN)/python -V 2>&1)" = "$$($(PYTHON) -V 2>&1)" \
 		&& $(BIN)/python -m pip --version >/dev/null 2>&1 \
 		|| $(PYTHON) -m venv --clear $(VENV)
