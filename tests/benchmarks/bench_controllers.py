@@ -1,4 +1,4 @@
-"""TVLQR, MPPI and planning anew by collocation over the seven truths: README's table.
+"""TVLQR, MPPI and planning again by collocation over the seven truths: README's table.
 
     python -m tests.benchmarks.bench_controllers [--estimated] [LAUNCHES] [TRUTH ...]
 
@@ -77,7 +77,7 @@ def main(
             print(f"| `{name}` | {label} | " + " | ".join(row) + " |", flush=True)
     everything = np.concatenate(seconds)
     print(
-        f"{len(everything)} plans anew, {failures} failed: {latency(everything)}; "
+        f"{len(everything)} plans again, {failures} failed: {latency(everything)}; "
         f"99th percentile {1e3 * np.percentile(everything, 99):.1f} ms"
     )
 

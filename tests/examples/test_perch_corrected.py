@@ -1,4 +1,4 @@
-"""What closing the loop buys: an effect that the model lacks, before and after."""
+"""Closing the loop on an effect that the model lacks: perches before and after."""
 
 from types import SimpleNamespace
 

@@ -68,7 +68,7 @@ def test_the_same_seed_proposes_the_same(late, monkeypatch):
 
 
 def test_proposed_throws_are_safe_where_the_launch_is_missed(late, proposal):
-    """Flown by the plate alone from launches as fast and as slow as is told."""
+    """Flown by the plate alone from launches as fast and as slow as given."""
     limits = proposal.place.limits
     for throw in proposal.throws:
         period = throw.times[1]

@@ -502,7 +502,7 @@ def test_summary_has_the_errors_of_each_model():
     row = next(line for line in text.splitlines() if "position, RMS" in line)
     assert " ".join(row.split()) == ("position, RMS [mm] 413 206 0.413 0.566 1,000×")
     assert "x = -0.600 ± 0.003 m/s" in text
-    assert "as drawn" not in summary(VARIANTS["unknown vehicle"])
+    assert "nominal" not in summary(VARIANTS["unknown vehicle"])
 
 
 @pytest.mark.parametrize(

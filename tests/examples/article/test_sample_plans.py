@@ -1,4 +1,4 @@
-"""Sampled plans: what searches find, and what planning anew is worth in flight."""
+"""Sampled plans: what searches find, and what planning again is worth in flight."""
 
 import numpy as np
 import pytest
