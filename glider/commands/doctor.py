@@ -71,6 +71,11 @@ def check_libraries() -> Iterator[Finding]:
         yield Finding(_PACKAGE, f"not installed; run from {here}", advice, True)
         return
     yield Finding(_PACKAGE, f"{version}, {here}")
+    homes = importlib.metadata.packages_distributions()
+    owners = {*homes.get("glider", []), *homes.get("diagrams", [])} - {_PACKAGE}
+    for other in sorted(owners):
+        advice = f"pip uninstall {other}, then {_REINSTALL}"
+        yield Finding(other, f"has modules of the names of {_PACKAGE}", advice, True)
     requirements: dict[str, dict[str, str | None]] = {}
     for line in importlib.metadata.requires(_PACKAGE) or []:
         name, group = parse_requirement(line)

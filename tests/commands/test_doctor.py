@@ -89,6 +89,16 @@ def modules_imported(path):
             yield node.module
 
 
+def test_another_package_of_the_same_modules_fails(monkeypatch):
+    """PyPI has a `diagrams` and a `glider`; pip overwrites one with another."""
+    homes = {"diagrams": ["diagrams", "drake-glider"], "glider": ["drake-glider"]}
+    monkeypatch.setattr(importlib.metadata, "packages_distributions", lambda: homes)
+    found = {f.name: f for f in doctor.check_libraries()}
+    assert found["diagrams"].state == "fails"
+    assert "pip uninstall diagrams" in found["diagrams"].advice
+    assert found["drake-glider"].state == "works"
+
+
 def test_an_old_python_fails(monkeypatch):
     monkeypatch.setattr(sys, "version_info", (3, 9, 1))
     [finding] = doctor.check_python()
