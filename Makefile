@@ -2,10 +2,11 @@
 # make test        sets up .venv and runs the tests, in about nine minutes
 # make browser     the tests of pages, in a browser
 # make docs        builds the docs into out/docs, every warning an error; tests them
+# make readme      the commands of README.md, in a fresh environment with the wheel
 # make nightly     the tests that take longest: campaigns, effects, the article
 # make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
-# make tables      measures the tables of README and docs again; over an hour
+# make tables      measures what is out of date in tables of README and docs; hours
 # make proofs      proves of the shipped funnels that no flight leaves; a quarter of an hour
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo
@@ -33,7 +34,7 @@ else ifneq ($(shell $(PYTHON) -V 2>&1),$(shell $(BIN)/python -V 2>&1))
 $(RUNS) $(READY): FORCE
 endif
 
-.PHONY: demo test browser docs nightly quick lint tables proofs benchmark setup clean \
+.PHONY: demo test browser docs readme nightly quick lint tables proofs benchmark setup clean \
 	distclean FORCE
 
 demo: $(or $(wildcard $(READY)),$(RUNS))
@@ -49,7 +50,7 @@ marked = $(if $(filter tests%,$(PYTEST_ARGS)),,$$(grep -rlw --include='test_*.py
 # The machine code that many tests share is compiled once, before there are workers.
 test: setup
 	$(BIN)/python -m tests.warm_up
-	$(PYTEST) -m 'not (nightly or browser or docs)' $(PARALLEL) $(PYTEST_ARGS)
+	$(PYTEST) -m 'not (nightly or browser or docs or readme)' $(PARALLEL) $(PYTEST_ARGS)
 
 browser: setup
 	$(PYTEST) -m browser $(call marked,browser) $(PYTEST_ARGS)
@@ -58,6 +59,9 @@ docs: setup
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
 	SITE=out/docs $(PYTEST) -m docs $(call marked,docs) $(PYTEST_ARGS)
 	@echo "The docs are in out/docs/index.html."
+
+readme: setup
+	$(PYTEST) -m readme $(call marked,readme) $(PYTEST_ARGS)
 
 nightly: setup
 	$(PYTEST) -m nightly $(PARALLEL) $(PYTEST_ARGS)
@@ -96,7 +100,8 @@ $(RUNS) $(READY): pyproject.toml
 			"$(if $(PYTHON),but $(PYTHON) will not do,found none)" \
 			"here: install it (on Debian and Ubuntu python3-venv too)" \
 			"or name one with make PYTHON=/path/to/python." >&2; exit 1; }
-	@echo "Setting up $(VENV) (about a minute the first time) ..."
+	@echo "Setting up $(VENV): Drake and the other requirements of pyproject.toml are" \
+		"downloaded and installed (a minute or more the first time, and silent) ..."
 	@test "$$($(BIN)/python -V 2>&1)" = "$$($(PYTHON) -V 2>&1)" \
 		&& $(BIN)/python -m pip --version >/dev/null 2>&1 \
 		|| $(PYTHON) -m venv --clear $(VENV)

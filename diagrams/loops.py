@@ -18,7 +18,7 @@ from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief
 from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.model import GliderModel
-from glider.physics.state import NUM_STATES
+from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.plan import Plan
 from glider.simulation.fly import check_command_rate
 from glider.systems.elevator_servo import ElevatorServo
@@ -139,6 +139,11 @@ def _states_fed_back(
 ) -> int:
     """Checks that glider and regulator fit; returns the number of states fed back."""
     wanted, has = regulator.get_input_port().size(), truth.num_states
+    if wanted < NUM_STATES:
+        raise InputError(
+            f"The regulator's input has {wanted} numbers; expected {NUM_STATES} or "
+            f"more, the state ({', '.join(STATE_NAMES)})."
+        )
     if planned is not None and planned.num_states != wanted:
         raise InputError(
             f"The planned model has {planned.num_states} states, but its regulator "

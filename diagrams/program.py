@@ -17,9 +17,11 @@ if __name__ == "__main__":
 import argparse
 import contextlib
 import json
+import logging
 import math
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -31,10 +33,14 @@ from rich.console import Console
 
 from diagrams.page import serve_page, write_html
 from diagrams.playback import Track, legend_of, play, stage_of
-from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
+from glider.errors import (
+    INTERRUPTED,
+    INTERRUPTED_CODE,
+    InputError,
+    os_error_line,
+    warning_line,
+)
 from glider.files.writing import write_text
-from glider.paths import models_path
-from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Plan
@@ -82,29 +88,12 @@ def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) ->
 
 
 def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
-    """Adds --truth, the glider that flies; `load_truth` reads it."""
+    """Adds --truth, the glider that flies; `GliderModel.load` reads it."""
     parser.add_argument(
         "--truth",
         default=default,
         help="model file, or a name in models/truths (default: %(default)s)",
     )
-
-
-def load_truth(name: str) -> GliderModel:
-    """Loads a glider with an effect: a model file, or one of models/truths by name.
-
-    Raises:
-        InputError: there is none of that name, or the file is no model.
-    """
-    if Path(name).suffix:
-        return GliderModel.load(Path(name))
-    known = sorted(path.stem for path in models_path("truths").glob("*.yaml"))
-    if name not in known:
-        raise InputError(
-            f"There is no truth '{name}'; expected a model file or one of "
-            f"{', '.join(known)}."
-        )
-    return GliderModel.load(models_path("truths", f"{name}.yaml"))
 
 
 def add_campaign(parser: argparse.ArgumentParser) -> None:
@@ -272,7 +261,15 @@ def plot_perches(
 
 def start_meshcat(args: argparse.Namespace) -> Meshcat | None:
     """Returns a Meshcat; None if it is not viewed (headless and no --html)."""
-    return None if args.headless and not args.html else Meshcat()
+    if args.headless and not args.html:
+        return None
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.WARNING)  # It names a page without legend and clock.
+    try:
+        return Meshcat()
+    finally:
+        log.setLevel(level)
 
 
 def finish(
@@ -326,6 +323,7 @@ def show(
 
 def run(main: Callable[[], None]) -> int:
     """Runs a program and returns its exit code; a user's fault is one sentence."""
+    warnings.formatwarning = warning_line
     try:
         main()
     except (InputError, PlanningError) as error:

@@ -21,6 +21,7 @@ from pathlib import Path
 
 from diagrams import program
 from diagrams.lab import fly_session
+from glider import GliderModel
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -67,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--folder", type=Path, default=folder, help=words)
     args = parser.parse_args(arguments)
     program.check_files(args.json)
-    program.load_truth(args.truth)  # Is there one?
+    GliderModel.load(args.truth)  # Is there one?
     found = run(args.truth, args.launches, args.seed, args.folder, _show)
     program.write_json(args, dataclasses.asdict(found))
 

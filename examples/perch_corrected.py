@@ -193,7 +193,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.add_truth(parser, "head_wind")
     program.add_launches(parser, 100, least=3)
     args = program.read_options(parser, arguments, figure="paths, as PNG")
-    truth = program.load_truth(args.truth)
+    truth = GliderModel.load(args.truth)
     with program.working("plan (compiles once)") as progress:
         flown = fly(truth, args.launches, args.seed, progress)
     print_summary(flown.found, Console())

@@ -729,7 +729,7 @@ def show_funnel(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Certifies as the command line says, prints and shows the result."""
     args = read_options(arguments)
-    truth = program.load_truth(args.truth)
+    truth = GliderModel.load(args.truth)
     options = {"load": args.load, "flights": args.flights, "estimate": args.estimate}
     with program.working("plan (compiles once)") as progress:
         found = run(truth, args.trials, args.seed, **options, progress=progress)

@@ -253,7 +253,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = "give the controllers a Kalman filter's estimate"
     parser.add_argument("--estimated", action="store_true", help=words)
     args = program.read_options(parser, arguments, figure="paths, as PNG")
-    truth = program.load_truth(args.truth)
+    truth = GliderModel.load(args.truth)
     asked = {name: getattr(args, name) for name in ("width", "corrected", "estimated")}
     with program.working("plan (compiles once)") as progress:
         found = run(truth, args.launches, args.seed, **asked, progress=progress)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from glider.errors import InputError
     from glider.estimation.perching import perching_filter
     from glider.physics.model import GliderModel
+    from glider.physics.parameters import GliderParameters
     from glider.planning.dircol import plan
     from glider.planning.plan import Plan
     from glider.planning.problem import PerchingProblem

@@ -4,6 +4,7 @@ import argparse
 import importlib.metadata
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 from diagrams.lab import command as lab
@@ -18,7 +19,13 @@ from glider.commands import (
     samples,
 )
 from glider.commands.parsing import CommandParser
-from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
+from glider.errors import (
+    INTERRUPTED,
+    INTERRUPTED_CODE,
+    InputError,
+    os_error_line,
+    warning_line,
+)
 
 COMMANDS = {
     "close-the-loop": (close_the_loop, "find what the model lacks, from flight logs"),
@@ -36,6 +43,7 @@ COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
+    warnings.formatwarning = warning_line
     parser = make_parser()
     if "_ARGCOMPLETE" in os.environ:  # The TAB key was pressed.
         import argcomplete

@@ -45,6 +45,11 @@ def os_error_line(error: OSError) -> str:
     return words + "." if error.filename is None else f"{error.filename}: {words}."
 
 
+def warning_line(message: Warning | str, *_: object, **__: object) -> str:
+    """Returns a warning as programs print it, without a place in their source."""
+    return f"warning: {message}\n"
+
+
 def printable(text: object) -> str:
     r"""Returns a text without control characters, which a file may hold: as \x1b."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import platformdirs
 
+from glider.errors import InputError
+
 PACKAGE = Path(__file__).resolve().parent
 _VARIABLE = "DRAKE_GLIDER_CACHE"
 """Environment variable by which a process shares its temporary cache with others."""
@@ -35,6 +37,28 @@ def models_path(*parts: str) -> Path:
         f"There is no '{Path(*parts)}' among the models; "
         f"the folder {last_folder} holds: {there}."
     )
+
+
+def shipped_path(path: Path | str, folder: str) -> Path:
+    """Path of a file, or of a file of models/ by its name.
+
+    Args:
+        path: of a file, or the name of one in the folder, without its suffix.
+        folder: of the models, e.g. "problems".
+
+    Raises:
+        InputError: it has no suffix, and there is neither such a file nor such a name.
+    """
+    path = Path(path)
+    if path.suffix or path.is_file():
+        return path
+    known = {shipped.stem: shipped for shipped in models_path(folder).glob("*.yaml")}
+    if str(path) not in known:
+        raise InputError(
+            f"{path}: does not exist; expected a file, or the name of one in "
+            f"models/{folder} ({', '.join(sorted(known))})."
+        )
+    return known[str(path)]
 
 
 def _models_folder(package: Path) -> Path:

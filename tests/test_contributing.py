@@ -153,6 +153,17 @@ def test_the_effects_of_the_recipe_can_be_used(effects):
     assert rates[3] == 4.0
 
 
+@pytest.mark.slow
+def test_the_effect_of_the_recipe_is_traced(effects):
+    names = {"SKIN_FRICTION": effects[0], "WEAK_SERVO": effects[1]}
+    exec(compile(recipe("CampaignPlan(flights=6)"), "CONTRIBUTING.md", "exec"), names)
+    assert names["result"].verdict == "effect_found"
+    [effect] = names["result"].effects
+    assert effect.kind == "skin_friction"
+    found = effect.coefficients["coefficient"]
+    assert abs(found.value - 0.02) < 4.0 * found.std
+
+
 def test_the_planner_of_the_recipe_plans():
     names = {}
     exec(compile(recipe("def random_search"), "CONTRIBUTING.md", "exec"), names)

@@ -1,10 +1,13 @@
 """Numbers in messages are as people write them."""
 
 import errno
+import warnings
 
 import numpy as np
 import pytest
 
+from diagrams import program
+from glider.__main__ import main
 from glider.errors import InputError, os_error_line, show
 from glider.physics.parameters import check_parameters
 from glider.planning.problem import PerchingProblem
@@ -52,3 +55,13 @@ def test_a_full_disk_is_told_with_what_to_do():
     line = os_error_line(OSError(errno.ENOSPC, "No space left on device", "out/a"))
     assert line.startswith("out/a: No space left on device; the disk must have room")
     assert line.count(".") == 1
+
+
+@pytest.mark.parametrize(
+    "run", [lambda: program.run(lambda: None), lambda: main(["samples", "--json"])]
+)
+def test_a_program_prints_a_warning_without_a_place_in_its_source(monkeypatch, run):
+    monkeypatch.setattr(warnings, "formatwarning", warnings.formatwarning)
+    assert run() == 0
+    text = warnings.formatwarning("mass not given", UserWarning, "model.py", 3)
+    assert text == "warning: mass not given\n"

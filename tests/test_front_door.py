@@ -6,6 +6,7 @@ process, which has imported nothing.
 """
 
 import ast
+import dataclasses
 import importlib
 import json
 import shutil
@@ -20,6 +21,10 @@ import diagrams.lab
 import glider
 from glider.lazy import public_names
 from glider.paths import models_path
+from glider.physics.parameters import GliderParameters
+from glider.planning.plan import Plan
+from glider.planning.problem import PerchingProblem
+from glider.simulation.flown_flights import Perches
 from tests.helpers.campaigns import campaign_path
 
 ROOT = Path(__file__).parents[1]
@@ -159,7 +164,7 @@ def test_a_name_is_that_of_its_module(package):
 
 def test_the_names_are_about_thirty():
     names = [name for package in PACKAGES for name in package.__all__]
-    assert len(names) <= 34
+    assert len(names) <= 35
     for page in ("README.md", "CHANGELOG.md"):
         assert f" {len(names)} names, importable" in (ROOT / page).read_text("utf-8")
     assert len(set(names)) == len(names)
@@ -199,6 +204,37 @@ def test_examples_and_tutorials_import_public_names_alone(path):
 def test_another_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="'glider' has no attribute 'gremlin'"):
         _ = glider.gremlin
+
+
+@pytest.mark.slow
+def test_what_a_notebook_shows_of_a_name_is_one_line(article_plan):
+    model = glider.GliderModel()
+    policy = glider.tracking_policy(model, article_plan)
+    flights = glider.fly(model, policy, article_plan.states[:1], keep_paths=True)
+    campaign = glider.load_campaign("still_air")
+    funnel = glider.funnels.load_funnel(models_path("funnels", "drawn.npz"))
+    assert repr(article_plan) == "Plan(cost=194.046, duration=0.8795 s, 41 knots)"
+    assert repr(policy) == f"TrackingPolicy({article_plan})"
+    assert repr(flights) == "Flights(1 of 1 perch)"
+    assert repr(Perches([])) == "Perches(0 of 0 flights perch)"
+    assert repr(campaign) == f"Campaign('still_air', {len(campaign.flights)} flights)"
+    rows = campaign.flights[0].time.size
+    assert repr(campaign.flights[0]) == f"Flight('flight_000.csv', {rows} rows)"
+    assert repr(glider.effects.WIND) == "WIND"
+    assert repr(glider.effects.WIND(x=-0.6)) == "WIND(x=-0.6, z=0.0)"
+    assert repr(funnel).startswith("Funnel(0.")
+    assert repr(funnel).endswith(" times)")
+
+
+def test_help_describes_the_fields():
+    for kind in (PerchingProblem, Plan, GliderParameters):
+        for field in dataclasses.fields(kind):
+            assert f"    {field.name}: " in kind.__doc__, field.name
+
+
+def test_types_are_there_for_those_who_install_it():
+    for package in (glider, diagrams):
+        assert Path(package.__file__).with_name("py.typed").is_file()
 
 
 # ------------------------------------------------------------- the command line

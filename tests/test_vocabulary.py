@@ -48,7 +48,7 @@ PAGES = (
     "glider/**/*.html",
     "docs/tutorials/*.py",
 )
-CODE = ("glider/**/*.py", "diagrams/**/*.py", "examples/**/*.py")
+CODE = ("glider/**/*.py", "diagrams/**/*.py", "examples/**/*.py", "tests/**/*.py")
 KEYS = {"set_aside", "as_drawn"}
 """Keys of report.json, of today and of older versions."""
 
@@ -102,6 +102,7 @@ def test_docstrings_and_messages_use_the_words_of_the_field():
     faults = [
         f"{path.relative_to(ROOT)}:{line}: {word!r}"
         for path in files_of(CODE)
+        if path != Path(__file__)
         for line, text in strings_of(path)
         if text not in KEYS
         for word in find_dialect(text)

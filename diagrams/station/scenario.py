@@ -9,7 +9,6 @@ from diagrams.station.proposed import load_launch
 from glider.errors import expect
 from glider.estimation.perching import CAPTURE
 from glider.files import schema
-from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 
@@ -213,9 +212,7 @@ class Scenario:
         """The simulated glider; None where a real one flies."""
         if self.simulation is None:
             return None
-        name = self.simulation.truth
-        path = Path(name)
-        return GliderModel.load(path if path.suffix else _truth_file(name))
+        return GliderModel.load(self.simulation.truth)
 
     def load_model(self) -> GliderModel:
         """The glider that is planned with: for a simulated one, without its effects."""
@@ -231,13 +228,6 @@ class Scenario:
             return problem
         launch = load_launch(Path(self.commands))
         return dataclasses.replace(problem, launch=launch)
-
-
-def _truth_file(name: str) -> Path:
-    known = sorted(path.stem for path in models_path("truths").glob("*.yaml"))
-    expected = f"a model file or one of {', '.join(known)}"
-    expect(name in known, "the simulated glider", name, expected)
-    return models_path("truths", f"{name}.yaml")
 
 
 def load_scenario(path: Path | str) -> Scenario:

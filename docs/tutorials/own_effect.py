@@ -151,6 +151,7 @@ print(result.verdict, "-", result.reason)
 for effect in result.effects:
     for name, c in effect.coefficients.items():
         print(f"{effect.kind}.{name} = {c.value:.4f} ± {c.std:.1g} {c.unit}")
+assert result.verdict == "effect_found"
 assert [effect.kind for effect in result.effects] == ["thread_drag"]
 
 # %% [markdown]

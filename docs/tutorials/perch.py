@@ -16,7 +16,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from diagrams import closed_loop, program, simulate_flights
+from diagrams import closed_loop, simulate_flights
 from glider import (
     GliderModel,
     PerchingProblem,
@@ -27,7 +27,7 @@ from glider import (
     tracking_regulator,
 )
 
-truth = program.load_truth("head_wind")
+truth = GliderModel.load("head_wind")
 nominal = GliderModel(parameters=truth.parameters)
 problem = PerchingProblem()
 print("the true glider:", {e.kind.kind: e.to_dict() for e in truth.effects})
@@ -79,6 +79,7 @@ print(found.verdict, "-", found.reason)
 for effect in found.effects:
     for name, c in effect.coefficients.items():
         print(f"{effect.kind}.{name} = {c.value:.3f} ± {c.std:.1g} {c.unit}")
+assert found.verdict == "effect_found"
 assert [effect.kind for effect in found.effects] == ["wind"]
 
 # %% [markdown]

@@ -187,7 +187,11 @@ def describe(study: BasisStudy) -> str:
     scores = scores_of(study.fits)
     lines = [f"{signs} leave {left}" for signs, left in scores.items()]
     for name, fit in study.fits.subsets.items():
-        lines.append(f"{name} {fit.model.numbers} leave {fit.score:.2f}")
+        chosen = (
+            f"{channel} {', '.join(FEATURES[k][0] for k in numbers)}"
+            for channel, numbers in zip(CHANNELS, fit.model.numbers, strict=True)
+        )
+        lines.append(f"{name} leave {fit.score:.2f}: {'; '.join(chosen)}")
     for signs, errors in study.choice.items():
         best = min(errors, key=errors.__getitem__)
         lines.append(

@@ -144,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.add_launches(parser, 3)
     args = program.read_options(parser, arguments, figure="as PNG")
     truth, settings = (
-        program.load_truth(args.truth),
+        GliderModel.load(args.truth),
         learning.learning_settings(args.order),
     )
     options = {"launches": args.launches, "seed": args.seed, "settings": settings}

@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.add_count(parser, "--searches", 20, words, metavar="N")
     program.add_launches(parser, 20)
     args = program.read_options(parser, arguments, figure="costs and paths")
-    truth = program.load_truth(args.truth)
+    truth = GliderModel.load(args.truth)
     with program.working("compile (once)") as progress:
         found = fly(truth, args.searches, args.launches, args.seed, progress)
     print(f"{found.searches.describe()}\n{found.flown.describe(args.truth)}")

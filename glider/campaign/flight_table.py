@@ -18,6 +18,7 @@ from glider.campaign import logs
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError, show
 from glider.files import schema
+from glider.physics.parameters import MAX_ANGLE
 
 _MIN_ROWS = 20
 _MIN_SPAN = 0.15  # Duration of a flight [s].
@@ -212,11 +213,11 @@ def _check_units(
     table: Table, columns: dict[str, np.ndarray], campaign: Campaign
 ) -> None:
     """Refuses what cannot be SI; a fault that an effect can model passes."""
-    elevator_bound, rate_bound = logs.MAX_ANGLE, _MAX_RATE
+    elevator_bound, rate_bound = MAX_ANGLE, _MAX_RATE
     if campaign.elevator_limits is not None:  # An elevator of the other sign passes.
         lower, upper = campaign.elevator_limits
         far = max(abs(lower), abs(upper)) + (upper - lower)
-        elevator_bound = min(far, logs.MAX_ANGLE)
+        elevator_bound = min(far, MAX_ANGLE)
     if campaign.elevator_rate_limit is not None:
         rate_bound = 10 * campaign.elevator_rate_limit
     tumble = "degrees; wrap a tumble into ±pi"
@@ -224,9 +225,9 @@ def _check_units(
         ("x", _MAX_POSITION, "m", "millimeters"),
         ("z", _MAX_POSITION, "m", "millimeters"),
         ("y", _MAX_POSITION, "m", "millimeters"),
-        ("pitch", logs.MAX_ANGLE, "rad", tumble),
-        ("roll", logs.MAX_ANGLE, "rad", tumble),
-        ("yaw", logs.MAX_ANGLE, "rad", tumble),
+        ("pitch", MAX_ANGLE, "rad", tumble),
+        ("roll", MAX_ANGLE, "rad", tumble),
+        ("yaw", MAX_ANGLE, "rad", tumble),
         ("elevator", elevator_bound, "rad", "degrees"),
         ("elevator_rate_command", rate_bound, "rad/s", "degrees per second"),
         (logs.PITCH_RATE, _MAX_RATE, "rad/s", "degrees per second"),

@@ -24,9 +24,6 @@ PITCH_RATE, COMMAND_TIME = "pitch_rate", "command_time"
 OPTIONAL: tuple[str, ...] = (PITCH_RATE, COMMAND_TIME)
 """Columns that each flight may have or not."""
 _NOT_IN_NAMES = frozenset("<>&\"'`")
-MAX_ANGLE = 6.3
-"""Largest angle in a log [rad]; more are degrees. A full turn, with room for logs that
-round it: 2 pi in nine digits, as campaigns are written, is more than 2 pi."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -49,6 +46,10 @@ class Flight:
                 f"{show(self.name)} is not the name of a flight; expected printable "
                 "characters without quotes and < > &."
             )
+
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        return f"Flight('{self.name}', {self.time.size} rows)"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -86,6 +87,10 @@ class Campaign:
     command_rate: float | None  #: [Hz]; None: commands change at rows.
     flights: tuple[Flight, ...]  #: Sorted by name.
     servo: ServoLog = ServoLog()
+
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        return f"Campaign('{self.name}', {len(self.flights)} flights)"
 
     @classmethod
     def from_arrays(

@@ -13,14 +13,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from glider.campaign.importing.recording import Unit, scale_of
-from glider.campaign.logs import MAX_ANGLE, Campaign, ServoLog
+from glider.campaign.logs import Campaign, ServoLog
 from glider.errors import InputError, expect, show
 from glider.files import schema
-from glider.physics.parameters import (
-    PARAMETER_NAMES,
-    GliderParameters,
-    check_parameters,
-)
+from glider.physics.parameters import PARAMETER_NAMES, check_parameters, check_units
 
 QUANTITIES = {
     "time": "time",
@@ -253,16 +249,7 @@ class Vehicle(KnownParameters):
         kinds = "'fixed', 'fixed_per_flight' or 'servo'"
         expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
         check_parameters(known)
-        usual = vars(GliderParameters()) | known
-        arm = usual["hinge_offset"] + usual["elevator_offset"]
-        expected = (
-            f"m, less than the {arm:g} to the tail (this looks like another unit)"
-        )
-        offset = usual["wing_offset"]
-        expect(abs(offset) < arm, "field 'wing_offset'", offset, expected)
-        limits = self.elevator_limits or [0.0]
-        expected, small = "radians (this looks like degrees)", max(map(abs, limits))
-        expect(small <= MAX_ANGLE, "field 'elevator_limits'", limits, expected)
+        check_units(known)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

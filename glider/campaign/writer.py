@@ -12,6 +12,7 @@ from glider.campaign.logs import Campaign, Flight, ServoLog
 from glider.errors import InputError
 from glider.files import schema
 from glider.files.writing import replace_files
+from glider.physics.parameters import MAX_ANGLE
 
 _TIMES = {"time", logs.COMMAND_TIME}
 
@@ -81,6 +82,6 @@ def flight_csv(flight: Flight) -> bytes:
 
 def _wrap(angle: np.ndarray) -> np.ndarray:
     """Angles (n,), wrapped into ±π where they pass a full turn [rad]."""
-    if np.any(np.abs(angle) > logs.MAX_ANGLE):
+    if np.any(np.abs(angle) > MAX_ANGLE):
         return np.angle(np.exp(1j * angle))
     return angle

@@ -29,7 +29,7 @@ exit code: 0 if everything that is required works, 1 if not.
 _PACKAGE = "drake-glider"
 _REINSTALL = "install it again: make setup, or pip install . in its source tree"
 _LEAST_SPACE = 200e6  # Bytes: compiled kernels take about half of it.
-_GROUPS = ("", "import")  # Extras for developers are not checked.
+_GROUPS = ("", "import", "lab")  # Extras for developers are not checked.
 _SOLVERS = ("Snopt", "Ipopt", "Clarabel")  # Of the planners and the funnels.
 
 
@@ -65,19 +65,22 @@ def check_python() -> Iterator[Finding]:
 def check_libraries() -> Iterator[Finding]:
     """Checks that this package and its requirements are installed, and its extras."""
     here = Path(__file__).parents[1]
-    version = _version(_PACKAGE)
+    version = version_of(_PACKAGE)
     if version is None:
         advice = "run make setup and use .venv/bin/python, or pip install ."
         yield Finding(_PACKAGE, f"not installed; run from {here}", advice, True)
         return
     yield Finding(_PACKAGE, f"{version}, {here}")
+    homes = importlib.metadata.packages_distributions()
+    owners = {*homes.get("glider", []), *homes.get("diagrams", [])} - {_PACKAGE}
+    for other in sorted(owners):
+        advice = f"pip uninstall {other}, then {_REINSTALL}"
+        yield Finding(other, f"has modules of the names of {_PACKAGE}", advice, True)
     requirements: dict[str, dict[str, str | None]] = {}
     for line in importlib.metadata.requires(_PACKAGE) or []:
-        name = re.split(r"[\s<>=!~;\[(]", line.strip(), maxsplit=1)[0]
-        extra = re.search(r"extra\s*==\s*['\"]([\w-]+)['\"]", line)
-        group = extra[1] if extra else ""
+        name, group = parse_requirement(line)
         if group in _GROUPS and name != _PACKAGE:
-            requirements.setdefault(group, {})[name] = _version(name)
+            requirements.setdefault(group, {})[name] = version_of(name)
     for group, versions in sorted(requirements.items()):
         title, advice = "libraries", _REINSTALL
         if group:
@@ -89,7 +92,15 @@ def check_libraries() -> Iterator[Finding]:
             yield Finding(title, ", ".join(f"{n} {v}" for n, v in versions.items()))
 
 
-def _version(package: str) -> str | None:
+def parse_requirement(line: str) -> tuple[str, str]:
+    """Returns the package of a requirement, and its extra or ""."""
+    name = re.split(r"[\s<>=!~;\[(]", line.strip(), maxsplit=1)[0]
+    extra = re.search(r"extra\s*==\s*['\"]([\w-]+)['\"]", line)
+    return name, extra[1] if extra else ""
+
+
+def version_of(package: str) -> str | None:
+    """Returns the installed version of a package; None if it is not installed."""
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
@@ -160,7 +171,7 @@ def check_drake() -> Iterator[Finding]:
     """Imports Drake and solves a small problem with each solver."""
     from pydrake import solvers
 
-    yield Finding("Drake", str(_version("drake")))
+    yield Finding("Drake", str(version_of("drake")))
     for name in _SOLVERS:
         program = solvers.MathematicalProgram()
         x = program.NewContinuousVariables(1)

@@ -72,6 +72,10 @@ class TrackingPolicy:
     #: Time that its commands are held [s], for which the gains were made; 0 if none.
     period: float = 0.0
 
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        return f"TrackingPolicy({self.plan})"
+
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the states that are fed back."""

@@ -14,8 +14,10 @@ import dataclasses
 import functools
 import math
 import types
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Never
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,11 +25,12 @@ from numpy.typing import ArrayLike
 from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.files.writing import write_text
+from glider.paths import shipped_path
 from glider.physics.compose import compose, initial_extra, ordered
 from glider.physics.covariance import Covariance, check_names
 from glider.physics.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
 from glider.physics.effects.field import FieldData, make_field
-from glider.physics.parameters import GliderParameters, Theta
+from glider.physics.parameters import GliderParameters, Theta, check_units
 from glider.physics.state import NUM_STATES, STATE_NAMES
 
 _TINY = 1e-30
@@ -58,19 +61,36 @@ class GliderModel:
         field: the residual field as data, or None.
 
     Raises:
-        InputError: an effect is given twice.
+        InputError: a field is not of its type, or an effect is given twice.
     """
 
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: tuple[Effect, ...] = ()
     field: FieldData | None = None
 
-    def __post_init__(self):
-        """Raises InputError where an effect is given twice."""
-        names = [e.kind.kind for e in self.effects]
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            raise InputError(f"GliderModel: effect '{twice[0]}' is given twice.")
+    def __init__(
+        self,
+        *,
+        parameters: GliderParameters | None = None,
+        effects: Sequence[Effect] = (),
+        field: FieldData | None = None,
+        **unknown: Never,
+    ):
+        """Sets the fields; whatever else is given is an InputError."""
+        if unknown:
+            raise InputError(
+                f"GliderModel: unknown field '{next(iter(unknown))}'; expected "
+                "parameters=GliderParameters(mass=..., ...), effects=(WIND(x=...), ...)"
+                " or field."
+            )
+        parameters = GliderParameters() if parameters is None else parameters
+        good = isinstance(parameters, GliderParameters)
+        expected = "GliderParameters(mass=..., ...)"
+        expect(good, "GliderModel: 'parameters'", parameters, expected)
+        _check_effects(effects)
+        object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "effects", tuple(effects))
+        object.__setattr__(self, "field", field)
 
     def __getstate__(self) -> dict[str, object]:
         """Returns the fields alone: composed functions do not pickle."""
@@ -206,11 +226,10 @@ class GliderModel:
         A vehicle's file is a model without effects.
 
         Args:
-            path: of the file.
+            path: of the file, or the name of one in models/truths.
             own_effects: custom kinds that the file may name.
         """
-        text = schema.read_text(path, "a glider model")
-        return parse_model(text, str(path), own_effects)[0]
+        return _load(path, own_effects)[0]
 
     def save(
         self,
@@ -220,6 +239,20 @@ class GliderModel:
     ) -> None:
         """Writes a model; `load` gives it back unchanged."""
         write_text(Path(path), model_text(self, origin, covariance))
+
+
+def _check_effects(effects: object) -> None:
+    """Raises InputError where effects are not some, or one is given twice."""
+    what, expected = "GliderModel: 'effects'", "effects such as (WIND(x=-0.5),)"
+    expect(isinstance(effects, (tuple, list)), what, effects, expected)
+    for effect in effects:
+        if isinstance(effect, EffectKind):
+            expected = f"it with coefficients, ({effect}(...),)"
+        expect(isinstance(effect, Effect), f"{what}: one of them", effect, expected)
+    names = [effect.kind.kind for effect in effects]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"GliderModel: effect '{twice[0]}' is given twice.")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -274,8 +307,15 @@ def load_covariance(
     path: Path | str, own_effects: Sequence[EffectKind] = ()
 ) -> Covariance | None:
     """Loads the covariance in a model's file, or None; see `GliderModel.load`."""
+    return _load(path, own_effects)[1]
+
+
+def _load(
+    path: Path | str, own_effects: Sequence[EffectKind]
+) -> tuple[GliderModel, Covariance | None]:
+    path = shipped_path(path, "truths")
     text = schema.read_text(path, "a glider model")
-    return parse_model(text, str(path), own_effects)[1]
+    return parse_model(text, str(path), own_effects)
 
 
 def parse_model(
@@ -290,10 +330,13 @@ def parse_model(
     fields = [field.name for field in dataclasses.fields(GliderParameters)]
     if isinstance(data, dict) and not data.keys().isdisjoint(fields):
         parameters = schema.convert(data, GliderParameters, source)
-        return GliderModel(parameters=parameters), None
-    file = schema.convert(data, _ModelFile, source)
+        file, given = _ModelFile(parameters=parameters), data
+    else:
+        file = schema.convert(data, _ModelFile, source)
+        given = data.get("parameters", {}) if isinstance(data, dict) else {}
     kinds = KINDS | {e.kind: e for e in own_effects}
     try:
+        check_units(given)
         for entry in file.effects:
             if entry.kind not in kinds:
                 raise InputError(
@@ -310,6 +353,12 @@ def parse_model(
             check_names(file.covariance.names, effects)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
+    if missing := [name for name in fields if name not in given]:
+        warnings.warn(
+            f"{source}: {', '.join(missing)} not given; the values of the article's "
+            "glider are taken.",
+            stacklevel=4,  # Where a model is loaded.
+        )
     return model, file.covariance
 
 
@@ -324,6 +373,6 @@ def as_model(model: GliderModel | Path | str) -> GliderModel:
     if not isinstance(model, GliderModel):
         raise InputError(
             f"a glider model: found {type(model).__name__}; expected a GliderModel or "
-            "the path of its file."
+            "the path of its file, or the name of one in models/truths."
         )
     return model

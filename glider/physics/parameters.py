@@ -2,12 +2,13 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from glider.errors import InputError, expect
+from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.physics.effects.field import Field
 from glider.physics.servo import Servo
@@ -97,6 +98,16 @@ class GliderParameters:
         return Servo(low, high, float(self.elevator_rate_limit))
 
 
+MAX_ANGLE = 6.3
+"""Largest angle [rad]; more are degrees. A full turn, with room for logs that round it:
+2 pi in nine digits, as campaigns are written, is more than 2 pi."""
+
+LEAST_GYRATION = 1 / 20
+"""Least radius of gyration √(I/m) over the distance of the elevator's hinge.
+
+Tail and boom alone, 1/400 of the mass at the hinge, have it. Of gliders it is about a
+half; a mass in grams divides it by 32, so that such a glider is below."""
+
 POSITIVE = {"mass", "pitch_inertia", "wing_area", "elevator_area", "air_density"}
 POSITIVE |= {"elevator_rate_limit", "hinge_offset"}  # The tail is behind.
 
@@ -111,10 +122,38 @@ def check_parameters(values: dict) -> None:
             pair = isinstance(value, (list, tuple)) and len(value) == 2
             rises = pair and all(map(is_number, value)) and value[0] < value[1]
             expect(rises, what, value, "[lower, upper] in radians with lower < upper")
+            small = max(map(abs, value)) <= MAX_ANGLE
+            expect(small, what, value, "radians (this looks like degrees)")
             continue
         expect(is_number(value), what, value, "a finite number")
         expect(name not in POSITIVE or value > 0, what, value, "a positive number")
         expect(name != "gravity" or value >= 0, what, value, "a number not negative")
+
+
+def check_units(values: Mapping[str, Any]) -> None:
+    """Raises InputError where parameters cannot be of one glider.
+
+    Its wing lies ahead of its tail; mass, pitch inertia and tail have a possible radius
+    of gyration. Only what is given counts: defaults belong to another glider.
+    """
+    if {"wing_offset", "hinge_offset"} <= values.keys():
+        arm = values["hinge_offset"] + values.get("elevator_offset", 0.0)
+        wing = values["wing_offset"]
+        expected = f"m, less than the {arm:g} to the tail (is it in another unit?)"
+        expect(abs(wing) < arm, "field 'wing_offset'", wing, expected)
+    if not {"mass", "pitch_inertia", "hinge_offset"} <= values.keys():
+        return
+    mass, inertia, arm = (
+        values[name] for name in ("mass", "pitch_inertia", "hinge_offset")
+    )
+    found = f"{math.sqrt(inertia / mass):.2g}"
+    if float(found) < LEAST_GYRATION * arm:
+        raise InputError(
+            f"fields 'mass' and 'pitch_inertia' are {show(mass)} kg and "
+            f"{show(inertia)} kg m²: a radius of gyration of {found} m; expected at "
+            f"least {LEAST_GYRATION:.2g} of 'hinge_offset', {show(arm)} m (is the mass "
+            "in grams?)."
+        )
 
 
 def is_number(value: object) -> bool:
@@ -125,5 +164,8 @@ def is_number(value: object) -> bool:
 
 
 def load_parameters(path: Path | str) -> GliderParameters:
-    """Loads a vehicle; a misspelt field or a value out of range is an InputError."""
+    """Loads a vehicle; a misspelt field or a value out of range is an InputError.
+
+    A file gives only what differs from the article's glider.
+    """
     return schema.load_yaml(GliderParameters, path, "a vehicle")

@@ -33,28 +33,46 @@ class Plan:
     Between knots the state is a cubic Hermite polynomial. The input is a straight line,
     as direct collocation has it; or it is held from knot to knot, as planners over
     explicit steps have it.
+
+    Attributes:
+        times: (N,) of the knots, from 0 [s].
+        states: (N, n) at the knots, in the order of `state_names`.
+        slopes: (N, n) time derivatives of the states at the knots.
+        inputs: elevator-rate commands [rad/s]: (N,) at the knots; or (N - 1,), each
+            held.
+        state_names: STATE_NAMES, then the effects' own states.
+        cost: that the planner minimized.
+        gains: (N - 1, n) of the planner's own feedback, where it has one: u_k =
+            inputs[k] + gains[k] (x - states[k]); zero where the command is at a limit.
+        costs: before the first and after each iteration, where the planner iterates.
+        converged: whether the planner stopped because nothing more was to be gained.
+        max_defect: largest |ẋ - f(x, u)| at the collocation points [m/s, rad/s, m/s²,
+            rad/s²]; None where the plan is a flight already.
+        path_defect: the same anywhere between the knots.
+        attempts: calls of a solver, the last one with success.
+        search_seconds: time of a planner that does not make attempts [s].
     """
 
-    times: np.ndarray  #: (N,) of the knots, from 0 [s].
-    states: np.ndarray  #: (N, n) at the knots, in the order of `state_names`.
-    slopes: np.ndarray  #: (N, n) time derivatives of the states at the knots.
-    #: Elevator-rate commands [rad/s]: (N,) at the knots; or (N - 1,), each held.
+    times: np.ndarray
+    states: np.ndarray
+    slopes: np.ndarray
     inputs: np.ndarray
-    state_names: tuple[str, ...]  #: STATE_NAMES, then the effects' own states.
-    cost: float  #: That the planner minimized.
-    #: (N - 1, n) of the planner's own feedback, where it has one: u_k = inputs[k] +
-    #: gains[k] (x - states[k]); zero where the command is at a limit.
+    state_names: tuple[str, ...]
+    cost: float
     gains: np.ndarray | None = None
-    #: Before the first and after each iteration, where the planner iterates.
     costs: tuple[float, ...] = ()
-    #: Whether the planner stopped because nothing more was to be gained.
     converged: bool = True
-    #: Largest |ẋ - f(x, u)| at the collocation points [m/s, rad/s, m/s², rad/s²]; None
-    #: where the plan is a flight already.
     max_defect: float | None = None
-    path_defect: float | None = None  #: The same anywhere between the knots.
-    attempts: tuple[Attempt, ...] = ()  #: Calls of a solver, the last one with success.
-    search_seconds: float = 0.0  #: Time of a planner that does not make attempts [s].
+    path_defect: float | None = None
+    attempts: tuple[Attempt, ...] = ()
+    search_seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        return (
+            f"Plan(cost={self.cost:.6g}, duration={self.duration:.4f} s, "
+            f"{self.times.size} knots)"
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """Returns the numbers without the trajectories, which do not all pickle."""

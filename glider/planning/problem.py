@@ -9,9 +9,16 @@ import numpy as np
 
 from glider.errors import expect, show
 from glider.files import schema
-from glider.paths import models_path
+from glider.paths import shipped_path
 from glider.physics.parameters import is_number
-from glider.physics.state import NUM_STATES, PITCH, POSITION, STATE_NAMES, VELOCITY
+from glider.physics.state import (
+    ELEVATOR,
+    NUM_STATES,
+    PITCH,
+    POSITION,
+    STATE_NAMES,
+    VELOCITY,
+)
 
 _HEIGHT = POSITION[1]
 
@@ -57,27 +64,33 @@ class PerchingProblem:
 
     The defaults are the article's problem. Signs as in `glider.physics.state`: a pitch
     of -π/4 is nose up.
+
+    Attributes:
+        launch: state at release, in the order of STATE_NAMES [m, rad, m/s, rad/s].
+        wire: place where the center of mass must end, (x, z) [m].
+        x_limits: bounds of x over the whole flight [m].
+        z_limits: bounds of z over the whole flight [m].
+        pitch_limits: bounds of the pitch over the whole flight [rad].
+        final_pitch_limits: bounds of the pitch at the wire [rad].
+        final_speed_limit: bound of |ẋ| and of |ż| at the wire [m/s].
+        rate_cost: weight of the elevator's squared rate [1/(rad²/s)].
+        goal: state that the final cost draws to.
+        goal_weights: diagonal of the final cost's weight.
+        duration_limits: bounds of the number of knots times the step between them [s].
+        hook: at the glider; no part of the plan, it determines which flights perch.
     """
 
-    #: State at release, in the order of STATE_NAMES [m, rad, m/s, rad/s].
     launch: list[float] = _list(-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0)
-    #: Place where the center of mass must end, (x, z) [m].
     wire: list[float] = _list(0.0, 0.0)
-    x_limits: list[float] = _list(-3.5, 1.0)  #: Bounds of x over the whole flight [m].
-    z_limits: list[float] = _list(-1.0, 1.0)  #: Bounds of z over the whole flight [m].
-    #: Bounds of the pitch over the whole flight [rad].
+    x_limits: list[float] = _list(-3.5, 1.0)
+    z_limits: list[float] = _list(-1.0, 1.0)
     pitch_limits: list[float] = _list(-math.pi / 2, math.pi / 2)
-    #: Bounds of the pitch at the wire [rad].
     final_pitch_limits: list[float] = _list(-1.0, -math.pi / 6)
-    final_speed_limit: float = 2.0  #: Bound of |ẋ| and of |ż| at the wire [m/s].
-    rate_cost: float = 100.0  #: Weight of the elevator's squared rate [1/(rad²/s)].
-    #: State that the final cost draws to.
+    final_speed_limit: float = 2.0
+    rate_cost: float = 100.0
     goal: list[float] = _list(0.0, 0.0, -math.pi / 4, 0.0, 0.0, 0.0, 0.0)
-    #: Diagonal of the final cost's weight.
     goal_weights: list[float] = _list(10.0, 10.0, 1.0, 10.0, 1.0, 1.0, 1.0)
-    #: Bounds of the number of knots times the step between them [s].
     duration_limits: list[float] = _list(0.5, 2.0)
-    #: At the glider; no part of the plan, it determines which flights perch.
     hook: Hook = dataclasses.field(default_factory=Hook)
 
     def __post_init__(self):
@@ -128,9 +141,9 @@ class PerchingProblem:
         Args:
             path: of the file, or the name of one in models/problems.
         """
-        if not Path(path).suffix:
-            path = models_path("problems", f"{path}.yaml")
-        return schema.load_yaml(cls, path, "a perching problem")
+        return schema.load_yaml(
+            cls, shipped_path(path, "problems"), "a perching problem"
+        )
 
 
 _STATES = ("launch", "goal", "goal_weights")
@@ -153,6 +166,9 @@ def _check(problem: PerchingProblem) -> None:
         expect(good, what, value, needed)
         if is_interval:
             expect(value[0] < value[1], what, value, "[lower, upper], lower < upper")
+        if name in ("launch", "goal"):
+            angles = max(abs(value[PITCH]), abs(value[ELEVATOR]))
+            expect(angles <= math.pi, what, value, "pitch and elevator within ±π rad")
         if name in ("goal_weights", "rate_cost"):
             expect(min(numbers) >= 0.0, what, value, "nothing negative")
         if name in _POSITIVE:

@@ -20,6 +20,7 @@ from glider.compiled.jacobian import differentiate, stacked
 from glider.compiled.kernel import CompileError, UncompilableError
 from glider.errors import InputError, expect
 from glider.physics.model import GliderModel
+from glider.physics.parameters import check_units
 from glider.physics.state import STATE_NAMES
 from glider.planning.guess import Guess
 from glider.planning.problem import PerchingProblem
@@ -109,8 +110,10 @@ def hermite_simpson(linearize, h, x0, x1, u0, u1):
 def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
     """Raises InputError where direct collocation cannot take a problem.
 
-    The glider varies in time, or the launch is outside the problem's own limits.
+    The glider varies in time, its mass and inertia cannot be of one glider, or the
+    launch is outside the problem's own limits.
     """
+    check_units(vars(model.parameters))
     if model.is_time_varying:
         raise InputError(
             "plan: the glider's motion depends on time, which direct collocation does "

@@ -99,7 +99,7 @@ def origin_of(result: Result) -> Origin:
     }
     errors |= {name: estimate.std for name, estimate in result.vehicle.items()}
     return Origin(
-        source=str(result.path),
+        source=result.path.name,
         date=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         version=f"drake-glider {result.version}",
         standard_errors={n: float(s) for n, s in errors.items() if math.isfinite(s)},

@@ -73,6 +73,11 @@ class FlownFlight:
     #: Of motion capture and of the commands, where there is one.
     log: Flight | None = None
 
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        end = "perches" if self.perched else "does not perch"
+        return f"FlownFlight({end}, miss {1e3 * self.miss:.1f} mm)"
+
     @property
     def speed(self) -> float:
         """Speed at the wire [m/s]."""
@@ -190,6 +195,10 @@ class Perches:
             f"m/s, nose {abs(pitch):.0f}° {'down' if pitch > 0.0 else 'up'}"
         )
 
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        return f"Perches({self.perched} of {len(self)} flights perch)"
+
     def __len__(self) -> int:
         """Number of flights."""
         return len(self.flights)
@@ -234,6 +243,10 @@ class Flights:
         latest = latest_command(self.command_times, self.times)
         rates = self.commands[b, latest]
         return hooked(self.times, self.paths[b], rates, self.problem)
+
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        return f"Flights({self.perched.sum()} of {len(self)} perch)"
 
     def __len__(self) -> int:
         """Number of flights."""

@@ -76,6 +76,11 @@ class Result(Report):
     #: The model as it was fitted, a `FitResult`: where another run may begin.
     fit: Any = dataclasses.field(default=None, repr=False)
 
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        names = ", ".join(effect.kind for effect in self.effects) or "nothing"
+        return f"Result('{self.campaign}', {self.verdict}: {names})"
+
     @property
     def rivals(self) -> list[Alternative]:
         """Those of the other sets, the likeliest first."""

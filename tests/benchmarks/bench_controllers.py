@@ -1,4 +1,4 @@
-"""TVLQR, MPPI and planning anew by collocation over the seven truths: README's table.
+"""TVLQR, MPPI and planning again by collocation over the seven truths: README's table.
 
     python -m tests.benchmarks.bench_controllers [--estimated] [LAUNCHES] [TRUTH ...]
 
@@ -14,7 +14,6 @@ import argparse
 
 import numpy as np
 
-from diagrams.program import load_truth
 from examples.replan import COMMAND_RATE, CONTROLLERS, corrected_model, race
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
@@ -50,7 +49,7 @@ def main(
     print("| truth | model | " + " | ".join(columns) + " |")
     print("|---|---|" + "---|" * len(columns))
     for name in truths:
-        truth = load_truth(name)
+        truth = GliderModel.load(name)
         corrected = corrected_model(truth, FLIGHTS, np.random.default_rng(0))
         models = {"corrected": corrected}
         if not estimated:
@@ -78,7 +77,7 @@ def main(
             print(f"| `{name}` | {label} | " + " | ".join(row) + " |", flush=True)
     everything = np.concatenate(seconds)
     print(
-        f"{len(everything)} plans anew, {failures} failed: {latency(everything)}; "
+        f"{len(everything)} plans again, {failures} failed: {latency(everything)}; "
         f"99th percentile {1e3 * np.percentile(everything, 99):.1f} ms"
     )
 

@@ -8,7 +8,7 @@ T²) of all coefficients:
 - campaigns that are exactly linear, of columns correlated by 0.9, whose coefficients
   vary from flight to flight by so much more than noise shows;
 - the same with the columns of simulated flights, about their fit;
-- --fitted: lifelike campaigns of an own simulator, their true effects fitted;
+- --fitted: lifelike campaigns of an independent simulator, their true effects fitted;
 - --traced: the same, as close-the-loop finds and reports them.
 """
 

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.program import load_truth
 from examples.perch_corrected import rehearse
 from glider.campaign.checks import forces
 from glider.campaign.checks.fall import UNKNOWN, measure_fall
@@ -54,7 +53,7 @@ def of_one_plan(name: str, seed: int = 0) -> Campaign:
     The flights are alike: they show little of what shapes the forces of the air.
     """
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
-    starts, truth = problem.draw_launches(10, rng), load_truth(name)
+    starts, truth = problem.draw_launches(10, rng), GliderModel.load(name)
     nominal = GliderModel(parameters=truth.parameters)
     return rehearse(truth, nominal, problem, starts, rng).flights.campaign
 

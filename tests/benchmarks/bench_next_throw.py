@@ -7,7 +7,7 @@ Each hidden truth is a glider of `tests.helpers.hidden`, with one small effect t
 close rivals; the air moves, and each flight has its trim. Two flights of the kind that
 campaigns are made of are given. Then one throw at a time is flown until the right one
 of the rivals has probability 0.95: designed; random, of that kind again; or the plain
-perch of the glider as drawn. Launches miss what was asked for as `ThrowLimits` says,
+perch of the glider nominal. Launches miss what was asked for as `ThrowLimits` says,
 and a designed throw keeps to launches as the random ones have them. Only the rivals are
 weighed: an oracle's, who knows which effects it may be.
 

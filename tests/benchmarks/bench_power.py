@@ -40,7 +40,7 @@ DRAWS = 5
 """Campaigns of which a limit is the median: each has its own flights."""
 
 NAMED = 3.5
-"""Times the size that shows an effect, from which on a name of its own is not asked:
+"""Times the size that shows an effect, above which no name of its own is asked:
 its rivals are then another 3 to 20 times as hard to tell apart."""
 
 

@@ -45,7 +45,7 @@ FOUND = 0.95
 """Share of campaigns with an effect of the limit's size in which it must find it."""
 
 MOST_SIGMAS = 100.0
-"""Size in standard errors from which on a rival is called one with the effect."""
+"""Size in standard errors above which a rival is called one with the effect."""
 
 _DRAWS = 10_000
 """Campaigns that are drawn: a share of 95 % is then known to 0.2 %."""
@@ -62,8 +62,8 @@ class Limit:
         scale: its typical size.
         shapes: of the effect, by name.
         std: standard error of it if nothing else were unknown.
-        shown: size from which on the flights show that the effect acts, or one that to
-            them is as good.
+        shown: least size with which the flights show that the effect acts, or one that
+            to them is as good.
         named: the same that it and no other acts; infinite where none that is less
             than MOST_SIGMAS tells it from its nearest rival.
         rival: that is the most like it.

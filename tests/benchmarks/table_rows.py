@@ -2,13 +2,14 @@
 
 import numpy as np
 
+import learn_residual
 from examples import perch_corrected
 from glider.campaign.reader import load_campaign
 from glider.campaign.samples import sample_names
-from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
+from residual_study import learn_residuals
 from tests.benchmarks import bench_latency
 from tests.benchmarks.tables import Table
 from tests.helpers.known_truth import TRUTHS, limit_of
@@ -44,7 +45,7 @@ def sample_row(name: str) -> list[str]:
 
 def perch_row(name: str) -> list[str]:
     """Perches of a glider before and after its logs are traced; seed 0."""
-    truth = GliderModel.load(models_path("truths", f"{name}.yaml"))
+    truth = GliderModel.load(name)
     flown = perch_corrected.fly(truth, launches=100, seed=0)
     cells = [f"`{name}`", effects_of(flown.found)]
     for rehearsal in (flown.before, flown.after):
@@ -70,6 +71,31 @@ def latency_row(controller: str) -> list[str]:
     return bench_latency.measure(controller, 10.0)
 
 
+def coefficients_row(name: str) -> list[str]:
+    """Held-out error of learned residual coefficients beside a traced effect's."""
+    campaign = load_campaign(name)
+    learned = learn_residuals(campaign).models
+    cells = [learned[key].errors.position_rms_m for key in ("plate", "26", "126")]
+    traced = close_the_loop(campaign).errors["corrected"].position_rms_m
+    return [f"`{name}`", *(millimeters(cell) for cell in (*cells, traced))]
+
+
+def learning_row(name: str) -> list[str]:
+    """Median misses of the rounds of learn_residual.py; seed 0."""
+    found = learn_residual.run(GliderModel.load(name), seed=0)
+    weights = [f"{1e3 * turn.miss:.1f}" for turn in found.weights]
+    traced = [f"{1e3 * turn.miss:.1f}" for turn in found.traced]
+    effects = [", ".join(t.identified.effects) or "nothing" for t in found.traced[1:]]
+    return [
+        f"`{name}`",
+        weights[0],
+        f"{1e3 * found.oracle:.1f}",
+        ", ".join(traced[1:]),
+        "; ".join(dict.fromkeys(effects)),
+        ", ".join(weights[1:4]) + f" .. {weights[-1]}",
+    ]
+
+
 TABLES = {
     "latency": Table(
         columns=bench_latency.COLUMNS,
@@ -77,16 +103,37 @@ TABLES = {
         measure=latency_row,
         inputs=("problems/perching.yaml",),
     ),
+    "coefficients": Table(
+        columns=(
+            *("campaign", "flat plate", "26 weights", "126 weights"),
+            "the traced effect",
+        ),
+        rows=("attached_lift", "slow_servo"),
+        measure=coefficients_row,
+        inputs=("campaigns/{row}.zip",),
+    ),
+    "learning": Table(
+        columns=(
+            *("truth", "nominal model", "oracle", "tracer, rounds 1, 2, 3"),
+            *("traced to", "weights, rounds 1, 2, 3 .. 19"),
+        ),
+        rows=(
+            *("attached_flow", "head_wind", "rough_skin", "slow_servo"),
+            "low_reynolds",
+        ),
+        measure=learning_row,
+        inputs=("truths/{row}.yaml",),
+    ),
     "samples": Table(
         columns=("campaign", "verdict", "nominal", "corrected", "limit", "effects"),
         rows=sample_names(),
         measure=sample_row,
-        inputs=tuple(f"campaigns/{name}.zip" for name in sample_names()),
+        inputs=("campaigns/{row}.zip",),
     ),
     "perches": Table(
         columns=("truth", "found", "perch before", "miss", "perch after", "miss"),
         rows=_PERCHES,
         measure=perch_row,
-        inputs=tuple(f"truths/{name}.yaml" for name in _PERCHES),
+        inputs=("truths/{row}.yaml",),
     ),
 }

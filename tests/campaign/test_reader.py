@@ -260,8 +260,8 @@ SPOILT_SETTINGS = {
         ["'elevator_limits'", "lower < upper"],
     ),
     "offset in mm": (
-        edited(vehicle__wing_offset=10),
-        ["'wing_offset'", "10", "m, less than the 0.292 to the tail"],
+        edited(vehicle__wing_offset=10, vehicle__hinge_offset=0.27),
+        ["'wing_offset'", "10", "m, less than the 0.27 to the tail"],
     ),
     "elevator": (edited(vehicle__elevator="free"), ["'elevator'", "'free'", "'fixed'"]),
     "zero rate": (edited(command_rate=0), ["'command_rate'", "0", "positive"]),

@@ -1,5 +1,6 @@
 """The doctor reports what works and what to do, and works where the rest does not."""
 
+import ast
 import importlib.metadata
 import json
 import subprocess
@@ -23,7 +24,8 @@ def test_a_healthy_installation(capsys, monkeypatch):
     assert max(map(len, lines)) <= 80
     for name in ("Python", "libraries", "models", "threads", "compiler", "Drake"):
         assert any(line.startswith(f"works {name} ") for line in lines), name
-    for name in ("cache", "output", "SNOPT", "IPOPT", "CLARABEL", "extra [import]"):
+    extras = ("extra [import]", "extra [lab]")
+    for name in ("cache", "output", "SNOPT", "IPOPT", "CLARABEL", *extras):
         assert any(line[6:].startswith(name) for line in lines), name
     assert lines[-1].startswith("Everything")
 
@@ -49,6 +51,52 @@ def test_a_missing_library_fails_and_a_missing_extra_needs_a_look(monkeypatch):
     assert "gremlin" in found["libraries"].found
     assert found["extra [import]"].state == "look"
     assert "pip install 'drake-glider[import]'" in found["extra [import]"].advice
+
+
+EXTRAS = {"serial", "ezc3d"}
+"""Modules that may be imported by name although an extra installs them: in a `try`, and
+after `need`, by which readers of logs import theirs."""
+
+
+def test_what_is_imported_is_a_requirement():
+    """A command that runs here runs after `pip install .`, which takes no extra."""
+    base, distributions = set(), importlib.metadata.packages_distributions()
+    collect_requirements("drake-glider", base)
+    for path in [*ROOT.glob("glider/**/*.py"), *ROOT.glob("diagrams/**/*.py")]:
+        for module in modules_imported(path):
+            package = module.split(".")[0]
+            if package in sys.stdlib_module_names | {"glider", "diagrams", *EXTRAS}:
+                continue
+            homes = {name.lower() for name in distributions[package]}
+            assert homes & base, f"{path.relative_to(ROOT)} imports {module}"
+
+
+def collect_requirements(package, found):
+    """Adds what a package without extras requires, and what that requires."""
+    for line in importlib.metadata.requires(package) or []:
+        name, extra = doctor.parse_requirement(line)
+        if not extra and name.lower() not in found and doctor.version_of(name):
+            found.add(name.lower())
+            collect_requirements(name, found)
+
+
+def modules_imported(path):
+    """Yields the modules that a file imports, wherever in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module
+
+
+def test_another_package_of_the_same_modules_fails(monkeypatch):
+    """PyPI has a `diagrams` and a `glider`; pip overwrites one with another."""
+    homes = {"diagrams": ["diagrams", "drake-glider"], "glider": ["drake-glider"]}
+    monkeypatch.setattr(importlib.metadata, "packages_distributions", lambda: homes)
+    found = {f.name: f for f in doctor.check_libraries()}
+    assert found["diagrams"].state == "fails"
+    assert "pip uninstall diagrams" in found["diagrams"].advice
+    assert found["drake-glider"].state == "works"
 
 
 def test_an_old_python_fails(monkeypatch):

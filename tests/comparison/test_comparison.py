@@ -155,7 +155,7 @@ def test_any_two_reports_can_be_compared(tmp_path, name, encoding):
         ),
         (
             lambda d: d["errors"].update(as_drawn=None),
-            "a model of 'errors' is 'as_drawn'; expected .*run close-the-loop",
+            "a model of 'errors' is 'as.drawn'; expected .*run close-the-loop",
         ),
         (
             lambda d: d["curves"][0]["std"].pop(),

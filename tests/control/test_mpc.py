@@ -1,4 +1,4 @@
-"""Planning anew at each command: perches, holds its commands, survives a failure."""
+"""Planning again at each command: perches, holds its commands, survives a failure."""
 
 import dataclasses
 

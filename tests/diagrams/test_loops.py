@@ -340,6 +340,12 @@ def test_what_does_not_fit_is_refused(options, message):
         closed_loop(truth, MatrixGain(np.ones((1, 8))), **others)
 
 
+def test_a_controller_of_six_numbers_is_refused():
+    """It would get the first six of seven states."""
+    with pytest.raises(InputError, match=r"has 6 numbers; expected 7 .*pitchdot"):
+        closed_loop(NOMINAL, MatrixGain(np.ones((1, 6))))
+
+
 def test_noise_for_a_diagram_without_is_refused(plain):
     with pytest.raises(InputError, match="'feedback_noise'"):
         simulate_flights(plain, launches(1), 0.1, feedback_noise=draw_noise(1, 5))

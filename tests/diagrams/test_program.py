@@ -12,7 +12,6 @@ from diagrams.playback import Track
 from diagrams.program import (
     add_launches,
     check_files,
-    load_truth,
     make_parser,
     read_options,
     run,
@@ -25,6 +24,7 @@ from diagrams.program import (
 )
 from glider.errors import InputError
 from glider.paths import models_path
+from glider.physics.model import GliderModel
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Attempt
 
@@ -52,6 +52,15 @@ def test_a_page_is_written_headless(tmp_path, capsys):
     show(parse("--headless", "--html", page), [TRACK], "A flight")
     assert "<b>A flight</b>" in page.read_text(encoding="utf-8")
     assert str(page) in capsys.readouterr().out
+
+
+def test_only_the_page_with_legend_and_clock_has_an_address(
+    capsys, caplog, monkeypatch
+):
+    """Drake logs another one, which has neither."""
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    show(parse(), [TRACK], "A flight")
+    assert (capsys.readouterr().out + caplog.text).count("http://") == 1
 
 
 def test_otherwise_meshcat_is_served_until_enter(monkeypatch, capsys):
@@ -227,10 +236,10 @@ def test_every_shipped_truth_is_a_model_with_one_effect_or_a_field():
     names = [path.stem for path in models_path("truths").glob("*.yaml")]
     assert len(names) >= 6
     for name in names:
-        truth = load_truth(name)
+        truth = GliderModel.load(name)
         assert (len(truth.effects) == 1) != (truth.field is not None)
 
 
 def test_an_unknown_truth_is_refused_with_the_known_ones():
-    with pytest.raises(InputError, match=r"'tail_wind'.*head_wind"):
-        load_truth("tail_wind")
+    with pytest.raises(InputError, match=r"^tail_wind: .*head_wind"):
+        GliderModel.load("tail_wind")

@@ -237,7 +237,7 @@ def test_before_the_first_command_the_elevator_rests_at_neutral(tmp_path, nomina
         ("command_rate: 5", "a number of Hz from 10 to 200"),
         ("sensors: {rate: 0}", "field 'rate' is 0.0; expected"),
         ("limits: {x: [1, 0]}", "lower, upper"),
-        ("simulation: {truth: breeze}", "expected a model file or one of"),
+        ("simulation: {truth: breeze}", "the name of one in models/truths"),
         ("sensor: {}", "did you mean 'sensors'"),
         ("servo: {timeout: -1}", "field 'timeout' is -1.0"),
         ("servo: {timeout: 0.02}", "at least 0.03 s, a command's time and its"),

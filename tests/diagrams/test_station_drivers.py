@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from diagrams.program import run
 from diagrams.station.bus import (
     COMMAND,
     COMMAND_FIELDS,
@@ -26,6 +27,7 @@ from diagrams.station.bus import (
     Bus,
     free_address,
 )
+from diagrams.station.drivers import servo_board
 from diagrams.station.drivers.natnet import joined, parse_frame, publish
 from diagrams.station.drivers.poses import PosePublisher, Room
 from diagrams.station.drivers.servo_board import ServoBoard
@@ -245,6 +247,13 @@ def test_the_camera_driver_is_a_process(tmp_path):
         while bus.handle(0.5):
             pass
     assert np.array(seen)[:, 2:] == pytest.approx(poses, abs=1e-6)
+
+
+def test_a_serial_line_without_its_library_names_the_extra(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "serial", None)
+    monkeypatch.setattr(sys, "argv", ["servo_board", "--serial", "/dev/ttyACM0"])
+    assert run(servo_board.main) == 2
+    assert "pip install 'drake-glider[lab]'" in capsys.readouterr().err
 
 
 def pseudo_terminal():

@@ -1,4 +1,4 @@
-"""A perch: planned, replayed, and flown from launches that err."""
+"""A perch: planned, replayed, and flown from perturbed launches."""
 
 import numpy as np
 import pytest

@@ -1,11 +1,10 @@
-"""What closing the loop buys: an effect that the model lacks, before and after."""
+"""Closing the loop on an effect that the model lacks: perches before and after."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from diagrams.program import load_truth
 from examples import perch_corrected
 from examples.perch_corrected import Correction, Rehearsal, name_effects, rehearse
 from glider.physics.effects import PITCH_DAMPING, WIND
@@ -20,7 +19,7 @@ LAUNCHES = 6
 
 @pytest.fixture(scope="module")
 def flown():
-    return perch_corrected.fly(load_truth("head_wind"), launches=LAUNCHES, seed=3)
+    return perch_corrected.fly(GliderModel.load("head_wind"), launches=LAUNCHES, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +37,14 @@ def test_the_corrected_model_perches_where_the_nominal_one_misses(flown):
     assert max(flown.after.flights.misses) < 0.05 < min(flown.before.flights.misses)
 
 
+@pytest.mark.nightly
+def test_of_a_hundred_launches_the_wind_is_found_and_nothing_else():
+    """As README.md and the tables of the docs run it."""
+    flown = perch_corrected.fly(GliderModel.load("head_wind"), launches=100, seed=0)
+    assert flown.found.verdict == "effect_found"
+    assert [effect.kind for effect in flown.found.effects] == ["wind"]
+
+
 @pytest.mark.slow
 def test_the_result_is_reported(output, flown):
     figures = output.figures
@@ -49,7 +56,7 @@ def test_the_result_is_reported(output, flown):
     assert "planned corrected: 6 of 6 launches perch" in output.words
     truth, *asked = output.asked.call_args.args[:3]
     assert asked == [LAUNCHES, 3]
-    assert truth == load_truth("head_wind")
+    assert truth == GliderModel.load("head_wind")
 
 
 @pytest.mark.slow
@@ -93,14 +100,14 @@ def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
 def test_what_is_true_is_reported(tmp_path, truth, expected):
     """Of files with several effects or none."""
     truth.save(tmp_path / "truth.yaml")
-    assert name_effects(load_truth(str(tmp_path / "truth.yaml"))) == expected
+    assert name_effects(GliderModel.load(str(tmp_path / "truth.yaml"))) == expected
 
 
 def test_a_correction_tells_its_truth_and_its_effects():
     """Nothing is flown here."""
     flown = Rehearsal(plan=None, flights=Perches([]))
     found = SimpleNamespace(effects=(SimpleNamespace(kind="wind"),))
-    truth = load_truth("head_wind")
+    truth = GliderModel.load("head_wind")
     correction = Correction(truth=truth, before=flown, found=found, after=flown)
     none = Perches([]).key_figures()
     assert none["perched"] == 0

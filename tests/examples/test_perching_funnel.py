@@ -6,10 +6,11 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from diagrams.program import load_truth, run
+from diagrams.program import run
 from examples import perching_funnel
 from examples.perching_funnel import FunnelTrials, study_funnel
 from glider.paths import models_path
+from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.settings import LAUNCH_SIZES
@@ -26,7 +27,7 @@ def found():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(perching_funnel.funnels, "study_estimates", few)
         return perching_funnel.run(
-            load_truth("head_wind"),
+            GliderModel.load("head_wind"),
             FunnelTrials(samples=80, every=200, prove=True),
             load=(PROVEN / "drawn.npz", PROVEN / "head_wind.npz"),
             estimate=1,
@@ -133,7 +134,7 @@ def test_funnels_are_saved(output, found, folder):
 
 def test_the_options_reach_the_story(output):
     truth, trials, seed = output.asked.call_args.args
-    assert truth == load_truth("head_wind")
+    assert truth == GliderModel.load("head_wind")
     assert trials == FunnelTrials(samples=80, every=200, prove=True)
     assert seed == 0
     options = output.asked.call_args.kwargs
@@ -208,7 +209,7 @@ def test_gliders_are_allowed_with_a_probability(arguments, words, capsys):
 def test_a_funnel_that_the_hook_does_not_take_is_reported():
     """One of the article's goal, where the hook's was asked for."""
     trials = FunnelTrials(samples=80, every=1000, hook=True)
-    truth, rng = load_truth("head_wind"), np.random.default_rng(0)
+    truth, rng = GliderModel.load("head_wind"), np.random.default_rng(0)
     file = PROVEN / "head_wind.npz"
     study = study_funnel(file, truth, trials, rng, lambda text: None)
     assert any("hook accepts" in fault for fault in study.verdict.faults)
@@ -217,7 +218,7 @@ def test_a_funnel_that_the_hook_does_not_take_is_reported():
 def test_a_funnel_of_all_gliders_that_the_logs_allow(found, tmp_path):
     file = models_path("funnels", "head_wind_95.npz")
     trials = FunnelTrials(samples=80, every=100)
-    truth, rng = load_truth("head_wind"), np.random.default_rng(0)
+    truth, rng = GliderModel.load("head_wind"), np.random.default_rng(0)
     study = study_funnel(file, truth, trials, rng, lambda text: None)
     assert study.verdict.holds
     assert study.on_truth.escapes == study.on_set.escapes == 0

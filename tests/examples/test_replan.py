@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from diagrams.program import load_truth
 from examples import replan
+from glider.physics.model import GliderModel
 from tests.helpers.examples import run_main
 from tests.helpers.flights import NOMINAL, PROBLEM
 
 
 @pytest.fixture(scope="module")
 def raced():
-    return replan.race(load_truth("set_wing"), NOMINAL, PROBLEM, [PROBLEM.launch])
+    return replan.race(GliderModel.load("set_wing"), NOMINAL, PROBLEM, [PROBLEM.launch])
 
 
 def test_planning_again_perches_a_wing_that_is_set_otherwise(raced):
@@ -51,7 +51,7 @@ def test_the_result_is_reported(raced, tmp_path):
     }
     assert "MPC: 1 of 1 launches perch" in output.words
     truth, *asked = output.asked.call_args.args
-    assert (truth, asked) == (load_truth("set_wing"), [1, 2])
+    assert (truth, asked) == (GliderModel.load("set_wing"), [1, 2])
     assert output.asked.call_args.kwargs["estimated"] is True
     assert output.size == (1425, 1050)
     assert output.ink > 0.02

@@ -68,7 +68,7 @@ def test_the_same_seed_proposes_the_same(late, monkeypatch):
 
 
 def test_proposed_throws_are_safe_where_the_launch_is_missed(late, proposal):
-    """Flown by the plate alone from launches as fast and as slow as is told."""
+    """Flown by the plate alone from launches as fast and as slow as given."""
     limits = proposal.place.limits
     for throw in proposal.throws:
         period = throw.times[1]
@@ -110,7 +110,7 @@ def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
     proposal = propose(campaign, task, noise, explanations, launches=1)
     assert proposal.chance_now == pytest.approx(1.0 - UNKNOWN)
     assert is_done(proposal)
-    assert "What remains is moving air" in sentences(proposal)[-1]
+    assert "What remains differs from throw to throw" in sentences(proposal)[-1]
 
 
 def test_what_cannot_be_proposed_for_is_reported():

@@ -31,7 +31,7 @@ def fitted(request):
 
 
 def worth(task, model, late):
-    """Returns the log evidence at a shape, fitted anew."""
+    """Returns the log evidence at a shape, fitted again."""
     size, shape = task.layout.slots_of(KIND)
     theta = model.theta.copy()
     theta[shape] = late

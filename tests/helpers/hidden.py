@@ -145,7 +145,7 @@ class Thrower:
 
 
 def campaign(flights: Sequence[Flight]) -> Campaign:
-    """Returns flights as a campaign of the glider as drawn."""
+    """Returns flights as a campaign of the nominal glider."""
     return campaign_of(
         "hidden", GliderParameters(), flights, Capture().rate, COMMAND_RATE
     )
@@ -177,7 +177,7 @@ def probability(explanations: Sequence[Explanation], kind: str) -> float:
 
 @functools.cache
 def perch_throw() -> Throw:
-    """Returns the plain perch of the glider as drawn, as long as the logs are."""
+    """Returns the plain perch of the nominal glider, as long as the logs are."""
     planned = plan(GliderModel(), PerchingProblem())
     duration = (ROWS - 1) / Capture().rate
     times = np.arange(int(duration * COMMAND_RATE) + 1) / COMMAND_RATE

@@ -46,7 +46,6 @@ FILES = (
     "test_contributing.py",
     "test_floors.py",
     "test_front_door.py",
-    "test_readme.py",
     "test_shape.py",
     "test_vocabulary.py",
     "verification/test_as_flown.py",

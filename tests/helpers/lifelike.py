@@ -1,4 +1,4 @@
-"""Campaigns as life makes them, of an own simulator, to judge the tracer by.
+"""Campaigns as life makes them, of an independent simulator, to judge the tracer by.
 
 Several effects at once, in other forms than the library's; trims, pitch zeros and winds
 that differ from flight to flight; moving air; noise, and rows that are broken. What is
@@ -295,7 +295,7 @@ Spreads = dict[str, tuple[float, np.ndarray]]
 
 
 def draw_spreads(rng: np.random.Generator, flights: int) -> Spreads:
-    """Returns what differs from flight to flight, drawn by chance."""
+    """Returns the flight-to-flight variation, drawn by chance."""
     drawn: Spreads = {}
     for kind, chance, low, high in (
         ("elevator_trim", 0.6, 0.01, 0.03),

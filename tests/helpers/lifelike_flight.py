@@ -1,4 +1,4 @@
-"""Flights of an own glider that shares no physics with the library.
+"""Flights of a glider that shares no physics with the library.
 
 Vectors are complex numbers, p = x + i z, so that a turn is a product: the body axis is
 t = exp(-iθ), the wing's normal n = i t, a point r of the body moves at v - i θ̇ r, and a

@@ -1,4 +1,4 @@
-"""How well flights can be foretold by who knows the glider, but not the gusts."""
+"""How well flights can be predicted by who knows the glider, but not the gusts."""
 
 import numpy as np
 

@@ -1,6 +1,6 @@
 """One effect in a glider of `lifelike_flight`, of a size and of the library's shape.
 
-The formulas are written anew in that simulator's terms: they share nothing with the
+The formulas are written again in that simulator's terms: they share nothing with the
 library's but what they mean.
 """
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from glider.errors import InputError
+from glider.files import schema
+from glider.paths import models_path
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS, LIBRARY, NO_FIELD, PROFILE_DRAG, WIND
 from glider.physics.effects.field import (
@@ -86,7 +88,10 @@ def test_a_file_says_only_what_it_changes(tmp_path):
         "  - {kind: wind, coefficients: {x: -0.6}}\n"
         "  - {kind: dynamic_stall}\n"
     )
-    model = GliderModel.load(path)
+    with pytest.warns(UserWarning, match="pitch_inertia, wing_area") as caught:
+        model = GliderModel.load(path)
+    assert "mass" not in str(caught[0].message)
+    assert caught[0].filename == __file__
     assert model.parameters == GliderParameters(mass=0.09)
     assert [e.to_dict() for e in model.effects] == [
         {"x": -0.6, "z": 0.0},
@@ -299,3 +304,40 @@ def test_where_a_model_comes_from_does_not_change_it(tmp_path):
     model.save(path, origin)
     assert "standard_errors" in path.read_text()
     assert GliderModel.load(path) == model
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"parameters": {"mass": 0.1}}, ("'parameters'", "{mass: 0.1}", "GliderParam")),
+        ({"effects": WIND(x=-0.5)}, ("'effects'", "WIND(x=-0.5, z=0.0)", "such as (")),
+        ({"effects": (WIND,)}, ("one of them", "WIND", "(WIND(...),)")),
+        ({"effects": ("wind",)}, ("one of them", "'wind'")),
+        ({"mass": 0.1}, ("'mass'", "GliderParameters(mass=")),
+    ],
+)
+def test_what_is_no_field_of_a_model_is_refused_in_one_sentence(fields, words):
+    with pytest.raises(InputError) as caught:
+        GliderModel(**fields)
+    for word in ("GliderModel: ", *words):
+        assert word in str(caught.value)
+
+
+def test_a_shipped_glider_loads_by_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shipped = GliderModel.load(models_path("truths", "head_wind.yaml"))
+    assert GliderModel.load("head_wind") == as_model("head_wind") == shipped
+    (tmp_path / "head_wind").write_text(
+        models_path("vehicles", "heavy.yaml").read_text()
+    )
+    assert GliderModel.load("head_wind").parameters.mass == 0.12  # A file goes first.
+    with pytest.raises(InputError, match=r"^tail_wind: does not exist.*head_wind"):
+        GliderModel.load("tail_wind")
+
+
+def test_a_mass_in_grams_is_refused(tmp_path):
+    path = tmp_path / "grams.yaml"
+    values = dataclasses.asdict(GliderParameters()) | {"mass": 80.0}
+    path.write_text(schema.yaml_text({"parameters": values}))
+    with pytest.raises(InputError, match=r"grams\.yaml.*'mass'.*80\.0 kg.*in grams"):
+        GliderModel.load(path)

@@ -110,6 +110,7 @@ def test_a_file_says_only_what_it_changes(tmp_path):
         ("elevator_limits", [-0.4463, float("nan")]),
         ("elevator_limits", [-0.4463, "up"]),
         ("elevator_limits", 0.9473),
+        ("elevator_limits", [-25, 54]),
         ("wing_aera", 0.0885),
         ("masse", 0.08),
     ],

@@ -290,6 +290,12 @@ def test_a_time_varying_plant_is_refused():
         plan(GliderModel(field=field), PerchingProblem())
 
 
+def test_a_mass_in_grams_is_refused():
+    model = GliderModel(parameters=GliderParameters(mass=80.0))
+    with pytest.raises(InputError, match=r"'mass' and 'pitch_inertia'.*in grams"):
+        plan(model, PerchingProblem())
+
+
 def test_a_launch_outside_its_own_limits_is_refused():
     launch = [-3.8, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0]
     with pytest.raises(InputError, match=r"x is -3\.8; expected .* from -3\.5 to 1"):

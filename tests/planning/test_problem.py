@@ -37,6 +37,8 @@ def test_a_file_gives_only_what_differs(tmp_path):
         ("launch: fast", ("'launch' is 'fast'; expected a list",)),
         ("5: 6", ("unknown field 5, expected one of launch",)),
         ("launch: [0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]", ("'launch'", "other than 0")),
+        ("launch: [-3.5, 0.1, 10, 0, 7.0, 0, 0]", ("'launch'", "within ±π rad")),
+        ("goal: [0, 0, -45, 0, 0, 0, 0]", ("'goal'", "within ±π rad")),
         ("wire: [1.1, 0.0]", ("'wire'", "'x_limits'")),
         ("wire: [0.0, -1.1]", ("'wire'", "'z_limits'")),
     ],
@@ -49,6 +51,12 @@ def test_what_cannot_be_is_refused_with_its_place(tmp_path, text, words):
     for word in ("odd.yaml", *words):
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_name_that_does_not_ship_is_refused_with_those_that_do():
+    assert PerchingProblem.load("perching") == PerchingProblem()
+    with pytest.raises(InputError, match=r"^peching: does not exist.*perching_hook"):
+        PerchingProblem.load("peching")
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):

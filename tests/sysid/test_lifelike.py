@@ -41,13 +41,13 @@ NAMED = {
         "wind": {"x": -0.3, "z": 0.0},
     },
 }
-"""What is wrong, as whoever flew them says."""
+"""What is wrong, as those who flew them say."""
 
 DIFFERS = {
     "new_trims": ("elevator_trim", "angle", 0.02),
     "other_stall": ("wind", "x", 0.15),
 }
-"""What differs from flight to flight, its coefficient and standard deviation."""
+"""The flight-to-flight variation, its coefficient and standard deviation."""
 
 
 def campaigns(names):

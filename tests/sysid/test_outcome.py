@@ -1,4 +1,4 @@
-"""The parts of a result: curves, free functions, what differs from flight to flight."""
+"""The parts of a result: curves, free functions, flight-to-flight variation."""
 
 import dataclasses
 import types

@@ -318,7 +318,7 @@ def _huge(arrays, notes):
 
 
 def _flat(arrays, notes):
-    """Definite in whole numbers, singular in floating point."""
+    """Definite in exact arithmetic, singular in floating point."""
     arrays["S"][:] = arrays["slopes"][:] = np.ones((7, 7))
     arrays["S"][:, range(7), range(7)] += 2.0**-52
 
@@ -431,7 +431,7 @@ INVENTED = {
         _model("[-0.4463, 0.9473]", "[-1.5, 1.5]"),
         "'parameters.elevator_limits.0' of its model is -1.5",
     ),
-    "a wind nobody asked for": (
+    "a wind that was not asked for": (
         _model(
             "effects: []",
             "effects:\n- kind: wind\n  coefficients:\n    x: 0.0\n    z: 0.0",

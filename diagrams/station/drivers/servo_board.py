@@ -92,7 +92,13 @@ class SerialLine:
         self._open()
 
     def _open(self) -> None:
-        import serial
+        try:
+            import serial
+        except ImportError:
+            raise InputError(
+                f"{self._port}: a serial line needs pyserial, which is not installed; "
+                "pip install 'drake-glider[lab]' installs it."
+            ) from None
 
         self._line = serial.Serial(self._port, 115200, write_timeout=0.02)
 

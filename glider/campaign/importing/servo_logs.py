@@ -17,9 +17,10 @@ from scipy.signal import savgol_filter
 from glider.campaign.checks.clocks import calc_correlation
 from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
-from glider.campaign.logs import MAX_ANGLE, Campaign, ServoLog
+from glider.campaign.logs import Campaign, ServoLog
 from glider.errors import InputError
 from glider.physics.actuator_replay import command_steps, elevator_path, latest_command
+from glider.physics.parameters import MAX_ANGLE
 
 _LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
 _REACH = 1.5  # Ratio to the elevator's limits that commands reach at most.

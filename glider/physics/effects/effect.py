@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from glider.errors import expect
+from glider.errors import expect, show
 from glider.physics.formulas import scalar
 
 STAGES = {
@@ -193,6 +193,10 @@ class EffectKind:
             return before  # It does nothing.
         return before._replace(actuators=(*before.actuators, (self, values)))
 
+    def __repr__(self) -> str:
+        """Returns its name, as users write it."""
+        return self.kind.upper()
+
     def __hash__(self) -> int:
         """Returns the name's: kinds are looked up before each compiled call."""
         return hash(self.kind)
@@ -221,6 +225,11 @@ class Effect:
 
     kind: EffectKind
     values: tuple[float, ...]
+
+    def __repr__(self) -> str:
+        """Returns the call that makes it."""
+        given = (f"{name}={show(value)}" for name, value in self.to_dict().items())
+        return f"{self.kind}({', '.join(given)})"
 
     def to_dict(self) -> dict[str, float]:
         """Returns coefficient name to value."""

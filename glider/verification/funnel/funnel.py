@@ -32,6 +32,11 @@ class Funnel(BoundarySets):
     #: Set of gliders that it was made for; None where it is of the model's own alone.
     gliders: MovingCenter | None = None
 
+    def __repr__(self) -> str:
+        """Returns one line, as a notebook shows it."""
+        times = self.nominal.times
+        return f"Funnel({times[-1]:.4f} s, {times.size} times)"
+
     @property
     def num_states(self) -> int:
         """Number of states n, the effects' own included."""

@@ -1,11 +1,12 @@
 """AeroID's output error and filter error beside our fit and our search.
 
-The flights are lifelike ones of an own simulator, without flight-to-flight variation;
-all but our search are given the right formulas. The physics is ours on both sides,
-compiled. AeroID takes one log and fits no launch: all flights are one state vector, and
-output error flies our compiled rollouts through AeroID's interface for simulators, with
-the launch states among its parameters. Filter error is given the true noise, and the
-gusts as states with their true spectrum; it estimates launches by its first covariance.
+The flights are lifelike ones of an independent simulator, without flight-to-flight
+variation; all but our search are given the right formulas. The physics is ours on both
+sides, compiled. AeroID takes one log and fits no launch: all flights are one state
+vector, and output error flies our compiled rollouts through AeroID's interface for
+simulators, with the launch states among its parameters. Filter error is given the true
+noise, and the gusts as states with their true spectrum; it estimates launches by its
+first covariance.
 """
 
 import bisect

@@ -1,4 +1,4 @@
-"""A broken log is refused, mended or told; nothing else of the campaign is touched."""
+"""A broken log is refused, corrected or reported; the rest stays."""
 
 import dataclasses
 import re

@@ -1,4 +1,4 @@
-"""A clock that is wrong is told by those that made the log's rows and commands."""
+"""A clock that is wrong is known from those that made the log's rows and commands."""
 
 import dataclasses
 

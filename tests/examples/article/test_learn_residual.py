@@ -3,7 +3,7 @@
 import pytest
 
 import learn_residual
-from diagrams.program import load_truth
+from glider.physics.model import GliderModel
 from learn_residual import weight_changes
 from tests.helpers.examples import run_main
 
@@ -14,7 +14,9 @@ OPTIONS = ("--truth=head_wind", "--weights=2", "--traced=2", "--launches=3")
 
 @pytest.fixture(scope="module")
 def found():
-    return learn_residual.run(load_truth("head_wind"), weights=2, traced=2, launches=3)
+    return learn_residual.run(
+        GliderModel.load("head_wind"), weights=2, traced=2, launches=3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +65,7 @@ def test_the_options_reach_the_story(found, tmp_path):
         learn_residual, found, tmp_path, *OPTIONS, "--order=1", "--seed=5"
     )
     truth, *rounds = output.asked.call_args.args
-    assert truth == load_truth("head_wind")
+    assert truth == GliderModel.load("head_wind")
     assert rounds == [2, 2]
     options = output.asked.call_args.kwargs
     assert (options["launches"], options["seed"]) == (3, 5)

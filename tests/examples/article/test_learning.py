@@ -1,4 +1,4 @@
-"""The loop of learning: what flies, what is logged, what is learned, what it buys."""
+"""The loop of learning: what flies, is logged, is learned, and improves the flights."""
 
 import dataclasses
 

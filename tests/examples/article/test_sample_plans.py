@@ -1,16 +1,16 @@
-"""Sampled plans: what searches find, and what planning anew is worth in flight."""
+"""Sampled plans: what searches find, and what planning again is worth in flight."""
 
 import numpy as np
 import pytest
 
 import sample_plans
-from diagrams.program import load_truth
+from glider.physics.model import GliderModel
 from tests.helpers.examples import run_main
 
 
 @pytest.fixture(scope="module")
 def found():
-    return sample_plans.fly(load_truth("set_wing"), searches=3, launches=3)
+    return sample_plans.fly(GliderModel.load("set_wing"), searches=3, launches=3)
 
 
 @pytest.fixture(scope="module")

@@ -26,10 +26,10 @@ def dragged():
     return task, plate, fit_model(task, begin(task, noise, ["profile_drag"]))
 
 
-@pytest.mark.parametrize("is_told", [True, False], ids=["told", "not told"])
-def test_a_shifted_center_of_pressure_is_one_with_an_unknown_wing_offset(is_told):
+@pytest.mark.parametrize("is_known", [True, False], ids=["known", "unknown"])
+def test_a_shifted_center_of_pressure_is_one_with_an_unknown_wing_offset(is_known):
     campaign = fly(flights=2, duration=0.2)
-    if not is_told:
+    if not is_known:
         known = {k: v for k, v in campaign.vehicle.items() if k != "wing_offset"}
         campaign = dataclasses.replace(campaign, vehicle=known)
     task, _ = task_of(campaign)
@@ -37,7 +37,7 @@ def test_a_shifted_center_of_pressure_is_one_with_an_unknown_wing_offset(is_told
     free = set(task.free(("center_of_pressure", "profile_drag")))
     everything = {*slots_of("center_of_pressure"), *slots_of("profile_drag")}
     shift = {index["center_of_pressure", "shift"]}
-    if is_told:
+    if is_known:
         assert free == everything
     else:
         assert free == (everything - shift) | set(task.vehicle.nuisance)

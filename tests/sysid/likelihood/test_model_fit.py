@@ -138,7 +138,7 @@ def test_scales_may_be_kept(windy):
 
 
 def test_what_is_known_beforehand_pulls(windy):
-    """A wing area that is told to a millionth is not taken from the flights."""
+    """A wing area that is known to a millionth is not taken from the flights."""
     known = {k: v for k, v in windy.vehicle.items() if k != "wing_area"}
     known["wing_area"] = 1.1 * windy.vehicle["wing_area"]
     task, noise = task_of(dataclasses.replace(windy, vehicle=known))

@@ -1,4 +1,4 @@
-"""Records of flights with gaps and with rows that are set aside."""
+"""Records of flights with gaps and with rows that are excluded."""
 
 import dataclasses
 

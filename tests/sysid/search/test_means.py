@@ -1,4 +1,4 @@
-"""What all flights have is told from what each has of its own."""
+"""What all flights have is distinguished from what each has of its own."""
 
 import pytest
 
