@@ -258,11 +258,12 @@ def _words(name: str) -> str:
 
 
 def _addresses(log: Recording) -> list[str]:
-    """Names of all columns; those of joined files without their patterns."""
+    """Names of columns that can be used; those of joined files without patterns."""
     return [
         f"{group.name}.{name}" if group.name and "*" not in group.name else name
         for group in log.groups
-        for name in group.columns
+        for name, column in group.columns.items()
+        if not column.fault or column.labels
     ]
 
 
