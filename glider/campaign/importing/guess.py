@@ -19,6 +19,7 @@ from glider.campaign.checks.clocks import follow_sign
 from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.forces import usable_motion
 from glider.campaign.importing.campaign_import import (
+    as_files,
     campaign_of_cuts,
     cut_recordings,
     read_logs,
@@ -95,7 +96,7 @@ class Guess(NamedTuple):
 
 def guess_mapping(files: Sequence[Path]) -> Guess:
     """Proposes a mapping; refused where no columns, or no frame, make flights."""
-    recordings, join = _read(sorted(map(Path, files)))
+    recordings, join = _read(sorted(as_files(files)))
     known = recordings[0].known  # PX4's topics are in SI, and north, east, down.
     columns = _guess_columns(recordings[0])
     recordings = [part for log in recordings for part in split_flights(log, columns)]

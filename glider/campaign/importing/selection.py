@@ -233,7 +233,9 @@ class Picker:
         ahead = nose - tail
         if ahead.shape[1] == 2:
             if tips:
-                reason = "left and right are not seen in a plane; expected nose and tail"
+                reason = (
+                    "left and right are not seen in a plane; expected nose and tail"
+                )
                 raise self._error("attitude", reason)
             return points[0]._replace(values=ahead)
         # Without wing tips it is level: square to what is up.

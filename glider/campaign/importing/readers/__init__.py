@@ -8,13 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from glider.campaign.importing.formats import FORMATS
-from glider.campaign.importing.readers import (
-    c3d,
-    dataflash,
-    delimited,
-    tables,
-    topics,
-)
+from glider.campaign.importing.readers import c3d, dataflash, delimited, tables, topics
 from glider.campaign.importing.readers.camera_exports import parse_export
 from glider.campaign.importing.recording import Recording
 from glider.errors import InputError
