@@ -198,7 +198,8 @@ def as_files(files: Iterable[Path | str]) -> list[Path]:
     one = isinstance(files, (str, Path)) or not isinstance(files, Iterable)
     expect(not one, "files", files, "a list of paths of logs")
     listed = list(files)
-    expect(listed, "files", listed, "one log or more, but no files were given")
+    if not listed:
+        raise InputError("no files were given; expected one log or more.")
     for file in listed:
         expect(isinstance(file, (str, Path)), "files", file, "paths of logs")
     return [Path(file) for file in listed]

@@ -7,9 +7,7 @@ class Format(NamedTuple):
     """A format of files."""
 
     name: str  #: As it stands in lists and messages.
-    suffixes: tuple[
-        str, ...
-    ] = ()  #: Of files; none: they are known by their beginning.
+    suffixes: tuple[str, ...] = ()  #: Of files; none: their beginning tells.
     library: str = ""  #: That reads them; "": none but what is always installed.
 
 

@@ -36,16 +36,18 @@ def read(path: Path) -> Recording:
     kind = library.DFReader_text if is_text else library.DFReader_binary
     rows: dict[str, list[list[float]]] = defaultdict(list)
     names: dict[str, list[str]] = {}
-    with contextlib.redirect_stderr(io.StringIO()):  # It reports damaged messages.
-        with contextlib.closing(kind(str(path))) as log:
-            for message in iter(log.recv_msg, None):
-                name, fields = message.get_type(), message.get_fieldnames()
-                instance = message.fmt.instance_field
-                if instance and (number := _number(message, instance)) > 0.0:
-                    name = f"{name}_{number:.0f}"
-                if _TIMES.keys() & fields:
-                    known = names.setdefault(name, fields)
-                    rows[name].append([_number(message, field) for field in known])
+    with (
+        contextlib.redirect_stderr(io.StringIO()),  # It reports damaged messages.
+        contextlib.closing(kind(str(path))) as log,
+    ):
+        for message in iter(log.recv_msg, None):
+            name, fields = message.get_type(), message.get_fieldnames()
+            instance = message.fmt.instance_field
+            if instance and (number := _number(message, instance)) > 0.0:
+                name = f"{name}_{number:.0f}"
+            if _TIMES.keys() & fields:
+                known = names.setdefault(name, fields)
+                rows[name].append([_number(message, field) for field in known])
     groups = []
     for name, values in rows.items():
         each = zip(names[name], np.array(values).T, strict=True)

@@ -191,8 +191,8 @@ class _Topics:
                 field = name.removeprefix(place).removeprefix(".")
                 listed = ", ".join(f"'{topic}[{n}].{field}'" for n in sorted(names)[:6])
                 return (
-                    f"'{topic}.{name}' is that of {len(names)} bodies in turn; expected "
-                    f"one of {listed}{', ...' if len(names) > 6 else ''}."
+                    f"'{topic}.{name}' is that of {len(names)} bodies in turn; "
+                    f"expected one of {listed}{', ...' if len(names) > 6 else ''}."
                 )
         return None
 
