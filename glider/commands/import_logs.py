@@ -28,8 +28,8 @@ examples:
   glider import takes/*.csv --map MAP.yaml --out throws
   glider close-the-loop throws
 
-Formats other than text need pip install 'drake-glider[import]'; docs/import.md has six
-maps by example.
+Formats other than text need pip install 'drake-glider[import]'; docs/import.md has maps
+by example.
 """
 
 

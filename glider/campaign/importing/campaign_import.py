@@ -164,7 +164,6 @@ def read_flights(
     files: Sequence[Path | str], mapping: Path | str, progress: Progress = silent
 ) -> ImportResult:
     """Makes what `import_campaign` writes."""
-    logs = as_files(files)
     known = isinstance(mapping, (str, Path))
     expect(known, "the mapping", mapping, "the path of a MAP file")
     settings, claim = read_settings(Path(mapping))
@@ -173,7 +172,7 @@ def read_flights(
             f"{mapping}: has no 'columns:'; expected a mapping of the logs' columns "
             "(--guess proposes one)."
         )
-    recordings = read_logs(logs, claim, progress)
+    recordings = read_logs(as_files(files), claim, progress)
     progress("cutting the flights out, checking their axes and signs")
     settings = dataclasses.replace(settings, path=Path(mapping))
 

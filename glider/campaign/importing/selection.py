@@ -250,6 +250,11 @@ class Picker:
 
     def _vector(self, quantity: str, name: Names | Markers) -> Stream:
         """Points (n, 3), or in a plane (n, 2) x and the axis that is vertical [m]."""
+        if isinstance(name, str):  # Perhaps of a body or a marker.
+            names = (name, f"{name}.Position")
+            shapes = [(n, axes) for n in names for axes in _PLANE]
+            field, find = self._field(quantity), self._recording.find_all
+            name = next((n for n, axes in shapes if find(n, axes, field)), name)
         axes, found = self._find(quantity, name, _PLANE, "with x, y, z")
         if len(axes) == 2:
             second = self._mapping.frame.up[-1].replace("x", "z")
