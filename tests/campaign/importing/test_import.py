@@ -459,3 +459,20 @@ def test_nothing_that_is_printed_has_an_escape_sequence(tmp_path, campaign):
     for file in files:
         file.write_bytes(file.read_bytes().replace(b"Nick", b"Nick\x1b[2J"))
     assert all(line.isprintable() for line in guess_mapping(files).text.splitlines())
+
+
+def test_arguments_that_are_none_are_named(tmp_path, capsys):
+    file, path = tmp_path / "a.csv", tmp_path / "MAP.yaml"
+    path.write_text("columns: {x: x, z: z, pitch: p}\n")
+    for given, words in (
+        (([], path, tmp_path), "no files were given; expected one log or more"),
+        ((str(file), path, tmp_path), "files is .*; expected a list of paths"),
+        ((None, path, tmp_path), "files is None; expected a list of paths"),
+        (([5], path, tmp_path), "files is 5; expected paths of logs"),
+        (([file], {"columns": {}}, tmp_path), "the mapping is {.*expected the path"),
+        (([file], path, None), "out is None; expected the path"),
+    ):
+        with pytest.raises(InputError, match=words):
+            import_campaign(*given)
+    with pytest.raises(InputError, match="no files were given"):
+        guess_mapping([])

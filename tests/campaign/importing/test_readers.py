@@ -77,7 +77,7 @@ def test_dialects(tmp_path, text, name, unit, first):
     [
         (["0:00:00:000", "0:00:00:033", "0:01:02:500"], [0.0, 0.033, 62.5]),
         (["0:59.9", "1:00.0", "1:01.25"], [0.0, 0.1, 1.35]),
-        (["59.9", "1:00.0", "1:01.25"], [59.9, 60.0, 61.25]),
+        (["59.9", "1:00.0", "1:01.25"], [0.0, 0.1, 1.35]),
         (["25:00:00.0", "25:00:01", "25:00:02"], [0.0, 1.0, 2.0]),
         (["-0:00:00:100", "0:00:00:000", "0:00:00:100"], [0.0, 0.1, 0.2]),
         (["10:00:00,5", "10:00:01,5", "10:00:02,75"], [0.0, 1.0, 2.25]),
@@ -95,9 +95,7 @@ def test_frames_of_a_clock_are_no_times(tmp_path):
     """In hh:mm:ss:ff the last number counts frames of an unknown rate."""
     path = tmp_path / "log.csv"
     path.write_text("t;x\n" + "".join(f"00:00:00:0{k};{k}\n" for k in range(5)))
-    with pytest.raises(
-        InputError, match=r"found '00:00:00:00'; expected a time.*mm:ss"
-    ):
+    with pytest.raises(InputError, match=r"found '00:00:00:00'; expected a time"):
         values(read_recording(path), "t")
 
 
@@ -190,14 +188,10 @@ def test_qtm_with_markers_and_without_times(tmp_path):
     assert np.isnan(values(table, "a.Position.X").values[1:]).all()
     assert np.allclose(values(table, "Time").values, [0.0, 0.01, 0.02])
     path.write_text(path.read_text().replace("100", "EXT"))
-    with pytest.raises(
-        InputError, match="FREQUENCY is 'EXT' and there is no column of"
-    ):
+    with pytest.raises(InputError, match="FREQUENCY is 'EXT' and there is no column"):
         read_recording(path)
     path.write_text("NO_OF_FRAMES\t3\nDATA_INCLUDED\t2D\n1\t2\n1\t2\n1\t2\n")
-    with pytest.raises(
-        InputError, match="a TSV of QTM with 2D; expected an export of 6D"
-    ):
+    with pytest.raises(InputError, match="a TSV of QTM with 2D; expected an export"):
         read_recording(path)
 
 
@@ -261,10 +255,7 @@ def test_one_list_of_formats():
     assert f"The importer reads {FORMAT_NAMES}, and data frames" in readme
     project = (root / "pyproject.toml").read_text(encoding="utf-8")
     extra = project.partition("\nimport = [")[2].partition("]\n#")[0]
-    needed = {format.library for format in FORMATS} - {
-        "",
-        "mcap",
-    }  # One is a dependency.
+    needed = {format.library for format in FORMATS} - {"", "mcap"}
     assert all(f'"{library}' in extra for library in needed)
 
 
@@ -351,7 +342,7 @@ def transform(store, name, x, i):
 
 @pytest.mark.parametrize("together", [True, False])
 def test_bodies_of_a_topic_have_columns_by_name(tmp_path, ros, together):
-    """In one message, where an index tells them apart, or in messages that alternate."""
+    """In one message, where an index tells them apart too, or in messages in turn."""
     make = ros.types["tf2_msgs/msg/TFMessage"]
     messages = []
     for i in range(30):
@@ -369,9 +360,7 @@ def test_bodies_of_a_topic_have_columns_by_name(tmp_path, ros, together):
         own = values(table, "/tf.transforms[1].transform.translation.x").values
         assert np.allclose(own, bird)
         return
-    with pytest.raises(
-        InputError, match=r"2 bodies in turn; expected one of '/tf\[bird"
-    ):
+    with pytest.raises(InputError, match=r"bodies in turn; expected one of '/tf\[bird"):
         values(table, "/tf.transforms[0].transform.translation.x")
 
 
@@ -395,7 +384,7 @@ def without_definitions(bag):
     """Removes the definitions of messages, which older bags do not have."""
     [file] = bag.glob("*.db3")
     with contextlib.closing(sqlite3.connect(file)) as base:
-        base.execute("DROP TABLE message_definitions")
+        base.execute("DELETE FROM message_definitions")
         base.execute("UPDATE topics SET type_description_hash = ''")
         base.commit()
 
@@ -410,9 +399,7 @@ def test_a_bag_without_definitions_says_how_to_give_them(tmp_path, ros, alone):
     types = {topic: types[topic] for topic, _ in messages}
     write_bag(path, types, messages, ros)
     without_definitions(path)
-    with pytest.raises(
-        InputError, match=r"the definition of its type.*our_msgs/msg/Servo"
-    ):
+    with pytest.raises(InputError, match=r"definition of its type.*our_msgs"):
         values(read_recording(path), "/servo.angle")
     definition = tmp_path / "our_msgs" / "msg" / "Servo.msg"
     definition.parent.mkdir(parents=True)

@@ -35,6 +35,7 @@ _BLANK = re.compile(
 _UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]*?)\s*[\])]$")
 _CLOCK = re.compile(r"(-?)(?:(\d+):)?(\d\d?):(\d\d?)(?:[.,](\d+)|:(\d{3}))?")
 """h:mm:ss.fff, mm:ss.fff or h:mm:ss:ms, as of videos."""
+_FRAMES = re.compile(r"\d:\d\d:\d\d:\d")  # hh:mm:ss:ff, the last counts frames.
 _MIN_ROWS = 3
 _DAY_ZERO = datetime.datetime(1970, 1, 1)
 
@@ -237,6 +238,13 @@ def _instant(cell: str) -> float:
 
     Without a zone it is taken for UTC; only differences matter. 31.12.2026 is read too.
     """
+    clock = _CLOCK.fullmatch(cell)
+    sign, hours, minutes, seconds, *fraction = clock.groups("") if clock else [""] * 6
+    if hours or any(fraction):  # Else they may be hours and minutes, too.
+        whole = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + int(seconds)
+        return float(f"{sign}1") * (whole + float(f"0.{''.join(fraction) or 0}"))
+    if _FRAMES.search(cell):  # Python takes them for hundredths of a second.
+        return math.nan
     cell = re.sub(r"^(\d\d)\.(\d\d)\.(\d{4})\b", r"\3-\2-\1", cell)
     for text in (cell, f"1970-01-01T{cell.removeprefix('T')}") if ":" in cell else ():
         try:
@@ -244,11 +252,4 @@ def _instant(cell: str) -> float:
         except ValueError:
             continue
         return time.replace(tzinfo=time.tzinfo or datetime.UTC).timestamp()
-    clock = _CLOCK.fullmatch(cell)
-    if clock is None:
-        return math.nan
-    sign, hours, minutes, seconds, *fraction = clock.groups(default="")
-    if not (hours or any(fraction)):  # Minutes, or hours?
-        return math.nan
-    whole = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + int(seconds)
-    return float(f"{sign}1") * (whole + float(f"0.{''.join(fraction) or 0}"))
+    return math.nan
