@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from glider.compiled.closed_loop import Feedback, fly_feedback
-from glider.errors import expect
+from glider.errors import InputError, expect
 from glider.files import schema
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, VELOCITY
@@ -41,6 +41,10 @@ def load_launch(commands: Path) -> list[float]:
         InputError: it is of no proposed throw, or of one that needs feedback.
     """
     file = commands.parent / NEXT_THROW
+    if not commands.is_file():
+        raise InputError(
+            f"{commands}: does not exist; expected commands_N.csv of {file}."
+        )
     found = schema.parse_json(
         schema.read_text(file, "the throws of glider next-throw"), str(file)
     )

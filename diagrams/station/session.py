@@ -97,10 +97,18 @@ class Session:
         self._lock.close()
 
     def _check_truth(self) -> None:
-        """Refuses throws of another simulated glider, or of a real one."""
-        for record in self._records():
+        """Refuses throws of another simulated glider, or of a real one.
+
+        A flight without a record was imported: it is of a real one.
+        """
+        recorded, ours = self._records(), self._facts["truth"]
+        names = {_flight_name(record) for record in recorded}
+        flights = sorted(self.folder.glob("flight_*.csv")) if ours else []
+        imported = [flight for flight in flights if flight.name not in names]
+        for record in (*imported, *recorded):
+            if record in imported:
+                break
             with contextlib.suppress(InputError):
-                ours = self._facts["truth"]
                 if read_throw(record)[0].get("truth", ours) != ours:
                     break
         else:

@@ -18,7 +18,7 @@ from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import map_flights
-from glider.campaign.settings import Settings
+from glider.campaign.settings import QUANTITIES, Settings
 from glider.errors import InputError, expect
 from glider.files import schema
 
@@ -30,6 +30,13 @@ def from_arrays(
     fields: dict[str, Any],
 ) -> Campaign:
     """Makes a campaign; see `Campaign.from_arrays`."""
+    expected = "a list of tables of one flight each, or a dict of them by name"
+    if isinstance(flights, Mapping):  # Of tables, or the columns of one?
+        several = not flights or any(_names_of(t) is not None for t in flights.values())
+    else:
+        iterable = np.iterable(flights) and not isinstance(flights, str)
+        several = iterable and _names_of(flights) is None
+    expect(several, "flights", flights, expected)
     named = flights if isinstance(flights, Mapping) else dict(enumerate(flights))
     recordings = [_recording(_file_name(key), table) for key, table in named.items()]
     return _campaign(recordings, vehicle, name, fields)
@@ -56,6 +63,9 @@ def _campaign(
     if not recordings:
         raise InputError(f"{name}: holds no flight; expected at least one.")
     data = _known(vehicle) | fields
+    if not data.get("columns") and data.keys() & {"units", "frame", "clock"}:
+        own = recordings[0].names()
+        data["columns"] = {name: name for name in QUANTITIES if name in own}
     settings = schema.convert(schema.to_builtins(data), Settings, name)
     campaign, mapping = settings.campaign(Path(name)), settings.mapping(name)
     logs = sorted(recordings, key=lambda recording: recording.path)
@@ -85,14 +95,9 @@ def _file_name(key: object) -> str:
 
 def _recording(name: str, table: Any) -> Recording:
     """A table's columns; matrices become name[0], name[1]."""
-    dtype = getattr(table, "dtype", None)
-    names = getattr(dtype, "names", None) or getattr(table, "column_names", None)
-    if names is None:
-        expected = "a table with named columns, as a dict or a data frame"
-        expect(
-            hasattr(table, "keys") or hasattr(table, "columns"), name, table, expected
-        )
-        names = table.columns if hasattr(table, "columns") else table.keys()
+    names = _names_of(table)
+    expected = "a table with named columns, as a dict or a data frame"
+    expect(names is not None, name, table, expected)
     columns: dict[str, Column] = {}
     for own in names:
         columns |= _columns(str(own), table[own])
@@ -107,9 +112,23 @@ def _recording(name: str, table: Any) -> Recording:
     return Recording(Path(name), (Group("", columns),))
 
 
+def _names_of(table: Any) -> Any:
+    """Names of a table's columns; None of what is no table."""
+    names = getattr(getattr(table, "dtype", None), "names", None)
+    names = names or getattr(table, "column_names", None)
+    if names is None:
+        is_dict = isinstance(table, Mapping)
+        names = table.keys() if is_dict else getattr(table, "columns", None)
+    return names
+
+
 def _columns(name: str, values: Any) -> dict[str, Column]:
-    """Columns of numbers, times or texts."""
+    """Columns of numbers, times or texts; masked values are missing."""
     array = np.asarray(values)
+    if isinstance(values, np.ma.MaskedArray):
+        missing = np.datetime64("NaT") if array.dtype.kind in "mM" else np.nan
+        kind = float if array.dtype.kind in "iub" else array.dtype
+        array = np.where(np.ma.getmaskarray(values), missing, array.astype(kind))
     if array.dtype.kind in "mM":
         return {name: Column((array - array[:1]) / np.timedelta64(1, "s"), "s")}
     if array.dtype.kind in "fiub":

@@ -15,7 +15,7 @@ from glider.campaign.importing.recording import Recording
 from glider.campaign.logs import Campaign
 from glider.campaign.samples import HOW_TO_IMPORT, campaign_folder
 from glider.campaign.settings import Mapping, read_settings
-from glider.errors import InputError, show
+from glider.errors import InputError, expect, show
 
 
 def load_campaign(
@@ -38,6 +38,8 @@ def load_campaign(
     Raises:
         InputError: the campaign cannot be used.
     """
+    known = isinstance(path, (str, Path))
+    expect(known, "the campaign", path, "the path of its folder, or a Campaign")
     path = campaign_folder(path)
     file = path / "campaign.yaml"
     if not file.is_file():

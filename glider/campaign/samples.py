@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from glider.errors import InputError
 from glider.files import schema
+from glider.files.writing import check_writable
 from glider.paths import cache_folder, models_path
 
 _FOLDER = "campaigns"
@@ -80,6 +81,7 @@ def copy_sample(name: str, out: Path) -> None:
     if out.exists():
         raise InputError(f"{out}: exists; expected the name of a new folder.")
     source = campaign_folder(name)
+    check_writable(out)
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as part:
         shutil.copytree(source, Path(part, out.name)).rename(out)

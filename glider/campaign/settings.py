@@ -58,26 +58,27 @@ FRAME_CHOICES = {
 """Values that a field of `frame:` may have, and what it means."""
 
 
+Names = str | list[str]  # Columns of a vector: their common name, or all names.
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Markers:
     """Points of the glider that give its attitude: the pitch is that of tail to nose.
 
-    With left and right the roll is known, too; without them it is taken for zero.
+    With left and right the roll is known, too; without them it is taken for zero. Of a
+    video they have two axes, and no left and right.
     """
 
-    nose: str
-    tail: str
-    left: str | None = None
-    right: str | None = None
+    nose: Names
+    tail: Names
+    left: Names | None = None
+    right: Names | None = None
 
     def __post_init__(self):
         """Raises InputError where one wing tip is missing."""
         if (self.left is None) != (self.right is None):
             one = "columns: attitude has one of 'left' and 'right'"
             raise InputError(f"{one}; expected both, or neither.")
-
-
-Names = str | list[str]  # Columns of a vector: their common name, or all names.
 
 
 def _check_units(units: object) -> None:

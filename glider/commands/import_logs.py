@@ -1,15 +1,20 @@
 """The command `import`: convert logs of other software into a campaign."""
 
 import argparse
+import textwrap
 from pathlib import Path
 
+from glider.campaign.importing.formats import FORMAT_NAMES
 from glider.commands.output import working
 from glider.commands.parsing import CommandParser
 from glider.errors import InputError
 
-DESCRIPTION = """\
-Converts logs of other software into a campaign folder: CSV of any dialect, Excel .xlsx,
-OptiTrack Motive and Vicon exports, C3D, PX4 ULog, MATLAB .mat, MCAP, ROS bags, Parquet.
+_FORMATS = textwrap.fill(
+    f"Converts logs of other software into a campaign folder. Formats: {FORMAT_NAMES}.",
+    width=88,
+)
+DESCRIPTION = f"""\
+{_FORMATS}
 
 MAP.yaml specifies which columns are which, in which units and axes, and what is known
 of the vehicle. Long recordings are cut into flights, from release to contact. Nothing
@@ -23,8 +28,8 @@ examples:
   glider import takes/*.csv --map MAP.yaml --out throws
   glider close-the-loop throws
 
-Formats other than text need pip install 'drake-glider[import]'; docs/import.md has six
-maps by example.
+Formats other than text need pip install 'drake-glider[import]'; docs/import.md has maps
+by example.
 """
 
 

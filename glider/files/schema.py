@@ -126,7 +126,23 @@ def yaml_text(value: Any) -> str:
 
 
 class _Loader(yaml.SafeLoader):
-    """Takes 1e-3 for a number, as YAML 1.2 does; PyYAML alone reads text."""
+    """Takes 1e-3 for a number, as YAML 1.2 does; PyYAML alone reads text.
+
+    A field that is there twice is refused; PyYAML alone takes the last.
+    """
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        """Makes a dict of a mapping whose fields are there once."""
+        known: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.value != "<<":
+                if key.value in known:
+                    problem = f"field '{key.value}' is there twice"
+                    raise yaml.constructor.ConstructorError(
+                        problem=problem, problem_mark=key.start_mark
+                    )
+                known.add(key.value)
+        return super().construct_mapping(node, deep)
 
 
 _Loader.add_implicit_resolver(

@@ -123,8 +123,10 @@ def plan(
         InputError: where the glider or the problem cannot be planned for.
         PlanningError: where no attempt succeeds.
     """
-    good = knots and min(knots) >= 3
-    expect(good, "plan: 'knots'", tuple(knots), "one number or more, each at least 3")
+    listed = list(knots) if np.iterable(knots) else []
+    good = listed and all(isinstance(k, (int, np.integer)) and k >= 3 for k in listed)
+    expected = "a list of one whole number or more, each at least 3"
+    expect(good, "plan: 'knots'", knots, expected)
     model = as_model(model)
     problem = PerchingProblem() if problem is None else problem
     check_plannable(model, problem)

@@ -60,7 +60,7 @@ def close_the_loop(
     begin = time.perf_counter()
     progress(Step("read", 0.0))
     if not isinstance(campaign, Campaign):
-        campaign = load_campaign(Path(campaign), flights=flights, grades=grades)
+        campaign = load_campaign(campaign, flights=flights, grades=grades)
     if earlier:
         _check_earlier(earlier, campaign.path, effects, own)
     from glider.campaign.checks.inspection import inspect

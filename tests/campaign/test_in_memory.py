@@ -225,3 +225,32 @@ def test_unknown_fields_are_refused(campaign):
 def test_what_has_no_named_columns_is_refused(table):
     with pytest.raises(InputError, match=r"flight_000\.csv.*named columns"):
         Campaign.from_arrays([table], {}, name="lab")
+
+
+@pytest.mark.parametrize("flights", ["a table", 5, "log.csv", None])
+def test_what_is_no_list_of_flights_is_named(campaign, flights):
+    """One table instead of a list of tables, or no table at all."""
+    if flights == "a table":
+        flights = arrays_of(campaign.flights[0])
+    with pytest.raises(InputError, match=r"flights is .*; expected a list of tables"):
+        Campaign.from_arrays(flights, VEHICLE)
+
+
+def test_units_without_columns(campaign):
+    """The names of the quantities are those of the columns."""
+    tables = [arrays_of(flight) for flight in campaign.flights]
+    tables = [{**table, "time": 1000.0 * table["time"]} for table in tables]
+    units = {"time": "ms"}
+    made = Campaign.from_arrays(tables, VEHICLE, command_rate=50, units=units)
+    assert_same(made, campaign, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [float, int, object])
+def test_masked_values_are_missing(campaign, kind):
+    """What stands under a mask is not used."""
+    table = arrays_of(campaign.flights[0])
+    hidden = np.arange(len(table["x"])) == 40
+    values = np.where(hidden, 99, table["x"] if kind is not int else 0)
+    table["x"] = np.ma.masked_array(values.astype(kind), mask=hidden)
+    with pytest.raises(InputError, match="column 'x', row 40: found nan"):
+        Campaign.from_arrays([table], VEHICLE)

@@ -79,6 +79,9 @@ def test_a_kill_stops_a_proposed_throw_too(tmp_path, commands):
 
 def test_commands_without_a_launch_are_refused(tmp_path, commands):
     other = commands.with_name("commands_2.csv")
+    with pytest.raises(InputError, match=r"commands_2.csv: does not exist; expected"):
+        load_launch(other)
+    other.write_text(commands.read_text())
     with pytest.raises(InputError, match="expected commands of a throw in"):
         load_launch(other)
     text = json.dumps({"throws": [{**THROW, "feedback_from_s": 0.4}]})

@@ -99,3 +99,15 @@ def test_what_is_written_is_read_again(tmp_path):
 def test_json_has_no_nan_and_no_infinity():
     data = schema.to_builtins({"a": math.nan, "b": [math.inf, np.float64(1.0)]})
     assert data == {"a": None, "b": [None, 1.0]}
+
+
+@pytest.mark.parametrize("text", ["{a: 1, b: 2, a: 3}", "p:\n  a: 1\n  a: 1\n"])
+def test_a_field_that_is_there_twice_is_refused(text):
+    """The last would count, and the first be lost without a word."""
+    with pytest.raises(InputError, match="field 'a' is there twice"):
+        schema.parse_yaml(text, "f.yaml")
+
+
+def test_a_merged_field_may_be_replaced():
+    text = "base: &b {a: 1, c: 2}\nown:\n  <<: *b\n  a: 3\n"
+    assert schema.parse_yaml(text, "f.yaml")["own"] == {"a": 3, "c": 2}

@@ -4,7 +4,7 @@ import dataclasses
 import fnmatch
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from glider.campaign.importing.track import Track, angles_of, make_track, turn_a
 from glider.campaign.logs import PITCH_RATE, Campaign, ServoLog
 from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
-from glider.errors import InputError, printable
+from glider.errors import InputError, expect, printable
 from glider.progress import Progress, announced, silent
 
 _CLEARLY = 14.0  # Log odds above which an order is refused: a million to one.
@@ -146,7 +146,9 @@ def import_campaign(
     Raises:
         InputError: a log cannot be read or mapped, or the mapping is wrong.
     """
-    logs = {Path(file).resolve() for file in files}
+    logs = {file.resolve() for file in as_files(files)}
+    known = isinstance(out, (str, Path))
+    expect(known, "out", out, "the path of the folder to write")
     for pattern in ("campaign.yaml", "import.txt", "flight_*.csv"):
         for found in sorted(Path(out).glob(pattern)):
             if not force or found.resolve() in logs:
@@ -162,13 +164,15 @@ def read_flights(
     files: Sequence[Path | str], mapping: Path | str, progress: Progress = silent
 ) -> ImportResult:
     """Makes what `import_campaign` writes."""
+    known = isinstance(mapping, (str, Path))
+    expect(known, "the mapping", mapping, "the path of a MAP file")
     settings, claim = read_settings(Path(mapping))
     if claim is None:
         raise InputError(
             f"{mapping}: has no 'columns:'; expected a mapping of the logs' columns "
             "(--guess proposes one)."
         )
-    recordings = read_logs([Path(file) for file in files], claim, progress)
+    recordings = read_logs(as_files(files), claim, progress)
     progress("cutting the flights out, checking their axes and signs")
     settings = dataclasses.replace(settings, path=Path(mapping))
 
@@ -186,6 +190,18 @@ def read_flights(
         return _prepare(recordings, cuts, claim, settings)[1]()
     except InputError as error:
         raise advise(error, recordings, claim, make) from None
+
+
+def as_files(files: Iterable[Path | str]) -> list[Path]:
+    """Paths of logs; InputError where there are none."""
+    one = isinstance(files, (str, Path)) or not isinstance(files, Iterable)
+    expect(not one, "files", files, "a list of paths of logs")
+    listed = list(files)
+    if not listed:
+        raise InputError("no files were given; expected one log or more.")
+    for file in listed:
+        expect(isinstance(file, (str, Path)), "files", file, "paths of logs")
+    return [Path(file) for file in listed]
 
 
 def _prepare(

@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 
 from glider.campaign.checks.clocks import follow_sign
 from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.forces import usable_motion
 from glider.campaign.importing.campaign_import import (
+    as_files,
     campaign_of_cuts,
     cut_recordings,
     read_logs,
@@ -27,7 +29,7 @@ from glider.campaign.importing.frame_posterior import Fields, rank_frames
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import UNITS, Recording, split_suffix
 from glider.campaign.importing.sign_checks import SIGNIFICANT, check_signs, fit_elevator
-from glider.campaign.importing.splitting import split_flights
+from glider.campaign.importing.splitting import FEWEST_ROWS, split_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import (
     FRAME_CHOICES,
@@ -45,7 +47,8 @@ _COMMAND = r"cmd|command|soll|setp|(^|_)(set|sp|ref)(_|$)|consigne|kommando|coma
 _IS_RATE = r"rate|dot|vel|d(e)?g?ps|geschw|vitesse"
 _RATE, _ANGLE = "elevator_rate_command", "elevator_angle_command"
 _NAMES = {  # What names contain, in lower case, words parted by _, without units.
-    "time": r"(^|_)(t|time|zeit|timestamp|secs?|seconds|clock|temps|tiempo|tempo)(_|$)",
+    "time": r"(^|_)(ts?|time|zeit|timestamp|secs?|seconds|clock|temps|tiempo|tempo)"
+    r"(_|$)",
     "position": r"pos|transl|point|location|(^|\W)p$",
     "attitude": r"quat|orient|rot|att|eul|lage$|(^|\W)q$",
     "x": r"^(x|px|pos(ition)?_x|n(orth|ord|orte)|range|forward|vorn|"
@@ -73,6 +76,9 @@ _RANGES: dict[str, tuple[tuple[float, str], ...]] = {  # Largest in SI, else the
     "angle": ((2.0 * np.pi, "deg"),),
     "rate": ((50.0, "deg/s"),),
 }
+_TRAVEL = ((0.5 * np.pi, "deg"),)  # The same of an elevator, which turns less.
+_PULSES = (500.0, 2500.0)  # Widths that servos take, and angles are not [us].
+_PULSE_SCALE = "{gain: 0.00157, zero: 1500}"  # Of most: a quarter turn in 1000 us.
 _FOUR = {"xyzw": 0.5, "wxyz": 0.5}
 _RARE = ("YXZ", "ZXY", "YZX", "XZY", "rotation_vector")
 _THREE = {"ZYX": 0.65, "XYZ": 0.3} | dict.fromkeys(_RARE, 0.01)
@@ -95,13 +101,33 @@ class Guess(NamedTuple):
 
 def guess_mapping(files: Sequence[Path]) -> Guess:
     """Proposes a mapping; refused where no columns, or no frame, make flights."""
-    recordings, join = _read(sorted(map(Path, files)))
-    known = recordings[0].known  # PX4's topics are in SI, and north, east, down.
+    recordings, join = _read(sorted(as_files(files)))
     columns = _guess_columns(recordings[0])
+    try:
+        return _propose(recordings, join, columns)
+    except InputError as error:
+        servo = [q for q in columns if q.startswith("elevator")]
+        if not servo:
+            raise
+        poses = {q: name for q, name in columns.items() if q not in servo}
+        left = [f"  # ? {q}: {_quoted(columns[q])} is left out" for q in servo]
+        left[0] += f": {str(error).removeprefix('guess: ')}"
+        return _propose(recordings, join, poses, left)
+
+
+def _propose(
+    recordings: list[Recording],
+    join: Sequence[str],
+    columns: Columns,
+    left: Sequence[str] = (),
+) -> Guess:
+    """Proposes a mapping of columns; `left` has lines about those that are left out."""
+    others = _other_bodies(recordings[0], columns)
+    known = recordings[0].known  # PX4's topics are in SI, and north, east, down.
     recordings = [part for log in recordings for part in split_flights(log, columns)]
     recordings = recordings[:_MAX_FILES]
     reasons = {} if known else _guess_units(recordings, columns)
-    units = {kind: unit for kind, (unit, _) in reasons.items()}
+    units = {kind: yaml.safe_load(unit) for kind, (unit, _) in reasons.items()}
 
     def claim(frame: Fields) -> Mapping:
         fields = {"columns": columns, "units": units, "frame": frame}
@@ -125,7 +151,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
     lines.append("columns:")
     how = "PX4's topic" if known else "by its name"
-    lines += [f"  {k}: {_quoted(v)}  # {how}" for k, v in columns.items()]
+    why = {"position": f"{how}; {others} moves less" if others else how}
+    lines += [f"  {k}: {_quoted(v)}  # {why.get(k, how)}" for k, v in columns.items()]
+    lines += left
     if _ANGLE in known:
         reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
     if reasons:
@@ -149,6 +177,8 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     if servo:
         lines.append(f"  elevator: {frame['elevator']}  # {servo_why}")
     vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
+    if left:
+        vehicle = "fixed_per_flight  # ? servo, with the columns that are left out"
     if servo:  # Commanded angles cannot be used without the limit.
         limit = "if you know it:" if "elevator" in columns else "? missing:"
         vehicle = f"servo  # {limit} elevator_rate_limit in rad/s"
@@ -258,11 +288,12 @@ def _words(name: str) -> str:
 
 
 def _addresses(log: Recording) -> list[str]:
-    """Names of all columns; those of joined files without their patterns."""
+    """Names of columns that can be used; those of joined files without patterns."""
     return [
         f"{group.name}.{name}" if group.name and "*" not in group.name else name
         for group in log.groups
-        for name in group.columns
+        for name, column in group.columns.items()
+        if not column.fault or column.labels
     ]
 
 
@@ -320,18 +351,32 @@ def _find(log: Recording) -> Columns:
         columns = {q: n for q, n in columns.items() if q not in ("roll", "yaw")}
     if _RATE in columns and _is_angle(log, columns):
         columns[_ANGLE] = columns.pop(_RATE)
+    if "x" in columns and "y" in columns and "z" not in columns:  # As of a video.
+        columns["z"] = columns.pop("y")
+    used = tuple(columns.values())
     for group in (group for group in log.groups if not group.time):
         times = [n for n in group.columns if re.search(_NAMES["time"], _words(n))]
+        rest = [n for n in group.columns if not n.startswith(used)]
+        times += [n for n in rest if _is_clock(group.columns[n].values)]
         if times and times[0] not in columns.get("time", []):
             columns["time"] = [*columns.get("time", []), times[0]]
     return columns
 
 
+def _is_clock(values: np.ndarray) -> bool:
+    """Whether numbers increase as times do, and do not only count rows."""
+    steps = np.diff(values)
+    rising = len(steps) >= FEWEST_ROWS and bool(np.all(steps > 0.0))
+    return rising and bool(np.any(steps != steps[0]))
+
+
 def _is_angle(log: Recording, columns: Columns) -> bool:
     """Whether commands are angles: by their unit, or as the elevator has them."""
     command, unit = _values(log, columns[_RATE])
-    if unit or "elevator" not in columns:
-        return unit in ("deg", "rad")
+    if unit or _are_pulses(command):
+        return unit in (None, "deg", "rad")
+    if "elevator" not in columns:
+        return False
     angle = _values(log, columns["elevator"])[0]
     if not 1 < len(angle) == len(command) or re.search(
         _IS_RATE, _words(columns[_RATE])
@@ -342,6 +387,19 @@ def _is_angle(log: Recording, columns: Columns) -> bool:
         shown = logged[:, np.isfinite(logged).all(axis=0)]
         _, to_angle, to_rate = np.corrcoef(shown)[0]
     return bool(abs(to_angle) > abs(to_rate))
+
+
+def _other_bodies(log: Recording, columns: Columns) -> str:
+    """Other bodies that have a position and an attitude, in words; "" for none."""
+    own, attitude = (columns.get(q) for q in ("position", "attitude"))
+    if not isinstance(own, str) or not isinstance(attitude, str):
+        return ""
+    end, turn = own.rpartition(".")[2], attitude.rpartition(".")[2]
+    names = [split_suffix(name)[0] for name in _addresses(log)]
+    stems = dict.fromkeys(re.sub(r"[._ ]?[xX]$", "", name) for name in names)
+    owners = [s.removesuffix(end) for s in stems if s.endswith(f".{end}") and s != own]
+    found = [o for o in owners if any(n.startswith(f"{o}{turn}") for n in names)]
+    return ", ".join(_quoted(f"{owner}{end}") for owner in found[:3])
 
 
 def _travel(log: Recording, stem: str) -> float:
@@ -371,12 +429,40 @@ def _guess_units(
         fits = [u for u, size in UNITS["time"].items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
             units["time"] = fits[0], f"its median step is {step:.4g}"
-    for quantity in (q for q in columns if q not in ("y", "z")):  # Of any origin.
+    own: dict[str, tuple[str, str]] = {}  # By quantity; "" is why the file says so.
+    ranged = [q for q in columns if QUANTITIES[q] in _RANGES]
+    for quantity in (q for q in ranged if q not in ("y", "z")):  # Of any origin.
         kind = QUANTITIES[quantity]
-        for most, other in _RANGES.get(kind, ()):
-            found = [_values(log, columns[quantity]) for log in logs]
-            sizes = np.concatenate([np.abs(values).ravel() for values, _ in found])
-            reach = float(np.max(sizes, initial=0.0, where=np.isfinite(sizes)))
-            if found[0][1] is None and reach > most:
-                units.setdefault(kind, (other, f"'{quantity}' reaches {reach:.4g}"))
+        found = [_values(log, columns[quantity]) for log in logs]
+        values = np.concatenate([np.abs(values).ravel() for values, _ in found])
+        reach = float(np.max(values, initial=0.0, where=np.isfinite(values)))
+        turns = quantity in ("elevator", _ANGLE)
+        ranges = _TRAVEL if turns else _RANGES[kind]
+        fits = [unit for most, unit in ranges if reach > most]
+        why, unit = f"'{quantity}' reaches {reach:.4g}", found[0][1]
+        if unit is None and turns and _are_pulses(values):
+            why = f"? {why}: microseconds, and gain is the angle of one in rad"
+            units[quantity] = _PULSE_SCALE, why
+        else:
+            usual = next(iter(UNITS[kind]))
+            own[quantity] = (unit, "") if unit else ([*fits, usual][0], why)
+    large = [own[q] for q in _EULER if q in own and own[q][0] != "rad"]
+    own |= {q: large[0] for q in _EULER if large and q in own and own[q][1]}
+    for kind in _RANGES:
+        each = {q: own[q] for q in own if QUANTITIES[q] == kind}
+        given = {q: value for q, value in each.items() if value[1]}
+        usual = next(iter(UNITS[kind]))
+        if given and len({unit for unit, _ in each.values()}) == 1:
+            given = {kind: next(iter(given.values()))}
+        for name, (unit, why) in given.items():
+            if unit != usual:
+                units[name] = unit, why
+            elif name != kind:  # Unlike the others.
+                units[name] = unit, f"? {why}"
     return units
+
+
+def _are_pulses(values: np.ndarray) -> bool:
+    """Whether numbers (n,) are pulse widths of a servo in microseconds."""
+    known = values[np.isfinite(values)]
+    return len(known) > 0 and _PULSES[0] < np.min(known) <= np.max(known) < _PULSES[1]

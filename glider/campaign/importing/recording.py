@@ -88,6 +88,8 @@ class Recording:
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Addresses of the quantities whose columns the format itself fixes."""
     up: str = ""  #: Axis that points up in most files of the format; "": none does.
+    unread: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Why groups, by name, could not be read."""
 
     def names(self) -> list[str]:
         """Addresses of all columns: the group's name, a dot, the column's."""
@@ -105,6 +107,9 @@ class Recording:
                 f"{source}: column '{address}' is in several groups, {groups}; "
                 "expected the group's name, a dot and the column's."
             )
+        for name, why in self.unread.items() if not found else ():
+            if address.startswith(name):
+                raise InputError(f"{source}: '{name}' is not read: {why}.")
         if not found:
             names = self.names()
             near = difflib.get_close_matches(address, names, n=1, cutoff=0.5)

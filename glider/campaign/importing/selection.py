@@ -3,12 +3,13 @@
 Axes and signs are still the log's own; each quantity keeps its own clock.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, NoReturn
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from glider.campaign.importing.matrices import to_quaternions
 from glider.campaign.importing.recording import (
     Column,
     Recording,
@@ -24,6 +25,8 @@ _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
 _ROUNDED = (0.01, 1e-3, 1e-4)  # Last digits of times that are rounded [s].
 _LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
 _EULER = ("roll", "pitch", "yaw")  # About x, y and z.
+_POINT = ("xyz", "012")  # Axes of vectors: letters, or indices.
+_PLANE = (*_POINT, "xy", "xz", "01")
 
 
 class Stream(NamedTuple):
@@ -75,14 +78,21 @@ class Picker:
         self._recording, self._mapping = recording, mapping
 
     def position(self) -> Stream:
-        """Positions (n, 3) x, y, z, or (n, 2) x, z [m]."""
-        columns = self._mapping.columns
+        """Positions (n, 3) x, y, z, or (n, 2) x and the axis that is vertical [m]."""
+        columns, up = self._mapping.columns, self._mapping.frame.up[-1]
         if "position" in columns:
             return self._vector("position", columns["position"])
-        return self.scalars(("x", "y", "z") if "y" in columns else ("x", "z"))
+        if "y" in columns and ("z" in columns or up != "y"):
+            return self.scalars(("x", "y", "z"))
+        axes = ("x", "y") if "y" in columns else ("x", "z")
+        self._check_vertical(axes)
+        return self.scalars(axes)
 
     def attitude(self) -> Stream | None:
-        """Quaternions (n, 4) x, y, z, w from body to log; None for a pitch alone."""
+        """Quaternions (n, 4) x, y, z, w from body to log; None for a pitch alone.
+
+        Of markers in a plane the way from tail to nose (n, 2), as of a position.
+        """
         rotation = self._mapping.frame.rotation or self._recording.rotation
         name = self._mapping.columns.get("attitude")
         if name is None:
@@ -94,8 +104,10 @@ class Picker:
             return self._angles(self.scalars(_EULER), order)
         if isinstance(name, Markers):
             return self._markers(name)
-        shapes = ("xyzw", "0123", "xyz", "012")
+        shapes = ("012345678", "xyzw", "0123", *_POINT)
         axes, found = self._find("attitude", name, shapes, "of a rotation")
+        if len(axes) == 9:
+            return self._matrices(self._stream(("attitude",) * 9, found, scaled=False))
         if len(axes) == 3:
             return self._angles(self._stream(("attitude",) * 3, found), rotation)
         if isinstance(name, list):  # In any order.
@@ -139,7 +151,7 @@ class Picker:
         if name is None:
             return None
         if quantity in ("angular_velocity", "acceleration"):
-            _, found = self._find(quantity, name, ("xyz", "012"), "with x, y, z")
+            _, found = self._find(quantity, name, _POINT, "with x, y, z")
         else:
             found = self._recording.find_each([str(name)], self._field(quantity))
         stream = self._stream((quantity,) * len(found[1]), found)
@@ -183,6 +195,13 @@ class Picker:
             raise self._error("attitude", reason)
         return _turned(stream, Rotation.from_quat)
 
+    def _matrices(self, stream: Stream) -> Stream:
+        """Quaternions of rotation matrices, row by row."""
+        for field in ("rotation", "pitch"):
+            if getattr(self._mapping.frame, field):
+                self._refuse(f"frame: '{field}'", "on rotation matrices")
+        return stream._replace(values=to_quaternions(stream.values.reshape(-1, 3, 3)))
+
     def _angles(self, stream: Stream, rotation: str | None) -> Stream:
         if rotation is None or rotation in ("wxyz", "xyzw"):
             raise self._error(
@@ -201,14 +220,24 @@ class Picker:
         return _turned(stream, lambda v: Rotation.from_euler(rotation, v[:, order]))
 
     def _markers(self, markers: Markers) -> Stream:
-        """Attitude by points: x from tail to nose, y toward the left wing tip."""
+        """Attitude by points: x from tail to nose, y toward the left wing tip.
+
+        In a plane the way from tail to nose.
+        """
         names = (markers.nose, markers.tail, markers.left, markers.right)
         points = [self._vector("attitude", name) for name in names if name]
         if len({point.values.shape for point in points}) > 1:
-            reason = "its markers have different rows; expected the same of all"
+            reason = "its markers have different rows or axes; expected the same of all"
             raise self._error("attitude", reason)
         nose, tail, *tips = (point.values for point in points)
         ahead = nose - tail
+        if ahead.shape[1] == 2:
+            if tips:
+                reason = (
+                    "left and right are not seen in a plane; expected nose and tail"
+                )
+                raise self._error("attitude", reason)
+            return points[0]._replace(values=ahead)
         # Without wing tips it is level: square to what is up.
         level = np.cross(unit_vector(self._mapping.frame.up), ahead)
         left = tips[0] - tips[1] if tips else level
@@ -220,9 +249,28 @@ class Picker:
         return _turned(stream, lambda v: Rotation.from_matrix(v.reshape(-1, 3, 3)))
 
     def _vector(self, quantity: str, name: Names | Markers) -> Stream:
-        """Points (n, 3) [m]."""
-        _, found = self._find(quantity, name, ("xyz", "012"), "with x, y, z")
-        return self._stream(("position",) * 3, found)
+        """Points (n, 3), or in a plane (n, 2) x and the axis that is vertical [m]."""
+        if isinstance(name, str):  # Perhaps of a body or a marker.
+            names = (name, f"{name}.Position")
+            shapes = [(n, axes) for n in names for axes in _PLANE]
+            field, find = self._field(quantity), self._recording.find_all
+            name = next((n for n, axes in shapes if find(n, axes, field)), name)
+        axes, found = self._find(quantity, name, _PLANE, "with x, y, z")
+        if len(axes) == 2:
+            second = self._mapping.frame.up[-1].replace("x", "z")
+            by_letters = isinstance(name, str) and axes.isalpha()
+            self._check_vertical(axes if by_letters else f"x{second}")
+        return self._stream(("position",) * len(axes), found)
+
+    def _check_vertical(self, axes: Sequence[str]) -> None:
+        """Refuses axes in a plane the second of which is not the vertical one."""
+        up, forward = self._mapping.frame.up, self._mapping.frame.forward or "x"
+        if up[-1] != axes[1] or forward[-1] != "x":
+            raise InputError(
+                f"{self._mapping.source}: frame: up is {up} and forward is {forward}, "
+                f"but the columns are {' and '.join(axes)}; expected up {axes[1]} or "
+                f"-{axes[1]} and forward x or -x."
+            )
 
     def _find(
         self, quantity: str, name: Names | Markers, shapes: tuple[str, ...], what: str

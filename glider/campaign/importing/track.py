@@ -50,13 +50,23 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
     servo = ServoLogs(*map(_signed, pick.servo(), signs))
     time, position = logged.time, logged.values
     planar = position.shape[1] == 2
-    world, along_throw = _world_axes(frame, planar, mapping.source)
+    world, along_throw = _world_axes(frame, planar)
     if planar:
         position = np.insert(position, 1, 0.0, axis=1)
     rotation = pitch = None
     if attitude.values.shape[1] == 4:
         rotation = world @ _rotations(attitude, time) @ frame.body.T
         seen = np.isfinite(rotation).all(axis=(1, 2))
+    elif attitude.values.shape[1] == 2:
+        if not planar:
+            raise InputError(
+                f"{recording.path}: columns: attitude (of {mapping.source}): its "
+                "markers have two axes, and the position three; expected the same."
+            )
+        ahead = np.insert(attitude.values, 1, 0.0, axis=1) @ world.T
+        pitch = -np.arctan2(ahead[:, 2], ahead[:, 0])
+        pitch = _pitches(attitude._replace(values=pitch[:, None]), time)
+        seen = np.isfinite(pitch)
     else:
         pitch = _pitches(attitude, time)
         pitch *= 1.0 if (frame.pitch or frame.usual_pitch) == "nose_down" else -1.0
@@ -175,17 +185,16 @@ def planar_pose(track: Track) -> np.ndarray:
     return np.column_stack([track.position[:, [0, 2]], angles_of(track)[0]])
 
 
-def _world_axes(frame: Frame, planar: bool, source: str) -> tuple[np.ndarray, bool]:
-    """W (3, 3), and whether x has yet to be turned along each flight."""
+def _world_axes(frame: Frame, planar: bool) -> tuple[np.ndarray, bool]:
+    """W (3, 3), and whether x has yet to be turned along each flight.
+
+    In a plane the log's axes are x and the vertical one, which becomes z.
+    """
     forward, up = frame.forward, unit_vector(frame.up)
     if planar:
         forward = forward or "x"
-        if frame.up[-1] != "z" or forward[-1] != "x":
-            raise InputError(
-                f"{source}: frame: up is {frame.up} and forward is {forward}, but the "
-                "columns are x and z; expected up z or -z and forward x or -x."
-            )
         # y is not logged: it is what makes the axes right-handed.
+        up = unit_vector("z") * np.sum(up)
         return np.stack([unit_vector(forward), np.zeros(3), up]), False
     along_throw = forward is None or forward == "throw"
     if forward is None or along_throw:  # Any axis will do until then.

@@ -336,6 +336,141 @@ def write_c3d(folder: Path, campaign: Campaign) -> list[Path]:
     return files
 
 
+MAP_QTM = """\
+join: ["*_6d.tsv", "*_servo.csv"]
+clock: same
+columns: {position: glider.Position, attitude: glider.Rotation, time: t,
+          elevator: angle, elevator_rate_command: rate}
+frame: {up: z}
+"""
+
+
+def qtm_text(flight: Flight, names: bool = True) -> str:
+    """A 6D export of QTM, whose two rows 30 and 31 do not show the body.
+
+    The rotation matrix goes column by column; each row ends with a tab.
+    """
+    matrices = rotation(flight).as_matrix()
+    angles = np.degrees(rotation(flight).as_euler("XYZ"))
+    head = ["NO_OF_FRAMES\t103", "NO_OF_CAMERAS\t12", "NO_OF_BODIES\t1"]
+    head += ["FREQUENCY\t120", "DESCRIPTION\t--", "DATA_INCLUDED\t6D"]
+    head += ["TIME_STAMP\t2024-03-05, 14:02:00.123\t8412.00", "BODY_NAMES\tglider"]
+    entries = "\t".join(f"Rot[{k}]" for k in range(9))
+    own = f"glider X\tY\tZ\tRoll\tPitch\tYaw\tResidual\t{entries}\t"
+    rows = [*head, f"Frame\tTime\t{own}"] if names else head
+    for i, time in enumerate(flight.time - flight.time[0]):
+        place, turn = 1000.0 * position(flight)[i], matrices[i].T.ravel()
+        here = [*place, *angles[i], 0.4, *turn]
+        if i in (30, 31):
+            here = [0.0] * 6 + [-1.0] + [0.0] * 9
+        rows.append(f"{i + 1}\t{time:.6f}\t" + "".join(f"{v:.8f}\t" for v in here))
+    return "\r\n".join([*rows, ""])
+
+
+def write_qtm(folder: Path, campaign: Campaign) -> list[Path]:
+    """A TSV of QTM; the servo in a file of its own, on the same clock."""
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        path, servo = folder / f"take{k}_6d.tsv", folder / f"take{k}_servo.csv"
+        path.write_text(qtm_text(flight), newline="")
+        time = flight.time - flight.time[0]
+        table = np.column_stack([time, flight.elevator, flight.command])
+        np.savetxt(servo, table, "%.9g", ",", header="t,angle,rate", comments="")
+        files += [path, servo]
+    return files
+
+
+MAP_TRC = """\
+join: ["*.trc", "*_servo.txt"]
+clock: same
+columns: {position: center, time: time, elevator: angle, elevator_rate_command: rate,
+          attitude: {nose: nose, tail: [X2, Y2, Z2], left: left, right: right}}
+frame: {up: y}
+"""
+
+
+def write_trc(folder: Path, campaign: Campaign) -> list[Path]:
+    """OpenSim's markers in mm; the servo by numpy.savetxt, on the same clock."""
+    files = []
+    points = {name.removeprefix("Glider:"): point for name, point in MARKERS.items()}
+    for k, flight in enumerate(campaign.flights):
+        place, turn = in_axes(flight, Y_UP, np.eye(3))
+        count, time = len(place), flight.time - flight.time[0]
+        rows = [
+            f"PathFileType\t4\t(X/Y/Z)\ttake{k}.trc",
+            "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate",
+            f"120.00\t120.00\t{count}\t{len(points)}\tmm\t120.00",
+            "Frame#\tTime\t" + "\t\t\t".join(points) + "\t\t",
+            "\t\t" + "\t".join(f"X{i}\tY{i}\tZ{i}" for i in range(1, len(points) + 1)),
+            "",
+        ]
+        for i in range(count):
+            here = [1000.0 * (place[i] + turn[i].apply(p)) for p in points.values()]
+            if i in (30, 31):
+                here = [np.zeros(3)] * len(points)
+            cells = "\t".join(f"{v:.6f}" for v in np.ravel(here))
+            rows.append(f"{i + 1}\t{time[i]:.6f}\t{cells}")
+        path, servo = folder / f"take{k}.trc", folder / f"take{k}_servo.txt"
+        path.write_text("\n".join([*rows, ""]))
+        table = np.column_stack([time, flight.elevator, flight.command])
+        np.savetxt(servo, table, header="time angle rate")
+        files += [path, servo]
+    return files
+
+
+MAP_DATAFLASH = """\
+columns: {x: XKF1.PN, z: XKF1.PD, pitch: XKF1.Pitch, elevator_angle_command: RCOU.C2}
+units: {angle: deg, elevator_angle_command: {gain: 0.001, zero: 1500}}
+frame: {axes: NED}
+"""
+
+
+def write_dataflash(folder: Path, campaign: Campaign) -> list[Path]:
+    """ArduPilot's log, every second one as text; of the servo only the commands."""
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        path = folder / f"{k:08d}.{'log' if k % 2 else 'bin'}"
+        x, z, pitch = flight.pose.T
+        stamp = np.round(1e6 * (flight.time + 60.0)).astype(int)
+        pulses = 1500 + 1000.0 * flight.elevator
+        messages = [
+            (128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", []),
+            (
+                35,
+                "XKF1",
+                "Qffff",
+                "TimeUS,Pitch,PN,PE,PD",
+                [stamp, -np.degrees(pitch), x, 0 * x, -z],
+            ),
+            (36, "RCOU", "Qff", "TimeUS,C1,C2", [stamp, 0 * x, pulses]),
+        ]
+        path.write_bytes(dataflash_bytes(messages, is_text=bool(k % 2)))
+        files.append(path)
+    return files
+
+
+def dataflash_bytes(messages: list[tuple], *, is_text: bool) -> bytes:
+    """A log as ArduPilot's AP_Logger writes it: formats, then messages in turn."""
+    parts, letters = (
+        [],
+        {"Q": "Q", "f": "f", "B": "B", "n": "4s", "N": "16s", "Z": "64s"},
+    )
+    for number, name, form, names, _ in messages:
+        packed = "<BBB" + "".join(letters[letter] for letter in form)
+        size = struct.calcsize(packed)
+        values = number, size, name.encode(), form.encode(), names.encode()
+        line = f"FMT, {number}, {size}, {name}, {form}, {names}\n".encode()
+        head = struct.pack("<BBBBB4s16s64s", 0xA3, 0x95, 128, *values)
+        parts.append(line if is_text else head)
+    for row in range(len(messages[1][4][0])):
+        for number, name, form, _, columns in messages[1:]:
+            values = [column[row] for column in columns]
+            line = ", ".join([name, str(values[0]), *(f"{v:.9f}" for v in values[1:])])
+            packed = struct.pack(f"<BBB{form}", 0xA3, 0x95, number, *values)
+            parts.append(f"{line}\n".encode() if is_text else packed)
+    return b"".join(parts)
+
+
 FORMATS = {
     "c3d": (write_c3d, MAP_C3D),
     "motive": (write_motive, MAP_MOTIVE),
@@ -343,5 +478,8 @@ FORMATS = {
     "mat": (write_mat, MAP_MAT),
     "mcap": (write_mcap, MAP_MCAP),
     "csv": (write_csv, MAP_CSV),
+    "qtm": (write_qtm, MAP_QTM),
+    "trc": (write_trc, MAP_TRC),
+    "dataflash": (write_dataflash, MAP_DATAFLASH),
 }
 """Writer and MAP of each format."""

@@ -263,6 +263,95 @@ def test_commands_without_a_unit_are_what_the_elevator_shows(tmp_path, campaign)
     assert_guessed(files, campaign, tmp_path, **names)
 
 
+@pytest.mark.parametrize("name", ["servo", "servo_cmd"])
+def test_pulse_widths_of_a_servo_are_a_question(tmp_path, campaign, name):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        f"t,x,z,pitch,{name}",
+        lambda f: [f.time, *f.pose.T, np.round(1500.0 + 500.0 * f.elevator)],
+    )
+    text = guess_mapping(files).text
+    quantity = "elevator" if name == "servo" else "elevator_angle_command"
+    scale = yaml.safe_load(text)["units"][quantity]
+    assert scale["zero"] == 1500 and scale["gain"] > 0.0
+    assert re.search(rf"{quantity}: {{.*}}  # \? .*microseconds", text)
+
+
+def test_an_elevator_in_radians_beside_angles_in_degrees(tmp_path, campaign):
+    """The unit of each is stated, and the roll has that of the pitch."""
+
+    def columns(flight):
+        place, turn = in_space(flight)
+        angles = turn.as_euler("ZYX", degrees=True)[:, ::-1] * [0.1, -1.0, 1.0]
+        return [flight.time, *place.T, *angles.T, flight.elevator]
+
+    head = "t,x,y,z,roll,pitch,yaw,elevator"
+    files = write_tables(tmp_path, campaign, head, columns)
+    assert_guessed(files, campaign, tmp_path, elevator="elevator")
+    text = guess_mapping(files).text
+    units = yaml.safe_load(text)["units"]
+    assert units == dict.fromkeys(("roll", "pitch", "yaw"), "deg") | {"elevator": "rad"}
+    assert re.search(r"elevator: rad  # \? 'elevator' reaches", text)
+
+
+def test_a_time_of_any_name_in_the_second_file(tmp_path, campaign):
+    """It increases; a count of rows does, too, but by one."""
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        pose, servo = tmp_path / f"a{k}_poses.csv", tmp_path / f"a{k}_servo.csv"
+        table = np.column_stack([flight.time, flight.pose])
+        np.savetxt(pose, table, "%.9f", ",", header="t,x,z,pitch", comments="")
+        rows = np.arange(len(flight.time))
+        table = np.column_stack([rows, flight.time, flight.elevator, flight.command])
+        np.savetxt(servo, table, "%.9f", ",", header="n,q,angle,rate", comments="")
+        files += [pose, servo]
+    found = yaml.safe_load(guess_mapping(files).text)
+    assert found["columns"]["time"] == ["t", "q"]
+
+
+def test_the_plane_of_a_video(tmp_path, campaign):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        "t,x,y,theta_deg",
+        lambda f: [f.time, *f.pose[:, :2].T, np.degrees(f.pose[:, 2])],
+    )
+    assert_guessed(files, campaign, tmp_path, x="x", z="y", pitch="theta_deg")
+
+
+def test_a_servo_that_cannot_be_used_is_left_out(tmp_path, campaign):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        "t,x,z,pitch,servo",
+        lambda f: [f.time, *f.pose.T, 40.0 + 800.0 * f.time],
+    )
+    text = guess_mapping(files).text
+    assert re.search(r"\? elevator: servo is left out: .*flight_\d+\.csv", text)
+    assert "servo" not in yaml.safe_load(text)["columns"].values()
+    assert "elevator: fixed_per_flight  # ? servo" in text
+
+
+def test_the_other_body_is_named(tmp_path, campaign):
+    parts = (
+        "Position.X",
+        "Position.Y",
+        "Position.Z",
+        *(f"Rotation.{a}" for a in "XYZW"),
+    )
+    head = ",".join(["t", *(f"{b}.{p}" for b in ("Bird A", "Bird B") for p in parts)])
+
+    def columns(flight):
+        place, turn = in_space(flight)
+        still = np.tile([1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 1.0], (len(place), 1))
+        return [flight.time, *still.T, *place.T, *turn.as_quat().T]
+
+    text = guess_mapping(write_tables(tmp_path, campaign, head, columns)).text
+    assert 'position: "Bird B.Position"' in text
+    assert '"Bird A.Position" moves less' in text
+
+
 def test_a_pitch_off_by_half_a_turn_is_a_question_whose_advice_is_right(
     tmp_path, campaign
 ):

@@ -45,7 +45,7 @@ def campaign():
 
 @pytest.fixture(scope="module", params=foreign.FORMATS)
 def lab(request, tmp_path_factory, campaign):
-    """A lab's logs in one of six formats, and its MAP."""
+    """A lab's logs in one of some formats, and its MAP."""
     folder = tmp_path_factory.mktemp(request.param)
     write, text = foreign.FORMATS[request.param]
     files = write(folder, campaign)
@@ -82,7 +82,7 @@ def assert_same(imported, campaign, name):
         assert np.all((flight.elevator <= high)[inner])
 
 
-def test_six_formats_give_back_the_flights(lab, campaign, tmp_path):
+def test_each_format_gives_back_the_flights(lab, campaign, tmp_path):
     name, files, path = lab
     assert len(path.read_text().strip().splitlines()) <= 10
     imported = import_campaign(files, path, tmp_path / "out")
@@ -163,7 +163,7 @@ def test_a_wrong_map_is_refused_or_makes_no_difference(lab, tmp_path):
 @few_formats("motive", "ulog", "c3d")
 def test_a_guess_is_the_right_map(lab, campaign, tmp_path):
     name, files, _ = lab
-    if name == "c3d":  # Markers have no attitude by name.
+    if name in ("c3d", "trc", "dataflash"):  # Markers have no attitude by name.
         with pytest.raises(InputError, match="write the mapping by hand"):
             guess_mapping(files)
         return
@@ -459,3 +459,20 @@ def test_nothing_that_is_printed_has_an_escape_sequence(tmp_path, campaign):
     for file in files:
         file.write_bytes(file.read_bytes().replace(b"Nick", b"Nick\x1b[2J"))
     assert all(line.isprintable() for line in guess_mapping(files).text.splitlines())
+
+
+def test_arguments_that_are_none_are_named(tmp_path, capsys):
+    file, path = tmp_path / "a.csv", tmp_path / "MAP.yaml"
+    path.write_text("columns: {x: x, z: z, pitch: p}\n")
+    for given, words in (
+        (([], path, tmp_path), "no files were given; expected one log or more"),
+        ((str(file), path, tmp_path), "files is .*; expected a list of paths"),
+        ((None, path, tmp_path), "files is None; expected a list of paths"),
+        (([5], path, tmp_path), "files is 5; expected paths of logs"),
+        (([file], {"columns": {}}, tmp_path), "the mapping is {.*expected the path"),
+        (([file], path, None), "out is None; expected the path"),
+    ):
+        with pytest.raises(InputError, match=words):
+            import_campaign(*given)
+    with pytest.raises(InputError, match="no files were given"):
+        guess_mapping([])

@@ -4,6 +4,7 @@ import datetime
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.readers import read_recording, read_recordings
@@ -290,3 +291,83 @@ def test_joined_files_with_iso_8601_times_keep_their_common_clock(tmp_path, camp
     [imported] = read_flights(sorted(tmp_path.glob("*.csv")), path).campaign.flights
     rows = np.searchsorted(flight.time - flight.time[0], imported.time - 1e-4)
     assert np.allclose(imported.elevator, flight.elevator[rows], atol=1e-4)
+
+
+# ---------------------------------------------------------- markers and matrices
+
+
+def video(folder, campaign):
+    """Points at nose and tail in a plane, as Tracker exports them."""
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        x, z, pitch = flight.pose.T
+        along = np.column_stack([np.cos(pitch), -np.sin(pitch)])
+        nose, tail = (np.column_stack([x, z]) + c * along for c in (0.2, -0.3))
+        rows = np.column_stack([flight.time, nose, tail])
+        head = "#multi:\n\tnose\t\ttail\t\t\nt\tx\ty\tx\ty\t\n"
+        lines = ("\t".join(f"{v:.9E}" for v in row) + "\t" for row in rows)
+        files.append(folder / f"throw{k}.txt")
+        files[-1].write_text(head + "\n".join(lines) + "\n")
+    return files
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        "position: nose, attitude: {nose: nose, tail: tail}",
+        "position: [nose.x, nose.y], attitude: {nose: [nose.x, nose.y], tail: tail}",
+        "x: nose.x, y: nose.y, attitude: {nose: nose, tail: tail}",
+    ],
+)
+def test_two_points_of_a_video_give_the_pitch(tmp_path, campaign, columns):
+    files = video(tmp_path, campaign)
+    path = tmp_path / "MAP.yaml"
+    text = f"columns: {{time: t, {columns}}}\nvehicle: {{elevator: fixed_per_flight}}\n"
+    frame = "frame: {up: y, tracked_point: [0.2, 0.0]}\n"
+    path.write_text(text + frame)
+    assert_same_motion(read_flights(files, path).campaign, campaign.flights)
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"up is z and forward is x.*expected"):
+        read_flights(files, path)
+
+
+def test_points_in_a_plane_show_no_roll(tmp_path, campaign):
+    path = tmp_path / "MAP.yaml"
+    markers = "{nose: nose, tail: tail, left: nose, right: tail}"
+    path.write_text(
+        f"columns: {{time: t, position: nose, attitude: {markers}}}\n"
+        "frame: {up: y}\nvehicle: {elevator: fixed_per_flight}\n"
+    )
+    with pytest.raises(InputError, match="points in a plane show no roll"):
+        read_flights(video(tmp_path, campaign), path)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_rotation_matrix_row_by_row(tmp_path, campaign, named):
+    """Nine columns, or an array of matrices in a .mat file; zeros are not seen."""
+    entries = [f"r{i}{j}" for i in range(1, 4) for j in range(1, 4)]
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        turns = foreign.rotation(flight).as_matrix()
+        turns[30] = 0.0
+        place = foreign.position(flight)
+        if named:
+            files.append(tmp_path / f"log{k}.csv")
+            table = np.column_stack([flight.time, place, turns.reshape(-1, 9)])
+            head = ",".join(["t", "x", "y", "z", *entries])
+            np.savetxt(files[-1], table, "%.9f", ",", header=head, comments="")
+        else:
+            files.append(tmp_path / f"log{k}.mat")
+            content = {"t": flight.time, "p": place, "R": np.moveaxis(turns, 0, 2)}
+            savemat(files[-1], content)
+    own = f"x: x, y: y, z: z, attitude: [{', '.join(entries)}]"
+    own = own if named else "position: p, attitude: R"
+    path = tmp_path / "MAP.yaml"
+    text = f"columns: {{time: t, {own}}}\nvehicle: {{elevator: fixed_per_flight}}\n"
+    path.write_text(text)
+    imported = read_flights(files, path).campaign
+    for flight, true in zip(imported.flights, campaign.flights, strict=True):
+        assert np.abs(flight.pose[5:25, 2] - true.pose[5:25, 2]).max() < 1e-6
+    path.write_text(text + "frame: {rotation: ZYX}\n")
+    with pytest.raises(InputError, match="'rotation' has no effect on rotation mat"):
+        read_flights(files, path)

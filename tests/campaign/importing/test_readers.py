@@ -1,12 +1,17 @@
 """Each reader on files of its format, and one sentence where a file is none."""
 
 import builtins
+import contextlib
 import gzip
+import sqlite3
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
+from glider.campaign.importing.formats import FORMAT_NAMES, FORMATS
 from glider.campaign.importing.readers import read_recording
 from glider.errors import InputError
 from tests.campaign.importing import foreign
@@ -31,6 +36,19 @@ def values(table, name):
         ("t,x,U\ns,mm,V\n0,1.5,1\n1,2,1\n2,3,1\n", "x", "mm", 1.5),
         ("t,x,U,U\n0,1.5,1,1\n1,2,1,1\n2,3,1,1\n", "x", None, 1.5),
         ("t,x\n0,1.5\n1,#N/A\n2,3\n", "x", None, 1.5),
+        ("t,x\n0,1.5\n1,-nan(ind)\n2,3\n", "x", None, 1.5),
+        ("t,x\n0,1.5\n1,-1.#IND00\n2,3\n", "x", None, 1.5),
+        ("t;x\n0;1,5\n1;1,#QNAN\n2;3\n", "x", None, 1.5),
+        ("t,x\n0,1.5\n1,missing\n2,+inf\n", "x", None, 1.5),
+        ("t [s],x []\n0,1.5\n1,2\n2,3\n", "x", None, 1.5),
+        ("t [s],x [-]\n0,1.5\n1,2\n2,3\n", "x", None, 1.5),
+        ("# t x\n0 1.5\n1 2\n2 3\n", "x", None, 1.5),
+        ("#\tt\tmy x\n0\t1.5\n1\t2\n2\t3\n", "my x", None, 1.5),
+        ("# made by me\n# t x y\n0 1.5 1\n1 2 1\n2 3 1\n", "x", None, 1.5),
+        ("% t, x [mm]\n0 1.5\n1 2\n2 3\n", "x", "mm", 1.5),
+        ("# t x [mm]\n0,1.5\n1,2\n2,3\n", "x", "mm", 1.5),
+        ("#,t,x\n7,0,1.5\n8,1,2\n9,2,3\n", "x", None, 1.5),
+        ("0:00:00:000 is first\nt,x\n0,1.5\n1,2\n2,3\n", "x", None, 1.5),
         (
             ",Position,,Speed,\nt,x,z,x,z\ns,m,m,m/s,m/s\n0,1,1,1.5,2\n"
             + 2 * "0,1,1,1,2\n",
@@ -52,6 +70,33 @@ def test_dialects(tmp_path, text, name, unit, first):
     path.with_suffix(".csv.gz").write_bytes(gzip.compress(text.encode()))
     packed = values(read_recording(path.with_suffix(".csv.gz")), name)
     np.testing.assert_array_equal(packed.values, column.values)
+
+
+@pytest.mark.parametrize(
+    ("cells", "seconds"),
+    [
+        (["0:00:00:000", "0:00:00:033", "0:01:02:500"], [0.0, 0.033, 62.5]),
+        (["0:59.9", "1:00.0", "1:01.25"], [0.0, 0.1, 1.35]),
+        (["59.9", "1:00.0", "1:01.25"], [0.0, 0.1, 1.35]),
+        (["25:00:00.0", "25:00:01", "25:00:02"], [0.0, 1.0, 2.0]),
+        (["-0:00:00:100", "0:00:00:000", "0:00:00:100"], [0.0, 0.1, 0.2]),
+        (["10:00:00,5", "10:00:01,5", "10:00:02,75"], [0.0, 1.0, 2.25]),
+    ],
+)
+def test_times_by_a_clock(tmp_path, cells, seconds):
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{cell};1\n" for cell in cells)
+    path.write_text(f"t;x\n{rows}")
+    column = values(read_recording(path), "t")
+    assert np.allclose(column.values, seconds)
+
+
+def test_frames_of_a_clock_are_no_times(tmp_path):
+    """In hh:mm:ss:ff the last number counts frames of an unknown rate."""
+    path = tmp_path / "log.csv"
+    path.write_text("t;x\n" + "".join(f"00:00:00:0{k};{k}\n" for k in range(5)))
+    with pytest.raises(InputError, match=r"found '00:00:00:00'; expected a time"):
+        values(read_recording(path), "t")
 
 
 def test_a_name_of_two_columns_cannot_be_mapped(tmp_path):
@@ -114,6 +159,106 @@ def test_vicon(tmp_path):
     assert values(table, "Lab:Glider.Rotation.Y").values[0] == 0.2
 
 
+@pytest.mark.parametrize("names", [True, False])
+def test_qtm(tmp_path, names):
+    """With its row of names or without; -1 marks rows in which a body is not seen."""
+    [flight] = foreign.flights(count=1).flights
+    path = tmp_path / "take_6d.tsv"
+    path.write_text(foreign.qtm_text(flight, names))
+    table = read_recording(path)
+    x = values(table, "glider.Position.X")
+    assert x.unit == "mm" and np.flatnonzero(np.isnan(x.values)).tolist() == [30, 31]
+    turns = [values(table, f"glider.Rotation.{axis}").values for axis in "XYZW"]
+    seen = np.delete(np.arange(len(flight.time)), [30, 31])
+    dots = np.sum(np.stack(turns, axis=1) * foreign.rotation(flight).as_quat(), axis=1)
+    assert np.allclose(np.abs(dots[seen]), 1.0, atol=1e-9)
+    pitch = values(table, "glider Pitch")
+    assert pitch.unit == "deg" and np.isnan(pitch.values[30])
+    assert np.allclose(pitch.values[seen], np.degrees(flight.pose[seen, 2]), atol=1e-6)
+    time = values(table, "Time").values
+    assert np.allclose(time, flight.time - flight.time[0], atol=1e-6)
+
+
+def test_qtm_with_markers_and_without_times(tmp_path):
+    head = "NO_OF_FRAMES\t3\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\ta\tb c\n"
+    path = tmp_path / "take.tsv"
+    path.write_text(head + "1\t2\t3\t4\t5\t6\n" + 2 * "0\t0\t0\t7\t8\t9\n")
+    table = read_recording(path)
+    assert values(table, "b c.Position.Y").values.tolist() == [5.0, 8.0, 8.0]
+    assert np.isnan(values(table, "a.Position.X").values[1:]).all()
+    assert np.allclose(values(table, "Time").values, [0.0, 0.01, 0.02])
+    path.write_text(path.read_text().replace("100", "EXT"))
+    with pytest.raises(InputError, match="FREQUENCY is 'EXT' and there is no column"):
+        read_recording(path)
+    path.write_text("NO_OF_FRAMES\t3\nDATA_INCLUDED\t2D\n1\t2\n1\t2\n1\t2\n")
+    with pytest.raises(InputError, match="a TSV of QTM with 2D; expected an export"):
+        read_recording(path)
+
+
+def test_a_mat_file_of_qtm_is_named(tmp_path):
+    own = {"FrameRate": 120, "Frames": 30, "Positions": np.zeros((1, 3, 30))}
+    savemat(tmp_path / "a.mat", {"take": own})
+    with pytest.raises(InputError, match=r"a \.mat file of QTM.*6D data as TSV"):
+        read_recording(tmp_path / "a.mat")
+
+
+def test_trc_with_blanks(tmp_path):
+    text = (
+        "PathFileType 4 (X/Y/Z) a.trc\nDataRate CameraRate NumFrames NumMarkers Units\n"
+        "100 100 3 2 m\nFrame# Time nose tail\nX1 Y1 Z1 X2 Y2 Z2\n"
+        "1 0.00 1 2 3 4 5 6\n2 0.01 1 2 3 0 0 0\n3 0.02 1 2 3 4 5 6\n"
+    )
+    path = tmp_path / "a.trc"
+    path.write_text(text)
+    table = read_recording(path)
+    assert values(table, "nose.Position.Z").values.tolist() == [3.0] * 3
+    assert np.isnan(values(table, "X2").values).tolist() == [False, True, False]
+    assert values(table, "tail.Position.X").unit == "m"
+    path.write_text(text.replace("Frame#", "Field"))
+    with pytest.raises(InputError, match="its row 4 has no 'Frame#'"):
+        read_recording(path)
+
+
+def test_a_refused_c3d_file_says_why(tmp_path, monkeypatch):
+    """The last line of what its own process writes, or that it is damaged."""
+    pytest.importorskip("ezc3d")
+    path = tmp_path / "take.c3d"
+    path.write_bytes(b"x")
+
+    def fails(words):
+        def run(command, **_):
+            raise subprocess.CalledProcessError(1, command, stderr=words)
+
+        monkeypatch.setattr("glider.campaign.importing.readers.c3d.subprocess.run", run)
+        with pytest.raises(InputError) as caught:
+            read_recording(path)
+        return str(caught.value)
+
+    said = fails(b"a warning\nno parameter section.\n")
+    assert said == f"{path}: not readable as C3D: no parameter section."
+    for words in (b"", None):
+        assert fails(words) == f"{path}: not readable as C3D: it is damaged."
+
+
+def test_one_list_of_formats():
+    """The table of the docs, the README and the readers have those of FORMATS."""
+    root = Path(__file__).parents[3]
+    page = (root / "docs" / "import.md").read_text(encoding="utf-8")
+    rows = page.partition("| format | needs |")[2].partition("\n\n")[0].split("\n")[2:]
+    cells = [[cell.strip() for cell in row.split("|")[1:3]] for row in rows]
+    for format, (name, needs) in zip(FORMATS, cells, strict=True):
+        assert name.startswith(format.name) and needs.startswith(format.library)
+        assert (
+            all(suffix in name for suffix in format.suffixes[:2]) or name == format.name
+        )
+    readme = " ".join((root / "README.md").read_text(encoding="utf-8").split())
+    assert f"The importer reads {FORMAT_NAMES}, and data frames" in readme
+    project = (root / "pyproject.toml").read_text(encoding="utf-8")
+    extra = project.partition("\nimport = [")[2].partition("]\n#")[0]
+    needed = {format.library for format in FORMATS} - {"", "mcap"}
+    assert all(f'"{library}' in extra for library in needed)
+
+
 def test_parquet(tmp_path):
     arrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
@@ -158,6 +303,130 @@ def test_ros_bags(tmp_path, ros):
         assert len(read_recording(next(path.glob("*.db3"))).groups) == 1
 
 
+def write_bag(path, types, messages, store):
+    """A bag of ROS 2 of (topic, type, message) at 100 Hz."""
+    writer = pytest.importorskip("rosbags.rosbag2").Writer(path, version=9)
+    with writer:
+        channels = {
+            topic: writer.add_connection(topic, kind, typestore=store)
+            for topic, kind in types.items()
+        }
+        for i, (topic, message) in enumerate(messages):
+            data = store.serialize_cdr(message, types[topic])
+            writer.write(channels[topic], 10**9 + 10**7 * i, data)
+
+
+@pytest.fixture
+def ros():
+    pytest.importorskip("rosbags")
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    servo = get_types_from_msg("float64 angle\n", "our_msgs/msg/Servo")
+    store.register(servo)
+    return store
+
+
+def transform(store, name, x, i):
+    types = store.types
+    time = types["builtin_interfaces/msg/Time"](1, 10**7 * i)
+    return types["geometry_msgs/msg/TransformStamped"](
+        types["std_msgs/msg/Header"](time, "world"),
+        name,
+        types["geometry_msgs/msg/Transform"](
+            types["geometry_msgs/msg/Vector3"](x, 0.0, 1.0),
+            types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+        ),
+    )
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_bodies_of_a_topic_have_columns_by_name(tmp_path, ros, together):
+    """In one message, where an index tells them apart too, or in messages in turn."""
+    make = ros.types["tf2_msgs/msg/TFMessage"]
+    messages = []
+    for i in range(30):
+        both = [transform(ros, "lab/wand", 9.0, i), transform(ros, "bird", 0.1 * i, i)]
+        messages += [make(both)] if together else [make([one]) for one in both]
+    path = tmp_path / "bag"
+    named = [("/tf", message) for message in messages]
+    write_bag(path, {"/tf": "tf2_msgs/msg/TFMessage"}, named, ros)
+    table = read_recording(path)
+    bird = values(table, "/tf[bird].transform.translation.x").values
+    assert np.allclose(bird, 0.1 * np.arange(30))
+    assert np.allclose(values(table, "/tf[lab/wand].transform.translation.x").values, 9)
+    assert np.allclose(values(table, "/tf[bird].time").values, 1 + 0.01 * np.arange(30))
+    if together:
+        own = values(table, "/tf.transforms[1].transform.translation.x").values
+        assert np.allclose(own, bird)
+        return
+    with pytest.raises(InputError, match=r"bodies in turn; expected one of '/tf\[bird"):
+        values(table, "/tf.transforms[0].transform.translation.x")
+
+
+def test_a_topic_whose_messages_are_of_several_bodies(tmp_path, ros):
+    path, kind = tmp_path / "bag", "geometry_msgs/msg/TransformStamped"
+    pairs = [("wand", 9.0), ("bird", 1.0)] * 20
+    messages = [("/pose", transform(ros, n, x, i)) for i, (n, x) in enumerate(pairs)]
+    write_bag(path, {"/pose": kind}, messages, ros)
+    table = read_recording(path)
+    own = values(table, "/pose[bird].transform.translation.x").values
+    assert own.tolist() == [1.0] * 20
+    with pytest.raises(InputError, match="is that of 2 bodies in turn"):
+        values(table, "/pose.transform.translation.x")
+    write_bag(tmp_path / "one", {"/pose": kind}, messages[::2], ros)
+    names = read_recording(tmp_path / "one").names()
+    assert "/pose.transform.translation.x" in names
+    assert not any("[" in name for name in names)
+
+
+def without_definitions(bag):
+    """Removes the definitions of messages, which older bags do not have."""
+    [file] = bag.glob("*.db3")
+    with contextlib.closing(sqlite3.connect(file)) as base:
+        base.execute("DELETE FROM message_definitions")
+        base.execute("UPDATE topics SET type_description_hash = ''")
+        base.commit()
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_bag_without_definitions_says_how_to_give_them(tmp_path, ros, alone):
+    path = tmp_path / "bag"
+    types = {"/servo": "our_msgs/msg/Servo", "/pose": "geometry_msgs/msg/Point"}
+    point = ros.types["geometry_msgs/msg/Point"](1.0, 2.0, 3.0)
+    messages = [("/servo", ros.types["our_msgs/msg/Servo"](0.5))] * 5
+    messages += [] if alone else [("/pose", point)] * 5
+    types = {topic: types[topic] for topic, _ in messages}
+    write_bag(path, types, messages, ros)
+    without_definitions(path)
+    with pytest.raises(InputError, match=r"definition of its type.*our_msgs"):
+        values(read_recording(path), "/servo.angle")
+    definition = tmp_path / "our_msgs" / "msg" / "Servo.msg"
+    definition.parent.mkdir(parents=True)
+    definition.write_text("float64 angle\n")
+    assert values(read_recording(path), "/servo.angle").values.tolist() == [0.5] * 5
+
+
+def test_an_instance_of_a_message_is_a_group(tmp_path):
+    """Two EKF cores of ArduPilot log in turn; units tell which field counts them."""
+    pytest.importorskip("pymavlink")
+    lines = [
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+        "FMT, 129, 44, FMTU, QBNN, TimeUS,FmtType,UnitIds,MultIds",
+        "FMT, 35, 16, XKF1, QBf, TimeUS,C,PN",
+        "FMTU, 1, 35, s#m, F-0",
+        "MODE, an unknown message",
+    ]
+    for i in range(6):
+        lines += [f"XKF1, {1000 * i}, {core}, {i + 10 * core}.5" for core in (0, 1)]
+    path = tmp_path / "1.log"
+    path.write_text("\n".join([*lines, ""]))
+    table = read_recording(path)
+    assert values(table, "XKF1.PN").values.tolist() == [i + 0.5 for i in range(6)]
+    assert values(table, "XKF1_1.PN").values[0] == 10.5
+    assert values(table, "XKF1_1.TimeUS").unit == "us"
+
+
 @pytest.mark.parametrize(
     "suffix", ["ulg", "mat", "mcap", "bag", "db3", "parquet", "csv", "c3d", "xlsx"]
 )
@@ -173,6 +442,7 @@ def test_a_file_that_is_something_else_is_refused(tmp_path, suffix):
     ("suffix", "module"),
     [
         ("ulg", "pyulog"),
+        ("bin", "pymavlink"),
         ("mcap", "mcap"),
         ("bag", "rosbags"),
         ("parquet", "pyarrow"),
@@ -182,7 +452,7 @@ def test_a_file_that_is_something_else_is_refused(tmp_path, suffix):
 )
 def test_a_missing_library_says_what_to_install(tmp_path, monkeypatch, suffix, module):
     path = tmp_path / f"log.{suffix}"
-    path.write_bytes(b"x")
+    path.write_bytes(b"\xa3\x95" if suffix == "bin" else b"x")
     real = builtins.__import__
 
     def refuse(name, *args, **kwargs):

@@ -1,48 +1,50 @@
-"""One reader for each file format; each gives a `Recording`.
+"""One reader for each of `FORMATS`; each gives a `Recording`.
 
-read_recordings: picks the reader by the file's name and beginning. delimited: CSV of
-any dialect. camera_exports: CSV of motion capture. c3d: C3D. topics: PX4 ULog, MCAP and
-ROS bags. tables: Parquet, .mat, .xlsx.
+read_recordings: picks the reader by the file's name and beginning. delimited: text of
+any dialect. camera_exports: text of motion capture. Others read what their names say.
 """
 
 from collections.abc import Callable
 from pathlib import Path
 
-from glider.campaign.importing.readers import c3d, delimited, tables, topics
+from glider.campaign.importing.formats import FORMATS
+from glider.campaign.importing.readers import c3d, dataflash, delimited, tables, topics
 from glider.campaign.importing.readers.camera_exports import parse_export
 from glider.campaign.importing.recording import Recording
 from glider.errors import InputError
 
 Reader = Callable[[Path], Recording | list[Recording]]
 
-_READERS: dict[str, tuple[str, Reader]] = {
-    ".ulg": ("a PX4 ULog", topics.read_ulog),
-    ".mat": ("a .mat file", tables.read_mat),
-    ".mcap": ("MCAP", topics.read_mcap),
-    ".bag": ("a ROS bag", topics.read_bag),
-    ".db3": ("a ROS bag", topics.read_bag),
-    ".parquet": ("Parquet", tables.read_parquet),
-    ".c3d": ("C3D", c3d.read),
-    ".xlsx": ("a workbook", tables.read_workbook),
-    ".xlsm": ("a workbook", tables.read_workbook),
+_READERS: dict[str, Reader] = {
+    "PX4 ULog": topics.read_ulog,
+    "ArduPilot DataFlash": dataflash.read,
+    "MATLAB .mat": tables.read_mat,
+    "MCAP": topics.read_mcap,
+    "ROS bag": topics.read_bag,
+    "Parquet": tables.read_parquet,
+    "C3D": c3d.read,
+    "Excel .xlsx": tables.read_workbook,
 }
-"""What a file is, and its reader, by the suffix of its name."""
+"""Readers of what is no text, by format."""
+_FORMATS = {suffix: format.name for format in FORMATS for suffix in format.suffixes}
 
 
 def read_recordings(path: Path) -> list[Recording]:
     """Reads a file of a known format: one recording, or one of each sheet or struct."""
     if not path.exists():
         raise InputError(f"{path}: does not exist; expected a log.")
-    what, reader = _READERS.get(path.suffix.lower(), ("", None))
+    what = _FORMATS.get(path.suffix.lower(), "")
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
             raise InputError(f"{path}: is a folder; expected a file, or a ROS 2 bag.")
-        what, reader = _READERS[".bag"]
-    if reader is None:
-        text = delimited.decode(path, list(_READERS))
+        what = "ROS bag"
+    elif not what and dataflash.is_one(path):
+        what = "ArduPilot DataFlash"
+    if not what:
+        text = delimited.decode(path, list(_FORMATS))
         return [parse_export(path, text) or delimited.parse(path, text)]
     try:
-        read = reader(path)
+        read = _READERS[what](path)
     except InputError:
         raise
     except Exception as error:  # Libraries raise whatever a damaged file makes them.

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from glider.campaign.importing.matrices import to_quaternions
 from glider.campaign.importing.recording import Column, Group, Recording, need, spell
 from glider.errors import InputError
 
@@ -90,13 +90,9 @@ def _bodies(parameters: Parameters, turns: np.ndarray) -> dict[str, Column]:
     columns: dict[str, Column] = {}
     for k, label in enumerate(_labels(parameters, "ROTATION", turns.shape[2])):
         body = np.moveaxis(turns[:, :, k], 2, 0)
-        seen = np.isfinite(body).all(axis=(1, 2)) & (
-            np.linalg.det(np.nan_to_num(body[:, :3, :3])) > 0.5
-        )
+        quaternions = to_quaternions(body[:, :3, :3])
+        seen = np.isfinite(body).all(axis=(1, 2)) & np.isfinite(quaternions[:, 0])
         place = np.where(seen[:, None], body[:, :3, 3], np.nan)
-        matrices = np.where(seen[:, None, None], body[:, :3, :3], np.eye(3))
-        quaternions = Rotation.from_matrix(matrices).as_quat()
-        quaternions[~seen] = np.nan
         columns |= _vector(f"{label}.Position", place.T, length)
         columns |= _vector(f"{label}.Rotation", quaternions.T, None)
     return columns

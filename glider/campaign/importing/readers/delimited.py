@@ -10,6 +10,7 @@ import math
 import re
 import zlib
 from collections.abc import Iterable, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +27,15 @@ from glider.campaign.importing.recording import (
 from glider.errors import InputError, show
 
 _BLANK = re.compile(
-    r"-*|<?na>?|n/a|na[nt]|null|none|-?inf|#(n/a|num!|value!|div/0!)", re.IGNORECASE
+    r"-*|<?na>?|n/a|nat|[+-]?nan(\(\w+\))?|[+-]?inf(inity)?|[+-]?1[.,]#\w+|null|none|"
+    r"missing|#(n/a|num!|value!|div/0!)",
+    re.IGNORECASE,
 )
-_UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]+?)\s*[\])]$")
+"""Cells without a value; 1.#QNAN and -nan(ind) are those of Microsoft's C."""
+_UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]*?)\s*[\])]$")
+_CLOCK = re.compile(r"(-?)(?:(\d+):)?(\d\d?):(\d\d?)(?:[.,](\d+)|:(\d{3}))?")
+"""h:mm:ss.fff, mm:ss.fff or h:mm:ss:ms, as of videos."""
+_FRAMES = re.compile(r"\d:\d\d:\d\d:\d")  # hh:mm:ss:ff, the last counts frames.
 _MIN_ROWS = 3
 _DAY_ZERO = datetime.datetime(1970, 1, 1)
 
@@ -76,6 +83,7 @@ def parse_rows(path: Path, rows: Rows) -> Recording:
     has the names, unless that is a row of units. A unit may also stand in a name:
     "pitch [deg]", "x (mm)", "pitch_deg". Names that repeat get that of their group, in
     the row above, before them: "Position.x". A header may stand again between rows.
+    A # before the first name may stand apart, and the header have its own separator.
     """
     first = _first_data_row(rows)
     if first is None:
@@ -84,9 +92,12 @@ def parse_rows(path: Path, rows: Rows) -> Recording:
             "expected columns with their names above them."
         )
     width = len(rows[first])
-    header = [list(row) for row in rows[:first] if len(row) == width and any(row)]
-    repeated = list(header)
-    header = [[row[0].lstrip("#% "), *row[1:]] for row in header]
+    header = [list(row) for row in map(_without_mark, rows[:first], repeat(width))]
+    repeated = [row for row in rows[:first] if any(row)]
+    header = [row for row in header if len(row) == width and any(row)]
+    if not header:
+        split = (_split_words(" ".join(row)) for row in rows[:first])
+        header = [words for words in split if len(words) == width]
     of_row: list[str | None] = [None] * width
     if len(header) > 1 and _are_units(header[-1], header[-2]):
         of_row = [spell(cell) for cell in header.pop()]
@@ -117,6 +128,19 @@ def parse_rows(path: Path, rows: Rows) -> Recording:
     return Recording(path, (Group("", columns),))
 
 
+def _without_mark(row: Sequence[str], width: int) -> Sequence[str]:
+    """A row of a header without the # or % of a comment, which may be a cell."""
+    if row and row[0] and not row[0].strip("#%"):
+        return row[1:] if len(row) == width + 1 else row
+    return [row[0].lstrip("#% "), *row[1:]] if row else row
+
+
+def _split_words(header: str) -> list[str]:
+    """Names of a header that does not have the separator of the rows."""
+    joined = re.sub(r"\s+(?=[\[(])", "", header.lstrip("#% "))
+    return [word for word in re.split(r"[\s,;|]+", joined) if word]
+
+
 def number_rows(rows: Rows, first: int, last: int | None = None) -> NumberedRows:
     """Some rows of a file that are not blank, with their lines."""
     return [(i, row) for i, row in enumerate(rows[first:last], first + 1) if any(row)]
@@ -131,13 +155,16 @@ def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Colu
     bad = np.flatnonzero(np.isnan(values) & filled)
     if not len(bad):
         return Column(values, unit)
-    if len(bad) == np.sum(filled):
+    clocks = [_CLOCK.fullmatch(cells[i]) for i in bad]
+    if len(bad) == np.sum(filled) or all(clocks):  # Below a minute it may be seconds.
         instants = np.array([_instant(cell) for cell in cells])
+        instants = np.where(np.isfinite(values), values, instants)
         if not np.isnan(instants[filled]).any():
             epoch = float(instants[filled][0])
             return Column(instants - epoch, "s", epoch=epoch)
     line, cell = rows[bad[0]][0], cells[bad[0]]
-    expected = "a time in ISO 8601, or a number" if ":" in cell else "a number"
+    times = "a time in ISO 8601 or as h:mm:ss.fff, or a number"
+    expected = times if ":" in cell else "a number"
     fault = f"column '{name}', row {line}: found {show(cell)}; expected {expected}."
     return Column(values, unit, fault, labels=cells)
 
@@ -157,7 +184,7 @@ def as_text(value: Any) -> str:
 def split_unit(name: str) -> tuple[str, str | None]:
     """A name without the unit in brackets, and the unit that it has."""
     match = _UNIT_IN_NAME.match(name)
-    if match and spell(match[2]):
+    if match and (spell(match[2]) or _BLANK.fullmatch(match[2])):
         return match[1], spell(match[2])
     return name, split_suffix(name)[1]
 
@@ -207,10 +234,17 @@ def _number(cell: str) -> float:
 
 
 def _instant(cell: str) -> float:
-    """Seconds since 1970 of a date and time in ISO 8601, or since midnight of a time.
+    """Seconds since 1970 of a date and time in ISO 8601, or of a time by a clock.
 
     Without a zone it is taken for UTC; only differences matter. 31.12.2026 is read too.
     """
+    clock = _CLOCK.fullmatch(cell)
+    sign, hours, minutes, seconds, *fraction = clock.groups("") if clock else [""] * 6
+    if hours or any(fraction):  # Else they may be hours and minutes, too.
+        whole = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + int(seconds)
+        return float(f"{sign}1") * (whole + float(f"0.{''.join(fraction) or 0}"))
+    if _FRAMES.search(cell):  # Python takes them for hundredths of a second.
+        return math.nan
     cell = re.sub(r"^(\d\d)\.(\d\d)\.(\d{4})\b", r"\3-\2-\1", cell)
     for text in (cell, f"1970-01-01T{cell.removeprefix('T')}") if ":" in cell else ():
         try:
@@ -218,4 +252,4 @@ def _instant(cell: str) -> float:
         except ValueError:
             continue
         return time.replace(tzinfo=time.tzinfo or datetime.UTC).timestamp()
-    return np.nan
+    return math.nan

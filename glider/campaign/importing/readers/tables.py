@@ -54,6 +54,12 @@ def read_mat(path: Path) -> list[Recording]:
     except NotImplementedError:  # Of version 7.3, says SciPy.
         with warnings.catch_warnings(action="ignore"):
             content = need("pymatreader", path).read_mat(path)
+    for own in content.values():
+        if isinstance(own, dict) and {"FrameRate", "Frames"} <= own.keys():
+            raise InputError(
+                f"{path}: is a .mat file of QTM, whose arrays have no times and no "
+                "names; expected its 6D data as TSV (Export > To TSV)."
+            )
     arrays = list(_arrays("", (), content))
     places = sorted({place for place, _, _ in arrays})
     recordings = []
@@ -99,8 +105,15 @@ def _arrays(
 
 
 def vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Yields a vector, or the columns of a matrix of few columns."""
+    """Yields a vector, or the columns of a matrix of few columns.
+
+    Of rotations (3, 3, n) or (n, 3, 3) it has nine, row by row.
+    """
     array = array.squeeze()
+    if array.ndim == 3 and array.shape[:2] == (3, 3):
+        array = array.reshape(9, -1).T
+    elif array.ndim == 3 and array.shape[1:] == (3, 3):
+        array = array.reshape(-1, 9)
     if array.ndim == 1 and len(array) > 1:
         yield name, array.astype(float)
     elif array.ndim == 2:

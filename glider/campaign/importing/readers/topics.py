@@ -3,7 +3,8 @@
 A column is named TOPIC.FIELD, e.g. vehicle_local_position.x or
 /glider/pose.pose.position.x; in a ULog TOPIC_1.FIELD is that of a second instance. In
 MCAP files and bags the time of a row is the message's own stamp where it has one, and
-otherwise when it was recorded.
+otherwise when it was recorded. Where a message has an array of bodies with names, as in
+/tf, those of each are TOPIC[NAME].FIELD.
 """
 
 import dataclasses
@@ -68,14 +69,28 @@ def read_ulog(path: Path) -> Recording:
 
 
 def read_bag(path: Path) -> Recording:
-    """Reads the topics of a bag whose types are known."""
+    """Reads the topics of a bag; files of definitions may complete it.
+
+    They are PACKAGE/msg/NAME.msg, in the folder of the bag or beside it.
+    """
     highlevel, typesys = need("rosbags.highlevel", path), need("rosbags.typesys", path)
     bag = path.parent if path.suffix == ".db3" else path
     store = typesys.get_typestore(typesys.Stores.LATEST)
+    types = {}
+    for file in sorted({*bag.glob("**/msg/*.msg"), *bag.parent.glob("*/msg/*.msg")}):
+        name = f"{file.parts[-3]}/msg/{file.stem}"
+        types |= typesys.get_types_from_msg(file.read_text(), name)
+    store.register({n: t for n, t in types.items() if n not in store.fielddefs})
     topics = _Topics()
     with highlevel.AnyReader([bag], default_typestore=store) as reader:
         known = [c for c in reader.connections if c.msgtype in reader.typestore.types]
-        for connection, recorded, data in reader.messages(connections=known):
+        for other in (c for c in reader.connections if c not in known):
+            topics.unread[other.topic] = (
+                f"the bag lacks the definition of its type; expected a file "
+                f"{other.msgtype}.msg beside the bag, or the bag as MCAP ('ros2 bag "
+                "convert', where the package is installed)"
+            )
+        for connection, recorded, data in reader.messages(known) if known else ():
             message = reader.deserialize(data, connection.msgtype)
             topics.add(connection.topic, recorded, message)
     return topics.recording(path)
@@ -86,21 +101,18 @@ def read_mcap(path: Path) -> Recording:
     reader = need("mcap.reader", path)
     topics = _Topics()
     decoders: dict[int, Decoder | None] = {}
-    others: set[str] = set()
     with path.open("rb") as stream:
         for schema, channel, message in reader.make_reader(stream).iter_messages():
             if channel.id not in decoders:
                 decoders[channel.id] = _make_decoder(schema, channel, path)
             decode = decoders[channel.id]
             if decode is None:
-                others.add(f"'{channel.topic}' ({channel.message_encoding})")
+                topics.unread[channel.topic] = (
+                    f"its messages, in {channel.message_encoding}, cannot be read; "
+                    "expected json, protobuf, cdr or ros1"
+                )
             else:
                 topics.add(channel.topic, message.log_time, decode(message.data))
-    if others and not topics.rows:
-        raise InputError(
-            f"{path}: the messages of {', '.join(sorted(others))} cannot be read; "
-            "expected json, protobuf, cdr or ros1."
-        )
     return topics.recording(path)
 
 
@@ -126,50 +138,96 @@ class _Topics:
     """Collects messages, topic by topic."""
 
     def __init__(self) -> None:
-        self.rows: dict[str, list[dict[str, float]]] = defaultdict(list)
+        self.unread: dict[str, str] = {}  # Why, by topic.
+        self._rows: dict[str, list[dict[str, float]]] = defaultdict(list)
+        self._bodies: dict[str, dict[str, set[str]]] = defaultdict(dict)
+        # By topic and place in its messages, which bodies stand there.
 
     def add(self, topic: str, recorded: int, message: object) -> None:
         """Adds a message, and when it was recorded [ns]."""
+        stamp = next(_stamps(dict(_leaves("", message))), 0.0)
+        self._add(topic, recorded, message, stamp)
+        bodies = [("", message)]
+        for field, value in _fields(message).items():
+            if isinstance(value, (list, tuple)):
+                bodies += [(f"{field}[{i}]", part) for i, part in enumerate(value)]
+        for place, body in bodies:
+            if name := _name(body):
+                self._bodies[topic].setdefault(place, set()).add(name)
+                self._add(f"{topic}[{name}]", recorded, body, stamp)
+
+    def _add(self, group: str, recorded: int, message: object, stamp: float) -> None:
         row = dict(_leaves("", message))
-        times = {_STAMP: next(_stamps(row), 0.0), _TIME: recorded * 1e-9}
-        self.rows[topic].append(row | times)
+        times = {_STAMP: next(_stamps(row), stamp), _TIME: recorded * 1e-9}
+        self._rows[group].append(row | times)
 
     def recording(self, path: Path) -> Recording:
         """All topics, each in the order of its times, from restart to restart."""
         groups = []
-        for topic, rows in self.rows.items():
+        for topic, bodies in self._bodies.items():
+            if len(names := bodies.get("", ())) == 1:  # It need not be named.
+                del self._rows[f"{topic}[{min(names)}]"]
+        for topic, rows in self._rows.items():
             own = [row.pop(_STAMP) for row in rows]
             times = np.array(own if any(own) else [row[_TIME] for row in rows])
             part = np.searchsorted(find_restarts(times), range(len(times)), "right")
             order = np.lexsort([times, part])
-            names = dict.fromkeys(name for row in rows for name in row)
-            columns = {
-                n: Column(np.array([rows[i].get(n, np.nan) for i in order]))
-                for n in names
-            }
+            columns = {}
+            for name in dict.fromkeys(name for row in rows for name in row):
+                values = np.array([rows[i].get(name, np.nan) for i in order])
+                columns[name] = Column(values, fault=self._fault(topic, name))
             columns[_TIME] = Column(times[order], "s")
             groups.append(Group(topic, columns, _TIME))
         if not groups:
-            raise InputError(f"{path}: holds no message that can be read.")
-        return Recording(path, tuple(groups), up="z")
+            words = "; ".join(f"'{t}': {why}" for t, why in self.unread.items())
+            why = words or "it has none"
+            raise InputError(f"{path}: holds no message that can be read: {why}.")
+        return Recording(path, tuple(groups), up="z", unread=self.unread)
+
+    def _fault(self, topic: str, name: str) -> str | None:
+        """What is wrong with a column in which bodies take turns."""
+        for place, names in self._bodies.get(topic, {}).items():
+            if len(names) > 1 and name.startswith(place):
+                field = name.removeprefix(place).removeprefix(".")
+                listed = ", ".join(f"'{topic}[{n}].{field}'" for n in sorted(names)[:6])
+                return (
+                    f"'{topic}.{name}' is that of {len(names)} bodies in turn; "
+                    f"expected one of {listed}{', ...' if len(names) > 6 else ''}."
+                )
+        return None
+
+
+def _fields(message: object) -> dict[str, Any]:
+    """The fields of a message by name; none of a number or an array."""
+    if isinstance(message, dict):
+        return message
+    if dataclasses.is_dataclass(message) or hasattr(message, "DESCRIPTOR"):
+        protobuf = getattr(message, "DESCRIPTOR", None)
+        known = protobuf.fields if protobuf else dataclasses.fields(message)  # type: ignore[arg-type]
+        names = [field.name for field in known if not field.name.startswith("__")]
+        return {name: getattr(message, name) for name in names}
+    return {}
+
+
+def _name(message: object) -> str:
+    """The name, or the number, of the body that a message is about; "": of none."""
+    fields = _fields(message)
+    for field, value in fields.items():
+        is_name = field == "child_frame_id" or field.endswith("name")
+        if is_name and isinstance(value, str) and value:
+            return value
+    number = fields.get("id")
+    return str(number) if isinstance(number, (int, np.integer)) else ""
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
     """Yields the numbers in a message, by their names with dots."""
-    fields: dict[str, object] = {}
     if isinstance(value, (bool, int, float, np.number)):
         yield name, float(value)
-    elif isinstance(value, dict):
-        fields = value
-    elif dataclasses.is_dataclass(value) or hasattr(value, "DESCRIPTOR"):
-        protobuf = getattr(value, "DESCRIPTOR", None)
-        known = protobuf.fields if protobuf else dataclasses.fields(value)
-        names = [field.name for field in known if not field.name.startswith("__")]
-        fields = {name: getattr(value, name) for name in names}
     elif isinstance(value, (list, tuple, np.ndarray)) and len(value) <= _LONGEST:
         for i, part in enumerate(value):
             yield from _leaves(f"{name}[{i}]", part)
-    for field, part in fields.items():
+    for field, part in _fields(value).items():
         yield from _leaves(f"{name}.{field}" if name else str(field), part)
 
 
