@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.errors import expect
-from glider.physics.confidence import glider_at, physical
+from glider.physics.confidence import glider_at
 from glider.physics.model import GliderModel
 from glider.sysid.result import Alternative, Result
 
@@ -52,7 +52,8 @@ def propagate(
 
     Gliders are drawn from `Result.alternatives`: a set of effects by its probability,
     then its coefficients and the unknown parameters of the vehicle by their covariance
-    and Student's t. A number that would not be physical stays at its bound.
+    and Student's t. A number that would not be physical is set to its bound; the others
+    stay as drawn.
 
     Args:
         result: of `close_the_loop`.
@@ -84,4 +85,4 @@ def _drawn(alternative: Alternative, rng: np.random.Generator) -> GliderModel:
     change = rng.multivariate_normal(none, known.matrix, method="eigh")
     if (freedom := known.degrees_of_freedom) is not None:
         change *= np.sqrt(freedom / rng.chisquare(freedom))
-    return glider_at(model, known.names, physical(model, known.names, change))
+    return glider_at(model, known.names, change, truncate=True)

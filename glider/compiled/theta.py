@@ -22,7 +22,6 @@ from glider.physics.effects import (
     Field,
     Replay,
 )
-from glider.physics.effects.effect import constant
 from glider.physics.model import GliderModel
 from glider.physics.parameters import (
     NUM_PARAMETERS,
@@ -42,6 +41,10 @@ def _replay_log(before: Replay, poses: float, commands: float, _: float) -> Repl
     return before._replace(latency=latency, delay=delay)
 
 
+def _no_change(flow, poses, commands, pitch_rate):
+    return 0.0, 0.0, 0.0  # Logs are replayed through it; no model has it.
+
+
 SERVO_LOG = EffectKind(
     kind="servo_log",
     stage="sensor",
@@ -51,7 +54,7 @@ SERVO_LOG = EffectKind(
         Coefficient("commands", "s", scale=0.02, lower=-0.3, upper=0.3),
         Coefficient("pitch_rate", "rad/s", scale=0.05, lower=-1.0, upper=1.0),
     ),
-    formula=constant,  # Logs are replayed through it; no model has it.
+    formula=_no_change,
     words="a servo's log with other clocks",
     replay=_replay_log,
 )

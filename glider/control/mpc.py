@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context, LeafSystem, State
 from glider.control.mppi import COMMAND_RATE
 from glider.errors import expect
 from glider.physics.model import GliderModel
+from glider.physics.state import POSITION
 from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
 from glider.planning.structured import CollocatedFlight, solve_structured
@@ -64,7 +65,8 @@ class ModelPredictiveController(LeafSystem):
     `glider.planning.structured`, warm from the last plan, and holds the plan's mean
     command until the next. The end is free in time, and no constraint: the cost draws
     to it, so that there is a plan from everywhere. Where a solve fails the last plan
-    goes on, and so does the rest of a plan that is all but over.
+    goes on, and so does the rest of a plan that is all but over. A simulation may begin
+    at any time: the first plan counts from the knot that is nearest to its launch.
 
     The abstract state is a `ReplanResult`, so that a context determines
     all future commands. It is updated at each period, and by a forced event: a station
@@ -105,6 +107,7 @@ class ModelPredictiveController(LeafSystem):
         self._state = self.DeclareVectorInputPort("state", model.num_states)
         first = ReplanResult(flight=self._plan_first(), begin=0.0)
         index = self.DeclareAbstractState(AbstractValue.Make(first))
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._begin)
         self.DeclarePeriodicUnrestrictedUpdateEvent(self._period, 0.0, self._update)
         self.DeclareForcedUnrestrictedUpdateEvent(self._update)
         ticket = {self.abstract_state_ticket(index)}
@@ -120,6 +123,16 @@ class ModelPredictiveController(LeafSystem):
         what = "ModelPredictiveController: the first plan's status"
         expect(flight.solved, what, flight.status, "a launch with a plan")
         return flight
+
+    def _begin(self, context: Context, state: State) -> None:
+        now, known = context.get_time(), context.get_abstract_state(0).get_value()
+        if known.plans:  # A flight goes on.
+            return
+        here = self._state.Eval(context)[POSITION]
+        away = np.linalg.norm(known.flight.knots[:, POSITION] - here, axis=1)
+        begin = now - float(known.flight.times[np.argmin(away)])
+        known = dataclasses.replace(known, begin=begin, time=now)
+        state.get_mutable_abstract_state(0).set_value(known)
 
     def _update(self, context: Context, state: State) -> None:
         now, known = context.get_time(), context.get_abstract_state(0).get_value()

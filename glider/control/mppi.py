@@ -92,7 +92,7 @@ class MppiController(LeafSystem):
     def _begin(self, context: Context, discrete_state: DiscreteValues) -> None:
         held = context.get_discrete_state_vector().CopyToVector()
         if held[-1] == 0.0:  # No update yet.
-            for _ in range(int(context.get_time() / self._cost.step)):
+            for _ in range(round(context.get_time() / self._cost.step)):
                 held[:-1] = shifted(held[:-1])
         discrete_state.set_value(held)
 

@@ -1,10 +1,15 @@
 """The extended Kalman filter as a Drake System."""
 
+import math
+
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief, check_belief, predict_mean, run_ekf
+
+SAME = 1e-6
+"""Share of a period within which two times are the same, for rounding of the clock."""
 
 
 class ExtendedKalmanFilter(LeafSystem):
@@ -15,19 +20,19 @@ class ExtendedKalmanFilter(LeafSystem):
     known ---------> [                      ] -> innovation, innovation_covariance
 
     At each sample, k periods after time 0, the belief is predicted with the mean of
-    the elevator's rate since the last sample, and corrected. At time 0 it is the
-    prior. An output that is read at the time of a sample, as by a hold of the same
-    clock, is the one before it.
+    the elevator's rate since the last sample, and corrected. When a simulation begins,
+    at whatever time, it is the prior. An output that is read at the time of a sample,
+    as by a hold of the same clock, is the one before it.
 
     Args:
         ekf: the filter.
-        prior: belief at time 0.
+        prior: belief when a simulation begins.
 
     Input ports:
         measured: at the samples, in the order of `ekf.measured_names`.
         elevator_rate: assumed rate of the servo [rad/s].
         known: the filter's further known inputs, if it has any, as they are at the
-            samples and at time 0; left open, they are what the filter's model has,
+            samples and at the beginning; left open, they are what the filter's model has,
             which is zero for the wind.
 
     Output ports:
@@ -57,12 +62,13 @@ class ExtendedKalmanFilter(LeafSystem):
             "innovation": np.zeros(rows),
             "innovation_covariance": np.zeros(rows * rows),
         }
-        # Time of the last sample, and the integral then.
-        memory = {"since": np.zeros(2), "known": self._model_known()}
+        # Time of the last sample, and the integral then; NaN before the beginning.
+        memory = {"since": np.array([np.nan, 0.0]), "known": self._model_known()}
         self._parts = {
             name: self.DeclareDiscreteState(value)
             for name, value in (outputs | memory).items()
         }
+        self.DeclareInitializationDiscreteUpdateEvent(self._begin)
         self.DeclarePeriodicDiscreteUpdateEvent(ekf.period, 0.0, self._sample)
         self.DeclareVectorOutputPort(
             "state",
@@ -102,15 +108,24 @@ class ExtendedKalmanFilter(LeafSystem):
             mean, _ = predict_mean(self.ekf, mean, inputs, span, start)
         output.SetFromVector(mean[: self.ekf.num_states])
 
+    def _begin(self, context, discrete_state):
+        if math.isnan(self._part(context, "since")[0]):  # Else a flight goes on.
+            discrete_state.set_value(self._parts["known"], self._eval_known(context))
+            self._set_since(context, discrete_state)
+
+    def _set_since(self, context, discrete_state):
+        now = context.get_continuous_state_vector().GetAtIndex(0)
+        since = [context.get_time(), now]
+        discrete_state.set_value(self._parts["since"], since)
+
     def _sample(self, context, discrete_state):
-        known = self._eval_known(context)
+        known, size = self._eval_known(context), len(self.ekf.names)
         discrete_state.set_value(self._parts["known"], known)
-        # The clock ticks at time 0 as that of motion capture's log does: starting
-        # later, its ticks would differ from the log's by a rounding.
-        if context.get_time() < 0.5 * self.ekf.period:
-            return
-        size = len(self.ekf.names)
         inputs, span = self._inputs(context, known)
+        # The clock ticks at the beginning as that of motion capture's log does:
+        # starting later, its ticks would differ from the log's by a rounding.
+        if span < SAME * self.ekf.period:
+            return
         before = Belief(
             mean=self._part(context, "estimate"),
             covariance=self._part(context, "covariance").reshape(size, size),
@@ -121,14 +136,14 @@ class ExtendedKalmanFilter(LeafSystem):
             inputs[None, None],
             self._measured.Eval(context)[None, None],
             context.get_time() - span,
+            period=span,
         )
-        now = context.get_continuous_state_vector().GetAtIndex(0)
         parts = {
             "estimate": found.means[0, 1],
             "covariance": found.covariances[0, 1].ravel(),
             "innovation": found.innovations[0, 0],
             "innovation_covariance": found.innovation_covariances[0, 0].ravel(),
-            "since": [context.get_time(), now],
         }
         for name, value in parts.items():
             discrete_state.set_value(self._parts[name], value)
+        self._set_since(context, discrete_state)

@@ -54,7 +54,7 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
 
     The text calls formula `i` as `formula_i` and its state rate as `rate_i`. With
     `skip_absent` it omits at run time the formulas whose coefficients that are not mere
-    shapes are all zero, and state rates at defaults that no search for the effect
+    shapes are all at their defaults, and state rates at defaults that no search for the effect
     starts from. That saves a kernel with the whole library most of its work, and is
     right for floats and complex steps, but not for AutoDiffXd coefficients.
     """
@@ -97,7 +97,8 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
                 entries = enumerate(
                     effect.coefficients, coefficients[effect.kind].start
                 )
-                present = [f"c[{j}] != 0.0" for j, c in entries if not c.is_shape]
+                sizes = [(j, c.default) for j, c in entries if not c.is_shape]
+                present = [f"c[{j}] != {default}" for j, default in sizes]
                 zeros = ", ".join([f"0.0 * {first}.xdot"] * len(targets))
                 line += f" if {' or '.join(present)} else ({zeros})"
             lines.append(line)

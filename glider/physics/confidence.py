@@ -32,10 +32,11 @@ from glider.physics.parameters import POSITIVE, Theta
 def physical(
     model: GliderModel, names: tuple[str, ...], deviations: np.ndarray
 ) -> np.ndarray:
-    """Returns deviations (..., m), drawn back to where all numbers are physical.
+    """Returns deviations (..., m), shortened to where all numbers are physical.
 
-    A deviation to a mass below zero, or to a coefficient beyond its bounds, is
-    shortened to these. In a convex set about the estimate it stays.
+    All numbers of a deviation to a mass below zero, or to a coefficient beyond its
+    bounds, shrink by the same share: so it stays in a convex set about the estimate.
+    To draw gliders instead, see `glider_at`.
     """
     estimates, lower, upper = np.array([_number(model, name) for name in names]).T
     margin = np.where(deviations > 0.0, upper - estimates, lower - estimates)
@@ -66,9 +67,20 @@ def theta_at(
 
 
 def glider_at(
-    model: GliderModel, names: tuple[str, ...], deviation: np.ndarray
+    model: GliderModel,
+    names: tuple[str, ...],
+    deviation: np.ndarray,
+    *,
+    truncate: bool = False,
 ) -> GliderModel:
-    """Returns a glider that deviates from a model, (m,).
+    """Returns a glider that deviates from a model.
+
+    Args:
+        model: of the estimates.
+        names: of the m numbers that deviate.
+        deviation: (m,) of each.
+        truncate: whether a number that would not be physical is set to its bound; the
+            others deviate all the same.
 
     Raises:
         InputError: it is not physical.
@@ -80,11 +92,21 @@ def glider_at(
             at = [e.kind.kind for e in effects].index(kind)
             values = effects[at].to_dict()
             values[coefficient] += change
+            if truncate:
+                lower, upper = _bounds(effects[at].kind, coefficient)
+                values[coefficient] = min(max(values[coefficient], lower), upper)
             effects[at] = effects[at].kind(**values)
         else:
             value = getattr(parameters, kind) + change
+            if truncate and kind in POSITIVE:
+                value = max(value, _LEAST)
             parameters = dataclasses.replace(parameters, **{kind: value})
     return dataclasses.replace(model, parameters=parameters, effects=tuple(effects))
+
+
+def _bounds(kind, coefficient):
+    (of,) = (c for c in kind.coefficients if c.name == coefficient)
+    return of.lower, of.upper
 
 
 def _place(model, kind, coefficient):
@@ -101,9 +123,8 @@ def _number(model, name):
         least = _LEAST if kind in POSITIVE else -math.inf
         return getattr(model.parameters, kind), least, math.inf
     (of_kind,) = (k for k in model.kinds if k.kind == kind)
-    (bounds,) = (c for c in of_kind.coefficients if c.name == coefficient)
     value = model.numbers.c[_place(model, kind, coefficient)]
-    return value, bounds.lower, bounds.upper
+    return value, *_bounds(of_kind, coefficient)
 
 
 _LEAST = 1e-9

@@ -60,7 +60,7 @@ def pull(flow, force):
     return gain(force)
 
 def fly():
-    force = Coefficient(name="force", unit="N")
+    force = Coefficient(name="force", unit="N", lower=-1.0, upper=1.0)
     kind = EffectKind(
         kind="pull", stage="wrench", adds_to=("force_x",), coefficients=(force,),
         formula=pull, words="a horizontal pull", depends_on=("x",),
@@ -107,7 +107,7 @@ def kind_of(formula):
         kind="pull",
         stage="wrench",
         adds_to=("force_x",),
-        coefficients=(Coefficient(name="force", unit="N"),),
+        coefficients=(Coefficient(name="force", unit="N", lower=-10.0, upper=10.0),),
         formula=formula,
         words="a horizontal pull",
         depends_on=("x",),

@@ -147,7 +147,7 @@ def test_own_states_rest_where_the_plant_has_them_rest():
         KINDS["dynamic_stall"](strength=1.0),
         KINDS["lagged_separation"](slope=1.0),
     ]
-    plant = GliderPlant(model=GliderModel(effects=(*own, BOOM(), INFLOW(gain=0.1))))
+    plant = GliderPlant(model=GliderModel(effects=(*own, BOOM(gain=1e-3), INFLOW(gain=0.1))))
     state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
     theta = LAYOUT.default_theta(plant.model.parameters)
     rest = LAYOUT.steady_states(0.0, state, 0.0, theta)
@@ -246,12 +246,6 @@ def weak_servo(rate, gain):
     return (1.0 - gain) * rate
 
 
-def test_an_own_actuator_that_makes_no_rate_of_its_own_is_refused():
-    bad = dataclasses.replace(STICKY, formula=lambda rate, s, gain, tau: rate + 1.0)
-    with pytest.raises(InputError, match="returns 2; expected 1, so that"):
-        check_user_effects((bad,))
-
-
 def test_the_library_keeps_its_layout():
     assert layout_of(()) is LIBRARY_LAYOUT
     assert LIBRARY_LAYOUT.user_kinds == ()
@@ -266,18 +260,12 @@ def test_the_library_keeps_its_layout():
     [
         ({"kind": "wind"}, "name is taken"),
         ({"kind": "unexplained"}, "name is taken"),
-        ({"stage": "log"}, "stage is 'log'"),
-        ({"stage": "actuator"}, r"adds_to is .* expected a choice of \(\)"),
-        ({"adds_to": ("wing_normal",)}, "adds_to"),
-        ({"coefficients": ()}, r"coefficients is \[\]"),
-        ({"states": ("lag",)}, "expected all or none"),
-        ({"formula": lambda flow, gain: (1.0, 0.0)}, "defaults do nothing"),
-        ({"formula": lambda flow, gain: gain}, "2 finite numbers"),
-        ({"formula": lambda flow: (0.0, 0.0)}, "formula fails"),
+        ({"kind": "servo_log"}, "name is taken"),
+        ({"stage": "log", "adds_to": ("pose_x", "pose_z")}, "stage is 'log'"),
         ({"formula": lambda flow, gain: (float(str(gain)), 0.0)}, "does not compile"),
     ],
 )
-def test_an_own_effect_that_cannot_be_used_is_one_sentence(changes, words):
+def test_an_own_effect_that_cannot_be_traced_is_one_sentence(changes, words):
     bad = dataclasses.replace(FLAP, **changes)
     with pytest.raises(InputError, match=words) as error:
         check_user_effects((bad,))

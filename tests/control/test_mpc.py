@@ -27,11 +27,13 @@ def controller(model=NOMINAL, **options):
     return ModelPredictiveController(model, REPLANNING, **options)
 
 
-def state_and_outputs(system, state, time):
+def state_and_outputs(system, state, time, begin=0.0):
     """Returns what a controller goes by, its command and its timing."""
     simulator = Simulator(system)
     context = simulator.get_mutable_context()
     system.GetInputPort("state").FixValue(context, state)
+    context.SetTime(begin)
+    simulator.Initialize()
     simulator.AdvanceTo(time)
     return (
         context.get_abstract_state(0).get_value(),
@@ -92,6 +94,28 @@ def test_the_end_of_a_plan_is_flown_as_it_is():
     assert again.flight is known.flight and again.plans == 0
     assert known.command(end - 0.03, 0.02) != 0.0
     assert known.command(end, 0.02) == 0.0
+
+
+@pytest.mark.parametrize("begin", [2.0, 2.006])
+def test_a_flight_at_any_time_is_planned_for(begin):
+    """On the clock's ticks and between them."""
+    known, command, timing = state_and_outputs(controller(), LAUNCH, 0.041)
+    later, again, counts = state_and_outputs(
+        controller(), LAUNCH, begin + 0.041, begin=begin
+    )
+    ticks = 3 if begin == 2.0 else 2  # Until the first, the first plan's command.
+    assert timing[0] == 3 and counts[0] == ticks
+    if ticks == 3:
+        assert again == pytest.approx(command, rel=1e-6)
+        np.testing.assert_allclose(later.flight.knots, known.flight.knots, atol=1e-6)
+
+
+def test_a_flight_may_begin_farther_along_the_plan():
+    system = controller()
+    first = system.CreateDefaultContext().get_abstract_state(0).get_value().flight
+    k = len(first.times) // 4
+    known, *_ = state_and_outputs(system, first.knots[k, :7], 5.001, begin=5.0)
+    assert known.flight.times[-1] == pytest.approx(first.times[-1] - first.times[k], 0.1)
 
 
 def test_who_need_not_arrive_ends_where_it_is_cheapest():

@@ -413,6 +413,45 @@ def test_the_system_is_the_loop_step_by_step():
             np.testing.assert_allclose(read(name), value, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("begin", [2.0, 2.01])
+def test_a_flight_at_any_time_is_filtered_alike(begin):
+    """On the clock's ticks; between them the first sample comes sooner."""
+    ekf = make_ekf(GliderModel(), rate=40.0, process=PROCESS[:7], noise=NOISE)
+    prior, measured = make_prior(ekf, LAUNCH, [0.02] * 7), np.array(LAUNCH[:4]) + 0.05
+
+    def outputs(begin, duration):
+        builder = DiagramBuilder()
+        estimator = builder.AddSystem(ExtendedKalmanFilter(ekf, prior))
+        for name, values in (("measured", measured), ("elevator_rate", [0.3])):
+            source = builder.AddSystem(ConstantVectorSource(values))
+            builder.Connect(source.get_output_port(), estimator.GetInputPort(name))
+        simulator = Simulator(builder.Build())
+        simulator.get_mutable_context().SetTime(begin)
+        context = estimator.GetMyContextFromRoot(simulator.get_context())
+        names = "state", "estimate", "covariance"
+        before = estimator.GetOutputPort("state").Eval(context)
+        np.testing.assert_array_equal(before, prior.mean)
+        simulator.Initialize()
+        simulator.AdvanceTo(begin + duration)
+        simulator.Initialize()  # As who goes on with a context does.
+        return [estimator.GetOutputPort(name).Eval(context) for name in names]
+
+    duration = 3.5 * ekf.period
+    if begin == 2.0:
+        for found, expected in zip(
+            outputs(begin, duration), outputs(0.0, duration), strict=True
+        ):
+            np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+        return
+    first = ekf.period - 0.01
+    _, mean, covariance = outputs(begin, first + 0.2 * ekf.period)
+    rates, shown = [[[0.3]]], measured[None, None]
+    expected = run_ekf(ekf, prior, rates, shown, period=first)
+    np.testing.assert_allclose(mean, expected.means[0, 1], rtol=1e-9, atol=1e-12)
+    size = expected.covariances[0, 1].ravel()
+    np.testing.assert_allclose(covariance, size, rtol=1e-9, atol=1e-14)
+
+
 def test_without_its_known_inputs_they_are_the_model_s():
     """No wind blows, but the effect's own wind and its coefficients stay."""
     ekf = make_ekf(

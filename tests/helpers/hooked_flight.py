@@ -7,6 +7,7 @@ formulas end, the truth of a benchmark begins.
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -18,7 +19,6 @@ from glider.physics.effects import (
     NO_FIELD,
     PITCH_OFFSET,
     STAGES,
-    EffectKind,
     Flow,
 )
 from glider.physics.parameters import GliderParameters, Theta
@@ -35,13 +35,27 @@ _SIZES = np.array([1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3])
 """Differences in launch and CONSTANTS, for slopes."""
 
 
+class Hook(NamedTuple):
+    """What `compose` takes of an EffectKind, without coefficients."""
+
+    kind: str
+    stage: str
+    adds_to: tuple[str, ...]
+    formula: Callable
+    states: tuple[str, ...]
+    state_rate: Callable | None
+    steady_state: Callable | None
+    coefficients: tuple[()] = ()
+    rate_by_alphadot: bool = False
+
+
 def hook(
     name: str,
     adds_to: tuple[str, ...],
     formula: Callable,
     rate: Callable | None = None,
     rest: Callable | None = None,
-) -> EffectKind:
+) -> Hook:
     """Returns a formula without coefficients as an effect, see EffectKind.
 
     With a `rate` and a `rest` it has states of its own, one for each result of them.
@@ -50,13 +64,11 @@ def hook(
     if rest is not None:
         given = rest(_SOME_FLOW)
         count = len(given) if isinstance(given, tuple) else 1
-    return EffectKind(
+    return Hook(
         kind=name,
         stage=next(stage for stage, known in STAGES.items() if adds_to[0] in known),
         adds_to=adds_to,
-        coefficients=(),
         formula=formula,
-        words="",
         states=tuple(f"state_{i}" for i in range(count)),
         state_rate=rate,
         steady_state=rest,
@@ -75,7 +87,7 @@ class HookedGlider:
         elevator: (2 K + 1, F) its angles at every half STEP [rad].
     """
 
-    hooks: Sequence[EffectKind] = ()
+    hooks: Sequence[Hook] = ()
     elevator: np.ndarray
 
     def fly(

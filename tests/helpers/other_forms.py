@@ -12,8 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from glider.physics.aerodynamics import elevator_velocity, plate_force, turned
-from glider.physics.effects import EffectKind
-from tests.helpers.hooked_flight import hook
+from tests.helpers.hooked_flight import Hook, hook
 from tests.helpers.lifelike_flight import Servo
 
 
@@ -92,7 +91,7 @@ class OtherForm:
     """One function drawn of a form."""
 
     words: str = ""
-    hooks: tuple[EffectKind, ...] = ()
+    hooks: tuple[Hook, ...] = ()
     servo: Servo = dataclasses.field(default_factory=Servo)
     play: float = 0.0  #: Half of the linkage's [rad].
 

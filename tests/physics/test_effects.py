@@ -23,6 +23,7 @@ from glider.physics.effects import (
     EffectKind,
 )
 from glider.physics.effects.field import make_field
+from glider.physics.formulas import scalar
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Parameters, Theta
 from glider.systems.plant import GliderPlant
@@ -244,7 +245,9 @@ def user_kind(formula):
         kind="pitch_spring",
         stage="wrench",
         adds_to=("moment",),
-        coefficients=(Coefficient(name="stiffness", unit="N m/rad"),),
+        coefficients=(
+            Coefficient(name="stiffness", unit="N m/rad", lower=-1.0, upper=1.0),
+        ),
         formula=formula,
         words="a spring between the pitch and the horizon",
         depends_on=("pitch",),
@@ -286,6 +289,137 @@ def test_a_users_own_effect_goes_everywhere(formula):
         NO_FIELD,
     )
     np.testing.assert_allclose(values[0, :3], expected[4:], rtol=1e-12)
+
+
+def own_force(size=0.0, shape=0.3, **changes):
+    """A kind with a size and a shape; by default a valid one."""
+    given = {
+        "kind": "own_force",
+        "stage": "wrench",
+        "adds_to": ("force_x", "force_z"),
+        "coefficients": (
+            Coefficient("size", "N", size, lower=-2.0, upper=2.0),
+            Coefficient("shape", "-", shape, lower=0.1, upper=1.0, grid=(0.3,)),
+        ),
+        "formula": lambda flow, size, shape: (size * shape, 0.0 * flow.x),
+        "words": "a force",
+    }
+    return EffectKind(**(given | changes))
+
+
+def only(**bounds):
+    return {"coefficients": (Coefficient("size", "N", **bounds),)}
+
+
+SHAPE = Coefficient("shape", "-", 0.3, lower=0.1, upper=1.0, grid=(0.3,))
+LAGS = {
+    "stage": "actuator",
+    "adds_to": (),
+    "states": ("lagged",),
+    "steady_state": lambda rate, size, shape: rate,
+    "state_rate": lambda rate, lagged, size, shape: (rate - lagged) / shape,
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"stage": "wing"}, "stage is 'wing'; expected one of actuator, air"),
+        ({"stage": "actuator"}, r"adds_to is .* expected a choice of \(\)"),
+        ({"adds_to": ("wing_normal",)}, "adds_to"),
+        ({"adds_to": ()}, "adds_to"),
+        ({"coefficients": ()}, r"coefficients is \[\]"),
+        ({"coefficients": (SHAPE,)}, "one without a grid, which is the effect's size"),
+        ({"coefficients": (SHAPE, SHAPE)}, "expected different names"),
+        (only(), r"lower and upper is \[-inf, inf\]; expected finite"),
+        (only(lower=1.0, upper=-1.0), "lower and upper"),
+        (only(default=3.0, lower=-1.0, upper=1.0), "default and grid is"),
+        (only(scale=0.0, lower=-1.0, upper=1.0), "scale is 0"),
+        ({"states": ("lag",)}, "expected all or none"),
+        ({"formula": lambda flow, size, shape: (1.0, 0.0)}, "returns 1, 0; expected 0"),
+        ({"size": 1.0}, "returns 0.3, .*; expected 0"),
+        (
+            {"formula": lambda flow, size, shape: (size + shape - 0.3, 0.0)},
+            "does nothing where its sizes are at their defaults",
+        ),
+        ({"formula": lambda flow, size, shape: size}, "2 finite numbers"),
+        ({"formula": lambda flow, size: (size, 0.0)}, "its formula fails"),
+        ({"formula": lambda flow, size, shape: (size / 0.0, 0.0)}, "division by zero"),
+        (LAGS | {"formula": lambda r, lagged, size, shape: r + 1.0}, "expected 1"),
+        (LAGS | {"formula": lambda r, lagged, size, shape: lagged}, "expected 1"),
+    ],
+)
+def test_a_kind_that_could_not_fly_is_refused_where_it_is_made(changes, words):
+    """The library's, a model's and a user's own alike."""
+    assert own_force().defaults == (0.0, 0.3)
+    with pytest.raises(InputError, match=words) as error:
+        own_force(**changes)
+    assert str(error.value).startswith("effect 'own_force'")
+    assert "\n" not in str(error.value)
+
+
+@scalar
+def _weaker_tail(flow, gain, share):
+    return (gain - 1.0) * share
+
+
+@scalar
+def _late_rate(rate, lagged, gain):
+    return gain * rate + (1.0 - gain) * lagged
+
+
+@scalar
+def _late_state_rate(rate, lagged, gain):
+    return (rate - lagged) / 0.05
+
+
+@scalar
+def _late_rest(rate, gain):
+    return rate
+
+
+GAIN = Coefficient("gain", "-", 1.0, scale=0.2, lower=0.0, upper=2.0)
+WEAKER_TAIL = EffectKind(
+    kind="weaker_tail",
+    stage="surface",
+    adds_to=("elevator_factor",),
+    coefficients=(
+        GAIN,
+        Coefficient("share", "-", 0.5, lower=0.0, upper=1.0, grid=(0.5, 0.9)),
+    ),
+    formula=_weaker_tail,
+    words="a tail of another force, as a factor",
+)
+LATE = EffectKind(
+    kind="late",
+    stage="actuator",
+    adds_to=(),
+    coefficients=(GAIN,),
+    formula=_late_rate,
+    states=("lagged",),
+    state_rate=_late_state_rate,
+    steady_state=_late_rest,
+    words="a servo of which a share comes late",
+)
+
+
+@pytest.mark.parametrize("gain", [0.0, 1e-9, 0.7, 1.0])
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_what_does_nothing_at_one_flies_compiled_as_in_python(gain, share):
+    """Compiled code skips an effect at its defaults, not where it is zero."""
+    effects = (WEAKER_TAIL(gain=gain, share=share), LATE(gain=gain))
+    model = GliderModel(effects=effects)
+    assert (LATE in model.kinds) == (gain != 1.0)
+    x = model.initial_state(random_states(1)[0]) + 0.01
+    theta = model.numbers
+    expected = model.chain.derivatives(0.3, x, 2.0, 0.4, -0.3, theta)
+    nominal = GliderModel().chain.derivatives(
+        0.3, x[:7], 2.0, 0.4, -0.3, GliderModel().numbers
+    )
+    assert np.array_equal(expected[:7], nominal) == (gain == 1.0)
+    z = np.concatenate([x, [2.0, 0.4, -0.3], *theta[:2]])
+    found, _ = differentiate(model, 0.3, z, np.zeros((len(z), 0), order="F"))
+    np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
 
 
 # ------------------------------------------------------------- exact actuators

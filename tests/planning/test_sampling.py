@@ -313,6 +313,18 @@ def test_the_first_command_is_that_of_one_step_of_mppi():
     assert outputs_of(controller, state, [0.021]) == expected[0]
 
 
+def test_a_later_start_begins_with_the_command_of_that_time():
+    sequence = np.arange(1.0, 81.0)
+    cost = replanning_cost(GliderModel(), REPLANNING, steps=len(sequence))
+    controller = MppiController(cost, sequence)
+    for k in range(len(sequence)):
+        context = controller.CreateDefaultContext()
+        context.SetTime(k * cost.step)
+        controller.ExecuteInitializationEvents(context)
+        held = context.get_discrete_state_vector().CopyToVector()[:-1]
+        assert shifted(held)[0] == (k + 1.0 if k < len(sequence) - 1 else 0.0)
+
+
 def test_a_plan_becomes_a_sequence(article_plan):
     sequence = sequence_of(article_plan, 0.02, 60)
     duration = article_plan.duration

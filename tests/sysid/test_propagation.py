@@ -4,11 +4,12 @@ import types
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from glider import propagate
 from glider.errors import InputError
 from glider.physics.covariance import Covariance
-from glider.physics.effects import KINDS, WIND
+from glider.physics.effects import KINDS, SERVO_LAG, WIND
 from glider.physics.model import GliderModel
 from glider.sysid.result import Alternative
 
@@ -48,6 +49,24 @@ def test_a_sum_has_the_error_of_a_sum():
     low, median, high = found.quantiles()
     assert median == pytest.approx(-0.4, abs=0.002)
     assert high - low == pytest.approx(2.0 * 1.96 * np.sqrt(variance), rel=0.07)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.002])
+def test_a_number_near_its_bound_leaves_the_others_as_uncertain_as_they_are(lag):
+    """A lag that cannot be negative, of its own error, and a wind."""
+    model = GliderModel(effects=(WIND(x=-0.5), SERVO_LAG(time_constant=lag)))
+    names = ("wind.x", "servo_lag.time_constant", "mass")
+    covariance = Covariance(names=names, matrix=np.diag([0.1, 0.01, 0.1]) ** 2)
+    alternative = Alternative(probability=1.0, model=model, covariance=covariance)
+    result = types.SimpleNamespace(model=model, alternatives=(alternative,))
+    wind = propagate(result, lambda m: m.effects[0].values[0], draws=4000)
+    assert wind.mean == pytest.approx(-0.5, abs=0.01)
+    assert wind.std == pytest.approx(0.1, rel=0.05)
+    lags = propagate(result, lambda m: m.effects[1].values[0], draws=4000).values
+    below = ndtr(-lag / 0.01)  # Probability of a negative one.
+    assert lags.min() == 0.0 and np.mean(lags == 0.0) == pytest.approx(below, abs=0.03)
+    mass = propagate(result, lambda m: m.parameters.mass, draws=100)
+    assert 0.0 < mass.values.min() < 1e-6
 
 
 def test_few_flights_make_wider_tails():

@@ -4,7 +4,7 @@
             -> [inertia] -> acceleration -> state -> [sensor] -> log
 
 Each link (stage) has a few named terms that are zero on the nominal model; an effect
-adds to some of them. Since all effects add, their order does not matter, zero
+adds to some of them. Since all effects add, their order does not matter, the default
 coefficients mean no effect, and a new effect is one formula and one line in
 the library.
 """
@@ -14,7 +14,9 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from glider.errors import expect, show
+import numpy as np
+
+from glider.errors import InputError, expect, show
 from glider.physics.formulas import scalar
 
 STAGES = {
@@ -112,6 +114,36 @@ class Flow(NamedTuple):
     gravity: float
 
 
+_TRIAL_FLOW = Flow(
+    t=0.1,
+    x=-2.0,
+    z=0.3,
+    pitch=-0.2,
+    elevator=0.1,
+    xdot=6.0,
+    zdot=-1.0,
+    pitchdot=0.5,
+    elevator_rate=1.0,
+    sin_pitch=math.sin(-0.2),
+    cos_pitch=math.cos(-0.2),
+    air_x=6.0,
+    air_z=-1.0,
+    speed=math.hypot(6.0, 1.0),
+    sin_alpha=math.sin(math.atan2(1.0, 6.0) + 0.2),
+    cos_alpha=math.cos(math.atan2(1.0, 6.0) + 0.2),
+    mass=0.08,
+    pitch_inertia=0.0015,
+    wing_area=0.09,
+    elevator_area=0.015,
+    wing_offset=0.01,
+    hinge_offset=0.27,
+    elevator_offset=0.02,
+    air_density=1.2,
+    gravity=9.81,
+)
+"""A flow in which formulas are tried, with nothing at zero."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Coefficient:
     """One number of an effect."""
@@ -180,6 +212,18 @@ class EffectKind:
     #: An actuator without one is integrated by its formulas.
     replay: Callable[..., Replay] | None = None
 
+    def __post_init__(self):
+        """Raises InputError where the effect could not be used."""
+        _check_form(self)
+        for c in self.coefficients:
+            _check_coefficient(f"effect '{self.kind}': coefficient '{c.name}'", c)
+        _check_defaults(self)
+
+    @property
+    def defaults(self) -> tuple[float, ...]:
+        """The coefficients that do nothing."""
+        return tuple(c.default for c in self.coefficients)
+
     @property
     def is_replayed(self) -> bool:
         """Whether a log is replayed through it, not flown with it."""
@@ -189,7 +233,7 @@ class EffectKind:
         """Returns a Replay with this effect at some coefficients."""
         if self.replay is not None:
             return self.replay(before, *values)
-        if values == tuple(c.default for c in self.coefficients):
+        if values == self.defaults:
             return before  # It does nothing.
         return before._replace(actuators=(*before.actuators, (self, values)))
 
@@ -235,3 +279,120 @@ class Effect:
         """Returns coefficient name to value."""
         names = [c.name for c in self.kind.coefficients]
         return dict(zip(names, self.values, strict=True))
+
+
+def _check_form(kind: EffectKind) -> None:
+    where = f"effect '{kind.kind}'"
+    needed = f"one of {', '.join(STAGES)}"
+    expect(kind.stage in STAGES, f"{where}: stage", kind.stage, needed)
+    terms, is_actuator = STAGES[kind.stage], kind.stage == "actuator"
+    fits = bool(kind.adds_to) != is_actuator and set(kind.adds_to) <= set(terms)
+    needed = f"a choice of {', '.join(terms) or '()'} at stage {kind.stage}"
+    expect(fits, f"{where}: adds_to", kind.adds_to, needed)
+    names = [c.name for c in kind.coefficients]
+    has_size = is_actuator or not all(c.is_shape for c in kind.coefficients)
+    good = names and len(set(names)) == len(names) and has_size
+    needed = "different names, and one without a grid, which is the effect's size"
+    expect(good, f"{where}: the list of its coefficients", names, needed)
+    functions = (kind.state_rate, kind.steady_state)
+    if any((f is not None) != bool(kind.states) for f in functions):
+        raise InputError(
+            f"{where}: found only some of states, state_rate and steady_state; "
+            "expected all or none."
+        )
+    scales, states = len(kind.state_scales), len(kind.states)
+    what = f"{where}: the length of state_scales"
+    expect(scales in (0, states), what, scales, f"{states}, one for each state")
+
+
+def _check_coefficient(where: str, c: Coefficient) -> None:
+    bounds = [c.lower, c.upper]
+    good = all(map(math.isfinite, bounds)) and c.lower < c.upper
+    expect(good, f"{where}: lower and upper", bounds, "finite numbers in this order")
+    starts = [c.default, *c.grid]
+    good = all(c.lower <= start <= c.upper for start in starts)
+    needed = f"values in [{c.lower:g}, {c.upper:g}] {c.unit}"
+    expect(good, f"{where}: default and grid", starts, needed)
+    good = math.isfinite(c.scale) and c.scale > 0.0
+    expect(good, f"{where}: scale", c.scale, "a positive number")
+
+
+def _check_defaults(kind: EffectKind) -> None:
+    """Checks that the effect does nothing, whatever its shapes, with default sizes."""
+    is_actuator, defaults = kind.stage == "actuator", kind.defaults
+    where = f"effect '{kind.kind}'"
+    if kind.replay is not None:
+        found = kind.replay(Replay(), *defaults)
+        needed = f"{Replay()}, so that the defaults do nothing"
+        expect(found == Replay(), f"{where}: replay at its defaults", found, needed)
+        if is_actuator:  # Without any duration its formulas may be singular.
+            return
+    nothing = _TRIAL_FLOW.elevator_rate if is_actuator else 0.0
+    trials = [defaults]
+    if not all(c.is_shape for c in kind.coefficients):
+        for i, c in enumerate(kind.coefficients):
+            between = (0.5 * (c.default + bound) for bound in (c.lower, c.upper))
+            for shape in (*c.grid, *between) if c.is_shape else ():
+                trials.append((*defaults[:i], shape, *defaults[i + 1 :]))
+    for values in trials:
+        added = try_formulas(kind, values)
+        if any(a != nothing for a in added):
+            raise InputError(
+                f"{where}: with the coefficients {show(values)} the formula returns "
+                f"{', '.join(f'{a:g}' for a in added)}; expected {nothing:g}, so that "
+                "the effect does nothing where its sizes are at their defaults."
+            )
+
+
+def try_formulas(
+    kind: EffectKind,
+    values: tuple[float, ...],
+    run: Callable[[Callable, tuple], object] = lambda formula, given: formula(*given),
+    fault: str = "fails",
+) -> tuple[float, ...]:
+    """Returns what a kind's formula adds in some flow, with states off their rest.
+
+    Args:
+        kind: whose formulas are tried.
+        values: its coefficients.
+        run: calls a formula with its arguments.
+        fault: what a formula that cannot be run does, for the message.
+
+    Raises:
+        InputError: a formula fails, or returns other than finite numbers.
+    """
+    is_actuator, flow = kind.stage == "actuator", _TRIAL_FLOW
+    along = flow.elevator_rate if is_actuator else flow
+    given = Motion(*flow[: len(Motion._fields)]) if kind.stage == "air" else along
+
+    def tried(name: str, formula: Callable, count: int, *arguments: object):
+        where = f"effect '{kind.kind}': its {name}"
+        try:
+            with np.errstate(all="ignore"):
+                result = run(formula, arguments)
+        except Exception as error:  # Whatever a user's formula may raise.
+            text = next(iter(str(error).strip().splitlines()), type(error).__name__)
+            raise InputError(
+                f"{where} {fault} ({text.rstrip('.')}); expected arithmetic and the "
+                "functions sin, cos, sqrt, exp, tanh and arctan of numpy."
+            ) from None
+        numbers = result if isinstance(result, tuple) else (result,)
+        shaped = isinstance(result, tuple) == (count > 1) and len(numbers) == count
+        if not shaped or not all(math.isfinite(x) for x in np.ravel(numbers)):
+            raise InputError(
+                f"{where} returns {show(result)}; expected {count} finite number"
+                f"{'s, as a tuple' if count > 1 else ''}."
+            )
+        return tuple(float(x) for x in numbers)
+
+    states: tuple[float, ...] = ()
+    if kind.steady_state is not None and kind.state_rate is not None:
+        count = len(kind.states)
+        states = tried("steady_state", kind.steady_state, count, along, *values)
+        alphadot = (flow.pitchdot,) if kind.rate_by_alphadot else ()
+        arguments = (*alphadot, *states, *values)
+        tried("state_rate", kind.state_rate, count, along, *arguments)
+        # Off rest, for at rest an effect with a state may do nothing at any size.
+        states = tuple(s + 0.1 for s in states)
+    count = 1 if is_actuator else len(kind.adds_to)
+    return tried("formula", kind.formula, count, given, *states, *values)

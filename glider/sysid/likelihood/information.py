@@ -9,12 +9,16 @@ from collections.abc import Sequence
 from itertools import chain
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from glider.compiled.evidence import extended
 
+RIDGE = 1e-10  # Added to matrices with a diagonal of one, which may be singular.
+_MOST_RELEASES = 10  # Of each coefficient from a bound; most steps need none.
+
 
 def solve_scaled(
-    matrix: np.ndarray, right: np.ndarray, ridge: float = 1e-10
+    matrix: np.ndarray, right: np.ndarray, ridge: float = RIDGE
 ) -> np.ndarray:
     """Solves A x = b for coefficients of any units, (..., m); of one A for many b.
 
@@ -37,18 +41,29 @@ def solve(information: np.ndarray) -> np.ndarray:
 def bounded_step(
     information: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """Returns the minimiser of `solve`; coefficients that leave bounds stay on them."""
+    """Returns the minimiser of [δθ; -1]' R [δθ; -1] between bounds.
+
+    Where the minimiser of `solve` is within them it is that one. Coefficients that end
+    on a bound equal it exactly.
+    """
+    step = solve(information)
+    outside = (step < lower) | (step > upper)
+    if not outside.any() or not np.all(np.isfinite(step)):  # Or it diverges.
+        return step
     hessian, right = information[:-1, :-1], information[:-1, -1]
-    step, fixed = np.zeros(len(lower)), np.zeros(len(lower), dtype=bool)
-    while True:
-        loose, others = np.flatnonzero(~fixed), np.flatnonzero(fixed)
-        rest = right[loose] - hessian[np.ix_(loose, others)] @ step[others]
-        step[loose] = solve_scaled(hessian[np.ix_(loose, loose)], rest)
-        outside = ~fixed & ((step < lower) | (step > upper))
-        if not outside.any():
-            return step
-        step[outside] = np.clip(step, lower, upper)[outside]
-        fixed |= outside
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
+    values, vectors = np.linalg.eigh(hessian * scale[:, None] * scale)
+    roots = np.sqrt(np.maximum(values, 0.0) + RIDGE)
+    found = lsq_linear(
+        roots[:, None] * vectors.T,
+        (vectors.T @ (scale * right)) / roots,
+        (lower / scale, upper / scale),
+        method="bvls",
+        max_iter=_MOST_RELEASES * len(lower),
+    )
+    step = np.clip(scale * found.x, lower, upper)
+    step = np.where(found.active_mask < 0, lower, step)
+    return np.where(found.active_mask > 0, upper, step)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -85,10 +100,12 @@ class Evidence:
         return gains.tolist()
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
-        """Returns the coefficients of columns, counted from zero."""
-        at = self.at[list(columns)]
-        a = self.gram[np.ix_(at, at)] + np.diag(self.precision[list(columns)])
-        return solve_scaled(a, self.gram[at, -1], 0.0)
+        """Returns the likeliest physical coefficients of columns, counted from zero."""
+        own = list(columns)
+        at = [*self.at[own], -1]
+        information = self.gram[np.ix_(at, at)]
+        information[:-1, :-1] += np.diag(self.precision[own])
+        return bounded_step(information, self.lower[own], self.upper[own])
 
 
 def counted_from(gram: np.ndarray, values: np.ndarray) -> np.ndarray:

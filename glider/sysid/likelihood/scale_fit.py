@@ -8,7 +8,7 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood.filtering import score, whiten
-from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scales import (
     CEILING,
@@ -61,33 +61,35 @@ def fit_scales(
     low, high = FLOOR.logs, CEILING.logs
     logs, damping = np.clip(scales.logs, low, high), 0.0
     value, slopes = _score(flights, logs)
-    begins = bool(flights) and np.isfinite(value)  # Else there is none, or it diverges.
+    # Else there is none, or it diverges.
+    begins = bool(flights and shown) and np.isfinite(value)
     for _ in range(iterations if begins else 0):
-        gradient = slopes[index]
-        has_room = np.where(gradient > 0.0, (logs > low)[index], (logs < high)[index])
-        if not has_room.any():
-            break
-        own, gradient = index[has_room], gradient[has_room]
         if curvature is None:
             curvature = _information(flights, logs, index)
-        fisher = curvature[np.ix_(own, own)]
+        fisher = curvature[np.ix_(index, index)]
         if not np.all(np.isfinite(fisher)):
             curvature = None
             break
-        fisher += np.diag(PRECISION[own] + _LEAST_FISHER)
+        fisher += np.diag(PRECISION[index] + _LEAST_FISHER)
+        system = np.pad(fisher, (0, 1))
+        system[:-1, -1] = -slopes[index]
+        least = np.maximum(low - logs, -_LARGEST_STEP)[index]
+        most = np.minimum(high - logs, _LARGEST_STEP)[index]
         gained = 0.0
         while damping <= _MOST_DAMPING:
-            step, moved = solve_scaled(fisher, gradient, damping + 1e-6), logs.copy()
-            moved[own] -= np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
+            system[:-1, :-1] = fisher + (damping + 1e-6) * np.diag(np.diag(fisher))
+            own = bounded_step(system, least, most)
+            moved = logs.copy()
+            moved[index] += own
             moved = np.clip(moved, low, high)
-            promised = float(gradient @ (logs - moved)[own])
+            promised = -float(slopes[index] @ own)
             if promised < tolerance:
                 break
             lower, there = _score(flights, moved)
             if lower < value:
                 step = moved - logs
                 change = there - slopes - PRECISION * step
-                is_far = np.abs(step).max() >= _LARGEST_STEP
+                is_far = np.abs(own).max() >= _LARGEST_STEP
                 curvature = None if is_far else _updated(curvature, step, change)
                 gained, slopes, logs, value = value - lower, there, moved, lower
                 damping = 0.1 * damping if damping > 1e-2 else 0.0

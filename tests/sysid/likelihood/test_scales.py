@@ -58,6 +58,17 @@ def test_no_other_scales_are_more_likely(turbulent):
             assert worse > -0.2, name
 
 
+@pytest.mark.parametrize("seed", [0, 3, 16])
+def test_scales_are_found_from_anywhere_between_their_bounds(turbulent, seed):
+    """Where steps of several scales end on bounds, which shifts the others."""
+    task, model, _ = turbulent
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    best = fit_scales(flights, model.scales, iterations=20, tolerance=1e-3).cost
+    share = np.random.default_rng(seed).uniform(size=len(NAMES))
+    start = Scales.from_logs(FLOOR.logs + share * (CEILING.logs - FLOOR.logs))
+    assert fit_scales(flights, start, iterations=20).cost < best + 1.0  # [nats]
+
+
 def test_a_scale_that_is_not_free_stays(turbulent):
     task, model, _ = turbulent
     flights = [f.error_only() for f in linear_flights(task, model, ())]
