@@ -29,7 +29,7 @@ from matplotlib.backend_bases import FigureCanvasBase
 from pydrake.geometry import Meshcat
 from rich.console import Console
 
-from diagrams.page import serve_page, write_html
+from diagrams.page import open_meshcat, serve_page, write_html
 from diagrams.playback import Track, legend_of, play, stage_of
 from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
 from glider.files.writing import write_text
@@ -272,7 +272,7 @@ def plot_perches(
 
 def start_meshcat(args: argparse.Namespace) -> Meshcat | None:
     """Returns a Meshcat; None if it is not viewed (headless and no --html)."""
-    return None if args.headless and not args.html else Meshcat()
+    return None if args.headless and not args.html else open_meshcat()
 
 
 def finish(

@@ -2,16 +2,19 @@
 
 import dataclasses
 import io
+import multiprocessing
+import os
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat
 
 from diagrams.lab.state import CORRECTED, NOMINAL
-from diagrams.page import write_html
+from diagrams.page import open_meshcat, write_html
 from diagrams.playback import GREEN, RED, legend_of, play, stage_of, track_of
+from diagrams.station.processes import end_with
 from glider.campaign.logs import Campaign, Flight
 from glider.files.writing import replace_file
 from glider.physics.model import GliderModel
@@ -63,10 +66,14 @@ class Comparison:
         return page_data({"throw": Figure(keys=keys, panels=panels)})
 
     def replay(self, campaign: Campaign, *, has_wire: bool) -> str:
-        """HTML of a Meshcat that replays it, with the models as ghosts."""
+        """HTML of a Meshcat that replays it, with the models as ghosts.
+
+        The Meshcat stays open until this process ends: Drake holds diagrams with
+        systems in Python, and so their Meshcat, for ever.
+        """
         tracks = [track_of(n, m, _COLORS.get(n)) for n, m in self.motions.items()]
         stage = None if has_wire else stage_of(tracks[0], wire=None)
-        meshcat = Meshcat()
+        meshcat = open_meshcat()
         parameters = nominal_parameters(campaign)
         play(tracks, meshcat, rate=SLOWED, parameters=parameters, stage=stage)
         with tempfile.TemporaryDirectory() as folder:
@@ -84,6 +91,14 @@ class Comparison:
         data = io.BytesIO()
         np.savez(data, **arrays)  # type: ignore[arg-type]
         replace_file(file, lambda path: path.write_bytes(data.getvalue()))
+
+
+def replay_apart(comparison: Comparison, campaign: Campaign, *, has_wire: bool) -> str:
+    """As `Comparison.replay`, in a process of its own, which closes the Meshcat."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, spawn, end_with, (os.getpid(),)) as process:
+        replayed = process.submit(comparison.replay, campaign, has_wire=has_wire)
+        return replayed.result()
 
 
 def load_comparison(name: str, file: Path) -> Comparison:

@@ -24,6 +24,7 @@ from starlette.responses import (
 from starlette.routing import Route
 
 from diagrams.lab.assistant import save_map, save_take
+from diagrams.lab.comparison import replay_apart
 from diagrams.lab.figures import session_figures
 from diagrams.lab.gate import HOST, Address, TokenGate, listen
 from diagrams.lab.session import LabSession
@@ -117,7 +118,7 @@ class Pages:
         campaign, _ = read_settings(folder / "campaign.yaml")
         [throw] = [t for t in self._session.state.throws if t.name == name]
         html = await run_in_threadpool(
-            comparison.replay, campaign, has_wire=bool(throw.planned)
+            replay_apart, comparison, campaign, has_wire=bool(throw.planned)
         )
         return HTMLResponse(html, headers=_OWN_SCRIPTS)
 

@@ -84,7 +84,7 @@ def simulated_glider(scenario: Scenario) -> Iterator[Callable[[], bool]]:
         file = Path(folder, "scenario.yaml")
         file.write_text(schema.yaml_text(scenario), encoding="utf-8")
         program = [sys.executable, "-m", "diagrams.station.simulated", str(file)]
-        process = subprocess.Popen(program)
+        process = subprocess.Popen([*program, f"--parent={os.getpid()}"])
         try:
             yield lambda: process.poll() is None
         finally:
