@@ -41,6 +41,11 @@ class MapJob:
         what = "checking the map" if self.text else "proposing axes, units and signs"
         return f"{what} ({counted(self.takes, 'take')})"
 
+    @property
+    def failure(self) -> str:
+        """The beginning of a sentence about why it was not done."""
+        return "The map could not be checked" if self.text else "No map was proposed"
+
     def run(self) -> Draft:
         """Does it; what cannot be is in the answer."""
         text = self.text
@@ -152,3 +157,19 @@ async def save_take(watched: Watched, name: str, parts: AsyncIterator[bytes]) ->
         part.rename(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def remove_take(watched: Watched, name: str) -> None:
+    """Moves a take out of the session's folder, to where it can be found again.
+
+    Raises:
+        InputError: there is no such take.
+    """
+    names = [file.name for file in watched.takes]
+    expect(name in names, "the take", name[:120], "one of this folder")
+    place = watched.kept / "removed"
+    place.mkdir(exist_ok=True)
+    moved = place / name
+    while moved.exists():
+        moved = place / f"{secrets.token_hex(4)}-{name}"
+    (watched.path / name).rename(moved)

@@ -23,12 +23,14 @@ from starlette.responses import (
 )
 from starlette.routing import Route
 
-from diagrams.lab.assistant import save_map, save_take
+from diagrams.lab.assistant import remove_take, save_map, save_take
 from diagrams.lab.comparison import replay_apart
 from diagrams.lab.figures import session_figures
 from diagrams.lab.gate import HOST, Address, TokenGate, listen
+from diagrams.lab.link import StationLink
 from diagrams.lab.session import LabSession
 from diagrams.lab.state import CORRECTED, NOMINAL
+from diagrams.station.realtime import KEYS, keyboard
 from glider.campaign.importing.recording import UNITS
 from glider.campaign.settings import FRAME_CHOICES, read_settings
 from glider.errors import InputError, expect
@@ -138,12 +140,41 @@ class Pages:
         launches = self._session.launches
         if launches is None:
             raise HTTPException(404)
+        if self._session.link and self._session.link.is_stopped:
+            raise HTTPException(400, "Stopped; expected that you arm again first.")
         asked = request.query_params
         with _refusals():
             throws = asked.get("throws", "")
             launches.ask(
                 asked.get("planned", ""), int(throws) if throws.isdecimal() else 0
             )
+        return PlainTextResponse("")
+
+    async def stop(self, request: Request) -> Response:
+        """Turns every servo on the bus to neutral, and ends launches."""
+        self._session.stop()
+        return PlainTextResponse("")
+
+    async def arm(self, request: Request) -> Response:
+        """Ends the Stop."""
+        link = self._session.link
+        if link is None:
+            raise HTTPException(404)
+        link.arm()
+        if link.is_stopped:
+            words = "Not armed: another operator stopped it, who must arm it again."
+            raise HTTPException(400, words)
+        return PlainTextResponse("")
+
+    async def next_throw(self, request: Request) -> Response:
+        """Looks again for the next throw where it was not found."""
+        self._session.asked_proposal = True
+        return PlainTextResponse("")
+
+    async def remove(self, request: Request) -> Response:
+        """Moves a take out of the folder."""
+        with _refusals():
+            remove_take(self._session.watched, request.path_params["name"])
         return PlainTextResponse("")
 
     async def take(self, request: Request) -> Response:
@@ -185,7 +216,11 @@ def make_app(session: LabSession, address: Address) -> Starlette:
             Route("/report", pages.report),
             Route("/next/{name}", pages.proposal),
             Route("/fly", pages.fly, methods=["POST"]),
+            Route("/stop", pages.stop, methods=["POST"]),
+            Route("/arm", pages.arm, methods=["POST"]),
+            Route("/next-throw", pages.next_throw, methods=["POST"]),
             Route("/takes/{name}", pages.take, methods=["POST"]),
+            Route("/takes/{name}/remove", pages.remove, methods=["POST"]),
             Route("/map/{what}", pages.map, methods=["POST"]),
             Route("/map.png", pages.map_picture),
         ],
@@ -216,6 +251,7 @@ def view_of(session: LabSession) -> dict[str, Any]:
             "is_open": session.watched.is_open and launches is None,
             "has_takes": session.watched.has_takes,
             "takes": [file.name for file in session.watched.takes],
+            "set_aside": session.watched.set_aside,
             "choices": MAP_CHOICES,
         },
         "launches": launches
@@ -235,22 +271,51 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
         period = PERIOD
         while not ended.wait(period):
             period = PERIOD if session.try_step() else AFTER_FAULT
+        if session.launches:  # They would be ended once more at the end of this thread.
+            session.launches.close()
+
+    def operate(link: StationLink) -> None:
+        def press() -> None:
+            if key := pressed():
+                _operate(session, key, show)
+
+        with keyboard() as pressed:
+            link.run(ended, press)
 
     listening, address = listen(session.watched.kept / "address.json", port)
     with listening:
-        show(f"Session: {address.url} (Ctrl-C ends it)")
+        show(f"Session: {address.url} ({KEYS})")
         app = make_app(session, address)
         config = uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5)
         server = uvicorn.Server(config)
         app.state.is_ending = lambda: server.should_exit
-        thread = threading.Thread(target=work, daemon=True)
-        thread.start()
+        threads = [threading.Thread(target=work, daemon=True)]
+        if session.link:
+            own = (session.link,)
+            threads.append(threading.Thread(target=operate, args=own, daemon=True))
+        for thread in threads:
+            thread.start()
         try:
             with contextlib.suppress(KeyboardInterrupt):  # Raised again when it ended.
                 server.run(sockets=[listening])
         finally:
             ended.set()
-            thread.join()
+            for thread in threads:
+                thread.join()
+
+
+def _operate(session: LabSession, key: str, show: Callable[[str], object]) -> None:
+    """Stops, or with Enter arms again, at a key of the terminal."""
+    assert session.link is not None
+    if key not in "\r\n":
+        session.stop()
+        show("stopped: every elevator turns to neutral; Enter arms again")
+        return
+    session.link.arm()
+    if session.link.is_stopped:
+        show("not armed: another operator stopped it")
+    else:
+        show("armed again")
 
 
 async def _small_text(request: Request) -> str:
@@ -266,14 +331,19 @@ async def _small_text(request: Request) -> str:
 async def _stream(session: LabSession, request: Request) -> AsyncIterator[str]:
     """Sends the view whenever it changes; the browser connects again by itself."""
     sent: tuple[object, ...] = ()
+    said: dict[str, Any] | None = None
     is_ending = request.app.state.is_ending
     while not (is_ending() or await request.is_disconnected()):
         fault = session.launches.fault if session.launches else ""
-        takes = session.watched.is_open, len(session.watched.takes)
+        watched = session.watched
+        takes = watched.is_open, len(watched.takes), id(watched.set_aside)
         now = id(session.state), session.doing, session.fault, fault, takes
         if now != sent:
             sent = now
             yield f"data: {json_text(view_of(session), indent=-1)}\n\n"
+        if session.link and (state := session.link.state) != said:
+            said = state
+            yield f"event: station\ndata: {json_text(state, indent=-1)}\n\n"
         await asyncio.sleep(PERIOD)
 
 

@@ -181,8 +181,8 @@ def split_flights(
     count = len(campaign.flights)
     if count < 3:
         raise InputError(
-            f"{campaign.path}: found {count} flights; expected at least 3, to fit and "
-            "to hold out."
+            f"{campaign.path}: found {count} flight{'' if count == 1 else 's'}; "
+            "expected at least 3, to fit and to hold out."
         )
     if not 0 < held_out_fraction < 1:
         raise InputError(
