@@ -80,7 +80,14 @@ def run(args: argparse.Namespace) -> int:
             count=args.throws,
             bus=None if args.headless else bus,
         )
-    link = None if args.headless else StationLink(bus)
+    link = None
+    if not args.headless:
+        try:
+            link = StationLink(bus)
+        except RuntimeError as error:  # As without any network.
+            _show(
+                f"No bus {bus}: the page has no Stop, and shows no station ({error})."
+            )
     session = LabSession(args.folder, _show, launches, link)
     try:
         if not args.headless:

@@ -64,7 +64,7 @@ _PDEATHSIG = 1
 
 
 def end_with(parent: int, by: signal.Signals = signal.SIGKILL) -> None:
-    """Has Linux send us a signal when our parent ends, however it does, even by kill -9.
+    """Has Linux send us a signal when our parent ends, even by kill -9.
 
     A process that is stopped cannot ask whether its parent still runs; this signal ends
     it too. Linux counts the end of the thread that started us as that of our parent.

@@ -54,6 +54,7 @@ async function showThrow(row) {
   byId("throw-title").textContent = `Throw ${stem(row.name)}, measured${errors.length ? " and predicted" : ""}`;
   const fitted = row.is_fitted && isNumber(row.errors.corrected) ? " (fitted to this throw too)" : "";
   byId("throw-words").textContent = [
+    row.take ? `Of ${row.take}` : "",
     capital([endOf(row), row.fault].filter(Boolean).join("; ")),
     errors.length ? `Error of the predicted position, RMS: ${errors.join(", ")}${fitted}` : "",
   ].filter(Boolean).map((text) => `${text}.`).join(" ");
@@ -84,6 +85,12 @@ function showReplay() {
   if (!frame.hidden && frame.getAttribute("src") !== address) frame.setAttribute("src", address);
 }
 byId("replay").addEventListener("toggle", showReplay);
+
+/** When a throw was flown, as far as its files say. */
+function timeOf(row) {
+  const shown = (time) => time.slice(0, 19).replace("T", " ");
+  return row.flown ? shown(row.flown) : row.written ? `file of ${shown(row.written)}` : "";
+}
 
 /** Where a throw ended, in words. */
 function endOf(row) {
@@ -118,13 +125,13 @@ function showThrows({ throws, excluded }) {
   byId("all").hidden = !throws.length;
   const common = commonReasons(excluded, throws.length);
   const rows = [...throws].reverse().map((row) => {
-    const name = make("button", stem(row.name), { type: "button" });
+    const name = make("button", stem(row.name), { type: "button", title: row.take && `of ${row.take}` });
     name.disabled = !row.is_drawn;
     name.addEventListener("click", () => {
       showThrow(row);
       byId("throw").scrollIntoView({ behavior: "smooth" });
     });
-    const cells = [["plan", row.planned], ["result", endOf(row), row.perched ? "yes" : ""],
+    const cells = [["time", timeOf(row), "soft"], ["plan", row.planned], ["result", endOf(row), row.perched ? "yes" : ""],
       ["nominal", millimetres(row.errors.nominal), "number"],
       ["corrected", millimetres(row.errors.corrected), "number"],
       ["excluded", exclusions(row, excluded, common), "soft"]];
@@ -144,7 +151,7 @@ function tile(value, label, kind = "") {
 function showAnswer(view, answer) {
   const { state } = view, last = state.traces[state.traces.length - 1];
   const readable = state.throws.filter((row) => row.is_read).length;
-  byId("headline").textContent = answer ? answer.headline : last ? `Not traced: ${last.refusal}`
+  byId("headline").textContent = answer ? answer.headline : last ? (last.is_fault ? last.refusal : `Not traced: ${last.refusal}`)
     : view.import.is_open && !state.throws.length ? "Waiting for throws, or takes"
     : readable ? "The throws are not traced yet" : "No throw yet";
   if (answer) {
@@ -176,9 +183,10 @@ function showProposal({ proposal, throws }) {
   const old = readable > proposal.flights ? `Found from the first ${proposal.flights} throws.` : "";
   byId("proposal").replaceChildren(
     ...proposal.throws.map((text) => make("p", `${capital(text)}.`, { class: "reason" })),
-    ...[...proposal.sentences, old].filter(Boolean).map((text) => make("p", text)));
+    ...[...proposal.sentences, old].filter(Boolean).map((text) => make("p", text, { class: proposal.is_refused ? "warning" : "" })));
   byId("commands").replaceChildren(...proposal.throws.map((_, i) => make("a", "Save the commands (CSV)",
     { class: "pick", href: `next/commands_${i + 1}.csv`, download: `commands_${i + 1}.csv` })));
+  byId("look-again").hidden = !proposal.is_refused;
   byId("next-picture").hidden = !proposal.throws.length;
   const picture = byId("next-picture").querySelector("img"), key = JSON.stringify(proposal);
   if (!proposal.throws.length || picture.dataset.key === key) return;
@@ -186,7 +194,44 @@ function showProposal({ proposal, throws }) {
   picture.setAttribute("src", `next/next_throw.png?${Date.now()}`);
 }
 
+byId("look-again").addEventListener("click", async () => {
+  await post("next-throw");
+});
+
+// --------------------------------------------------------------------- station
+
+const STATES = { "": "No station", waiting: "Waiting", ready: "READY: throw now", flying: "Flying", stopped: "Stopped" };
+
+function showStation({ state, reason, is_stopped }) {
+  byId("station").hidden = false;
+  byId("station").dataset.state = is_stopped ? "stopped" : state;
+  byId("station-state").textContent = is_stopped ? "STOPPED" : STATES[state];
+  const why = is_stopped ? "Every elevator on the bus turns to neutral and stays there"
+    : state ? capital(reason) : "None is heard on the bus";
+  byId("station-reason").textContent = why && `${why}.`;
+  byId("arm").hidden = !is_stopped;
+  stopped = is_stopped;
+  allowLaunches();
+}
+
+async function operate(what) {
+  const refusal = await post(what).catch(() => "Not sent: there is no connection. Stop at the station.");
+  byId("station-answer").textContent = refusal;
+  byId("station-answer").hidden = !refusal;
+}
+byId("stop").addEventListener("click", () => operate("stop"));
+byId("arm").addEventListener("click", () => operate("arm"));
+
 // -------------------------------------------------------------------- launches
+
+let stopped = false;  // Whether a Stop holds.
+let mayLaunch = () => false;  // By what a launch is planned with.
+
+function allowLaunches() {
+  for (const button of document.querySelectorAll("[data-planned]")) {
+    button.disabled = stopped || !mayLaunch(button.dataset.planned);
+  }
+}
 
 function showLaunches({ launches, state }, answer) {
   byId("launches").hidden = !launches;
@@ -194,9 +239,8 @@ function showLaunches({ launches, state }, answer) {
   if (!launches) return;
   byId("truth").textContent = launches.truth;
   if (!byId("count").value) byId("count").value = launches.count;
-  for (const button of document.querySelectorAll("[data-planned]")) {
-    button.disabled = launches.flies || (button.dataset.planned !== "nominal" && !answer);
-  }
+  mayLaunch = (planned) => !launches.flies && (planned === "nominal" || Boolean(answer));
+  allowLaunches();
 }
 for (const button of document.querySelectorAll("[data-planned]")) {
   button.addEventListener("click", async () => {
@@ -283,6 +327,11 @@ function answerDrop(...refusals) {
 function showImport(view) {
   const { draft } = view.state, offer = view.import, { takes } = offer;
   byId("import").hidden = !(offer.is_open || offer.has_takes);
+  byId("aside").replaceChildren(...Object.entries(offer.set_aside).map(([name, why]) => {
+    const remove = make("button", "Remove it", { type: "button", class: "pick" });
+    remove.addEventListener("click", async () => answerDrop(await post(`takes/${encodeURIComponent(name)}/remove`)));
+    return make("li", "", { class: "warning" }, `Set aside: ${why} `, remove);
+  }));
   byId("takes").textContent = takes.length ? `${counted(takes.length, "take")}: ${takes.join(", ")}` : "";
   const isOld = draft?.is_proposed && String(draft.takes) !== String(takes);  // Another comes.
   byId("draft").hidden = !draft || isOld;
@@ -361,10 +410,13 @@ function connect() {
   const events = new EventSource("events"), connection = byId("connection");
   const say = (text, kind) => { connection.textContent = text; connection.className = kind; };
   events.onopen = () => say("live", "live");
+  events.addEventListener("station", (event) => showStation(JSON.parse(event.data)));
   events.onmessage = (event) => show(JSON.parse(event.data));
   events.onerror = () => {
     say("The session has ended; start it again, and this page goes on", "off");
     if (events.readyState === EventSource.CLOSED) setTimeout(connect, 2000);
   };
 }
+// The cookie has the token by now: neither the address bar nor the history needs it.
+history.replaceState(null, "", location.pathname);
 connect();
