@@ -2,9 +2,10 @@
 
 import dataclasses
 import datetime
+import functools
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,7 +19,7 @@ from glider.campaign.importing.campaign_import import (
 )
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import make_track
-from glider.campaign.settings import read_settings
+from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect
 from glider.experiments.throw_limits import ThrowLimits, load_limits
@@ -130,24 +131,15 @@ class Watched:
             return ()
         mapping = self.path / MAP
         _, claim = read_settings(mapping)
-
-        def check(take: Path) -> None:
-            if claim is not None and not claim.join:
-                for recording in read_logs([take], claim, silent):
-                    for part in split_flights(recording, claim.columns):
-                        make_track(part, claim)
-
         imported, self.set_aside = read_some(
-            takes, check, lambda some: read_flights(some, mapping)
+            takes,
+            functools.partial(check_take, claim=claim),
+            functools.partial(read_flights, mapping=mapping),
         )
-        sources = _flight_names(imported, takes)
-        self._sources = {name: take.name for name, take in sources}
-        flights = tuple(
-            dataclasses.replace(flight, name=name)
-            for flight, (name, _) in zip(
-                imported.campaign.flights, sources, strict=True
-            )
-        )
+        named = _flight_names(imported, takes)
+        self._sources = {name: take.name for name, take in named.items()}
+        pairs = zip(imported.campaign.flights, self._sources, strict=True)
+        flights = tuple(dataclasses.replace(f, name=name) for f, name in pairs)
         for file in self.campaign.glob("flight_*.csv"):
             if file.name not in self._sources:  # Of a take that is gone, or cut anew.
                 file.unlink()
@@ -220,20 +212,30 @@ def read_some(
     raise first
 
 
-def _flight_names(
-    imported: ImportResult, takes: Sequence[Path]
-) -> list[tuple[str, Path]]:
-    """A name for each flight, and the take that it is of."""
+def check_take(take: Path, claim: Mapping | None) -> None:
+    """Raises InputError where a take cannot be read by a mapping, whatever it shows."""
+    if claim is None or claim.join:  # Parts of takes can be read together only.
+        return
+    for recording in read_logs([take], claim, silent):
+        for part in split_flights(recording, claim.columns):
+            make_track(part, claim)
+
+
+def _flight_names(imported: ImportResult, takes: Sequence[Path]) -> dict[str, Path]:
+    """A name for each flight, in their order, and the take that it is of."""
     recorded = [Path(flight["recording"]) for flight in imported.report()["flights"]]
     sources = [next(p for p in (r, *r.parents) if p in takes) for r in recorded]
     stems = {take: take.stem for take in takes}
     for take in takes:
         if list(stems.values()).count(take.stem) > 1:
             stems[take] = take.name
-    named = []
+    named: dict[str, Path] = {}
     for k, take in enumerate(sources):
         number = f"+{sources[:k].count(take) + 1}" if sources.count(take) > 1 else ""
-        named.append((f"flight_{stems[take]}{number}.csv", take))
+        name = f"flight_{stems[take]}{number}"
+        while f"{name}.csv" in named:  # A take may be named so.
+            name += "_"
+        named[f"{name}.csv"] = take
     return named
 
 
@@ -291,7 +293,7 @@ def _record(folder: Path, throw: Throw) -> Path | None:
     return folder / name if (folder / name).is_file() else None
 
 
-def _scenario_of(facts: Mapping[str, str], record: Path) -> dict[str, Any]:
+def _scenario_of(facts: dict[str, str], record: Path) -> dict[str, Any]:
     """The station's scenario by the facts of a record; empty where it has none."""
     scenario = schema.parse_yaml(facts.get("scenario", ""), str(record))
     return scenario if isinstance(scenario, dict) else {}

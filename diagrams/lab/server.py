@@ -17,13 +17,20 @@ from starlette.requests import Request
 from starlette.responses import (
     FileResponse,
     HTMLResponse,
+    JSONResponse,
     PlainTextResponse,
     Response,
     StreamingResponse,
 )
 from starlette.routing import Route
 
-from diagrams.lab.assistant import remove_take, save_map, save_take
+from diagrams.lab.assistant import (
+    map_fields,
+    remove_take,
+    save_map,
+    save_take,
+    with_map_field,
+)
 from diagrams.lab.comparison import replay_apart
 from diagrams.lab.figures import session_figures
 from diagrams.lab.gate import HOST, Address, TokenGate, listen
@@ -32,7 +39,7 @@ from diagrams.lab.session import LabSession
 from diagrams.lab.state import CORRECTED, NOMINAL
 from diagrams.station.realtime import KEYS, keyboard
 from glider.campaign.importing.recording import UNITS
-from glider.campaign.settings import FRAME_CHOICES, read_settings
+from glider.campaign.settings import FRAME_CHOICES, QUANTITIES, read_settings
 from glider.errors import InputError, expect
 from glider.files.schema import json_text
 from glider.report.as_page import STATIC, color_style
@@ -58,6 +65,7 @@ LONGEST_MAP = 100_000
 MAP_CHOICES = {
     "frame": {name: values for name, (values, _) in FRAME_CHOICES.items()},
     "units": {kind: list(units) for kind, units in UNITS.items()},
+    "columns": list(QUANTITIES),
     "meanings": {name: meaning for name, (_, meaning) in FRAME_CHOICES.items()},
 }
 """What a person may choose from in a map."""
@@ -197,6 +205,16 @@ class Pages:
                 self._session.asked_map = text
         return PlainTextResponse("")
 
+    async def map_fields(self, request: Request) -> Response:
+        """The fields of a map, or with one changed the map's text."""
+        text, asked = await _small_text(request), request.query_params
+        if "name" not in asked:
+            return JSONResponse(map_fields(text), headers=_HEADERS)
+        given = (asked.get(key, "") for key in ("section", "name", "value"))
+        with _refusals():
+            changed = with_map_field(text, *given)
+        return PlainTextResponse(changed, headers=_HEADERS)
+
     async def map_picture(self, request: Request) -> Response:
         """The flights as the map reads them."""
         return _file(self._session.watched.kept / "draft" / "MAP.png")
@@ -221,6 +239,7 @@ def make_app(session: LabSession, address: Address) -> Starlette:
             Route("/next-throw", pages.next_throw, methods=["POST"]),
             Route("/takes/{name}", pages.take, methods=["POST"]),
             Route("/takes/{name}/remove", pages.remove, methods=["POST"]),
+            Route("/map/fields", pages.map_fields, methods=["POST"]),
             Route("/map/{what}", pages.map, methods=["POST"]),
             Route("/map.png", pages.map_picture),
         ],

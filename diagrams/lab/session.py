@@ -141,12 +141,8 @@ class LabSession:
             self._take(answer)
         self._look()
         is_read = rests and not self.watched.is_new and self._next_look() is None
-        if (
-            traces
-            and is_read
-            and self._worker.job is None
-            and (job := self._next_job())
-        ):
+        is_free = traces and is_read and self._worker.job is None
+        if is_free and (job := self._next_job()):
             self._worker.start(job)
             self._progress(job.words)
 

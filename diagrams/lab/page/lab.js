@@ -254,56 +254,43 @@ for (const button of document.querySelectorAll("[data-planned]")) {
 
 // ---------------------------------------------------------------------- import
 
-/** Entries of a map's text: section ("" at the left), key, value, and their line. */
-function entriesOf(text) {
-  let section = "";
-  return text.split("\n").flatMap((line, i) => {
-    const found = /^( *)(\w+):\s*(.*?)\s*(?:#.*)?$/.exec(line);
-    if (!found) return [];
-    const [, indent, key, value] = found;
-    if (!indent && !value) section = key;
-    return value ? [{ section: indent ? section : "", key, value, line: i }] : [];
-  });
+const USUAL_COLUMNS = ["time", "x", "z", "pitch", "elevator", "elevator_rate_command", "elevator_angle_command"];
+const WHOLE = { x: "position", z: "position", pitch: "attitude" };  // Has the other's place.
+
+/** Asks the server about the text of a map: it reads YAML. */
+async function askMap(query) {
+  return fetch(`map/fields?${new URLSearchParams(query)}`,
+    { method: "POST", headers: { "X-Glider-Lab": "1" }, body: byId("map").value });
 }
 
-/** The text with another value of an entry, "" for none; its comment goes. */
-function withValue(text, section, key, value) {
-  const lines = text.split("\n"), entry = entriesOf(text).find((e) => e.section === section && e.key === key);
-  const quoted = value === "y" ? '"y"' : value;  // To some readers of YAML y is a yes.
-  const written = value ? [`${section && "  "}${key}: ${quoted}`] : [];
-  if (entry) lines.splice(entry.line, 1, ...written);
-  else if (!section) lines.push(...written);
-  else {
-    const head = lines.findIndex((line) => line.startsWith(`${section}:`));
-    if (head < 0) lines.push(`${section}:`, ...written);
-    else lines.splice(head + 1, 0, ...written);
-  }
-  return lines.join("\n");
-}
-
-function showChoices({ frame, units, meanings }) {
-  const text = byId("map").value, entries = entriesOf(text);
+async function showChoices({ frame, units, meanings, columns, names }) {
+  const text = byId("map").value, answer = await askMap({});
+  if (!answer.ok || text !== byId("map").value) return;  // Typed on since.
+  const fields = await answer.json(), mapped = fields.columns ?? {};
   const offered = [
+    ...columns.filter((key) => mapped[key] || USUAL_COLUMNS.includes(key) && !mapped[WHOLE[key]])
+      .map((key) => ["columns", key, names, `column of ${key}`]),
     ...Object.entries(frame).map(([key, values]) => ["frame", key, values, meanings[key]]),
-    ...Object.entries(units).map(([key, values]) => ["units", key, values, `unit of ${key}, where the file has none`]),
+    ...Object.entries(units).filter(([key]) => fields.units?.[key] || ["time", "length", "angle", "rate"].includes(key))
+      .map(([key, values]) => ["units", key, values, `unit of ${key}, where the file has none`]),
     ["", "clock", ["same", "find"], "clock of the elevator: that of the poses, or to be found"],
   ];
-  byId("choices").replaceChildren(...offered.flatMap(([section, key, values, meaning]) => {
-    const entry = entries.find((e) => e.section === section && e.key === key);
-    const now = entry ? entry.value.replace(/^["']|["']$/g, "") : "";
-    const isRare = section === "units" && !["time", "length", "angle", "rate"].includes(key);
-    if (isRare && !entry) return [];
+  byId("choices").replaceChildren(...offered.map(([section, key, values, meaning]) => {
+    const now = fields[section]?.[key] ?? "";
     const options = ["", ...new Set([...values, now])].filter((v, i) => v || !i);
-    const select = make("select", "", { class: "pick", title: meaning, "data-key": key },
-      ...options.map((value) => make("option", value || "by default", { value })));
+    const none = section === "columns" ? "none" : "by default";
+    const select = make("select", "", { class: "pick", title: meaning, "data-section": section, "data-key": key },
+      ...options.map((value) => make("option", value || none, { value })));
     select.value = now;
-    select.addEventListener("change", () => {
-      byId("map").value = withValue(byId("map").value, section, key, select.value);
+    select.addEventListener("change", async () => {
+      const changed = await askMap({ section, name: key, value: select.value });
+      if (!changed.ok) return answerDrop(await changed.text());
+      byId("map").value = await changed.text();
       edited();
       check();
     });
-    const label = { frame: key, units: `unit of ${key}` }[section] ?? `${key} of the elevator`;
-    return [make("label", label, { title: meaning }, select)];
+    const label = { columns: `column of ${key.replaceAll("_", " ")}`, frame: key, units: `unit of ${key}` }[section] ?? `${key} of the elevator`;
+    return make("label", label, { title: meaning }, select);
   }));
 }
 
@@ -338,7 +325,7 @@ function showImport(view) {
   if (!draft || lastDraft === JSON.stringify(draft)) return;
   lastDraft = JSON.stringify(draft);
   byId("draft").open = offer.is_open || Boolean(draft.refusal);
-  choices = offer.choices;
+  choices = { ...offer.choices, names: draft.columns };
   byId("map").value = draft.text;
   showChoices(choices);
   byId("draft-words").textContent = draft.refusal ? "The takes cannot be read like this:"
