@@ -75,7 +75,7 @@ class MapJob:
             draft = self.refused(self._short(error), text)
         for file in self._files:
             with contextlib.suppress(InputError):
-                check(file)
+                names or check(file)  # Those of one take are enough.
         return dataclasses.replace(
             draft, is_proposed=not self.text, columns=tuple(names)
         )

@@ -112,10 +112,12 @@ class Pages:
 
     async def figure(self, request: Request) -> Response:
         """The figure of a throw."""
-        comparison = self._session.comparison(request.path_params["name"] + ".csv")
+        name = request.path_params["name"] + ".csv"
+        comparison = self._session.comparison(name)
         if comparison is None:
             raise HTTPException(404)
-        text = json_text(comparison.figure(), indent=-1)
+        figure = comparison.figure(has_wire=self._has_wire(name))
+        text = json_text(figure, indent=-1)
         return Response(text, media_type="application/json", headers=_HEADERS)
 
     async def replay(self, request: Request) -> Response:
@@ -126,11 +128,15 @@ class Pages:
             raise HTTPException(404)
         folder = self._session.watched.campaign
         campaign, _ = read_settings(folder / "campaign.yaml")
-        [throw] = [t for t in self._session.state.throws if t.name == name]
         html = await run_in_threadpool(
-            replay_apart, comparison, campaign, has_wire=bool(throw.planned)
+            replay_apart, comparison, campaign, has_wire=self._has_wire(name)
         )
         return HTMLResponse(html, headers=_OWN_SCRIPTS)
+
+    def _has_wire(self, name: str) -> bool:
+        """Whether a throw was the station's, whose axes begin at the wire."""
+        throws = self._session.state.throws
+        return any(throw.name == name and throw.planned for throw in throws)
 
     async def report(self, request: Request) -> Response:
         """The report of the last trace."""

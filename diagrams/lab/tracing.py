@@ -96,14 +96,25 @@ class Job:
     def _propose(self) -> Proposal:
         from glider.experiments.explanations import load_findings
         from glider.experiments.proposal import next_throw
-        from glider.report.next_throw import sentences, throw_words, write_proposal
+        from glider.report.next_throw import (
+            is_done,
+            sentences,
+            throw_words,
+            write_proposal,
+        )
 
         limits = limits_of(self.session) if self.session else None
         findings = load_findings(self.out)
         found = next_throw(self.folder, findings, launches=1, limits=limits)
         write_proposal(found, self.out / "next_throw")
         words = [throw_words(found, k + 1) for k in range(len(found.throws))]
-        return self._proposal(sentences(found), words)
+        advice = (
+            "Another throw would teach nothing more: plan again with the corrected "
+            "model."
+            if is_done(found)
+            else "Another throw would teach more. The most informative one:"
+        )
+        return self._proposal((advice, *sentences(found)), words)
 
     def _proposal(self, why: Iterable[str], throws: Iterable[str] = ()) -> Proposal:
         return Proposal(

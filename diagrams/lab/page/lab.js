@@ -181,9 +181,11 @@ function showProposal({ proposal, throws }) {
   if (!proposal) return;
   const readable = throws.filter((row) => row.is_read).length;
   const old = readable > proposal.flights ? `Found from the first ${proposal.flights} throws.` : "";
+  const [advice, ...others] = proposal.sentences;
   byId("proposal").replaceChildren(
+    make("p", advice, { class: proposal.is_refused ? "warning" : "" }),
     ...proposal.throws.map((text) => make("p", `${capital(text)}.`, { class: "reason" })),
-    ...[...proposal.sentences, old].filter(Boolean).map((text) => make("p", text, { class: proposal.is_refused ? "warning" : "" })));
+    ...[...others, old].filter(Boolean).map((text) => make("p", text)));
   byId("commands").replaceChildren(...proposal.throws.map((_, i) => make("a", "Save the commands (CSV)",
     { class: "pick", href: `next/commands_${i + 1}.csv`, download: `commands_${i + 1}.csv` })));
   byId("look-again").hidden = !proposal.is_refused;
