@@ -113,9 +113,9 @@ class MapJob:
             return files, campaign_import.cut_recordings(recordings, claim, settings)
 
         check = functools.partial(check_take, claim=claim)
-        (files, cuts), aside = read_some(self._files, check, cut)
+        (files, cuts), skipped = read_some(self._files, check, cut)
         flights = [flight for cut in cuts for flight in cut.flights]
-        notes = tuple(f"Set aside: {why}" for why in aside.values())
+        notes = tuple(f"Skipped: {why}" for why in skipped.values())
         draft = Draft(text=text, takes=self.takes, flights=len(flights), warnings=notes)
         if flights:
             campaign = campaign_import.campaign_of_cuts(settings, cuts)
@@ -151,7 +151,7 @@ def with_map_field(text: str, section: str, name: str, value: str) -> str:
     """The text of a map with another value of a field, "" for none.
 
     Where only a line of it changes, the comments of the others stay; a map that is
-    written in another way, as {up: z}, is written anew.
+    written in another way, as {up: z}, is rewritten.
     """
     known = schema.parse_yaml(text, MAP) or {}
     if not isinstance(known, dict):

@@ -57,7 +57,7 @@ class Watched:
         self._sizes: dict[Path, tuple[int, int]] = {}
         self._imported: dict[Path, tuple[int, int]] = {}
         self._sources: dict[str, str] = {}  # Names of flights, and of their takes.
-        self.set_aside: dict[str, str] = {}  #: Takes that cannot be read, and why.
+        self.skipped: dict[str, str] = {}  #: Takes that cannot be read, and why.
         expect(path.is_dir(), "the session's folder", str(path), "a folder that exists")
 
     @property
@@ -117,7 +117,7 @@ class Watched:
         """Imports the takes, if these are some; returns warnings.
 
         All takes are imported together each time: clocks and signs are found from all.
-        Those that cannot be read are set aside. A flight has the name of its take, so
+        Those that cannot be read are skipped. A flight has the name of its take, so
         that it keeps its name whatever other takes come and go.
 
         Raises:
@@ -131,7 +131,7 @@ class Watched:
             return ()
         mapping = self.path / MAP
         _, claim = read_settings(mapping)
-        imported, self.set_aside = read_some(
+        imported, self.skipped = read_some(
             takes,
             functools.partial(check_take, claim=claim),
             functools.partial(read_flights, mapping=mapping),
@@ -141,7 +141,9 @@ class Watched:
         pairs = zip(imported.campaign.flights, self._sources, strict=True)
         flights = tuple(dataclasses.replace(f, name=name) for f, name in pairs)
         for file in self.campaign.glob("flight_*.csv"):
-            if file.name not in self._sources:  # Of a take that is gone, or cut anew.
+            if (
+                file.name not in self._sources
+            ):  # Of a take that is gone, or cut differently.
                 file.unlink()
         save_campaign(
             self.campaign, dataclasses.replace(imported.campaign, flights=flights)

@@ -276,7 +276,7 @@ def view_of(session: LabSession) -> dict[str, Any]:
             "is_open": session.watched.is_open and launches is None,
             "has_takes": session.watched.has_takes,
             "takes": [file.name for file in session.watched.takes],
-            "set_aside": session.watched.set_aside,
+            "skipped": session.watched.skipped,
             "choices": MAP_CHOICES,
         },
         "launches": launches
@@ -361,7 +361,7 @@ async def _stream(session: LabSession, request: Request) -> AsyncIterator[str]:
     while not (is_ending() or await request.is_disconnected()):
         fault = session.launches.fault if session.launches else ""
         watched = session.watched
-        takes = watched.is_open, len(watched.takes), id(watched.set_aside)
+        takes = watched.is_open, len(watched.takes), id(watched.skipped)
         now = id(session.state), session.doing, session.fault, fault, takes
         if now != sent:
             sent = now

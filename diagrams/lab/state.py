@@ -81,7 +81,9 @@ class Draft:
     is_proposed: bool = False  #: Whether no person has corrected or checked it.
     flights: int = 0  #: That were found in them; their picture is there if any.
     refusal: str = ""  #: Why it cannot be.
-    warnings: tuple[str, ...] = ()  #: What the flights do not show; takes set aside.
+    warnings: tuple[
+        str, ...
+    ] = ()  #: Doubts, and takes that were skipped.
     columns: tuple[str, ...] = ()  #: Names of the takes' columns.
 
 

@@ -8,6 +8,7 @@ the one that started it, is gone.
 
 import ctypes
 import os
+import runpy
 import signal
 import sys
 from types import FrameType
@@ -83,6 +84,5 @@ def end_with(parent: int, by: signal.Signals = signal.SIGKILL) -> None:
 
 if __name__ == "__main__":
     end_with(int(sys.argv[1]), signal.SIGTERM)
-    from glider.__main__ import main
-
-    sys.exit(main(sys.argv[2:]))
+    sys.argv = ["glider", *sys.argv[2:]]
+    runpy.run_module("glider", run_name="__main__", alter_sys=True)

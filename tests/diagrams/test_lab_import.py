@@ -126,28 +126,28 @@ def test_takes_that_cannot_be_read_hold_up_no_other(client, session):
     session.update()
     throws = session.state.throws
     assert len(throws) == 3 and all(throw.is_drawn for throw in throws)
-    aside = session.watched.set_aside
-    assert set(aside) == {"notes.txt", "empty.csv", "wurf_1 (2).csv"} or (
-        set(aside) == {"notes.txt", "empty.csv", "wurf_1.csv"}
+    skipped = session.watched.skipped
+    assert set(skipped) == {"notes.txt", "empty.csv", "wurf_1 (2).csv"} or (
+        set(skipped) == {"notes.txt", "empty.csv", "wurf_1.csv"}
     )
-    assert aside["notes.txt"].startswith("notes.txt: ")
+    assert skipped["notes.txt"].startswith("notes.txt: ")
     assert client.post("/takes/none.csv/remove").status_code == 400
     assert client.post("/takes/..%2FMAP.yaml/remove").status_code in (400, 404)
-    for name in aside:
+    for name in skipped:
         assert client.post(f"/takes/{name}/remove").status_code == 200
         assert (session.watched.kept / "removed" / name).exists()
     session.update()
-    assert session.watched.set_aside == {}
+    assert session.watched.skipped == {}
     assert len(session.state.throws) == 3
 
 
-def test_a_map_that_no_take_fits_sets_none_aside(session):
+def test_a_map_that_no_take_fits_skips_none(session):
     folder = session.watched.path
     (folder / "MAP.yaml").write_text(GOOD.replace("x_mm", "nothing"))
     for number in range(3):
         (folder / f"wurf_{number}.csv").write_text(make_take(number))
     session.update()
-    assert session.state.throws == () and session.watched.set_aside == {}
+    assert session.state.throws == () and session.watched.skipped == {}
     assert any("nothing" in note for note in session.state.notes)
 
 

@@ -316,10 +316,10 @@ function answerDrop(...refusals) {
 function showImport(view) {
   const { draft } = view.state, offer = view.import, { takes } = offer;
   byId("import").hidden = !(offer.is_open || offer.has_takes);
-  byId("aside").replaceChildren(...Object.entries(offer.set_aside).map(([name, why]) => {
+  byId("skipped").replaceChildren(...Object.entries(offer.skipped).map(([name, why]) => {
     const remove = make("button", "Remove it", { type: "button", class: "pick" });
     remove.addEventListener("click", async () => answerDrop(await post(`takes/${encodeURIComponent(name)}/remove`)));
-    return make("li", "", { class: "warning" }, `Set aside: ${why} `, remove);
+    return make("li", "", { class: "warning" }, `Skipped: ${why} `, remove);
   }));
   byId("takes").textContent = takes.length ? `${counted(takes.length, "take")}: ${takes.join(", ")}` : "";
   const isOld = draft?.is_proposed && String(draft.takes) !== String(takes);  // Another comes.
