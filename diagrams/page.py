@@ -7,6 +7,7 @@ The page reads clock, speed and pitch from the readouts that `AddOverlays` makes
 """
 
 import dataclasses
+import logging
 import os
 import threading
 import urllib.error
@@ -15,7 +16,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import jinja2
-from pydrake.geometry import Meshcat
+from pydrake.geometry import Meshcat, MeshcatParams
 
 from diagrams.overlays import ARROW_SCALE
 from diagrams.urdf import COLORS
@@ -24,6 +25,9 @@ Color = tuple[float, ...]
 
 PORT_BEYOND = 100
 """Number that is added to Meshcat's port for the port of its page, if that is free."""
+
+HOST = "127.0.0.1"
+"""Address that scenes are served on: programs of other computers cannot open it."""
 
 _OWN_ADDRESS = "url = location.toString();"
 """Line of Drake's page with the address that it listens to."""
@@ -80,6 +84,20 @@ class Legend:
         )
 
 
+def open_meshcat() -> Meshcat:
+    """Opens a Meshcat that only programs of this computer reach.
+
+    Drake's log would name its page, which has neither legend nor clock.
+    """
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.WARNING)
+    try:
+        return Meshcat(MeshcatParams(host=HOST))
+    finally:
+        log.setLevel(level)
+
+
 def write_html(path: Path | str, meshcat: Meshcat, legend: Legend) -> None:
     """Writes what Meshcat shows, the recording included, as one page.
 
@@ -129,9 +147,9 @@ def serve_page(meshcat: Meshcat, legend: Legend) -> str:
             """Logs no request."""
 
     try:
-        server = ThreadingHTTPServer(("", meshcat.port() + PORT_BEYOND), Handler)
+        server = ThreadingHTTPServer((HOST, meshcat.port() + PORT_BEYOND), Handler)
     except OSError:
-        server = ThreadingHTTPServer(("", 0), Handler)
+        server = ThreadingHTTPServer((HOST, 0), Handler)
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
     return f"http://localhost:{server.server_port}"

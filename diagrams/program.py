@@ -17,7 +17,6 @@ if __name__ == "__main__":
 import argparse
 import contextlib
 import json
-import logging
 import math
 import os
 import sys
@@ -31,7 +30,7 @@ from matplotlib.backend_bases import FigureCanvasBase
 from pydrake.geometry import Meshcat
 from rich.console import Console
 
-from diagrams.page import serve_page, write_html
+from diagrams.page import open_meshcat, serve_page, write_html
 from diagrams.playback import Track, legend_of, play, stage_of
 from glider.errors import (
     INTERRUPTED,
@@ -261,15 +260,7 @@ def plot_perches(
 
 def start_meshcat(args: argparse.Namespace) -> Meshcat | None:
     """Returns a Meshcat; None if it is not viewed (headless and no --html)."""
-    if args.headless and not args.html:
-        return None
-    log = logging.getLogger("drake")
-    level = log.level
-    log.setLevel(logging.WARNING)  # It names a page without legend and clock.
-    try:
-        return Meshcat()
-    finally:
-        log.setLevel(level)
+    return None if args.headless and not args.html else open_meshcat()
 
 
 def finish(

@@ -1,15 +1,19 @@
 """The import assistant: takes that are dropped on the page, and a map for them."""
 
+import contextlib
 import dataclasses
+import functools
+import json
 import re
 import secrets
 import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-from diagrams.lab.folder import MAP, Watched
+from diagrams.lab.folder import MAP, Watched, check_take, read_some
 from diagrams.lab.state import Draft
 from glider.errors import InputError, expect, show
+from glider.files import schema
 from glider.files.writing import replace_file, write_text
 from glider.report.wording import counted
 
@@ -41,18 +45,40 @@ class MapJob:
         what = "checking the map" if self.text else "proposing axes, units and signs"
         return f"{what} ({counted(self.takes, 'take')})"
 
+    @property
+    def failure(self) -> str:
+        """The beginning of a sentence about why it was not done."""
+        return "The map could not be checked" if self.text else "No map was proposed"
+
     def run(self) -> Draft:
         """Does it; what cannot be is in the answer."""
+        from glider.campaign.importing.guess import guess_columns, guess_mapping
+        from glider.campaign.importing.readers import read_recordings
+
+        names: dict[str, None] = {}  # Of columns, in their order.
+
+        def check(file: Path) -> None:
+            for recording in read_recordings(file):
+                names.update(dict.fromkeys(recording.names()))
+
         text = self.text
         try:
             if not text:
-                from glider.campaign.importing.guess import guess_mapping
-
-                text = guess_mapping(self._files).text
+                guess, _ = read_some(self._files, check, guess_mapping)
+                text = guess.text
             draft = self._check(text)
         except InputError as error:
+            if not text:
+                with contextlib.suppress(InputError):  # What is known of it stays.
+                    columns, _ = read_some(self._files, check, guess_columns)
+                    text = schema.yaml_text({"columns": columns}) if columns else ""
             draft = self.refused(self._short(error), text)
-        return dataclasses.replace(draft, is_proposed=not self.text)
+        for file in self._files:
+            with contextlib.suppress(InputError):
+                names or check(file)  # Those of one take are enough.
+        return dataclasses.replace(
+            draft, is_proposed=not self.text, columns=tuple(names)
+        )
 
     def refused(self, why: str, text: str = "", *, is_fault: bool = False) -> Draft:
         """The answer where there is none."""
@@ -79,18 +105,96 @@ class MapJob:
         settings, claim = read_settings(file)
         if claim is None:
             raise InputError("The map has no 'columns:'; expected those of the takes.")
-        recordings = campaign_import.read_logs(self._files, claim, silent)
-        cuts = campaign_import.cut_recordings(recordings, claim, settings)
+
+        def cut(
+            files: list[Path],
+        ) -> tuple[list[Path], tuple[campaign_import.CutRecording, ...]]:
+            recordings = campaign_import.read_logs(files, claim, silent)
+            return files, campaign_import.cut_recordings(recordings, claim, settings)
+
+        check = functools.partial(check_take, claim=claim)
+        (files, cuts), skipped = read_some(self._files, check, cut)
         flights = [flight for cut in cuts for flight in cut.flights]
-        draft = Draft(text=text, takes=self.takes, flights=len(flights))
+        notes = tuple(f"Skipped: {why}" for why in skipped.values())
+        draft = Draft(text=text, takes=self.takes, flights=len(flights), warnings=notes)
         if flights:
             campaign = campaign_import.campaign_of_cuts(settings, cuts)
             replace_file(picture, lambda path: save_import_figure(campaign, path))
         try:
-            read = campaign_import.read_flights(self._files, file)
+            read = campaign_import.read_flights(files, file)
         except InputError as error:
             return dataclasses.replace(draft, refusal=self._short(error))
-        return dataclasses.replace(draft, warnings=tuple(read.warnings))
+        return dataclasses.replace(draft, warnings=(*notes, *read.warnings))
+
+
+def map_fields(text: str) -> dict[str, dict[str, str]]:
+    """Fields of a map by section, "" for those outside of one; {} for what is no map.
+
+    Fields that are lists or have fields of their own are left out.
+    """
+    try:
+        known = schema.parse_yaml(text, MAP)
+    except InputError:
+        return {}
+    if not isinstance(known, dict):
+        return {}
+    if isinstance(known.get("frame"), str):
+        known["frame"] = {"axes": known["frame"]}
+    sections = {"": known} | {n: v for n, v in known.items() if isinstance(v, dict)}
+    return {
+        section: {k: str(v) for k, v in fields.items() if isinstance(v, str | float)}
+        for section, fields in sections.items()
+    }
+
+
+def with_map_field(text: str, section: str, name: str, value: str) -> str:
+    """The text of a map with another value of a field, "" for none.
+
+    Where only a line of it changes, the comments of the others stay; a map that is
+    written in another way, as {up: z}, is rewritten.
+    """
+    known = schema.parse_yaml(text, MAP) or {}
+    if not isinstance(known, dict):
+        raise InputError(f"{MAP}: is no map; expected fields such as 'columns:'.")
+    if known.get("frame") in ("NED", "ENU"):
+        known["frame"] = {"axes": known["frame"]}
+    fields = known.setdefault(section, {}) if section else known
+    if not isinstance(fields, dict):
+        raise InputError(f"{MAP}: '{section}' has no fields; expected such as {name}.")
+    fields.pop(name, None)
+    if value:
+        fields[name] = value
+    if section and not fields:
+        del known[section]
+    edited = _with_line(text, section, name, value)
+    try:
+        is_same = schema.parse_yaml(edited, MAP) == known
+    except InputError:
+        is_same = False
+    return edited if is_same else schema.yaml_text(known)
+
+
+_LINE = re.compile(r"( *)(\w+):(?: |$)(.*)")
+
+
+def _with_line(text: str, section: str, name: str, value: str) -> str:
+    """The text with another line for a field, or none, as if it were in block style."""
+    lines, within, at = text.splitlines(), "", len(text.splitlines())
+    indent = "  " if section else ""
+    line = f"{indent}{name}: {json.dumps(value, ensure_ascii=False)}" if value else ""
+    for k, written in enumerate(lines):
+        if not (found := _LINE.match(written)):
+            continue
+        within = within if found[1] else found[2]
+        if not found[1] and found[2] == section:
+            at = k + 1
+        if found[2] == name and (within == section if found[1] else not section):
+            lines[k : k + 1] = [line] if value else []
+            return "\n".join([*lines, ""])
+    if value:
+        head = [f"{section}:"] if section and at == len(lines) else []
+        lines[at:at] = [*head, line]
+    return "\n".join([*lines, ""])
 
 
 def next_map_job(
@@ -152,3 +256,19 @@ async def save_take(watched: Watched, name: str, parts: AsyncIterator[bytes]) ->
         part.rename(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def remove_take(watched: Watched, name: str) -> None:
+    """Moves a take out of the session's folder, to where it can be found again.
+
+    Raises:
+        InputError: there is no such take.
+    """
+    names = [file.name for file in watched.takes]
+    expect(name in names, "the take", name[:120], "one of this folder")
+    place = watched.kept / "removed"
+    place.mkdir(exist_ok=True)
+    moved = place / name
+    while moved.exists():
+        moved = place / f"{secrets.token_hex(4)}-{name}"
+    (watched.path / name).rename(moved)

@@ -2,10 +2,15 @@
 
 import argparse
 import contextlib
+import dataclasses
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from glider.commands.parsing import CommandParser, check_seed
-from glider.errors import expect
+from glider.errors import InputError, expect
+
+if TYPE_CHECKING:
+    from diagrams.lab.session import LabSession
 
 DESCRIPTION = """\
 Watches the folder of a session: each throw that comes is checked, flown again by the
@@ -37,7 +42,8 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument("folder", type=Path, help="folder that throws come into")
     words = "launch a simulated glider: a model file, or a name in models/truths"
     parser.add_argument("--simulate", metavar="TRUTH", help=words)
-    parser.add_path("--scenario", "YAML", "scenario of simulated launches")
+    words = "scenario of the station, for its bus, or of simulated launches"
+    parser.add_path("--scenario", "YAML", words)
     words = "simulated launches before the correction, and after (default: 10)"
     parser.add_number("--throws", words, 10)
     words = "no page: complete what there is, or the simulated session, and end"
@@ -51,10 +57,20 @@ def run(args: argparse.Namespace) -> int:
     check_seed(args.seed)
     expect(args.throws >= 3, "--throws", args.throws, "at least 3")
     expect(0 <= args.port < 1 << 16, "--port", args.port, "from 0 to 65535")
-    launches = None
+    from diagrams.lab.link import StationLink
+    from diagrams.lab.session import LabSession
+    from diagrams.station.bus import free_address
+    from diagrams.station.scenario import Scenario, Simulation, load_scenario
+
+    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
+    launches, bus = None, scenario.address
     if args.simulate is not None:
         from diagrams.lab.launches import Launches
 
+        simulation = scenario.simulation or Simulation()
+        simulation = dataclasses.replace(simulation, truth=args.simulate)
+        _ = dataclasses.replace(scenario, simulation=simulation).truth  # It is there.
+        bus = scenario.bus or free_address()
         args.folder.mkdir(parents=True, exist_ok=True)
         launches = Launches(
             folder=args.folder,
@@ -62,10 +78,17 @@ def run(args: argparse.Namespace) -> int:
             scenario=args.scenario,
             seed=args.seed,
             count=args.throws,
+            bus=None if args.headless else bus,
         )
-    from diagrams.lab.session import LabSession
-
-    session = LabSession(args.folder, _show, launches)
+    link = None
+    if not args.headless:
+        try:
+            link = StationLink(bus)
+        except RuntimeError as error:  # As without any network.
+            _show(
+                f"No bus {bus}: the page has no Stop, and shows no station ({error})."
+            )
+    session = LabSession(args.folder, _show, launches, link)
     try:
         if not args.headless:
             from diagrams.lab.server import serve
@@ -73,13 +96,33 @@ def run(args: argparse.Namespace) -> int:
             serve(session, args.port, _show)
             return 0
         if launches is None:
-            session.finish()
-            return 0 if session.state.answer else 1
+            return _complete(session)
         from diagrams.lab.simulated import run_simulated
 
         return 0 if run_simulated(session, launches, args.throws, _show) else 1
     finally:
         session.close()
+
+
+def _complete(session: "LabSession") -> int:
+    """Traces what there is; returns the exit code.
+
+    Raises:
+        InputError: nothing there can be traced.
+    """
+    from diagrams.lab.folder import MAP, SETTINGS
+
+    session.finish()
+    state, watched = session.state, session.watched
+    if state.flights:
+        return 0 if state.answer else 1
+    if watched.is_open:
+        found = f"neither {SETTINGS} nor {MAP}"
+        expected = f"{SETTINGS} and flights, or {MAP} and takes"
+        raise InputError(f"{watched.path}: has {found}; expected {expected}.")
+    faults = [throw.fault for throw in state.throws if throw.fault]
+    reasons = [*state.notes, *faults, f"{watched.path}: no throws; expected some."]
+    raise InputError(reasons[0])
 
 
 def _show(line: str) -> None:

@@ -2,22 +2,25 @@
 
 import dataclasses
 import io
+import multiprocessing
+import os
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat
 
 from diagrams.lab.state import CORRECTED, NOMINAL
-from diagrams.page import write_html
+from diagrams.page import open_meshcat, write_html
 from diagrams.playback import GREEN, RED, legend_of, play, stage_of, track_of
+from diagrams.station.processes import end_with
 from glider.campaign.logs import Campaign, Flight
 from glider.files.writing import replace_file
 from glider.physics.model import GliderModel
 from glider.report.as_page import page_data
 from glider.report.flight_figures import flight_panels
-from glider.report.plots.figure import Figure
+from glider.report.plots.figure import Axis, Figure, Line, Panel, Points
 from glider.report.plots.style import LABELS
 from glider.simulation.refly import Motion, nominal_parameters, position_errors, refly
 from glider.sysid.fit.prediction import RolloutModel, beginning_rows
@@ -46,8 +49,8 @@ class Comparison:
         errors = position_errors(self.motions)
         return {name: rms for name, (rms, _) in errors.items()}
 
-    def figure(self) -> dict[str, Any]:
-        """Path, pitch and distance, as a page draws them at "throw"."""
+    def figure(self, *, has_wire: bool = False) -> dict[str, Any]:
+        """Path, pitch, elevator and distance, as a page draws them at "throw"."""
         measured, *models = self.motions
         time = self.motions[measured].time
         flight = HeldOutFlight(
@@ -60,13 +63,38 @@ class Comparison:
         keys = {name: LABELS[name] for name in self.motions}
         keys |= {"fitted": "launch state fitted"} if models else {}
         panels = flight_panels(flight)[: None if models else 2]  # No distance alone.
+        if np.ptp(self.motions[measured].poses[:, 3]) > 0.0:
+            panels.insert(2, self._elevator_panel(panels[1].x))
+        if has_wire:
+            keys["named"] = "wire"
+            wire = Points("named", np.zeros(1), np.zeros(1), hover="the wire", size=9.0)
+            panels[0] = dataclasses.replace(panels[0], marks=[*panels[0].marks, wire])
         return page_data({"throw": Figure(keys=keys, panels=panels)})
 
+    def _elevator_panel(self, clock: Axis) -> Panel:
+        """The elevator's angle: measured, and where its commands turn it in models."""
+        lines = [
+            Line(
+                name,
+                motion.time,
+                np.degrees(motion.poses[:, 3]),
+                hover=f"{LABELS[name]}<br>%{{x:.3f}} s: %{{y:.1f}}°",
+            )
+            for name, motion in self.motions.items()
+        ]
+        models = " and by its commands" if len(lines) > 1 else ""
+        title = f"elevator, measured{models}, trailing edge up > 0 [°]"
+        return Panel(title, lines, clock, height=250)
+
     def replay(self, campaign: Campaign, *, has_wire: bool) -> str:
-        """HTML of a Meshcat that replays it, with the models as ghosts."""
+        """HTML of a Meshcat that replays it, with the models as ghosts.
+
+        The Meshcat stays open until this process ends: Drake holds diagrams with
+        systems in Python, and so their Meshcat, for ever.
+        """
         tracks = [track_of(n, m, _COLORS.get(n)) for n, m in self.motions.items()]
         stage = None if has_wire else stage_of(tracks[0], wire=None)
-        meshcat = Meshcat()
+        meshcat = open_meshcat()
         parameters = nominal_parameters(campaign)
         play(tracks, meshcat, rate=SLOWED, parameters=parameters, stage=stage)
         with tempfile.TemporaryDirectory() as folder:
@@ -84,6 +112,14 @@ class Comparison:
         data = io.BytesIO()
         np.savez(data, **arrays)  # type: ignore[arg-type]
         replace_file(file, lambda path: path.write_bytes(data.getvalue()))
+
+
+def replay_apart(comparison: Comparison, campaign: Campaign, *, has_wire: bool) -> str:
+    """As `Comparison.replay`, in a process of its own, which closes the Meshcat."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, spawn, end_with, (os.getpid(),)) as process:
+        replayed = process.submit(comparison.replay, campaign, has_wire=has_wire)
+        return replayed.result()
 
 
 def load_comparison(name: str, file: Path) -> Comparison:

@@ -1,21 +1,32 @@
 """The folder of a session: its files, and the campaign that they are."""
 
 import dataclasses
+import datetime
+import functools
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from diagrams.lab.state import CORRECTED, NOMINAL, PROPOSED, Throw
 from diagrams.station.scenario import Limits
 from diagrams.station.throw_log import read_throw
-from glider.campaign.importing.campaign_import import read_flights
-from glider.campaign.settings import read_settings
+from glider.campaign.importing.campaign_import import (
+    ImportResult,
+    read_flights,
+    read_logs,
+)
+from glider.campaign.importing.splitting import split_flights
+from glider.campaign.importing.track import make_track
+from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect
 from glider.experiments.throw_limits import ThrowLimits, load_limits
 from glider.files import schema
+from glider.progress import silent
+
+Read = TypeVar("Read")
 
 MAP = "MAP.yaml"
 """A folder with it holds takes of other software; one without it is a campaign."""
@@ -45,6 +56,8 @@ class Watched:
         self.kept = path / KEPT
         self._sizes: dict[Path, tuple[int, int]] = {}
         self._imported: dict[Path, tuple[int, int]] = {}
+        self._sources: dict[str, str] = {}  # Names of flights, and of their takes.
+        self.skipped: dict[str, str] = {}  #: Takes that cannot be read, and why.
         expect(path.is_dir(), "the session's folder", str(path), "a folder that exists")
 
     @property
@@ -104,6 +117,8 @@ class Watched:
         """Imports the takes, if these are some; returns warnings.
 
         All takes are imported together each time: clocks and signs are found from all.
+        Those that cannot be read are skipped. A flight has the name of its take, so
+        that it keeps its name whatever other takes come and go.
 
         Raises:
             InputError: they cannot be imported, or campaign.yaml not be read.
@@ -114,19 +129,32 @@ class Watched:
             read_settings(self.settings)
         if not (self.has_takes and takes):
             return ()
-        imported = read_flights(takes, self.path / MAP)
-        names = {flight.name for flight in imported.campaign.flights}
+        mapping = self.path / MAP
+        _, claim = read_settings(mapping)
+        imported, self.skipped = read_some(
+            takes,
+            functools.partial(check_take, claim=claim),
+            functools.partial(read_flights, mapping=mapping),
+        )
+        named = _flight_names(imported, takes)
+        self._sources = {name: take.name for name, take in named.items()}
+        pairs = zip(imported.campaign.flights, self._sources, strict=True)
+        flights = tuple(dataclasses.replace(f, name=name) for f, name in pairs)
         for file in self.campaign.glob("flight_*.csv"):
-            if file.name not in names:  # Of a take that is gone, or cut differently.
+            if (
+                file.name not in self._sources
+            ):  # Of a take that is gone, or cut differently.
                 file.unlink()
-        save_campaign(self.campaign, imported.campaign)
+        save_campaign(
+            self.campaign, dataclasses.replace(imported.campaign, flights=flights)
+        )
         return tuple(imported.warnings)
 
     def throws(self, known: Sequence[Throw]) -> list[Throw]:
         """The flights of the campaign; known ones whose files are the same stay."""
         files = sorted(self.campaign.glob("flight_*.csv"))
         digests = throw_digests(self.campaign, [file.name for file in files])
-        found = [Throw(name=name, sha256=own) for name, own in digests.items()]
+        found = [self._new_throw(name, own) for name, own in digests.items()]
         first = next((r for t in found if (r := _record(self.path, t))), None)
         nominal = read_throw(first)[0].get("model", "") if first else ""
         same = {(throw.name, throw.sha256): throw for throw in known}
@@ -136,10 +164,81 @@ class Watched:
             for throw in found
         ]
 
+    def _new_throw(self, name: str, sha256: str) -> Throw:
+        take = self._sources.get(name, "")
+        file = self.path / take if take else self.campaign / name
+        written = _time_of_day(file.stat().st_mtime)
+        return Throw(name=name, sha256=sha256, take=take, written=written)
+
     def _files(self) -> list[Path]:
         if self.has_takes or self.is_open:
             return [*self.takes, *self.path.glob(MAP)]
         return sorted([*self.path.glob("flight_*.csv"), *self.path.glob(SETTINGS)])
+
+
+def read_some(
+    files: Sequence[Path],
+    check: Callable[[Path], object],
+    read: Callable[[list[Path]], Read],
+) -> tuple[Read, dict[str, str]]:
+    """Reads files together, without those that cannot be; returns why, by their names.
+
+    Args:
+        files: to be read.
+        check: refuses a file that cannot be read, even alone.
+        read: reads files together; where it refuses one, its message begins with it.
+
+    Raises:
+        InputError: nothing is left, or `read` refuses them all together.
+    """
+    good, reasons = list(files), dict[str, str]()
+    try:
+        return read(good), reasons
+    except InputError as error:
+        first = error
+    for file in files:
+        try:
+            check(file)
+        except InputError as error:
+            reasons[file.name] = str(error).removeprefix(f"{file.parent}/")
+            good.remove(file)
+    while good:
+        try:
+            return read(good), reasons
+        except InputError as error:
+            named = next((f for f in good if str(error).startswith(f"{f}:")), None)
+            if named is None:
+                raise
+            reasons[named.name] = str(error).removeprefix(f"{named.parent}/")
+            good.remove(named)
+    raise first
+
+
+def check_take(take: Path, claim: Mapping | None) -> None:
+    """Raises InputError where a take cannot be read by a mapping, whatever it shows."""
+    if claim is None or claim.join:  # Parts of takes can be read together only.
+        return
+    for recording in read_logs([take], claim, silent):
+        for part in split_flights(recording, claim.columns):
+            make_track(part, claim)
+
+
+def _flight_names(imported: ImportResult, takes: Sequence[Path]) -> dict[str, Path]:
+    """A name for each flight, in their order, and the take that it is of."""
+    recorded = [Path(flight["recording"]) for flight in imported.report()["flights"]]
+    sources = [next(p for p in (r, *r.parents) if p in takes) for r in recorded]
+    stems = {take: take.stem for take in takes}
+    for take in takes:
+        if list(stems.values()).count(take.stem) > 1:
+            stems[take] = take.name
+    named: dict[str, Path] = {}
+    for k, take in enumerate(sources):
+        number = f"+{sources[:k].count(take) + 1}" if sources.count(take) > 1 else ""
+        name = f"flight_{stems[take]}{number}"
+        while f"{name}.csv" in named:  # A take may be named so.
+            name += "_"
+        named[f"{name}.csv"] = take
+    return named
 
 
 def throw_digests(campaign: Path, names: Sequence[str]) -> dict[str, str]:
@@ -174,6 +273,11 @@ def joint_digest(digests: Iterable[str]) -> str:
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
+def _time_of_day(time: float) -> str:
+    """A time [s since 1970] on a calendar, in the time zone of this computer."""
+    return datetime.datetime.fromtimestamp(time).astimezone().isoformat("T", "seconds")
+
+
 def _sizes(files: list[Path]) -> dict[Path, tuple[int, int]]:
     found = {}
     for file in files:
@@ -191,7 +295,7 @@ def _record(folder: Path, throw: Throw) -> Path | None:
     return folder / name if (folder / name).is_file() else None
 
 
-def _scenario_of(facts: Mapping[str, str], record: Path) -> dict[str, Any]:
+def _scenario_of(facts: dict[str, str], record: Path) -> dict[str, Any]:
     """The station's scenario by the facts of a record; empty where it has none."""
     scenario = schema.parse_yaml(facts.get("scenario", ""), str(record))
     return scenario if isinstance(scenario, dict) else {}
@@ -221,6 +325,7 @@ def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
         perched=result.perched,
         miss=result.miss_m if math.isfinite(result.miss_m) else None,
         fault=result.reason,
+        flown=result.flown,
     )
 
 
@@ -236,3 +341,4 @@ class _Result:
     commands: int
     late: int
     latency_s: list[float]
+    flown: str = ""

@@ -1,6 +1,8 @@
 """Launches of a simulated glider by the station, into the folder of a session."""
 
 import dataclasses
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -25,10 +27,12 @@ class Launches:
     scenario: Path | None = None
     seed: int = 0
     count: int = 10  #: That a person is offered.
+    bus: str | None = None  #: Its address; None: one that the station chooses.
     fault: str = ""  #: Of the last launches.
     _asked: tuple[str, int] | None = None  # Planned with, and number.
     _words: str = ""
     _process: subprocess.Popen | None = None
+    _is_stopped: bool = False  # Whether `stop` ended the last ones.
 
     def start(
         self, throws: int, model: Path | None, flown: int, commands: Path | None = None
@@ -45,9 +49,13 @@ class Launches:
             "scenario": self.scenario,
             "model": model,
             "commands": commands,
+            "bus": self.bus,
         }
         given = [f"--{name}={v}" for name, v in options.items() if v is not None]
-        return subprocess.Popen([sys.executable, "-m", "glider", "fly", *given])
+        # Launches end with this process: nobody would see, or stop, those that go on.
+        program = ["-m", "diagrams.station.processes", str(os.getpid()), "fly"]
+        stdin = subprocess.DEVNULL if self.bus else None  # Keys are for who has a bus.
+        return subprocess.Popen([sys.executable, *program, *given], stdin=stdin)
 
     def ask(self, planned: str, throws: int) -> None:
         """Asks for launches; they begin with the next step, after those that fly.
@@ -74,13 +82,13 @@ class Launches:
         """
         if self._process is not None and (code := self._process.poll()) is not None:
             self._process, self._words = None, ""
-            self.fault = "The launches failed; the terminal shows why." if code else ""
+            self.fault = "" if self._is_stopped else _fault_of(code)
         if self._process is None and self._asked is not None:
             (planned, throws), self._asked = self._asked, None
             if planned != NOMINAL and model is None:
                 self.fault = "There is no corrected model yet to plan with."
                 return False
-            self.fault = ""
+            self.fault, self._is_stopped = "", False
             self._words = f"flying {throws} launches planned with the {planned} model"
             with_model, commands = model if planned != NOMINAL else None, None
             if planned == PROPOSED:
@@ -91,8 +99,27 @@ class Launches:
         return self._process is not None
 
     def stop(self) -> None:
-        """Ends what flies; what was logged stays."""
+        """Ends what flies, the elevator at neutral; what was logged stays.
+
+        By any thread; `close` waits for the end.
+        """
         self._asked = None
+        if (process := self._process) is not None and not self._is_stopped:
+            self._is_stopped = True
+            process.terminate()
+
+    def close(self) -> None:
+        """Ends what flies, and waits until it has ended."""
+        self.stop()
         if self._process is not None:
-            self._process.terminate()
             self._process.wait()
+
+
+def _fault_of(code: int) -> str:
+    """What an exit code of the station says; "" where all was flown."""
+    if code < 0:
+        killed = "The station was killed from outside"
+        return f"{killed} ({signal.Signals(-code).name}): not all launches were flown."
+    words = {1: "the simulated glider died", 2: "the terminal shows what it refused"}
+    why = words.get(code, "the terminal shows why")
+    return f"Not all launches were flown: {why}." if code else ""

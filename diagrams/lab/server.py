@@ -17,19 +17,29 @@ from starlette.requests import Request
 from starlette.responses import (
     FileResponse,
     HTMLResponse,
+    JSONResponse,
     PlainTextResponse,
     Response,
     StreamingResponse,
 )
 from starlette.routing import Route
 
-from diagrams.lab.assistant import save_map, save_take
+from diagrams.lab.assistant import (
+    map_fields,
+    remove_take,
+    save_map,
+    save_take,
+    with_map_field,
+)
+from diagrams.lab.comparison import replay_apart
 from diagrams.lab.figures import session_figures
 from diagrams.lab.gate import HOST, Address, TokenGate, listen
+from diagrams.lab.link import StationLink
 from diagrams.lab.session import LabSession
 from diagrams.lab.state import CORRECTED, NOMINAL
+from diagrams.station.realtime import KEYS, keyboard
 from glider.campaign.importing.recording import UNITS
-from glider.campaign.settings import FRAME_CHOICES, read_settings
+from glider.campaign.settings import FRAME_CHOICES, QUANTITIES, read_settings
 from glider.errors import InputError, expect
 from glider.files.schema import json_text
 from glider.report.as_page import STATIC, color_style
@@ -55,6 +65,7 @@ LONGEST_MAP = 100_000
 MAP_CHOICES = {
     "frame": {name: values for name, (values, _) in FRAME_CHOICES.items()},
     "units": {kind: list(units) for kind, units in UNITS.items()},
+    "columns": list(QUANTITIES),
     "meanings": {name: meaning for name, (_, meaning) in FRAME_CHOICES.items()},
 }
 """What a person may choose from in a map."""
@@ -101,10 +112,12 @@ class Pages:
 
     async def figure(self, request: Request) -> Response:
         """The figure of a throw."""
-        comparison = self._session.comparison(request.path_params["name"] + ".csv")
+        name = request.path_params["name"] + ".csv"
+        comparison = self._session.comparison(name)
         if comparison is None:
             raise HTTPException(404)
-        text = json_text(comparison.figure(), indent=-1)
+        figure = comparison.figure(has_wire=self._has_wire(name))
+        text = json_text(figure, indent=-1)
         return Response(text, media_type="application/json", headers=_HEADERS)
 
     async def replay(self, request: Request) -> Response:
@@ -115,11 +128,15 @@ class Pages:
             raise HTTPException(404)
         folder = self._session.watched.campaign
         campaign, _ = read_settings(folder / "campaign.yaml")
-        [throw] = [t for t in self._session.state.throws if t.name == name]
         html = await run_in_threadpool(
-            comparison.replay, campaign, has_wire=bool(throw.planned)
+            replay_apart, comparison, campaign, has_wire=self._has_wire(name)
         )
         return HTMLResponse(html, headers=_OWN_SCRIPTS)
+
+    def _has_wire(self, name: str) -> bool:
+        """Whether a throw was the station's, whose axes begin at the wire."""
+        throws = self._session.state.throws
+        return any(throw.name == name and throw.planned for throw in throws)
 
     async def report(self, request: Request) -> Response:
         """The report of the last trace."""
@@ -137,12 +154,41 @@ class Pages:
         launches = self._session.launches
         if launches is None:
             raise HTTPException(404)
+        if self._session.link and self._session.link.is_stopped:
+            raise HTTPException(400, "Stopped; expected that you arm again first.")
         asked = request.query_params
         with _refusals():
             throws = asked.get("throws", "")
             launches.ask(
                 asked.get("planned", ""), int(throws) if throws.isdecimal() else 0
             )
+        return PlainTextResponse("")
+
+    async def stop(self, request: Request) -> Response:
+        """Turns every servo on the bus to neutral, and ends launches."""
+        self._session.stop()
+        return PlainTextResponse("")
+
+    async def arm(self, request: Request) -> Response:
+        """Ends the Stop."""
+        link = self._session.link
+        if link is None:
+            raise HTTPException(404)
+        link.arm()
+        if link.is_stopped:
+            words = "Not armed: another operator stopped it, who must arm it again."
+            raise HTTPException(400, words)
+        return PlainTextResponse("")
+
+    async def next_throw(self, request: Request) -> Response:
+        """Looks again for the next throw where it was not found."""
+        self._session.asked_proposal = True
+        return PlainTextResponse("")
+
+    async def remove(self, request: Request) -> Response:
+        """Moves a take out of the folder."""
+        with _refusals():
+            remove_take(self._session.watched, request.path_params["name"])
         return PlainTextResponse("")
 
     async def take(self, request: Request) -> Response:
@@ -165,6 +211,16 @@ class Pages:
                 self._session.asked_map = text
         return PlainTextResponse("")
 
+    async def map_fields(self, request: Request) -> Response:
+        """The fields of a map, or with one changed the map's text."""
+        text, asked = await _small_text(request), request.query_params
+        if "name" not in asked:
+            return JSONResponse(map_fields(text), headers=_HEADERS)
+        given = (asked.get(key, "") for key in ("section", "name", "value"))
+        with _refusals():
+            changed = with_map_field(text, *given)
+        return PlainTextResponse(changed, headers=_HEADERS)
+
     async def map_picture(self, request: Request) -> Response:
         """The flights as the map reads them."""
         return _file(self._session.watched.kept / "draft" / "MAP.png")
@@ -184,7 +240,12 @@ def make_app(session: LabSession, address: Address) -> Starlette:
             Route("/report", pages.report),
             Route("/next/{name}", pages.proposal),
             Route("/fly", pages.fly, methods=["POST"]),
+            Route("/stop", pages.stop, methods=["POST"]),
+            Route("/arm", pages.arm, methods=["POST"]),
+            Route("/next-throw", pages.next_throw, methods=["POST"]),
             Route("/takes/{name}", pages.take, methods=["POST"]),
+            Route("/takes/{name}/remove", pages.remove, methods=["POST"]),
+            Route("/map/fields", pages.map_fields, methods=["POST"]),
             Route("/map/{what}", pages.map, methods=["POST"]),
             Route("/map.png", pages.map_picture),
         ],
@@ -215,6 +276,7 @@ def view_of(session: LabSession) -> dict[str, Any]:
             "is_open": session.watched.is_open and launches is None,
             "has_takes": session.watched.has_takes,
             "takes": [file.name for file in session.watched.takes],
+            "skipped": session.watched.skipped,
             "choices": MAP_CHOICES,
         },
         "launches": launches
@@ -234,22 +296,51 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
         period = PERIOD
         while not ended.wait(period):
             period = PERIOD if session.try_step() else AFTER_FAULT
+        if session.launches:  # They would be ended once more at the end of this thread.
+            session.launches.close()
+
+    def operate(link: StationLink) -> None:
+        def press() -> None:
+            if key := pressed():
+                _operate(session, key, show)
+
+        with keyboard() as pressed:
+            link.run(ended, press)
 
     listening, address = listen(session.watched.kept / "address.json", port)
     with listening:
-        show(f"Session: {address.url} (Ctrl-C ends it)")
+        show(f"Session: {address.url} ({KEYS})")
         app = make_app(session, address)
         config = uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5)
         server = uvicorn.Server(config)
         app.state.is_ending = lambda: server.should_exit
-        thread = threading.Thread(target=work, daemon=True)
-        thread.start()
+        threads = [threading.Thread(target=work, daemon=True)]
+        if session.link:
+            own = (session.link,)
+            threads.append(threading.Thread(target=operate, args=own, daemon=True))
+        for thread in threads:
+            thread.start()
         try:
             with contextlib.suppress(KeyboardInterrupt):  # Raised again when it ended.
                 server.run(sockets=[listening])
         finally:
             ended.set()
-            thread.join()
+            for thread in threads:
+                thread.join()
+
+
+def _operate(session: LabSession, key: str, show: Callable[[str], object]) -> None:
+    """Stops, or with Enter arms again, at a key of the terminal."""
+    assert session.link is not None
+    if key not in "\r\n":
+        session.stop()
+        show("stopped: every elevator turns to neutral; Enter arms again")
+        return
+    session.link.arm()
+    if session.link.is_stopped:
+        show("not armed: another operator stopped it")
+    else:
+        show("armed again")
 
 
 async def _small_text(request: Request) -> str:
@@ -265,14 +356,19 @@ async def _small_text(request: Request) -> str:
 async def _stream(session: LabSession, request: Request) -> AsyncIterator[str]:
     """Sends the view whenever it changes; the browser connects again by itself."""
     sent: tuple[object, ...] = ()
+    said: dict[str, Any] | None = None
     is_ending = request.app.state.is_ending
     while not (is_ending() or await request.is_disconnected()):
         fault = session.launches.fault if session.launches else ""
-        takes = session.watched.is_open, len(session.watched.takes)
+        watched = session.watched
+        takes = watched.is_open, len(watched.takes), id(watched.skipped)
         now = id(session.state), session.doing, session.fault, fault, takes
         if now != sent:
             sent = now
             yield f"data: {json_text(view_of(session), indent=-1)}\n\n"
+        if session.link and (state := session.link.state) != said:
+            said = state
+            yield f"event: station\ndata: {json_text(state, indent=-1)}\n\n"
         await asyncio.sleep(PERIOD)
 
 

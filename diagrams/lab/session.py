@@ -2,13 +2,18 @@
 
 import contextlib
 import dataclasses
+import functools
 import traceback
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 from diagrams.lab.assistant import MapJob, next_map_job
 from diagrams.lab.comparison import Comparison, compare, load_comparison
 from diagrams.lab.folder import Watched, joint_digest
 from diagrams.lab.launches import Launches
+from diagrams.lab.link import StationLink
 from diagrams.lab.state import (
     CORRECTED,
     NOMINAL,
@@ -22,6 +27,7 @@ from diagrams.lab.state import (
 )
 from diagrams.lab.tracing import Job, Worker
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.masks import ExcludedRows
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
@@ -36,6 +42,14 @@ RETRIES = 1
 """Times that a trace is tried again in a session whose process died, or failed."""
 
 
+class _Checks(NamedTuple):
+    """What the checks of a campaign say."""
+
+    campaign: Campaign
+    excluded: tuple[ExcludedRows, ...] | None  #: None where they refuse it.
+    notes: tuple[str, ...]
+
+
 class LabSession:
     """Keeps the answer for a folder up to date; all it knows is in FOLDER/lab too.
 
@@ -46,6 +60,7 @@ class LabSession:
         folder: with campaign.yaml or MAP.yaml, into which throws come.
         progress: is given a line for each thing that is done.
         launches: of a simulated glider, if there is one to launch.
+        link: to the station's bus; None: it is not listened to.
 
     Raises:
         InputError: the folder cannot be used, or another session has it open.
@@ -56,6 +71,7 @@ class LabSession:
         folder: Path,
         progress: Progress = silent,
         launches: Launches | None = None,
+        link: StationLink | None = None,
     ) -> None:
         self.watched, self._progress = Watched(folder), progress
         check_writable(self.watched.kept)
@@ -64,11 +80,18 @@ class LabSession:
         self._file = self.watched.kept / "session.json"
         self.state = _without_faults(load_state(self._file))
         self.report = self.watched.kept / "report"
-        self.launches = launches
-        #: With what they are of.
-        self._rollouts: tuple[tuple[str, bytes], dict[str, RolloutModel]] | None = None
+        self.launches, self.link = launches, link
+        self._campaign: Campaign | None = None  # Of the throws, as they were read.
+        self._settings = b""  # What its campaign.yaml held.
+        self._is_inspected = False
+        self._has_drawn = False  # A throw, so that nothing remains to be compiled.
+        self._looker = ThreadPoolExecutor(1)
+        self._looking: Future[Throw | _Checks | None] | None = None
+        # By name of the model, with what each comes from.
+        self._rollouts: dict[str, tuple[tuple[str, bytes], RolloutModel]] = {}
         self._worker = Worker()
         self.asked_map: str | None = None  #: A map to be checked; "": to propose.
+        self.asked_proposal = False  #: Whether to look again where there is none.
         self.fault = ""  #: Of this program, in the last step; "" for none.
 
     @property
@@ -80,10 +103,22 @@ class LabSession:
     @property
     def doing(self) -> str:
         """What is done in the background; "" for nothing."""
-        if self.launches and self.launches.doing:
-            return self.launches.doing
+        flying = self.launches.doing if self.launches else ""
+        is_first = self._looking and not self._has_drawn
+        compiling = "reading the first throw (compiling once, about a minute)"
         job = self._worker.job
-        return job.words if job else ""
+        words = flying, compiling if is_first else "", job.words if job else ""
+        return "; ".join(filter(None, words))
+
+    def stop(self) -> None:
+        """Turns every servo on the bus to neutral, and ends the launches.
+
+        By any thread, whatever the session works on.
+        """
+        if self.link:
+            self.link.stop()
+        if self.launches:
+            self.launches.stop()
 
     def comparison(self, name: str) -> Comparison | None:
         """A throw beside its predictions; None where there is none."""
@@ -97,17 +132,19 @@ class LabSession:
         """Takes what is new: throws, and answers from the background."""
         rests = self.watched.rests()
         if rests and self.watched.is_new:
-            self.update()
+            self._list()
         if self.launches:
             flies = self.launches.step(self.model_file, len(self.state.throws))
             self._worker.pause(flies)
             traces = traces and not flies
         if answer := self._worker.wait(0.0):
             self._take(answer)
-        if traces and rests and self._worker.job is None and (job := self._next_job()):
+        self._look()
+        is_read = rests and not self.watched.is_new and self._next_look() is None
+        is_free = traces and is_read and self._worker.job is None
+        if is_free and (job := self._next_job()):
             self._worker.start(job)
-            self._progress(self.doing)
-        self._prepare()
+            self._progress(job.words)
 
     def try_step(self) -> bool:
         """As `step`; a fault of this program is shown, and does not end the session."""
@@ -124,27 +161,79 @@ class LabSession:
 
     def update(self) -> None:
         """Reads, checks and flies again whatever is new in the folder, now."""
+        self._list()
+        while self._looking or self._next_look():
+            self._look(waits=True)
+
+    def _list(self) -> None:
+        """Lists the throws that there are, before the first new one is flown again."""
         notes: list[str] = []
         try:
             notes += self.watched.read()
             throws, campaign = self._read(notes)
         except InputError as error:
+            self._campaign = None
             self._change(notes=(*notes, str(error)))
             return
-        self._change(traces=_without_faults(self.state).traces)
-        excluded = self.state.excluded
-        if campaign is not None:
-            try:
-                inspection = inspect(campaign)
-                notes += inspection.warnings
-                excluded = inspection.excluded
-            except InputError as error:
-                notes.append(str(error))
-        self._change(throws=tuple(throws), excluded=excluded, notes=tuple(notes))
-        for k, throw in enumerate(throws):
-            if campaign is not None and throw.is_read and not throw.is_drawn:
-                throws[k] = self._drawn(throw, campaign)
-                self._change(throws=tuple(throws))
+        self._campaign, self._is_inspected = campaign, campaign is None
+        self._settings = self.watched.settings.read_bytes() if campaign else b""
+        traces = _without_faults(self.state).traces
+        self._change(traces=traces, throws=tuple(throws), notes=tuple(notes))
+
+    def _look(self, *, waits: bool = False) -> None:
+        """Has the throws checked and flown again, one after the other, in a thread.
+
+        Whatever this takes, as where code is compiled first, others are listed.
+        """
+        if self._looking and (waits or self._looking.done()):
+            looking, self._looking = self._looking, None
+            self._add(looking.result())
+        look = self._next_look() or (None if waits else self._next_late_look())
+        if look and self._looking is None:
+            self._looking = self._looker.submit(look)
+
+    def _next_look(self) -> Callable[[], Throw | _Checks] | None:
+        """What remains to be found of the throws, the checks of all of them first."""
+        campaign = self._campaign
+        if campaign is None:
+            return None
+        if not self._is_inspected:
+            return functools.partial(_check, campaign)
+        new = [t for t in self.state.throws if t.is_read and not t.is_drawn]
+        return functools.partial(self._drawn, new[0], campaign) if new else None
+
+    def _next_late_look(self) -> Callable[[], Throw | None] | None:
+        """The last throw that came before the first answer, to be flown by it too.
+
+        Where there is none, the corrected model is prepared for the next throw.
+        """
+        campaign = self._campaign
+        if campaign is None or not self.model_file:
+            return None
+        late = [
+            throw
+            for throw in self.state.throws
+            if throw.is_drawn and CORRECTED not in throw.errors and not throw.is_fitted
+        ]
+        if late:
+            return functools.partial(self._drawn, late[-1], campaign)
+        is_known = self._basis(CORRECTED) == self._rollouts.get(CORRECTED, (None,))[0]
+        return None if is_known else functools.partial(self._prepare, campaign)
+
+    def _add(self, found: Throw | _Checks | None) -> None:
+        """Adds what was found of throws, unless they have changed since."""
+        if isinstance(found, Throw):
+            self._has_drawn = True
+            throws = [
+                found if (t.name, t.sha256) == (found.name, found.sha256) else t
+                for t in self.state.throws
+            ]
+            self._change(throws=tuple(throws))
+        elif found is not None and found.campaign is self._campaign:
+            self._is_inspected = True
+            excluded = self.state.excluded if found.excluded is None else found.excluded
+            notes = self.state.notes + found.notes
+            self._change(excluded=excluded, notes=notes)
 
     def finish(self) -> None:
         """Reads what is there and waits until it is traced."""
@@ -162,7 +251,8 @@ class LabSession:
     def close(self) -> None:
         """Ends what runs in the background, and lets another have the folder."""
         if self.launches:
-            self.launches.stop()
+            self.launches.close()
+        self._looker.shutdown()
         self._worker.close()
         self._lock.close()
 
@@ -218,43 +308,28 @@ class LabSession:
     def _rollouts_of(
         self, campaign: Campaign, models: dict[str, GliderModel]
     ) -> dict[str, RolloutModel]:
-        """The models with what the flights have in common: once for each trace.
+        """The models with what the flights have in common.
 
-        One throw more changes that too little to make people wait for it.
+        The corrected model's are found once for each trace, as one throw more changes
+        them too little to make people wait, and the nominal model's do not depend on
+        traces, so that none changes its errors.
         """
-        if self._rollouts is None or self._rollouts[0] != self._basis:
-            varies = CORRECTED in models
-            found = rollout_models(campaign, models, varies=varies) if models else {}
-            self._rollouts = self._basis, found
-        return self._rollouts[1]
+        for name, model in models.items():
+            basis = self._basis(name)
+            if name not in self._rollouts or self._rollouts[name][0] != basis:
+                varies = name == CORRECTED
+                found = rollout_models(campaign, {name: model}, varies=varies)
+                self._rollouts[name] = basis, found[name]
+        return {name: self._rollouts[name][1] for name in models}
 
-    @property
-    def _basis(self) -> tuple[str, bytes]:
-        """What the models come from: the last answer, and campaign.yaml."""
-        answer = self.state.answer
-        return answer.sha256 if answer else "", self.watched.settings.read_bytes()
+    def _basis(self, name: str) -> tuple[str, bytes]:
+        """What a model comes from: the last answer, and campaign.yaml."""
+        answer = self.state.answer if name == CORRECTED else None
+        return answer.sha256 if answer else "", self._settings
 
-    def _prepare(self) -> None:
-        """Does what the next throw needs; flies one throw again by a first answer."""
-        if not self.model_file or not self.watched.settings.is_file():
-            return
-        throws, campaign = list(self.state.throws), None
-        late = [
-            k
-            for k, throw in enumerate(throws)
-            if throw.is_drawn and CORRECTED not in throw.errors and not throw.is_fitted
-        ]
-        is_known = self._rollouts is not None and self._rollouts[0] == self._basis
-        if late or not is_known:
-            folder = self.watched.campaign
-            try:
-                campaign = load_campaign(folder, flights=self.state.flights)
-            except InputError:  # It has changed since; `update` says how.
-                return
-            self._rollouts_of(campaign, self._models(campaign))
-        if late and campaign:
-            throws[late[-1]] = self._drawn(throws[late[-1]], campaign)
-            self._change(throws=tuple(throws))
+    def _prepare(self, campaign: Campaign) -> None:
+        """Does what the next throw needs."""
+        self._rollouts_of(campaign, self._models(campaign))
 
     def _next_job(self, *, proposes: bool = True) -> Job | MapJob | None:
         """What remains: a map to be checked, throws to be traced, then a proposal."""
@@ -279,7 +354,9 @@ class LabSession:
         if last.refusal or not proposes:
             return None
         path, limits, done = self.watched.path, self.watched.limits, state.proposal
-        if done and (done.sha256, done.limits) == (digest, limits):
+        again, self.asked_proposal = self.asked_proposal, False
+        is_done = done and (done.sha256, done.limits) == (digest, limits)
+        if is_done and not (again and done.is_refused):
             return None
         return dataclasses.replace(trace, proposes=True, session=path, limits=limits)
 
@@ -299,6 +376,15 @@ class LabSession:
         if state != self.state:
             save_state(state, self._file)
             self.state = state
+
+
+def _check(campaign: Campaign) -> _Checks:
+    """Checks all throws together."""
+    try:
+        inspection = inspect(campaign)
+    except InputError as error:
+        return _Checks(campaign, None, (str(error),))
+    return _Checks(campaign, inspection.excluded, tuple(inspection.warnings))
 
 
 def _without_faults(state: State) -> State:

@@ -19,6 +19,9 @@ class Throw:
 
     name: str  #: Of its file in the campaign.
     sha256: str  #: Of this file and campaign.yaml: another content is another throw.
+    take: str = ""  #: File of other software that it was cut out of; "" for none.
+    flown: str = ""  #: When, as the station recorded it (ISO 8601); "": not known.
+    written: str = ""  #: When its file, or that of its take, was written.
     fault: str = ""  #: Why it cannot be read, or why the station stopped it.
     is_read: bool = True  #: Whether it is a flight of the campaign.
     #: By the station's record, where there is one: NOMINAL or CORRECTED, the model that
@@ -66,6 +69,7 @@ class Proposal:
     throws: tuple[str, ...] = ()  #: Each launch in words.
     sha256: str = ""  #: Of the contents of the flights.
     limits: str = ""  #: Text of limits.yaml, if there was one.
+    is_refused: bool = False  #: Whether there is none; `sentences` has the reason.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -77,7 +81,10 @@ class Draft:
     is_proposed: bool = False  #: Whether no person has corrected or checked it.
     flights: int = 0  #: That were found in them; their picture is there if any.
     refusal: str = ""  #: Why it cannot be.
-    warnings: tuple[str, ...] = ()  #: What the flights do not show.
+    warnings: tuple[
+        str, ...
+    ] = ()  #: Doubts, and takes that were skipped.
+    columns: tuple[str, ...] = ()  #: Names of the takes' columns.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from diagrams.lab.assistant import MapJob
 from diagrams.lab.folder import joint_digest, limits_of, throw_digests
 from diagrams.lab.state import Draft, Proposal, Trace, trace_of
+from diagrams.station.processes import end_with
 from glider.errors import InputError
 from glider.report.wording import counted
 
@@ -50,7 +51,15 @@ class Job:
             return self._propose() if self.proposes else self._trace()
         except InputError as error:
             why = str(error).removeprefix(f"{self.folder}: ")
+            why = f"{self.failure}: {why}" if self.proposes else why
             return self.refused(why, is_fault=not self._is_there)
+
+    @property
+    def failure(self) -> str:
+        """The beginning of a sentence about why it was not done."""
+        if self.proposes:
+            return "The next throw could not be found"
+        return "The throws could not be traced"
 
     @property
     def _is_there(self) -> bool:
@@ -64,7 +73,7 @@ class Job:
     def refused(self, why: str, *, is_fault: bool = False) -> Trace | Proposal:
         """The answer where there is none."""
         if self.proposes:
-            return self._proposal((why,))
+            return dataclasses.replace(self._proposal((why,)), is_refused=True)
         return Trace(
             flights=self.flights, sha256=self.sha256, refusal=why, is_fault=is_fault
         )
@@ -87,14 +96,25 @@ class Job:
     def _propose(self) -> Proposal:
         from glider.experiments.explanations import load_findings
         from glider.experiments.proposal import next_throw
-        from glider.report.next_throw import sentences, throw_words, write_proposal
+        from glider.report.next_throw import (
+            is_done,
+            sentences,
+            throw_words,
+            write_proposal,
+        )
 
         limits = limits_of(self.session) if self.session else None
         findings = load_findings(self.out)
         found = next_throw(self.folder, findings, launches=1, limits=limits)
         write_proposal(found, self.out / "next_throw")
         words = [throw_words(found, k + 1) for k in range(len(found.throws))]
-        return self._proposal(sentences(found), words)
+        advice = (
+            "Another throw would teach nothing more: plan again with the corrected "
+            "model."
+            if is_done(found)
+            else "Another throw would teach more. The most informative one:"
+        )
+        return self._proposal((advice, *sentences(found)), words)
 
     def _proposal(self, why: Iterable[str], throws: Iterable[str] = ()) -> Proposal:
         return Proposal(
@@ -123,7 +143,7 @@ class Worker:
         if self._process is None or not self._process.is_alive():
             context = multiprocessing.get_context("spawn")
             self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=_serve, args=(theirs,))
+            self._process = context.Process(target=_serve, args=(theirs, os.getpid()))
             self._process.start()
             theirs.close()
         assert self._pipe is not None
@@ -140,7 +160,8 @@ class Worker:
             return self._pipe.recv()
         except (EOFError, OSError):  # Reset where it was killed.
             self.close()
-            return job.refused("The process that traces died.", is_fault=True)
+            why = "the process that works on it died"
+            return job.refused(f"{job.failure}: {why}.", is_fault=True)
 
     def pause(self, is_paused: bool) -> None:
         """Stops the process in the midst of its job while something flies."""
@@ -162,8 +183,9 @@ class Worker:
         self._process = self._pipe = self.job = None
 
 
-def _serve(pipe: Connection) -> None:
-    """Does job after job until the pipe is closed."""
+def _serve(pipe: Connection, parent: int) -> None:
+    """Does job after job until the pipe is closed, or the session's process ends."""
+    end_with(parent)  # Also while it is paused.
     os.nice(NICENESS)
     while True:
         try:
@@ -176,4 +198,5 @@ def _serve(pipe: Connection) -> None:
             return
         except Exception as error:  # A fault of ours must not end a session.
             traceback.print_exc()
-            pipe.send(job.refused(f"Tracing failed: {error!r}.", is_fault=True))
+            why = f"this program has a fault ({type(error).__name__}: {error})"
+            pipe.send(job.refused(f"{job.failure}: {why}.", is_fault=True))

@@ -47,6 +47,8 @@ def add_arguments(parser: CommandParser) -> None:
     words = "simulated glider: a model file, or a name in models/truths"
     parser.add_argument("--simulate", metavar="TRUTH", help=words)
     parser.add_path("--scenario", "YAML", "sensors, servo, limits, bus (default: ours)")
+    words = "address of the bus, for LCM (default: the scenario's)"
+    parser.add_argument("--bus", metavar="ADDRESS", help=words)
     parser.add_path("--model", "YAML", "model to plan with (default: the nominal one)")
     words = "fly these of a proposed throw (glider next-throw) without feedback"
     parser.add_path("--commands", "CSV", words)
@@ -75,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.commands.output import working
 
     scenario = load_scenario(args.scenario) if args.scenario else Scenario()
-    changed = {"controller": args.controller}
+    changed = {"controller": args.controller, "bus": args.bus}
     for name in ("model", "commands"):
         changed[name] = getattr(args, name) and str(getattr(args, name))
     changed = {name: value for name, value in changed.items() if value is not None}

@@ -1,7 +1,16 @@
-"""This process: its share of the processor, and its end."""
+"""This process: its share of the processor, and its end.
 
+    python -m diagrams.station.processes PID lab out/session
+
+runs `glider lab out/session` until it is done, or until the process PID, which must be
+the one that started it, is gone.
+"""
+
+import ctypes
 import os
+import runpy
 import signal
+import sys
 from types import FrameType
 from typing import Self
 
@@ -49,3 +58,31 @@ def hasten() -> bool:
     except (AttributeError, OSError):
         return False
     return True
+
+
+_PDEATHSIG = 1
+"""Linux's number of the option of prctl that names the signal of `end_with`."""
+
+
+def end_with(parent: int, by: signal.Signals = signal.SIGKILL) -> None:
+    """Has Linux send us a signal when our parent ends, even by kill -9.
+
+    A process that is stopped cannot ask whether its parent still runs; this signal ends
+    it too. Linux counts the end of the thread that started us as that of our parent.
+
+    Args:
+        parent: its process, as it gave it to us: one that ended before this call has
+            another in its place already, and we are sent the signal at once.
+        by: the signal.
+    """
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is not None:  # On Linux.
+        prctl(_PDEATHSIG, int(by), 0, 0, 0)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), by)
+
+
+if __name__ == "__main__":
+    end_with(int(sys.argv[1]), signal.SIGTERM)
+    sys.argv = ["glider", *sys.argv[2:]]
+    runpy.run_module("glider", run_name="__main__", alter_sys=True)

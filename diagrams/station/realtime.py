@@ -21,8 +21,12 @@ KEYS = "space or any key stops, Enter arms again, Ctrl-C ends"
 
 @contextlib.contextmanager
 def keyboard() -> Iterator[Callable[[], str]]:
-    """Yields what reads the keys pressed, "" for none; only on a terminal."""
-    if not sys.stdin.isatty():
+    """Yields what reads the keys pressed, "" for none; only on a terminal of ours.
+
+    One of which this is a program in the background would stop us for asking.
+    """
+    own = sys.stdin.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    if not own:
         yield lambda: ""
         return
     import termios
@@ -84,7 +88,7 @@ def simulated_glider(scenario: Scenario) -> Iterator[Callable[[], bool]]:
         file = Path(folder, "scenario.yaml")
         file.write_text(schema.yaml_text(scenario), encoding="utf-8")
         program = [sys.executable, "-m", "diagrams.station.simulated", str(file)]
-        process = subprocess.Popen(program)
+        process = subprocess.Popen([*program, f"--parent={os.getpid()}"])
         try:
             yield lambda: process.poll() is None
         finally:

@@ -1,6 +1,7 @@
 """Which poses are possible, and why the station stops trusting the others."""
 
 import math
+import re
 
 import numpy as np
 
@@ -22,6 +23,35 @@ LOST = 3
 SLACK = 0.15
 """Angle by which a measured elevator may exceed its travel, or what its servo's rate
 allows [rad]: a wrong zero, a horn that bends, and noise."""
+
+
+PATIENCE = 2.0
+"""Time of waiting for one reason after which the operator is shown it [s]."""
+
+_NUMBERS = re.compile(r"[-+\d.]+")
+
+
+class WaitReasons:
+    """Tells when the operator is to be shown why the station waits.
+
+    A reason is shown once it has lasted for PATIENCE, and again only if it was away for
+    as long: poses that are refused for two reasons by turns show each of them once.
+    Reasons that differ in their numbers are the same.
+    """
+
+    def __init__(self) -> None:
+        # When each began and held last [s], and whether it was shown.
+        self._known: dict[str, tuple[float, float, bool]] = {}
+
+    def is_to_be_shown(self, reason: str, now: float) -> bool:
+        """Takes the reason that holds now [s]; returns whether to show it."""
+        kind = _NUMBERS.sub("", reason)
+        began, last, was_shown = self._known.get(kind, (now, now, False))
+        if now > last + PATIENCE:
+            began, was_shown = now, False
+        is_due = not was_shown and now >= began + PATIENCE
+        self._known[kind] = began, now, was_shown or is_due
+        return is_due
 
 
 class PoseCheck:

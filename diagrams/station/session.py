@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import datetime
 import functools
 import importlib.metadata
 import platform
@@ -18,7 +19,7 @@ from glider.errors import InputError
 from glider.errors import show as show_value
 from glider.files import schema
 from glider.files.lock import FolderLock
-from glider.files.writing import replace_file
+from glider.files.writing import replace_file, write_text
 from glider.physics.model import model_text
 
 _SAME = (
@@ -86,6 +87,8 @@ class Session:
                     )
         else:
             save_campaign(folder, campaign)
+            text = f"# Begun {_now()}.\n{file.read_text(encoding='utf-8')}"
+            write_text(file, text)
         self._lock = FolderLock(folder / ".station", folder, "station")
         for reserve in folder.glob(RESERVES):
             reserve.unlink()
@@ -141,7 +144,8 @@ class Session:
         names = [file.stem.partition("_")[2] for file in files]
         numbers = [int(name) for name in names if name.isdecimal()]
         number = max(numbers, default=0) + 1
-        return ThrowLog(self.folder / f"throw_{number:03d}.mcap", self._facts)
+        facts = self._facts | {"begun": _now()}
+        return ThrowLog(self.folder / f"throw_{number:03d}.mcap", facts)
 
     def save(self, record: Path) -> Path | None:
         """Writes the flight of a record; None where there is too little of one."""
@@ -156,6 +160,11 @@ class Session:
 
 def _flight_name(record: Path) -> str:
     return record.with_suffix(".csv").name.replace("throw", "flight")
+
+
+def _now() -> str:
+    """The time of day, with its date and time zone."""
+    return datetime.datetime.now().astimezone().isoformat("T", "seconds")
 
 
 def _versions() -> dict[str, str]:

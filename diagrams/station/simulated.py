@@ -28,7 +28,7 @@ from diagrams.station.bus import (
     STATUS,
     Bus,
 )
-from diagrams.station.processes import hasten
+from diagrams.station.processes import end_with, hasten
 from diagrams.station.scenario import Fault, Scenario, Simulation, load_scenario
 from diagrams.station.wire import Wire
 from glider.campaign.motion_capture import MotionCapture
@@ -262,15 +262,19 @@ class SimulatedGlider:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs a simulated glider until it is ended, or orphaned."""
+    """Runs a simulated glider until it is ended."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenario", type=Path, help="scenario with a simulation")
+    words = "process that it ends with (default: none)"
+    parser.add_argument("--parent", type=int, metavar="PID", help=words)
     args = parser.parse_args(arguments)
+    if args.parent is not None:
+        end_with(args.parent)
     scenario = load_scenario(args.scenario)
-    bus, parent = Bus(scenario.address), os.getppid()
+    bus = Bus(scenario.address)
     glider = SimulatedGlider(scenario, bus, time.monotonic())
     hasten()
-    while os.getppid() == parent:
+    while args.parent in (None, os.getppid()):
         now = time.monotonic()
         bus.handle()  # Of what was sent until now all comes before it moves on.
         bus.rest_until(glider.advance(now))

@@ -29,7 +29,7 @@ from diagrams.station.clocks import CameraClock
 from diagrams.station.controllers import Guidance
 from diagrams.station.operators import ARM, KILL, REPEAT
 from diagrams.station.recorder import Recorder
-from diagrams.station.safety import Watch
+from diagrams.station.safety import WaitReasons, Watch
 from diagrams.station.scenario import Scenario
 from diagrams.station.sender import Sender
 from diagrams.station.session import Session
@@ -45,9 +45,6 @@ STATUS_PERIOD = REPEAT
 
 RETRY = 1.0
 """Time after which a record is tried again [s]."""
-
-PATIENCE = 2.0
-"""Time of waiting after which the operator is shown why [s]."""
 
 NEAR = 0.5
 """Distance within which a pass of the wire ends a flight [m]."""
@@ -93,8 +90,8 @@ class Station:
         self._throw = Throw(guidance.problem)
         self._handled = self._received = -math.inf  # Of the last usable pose.
         self._status = self._retry = -math.inf
-        self._since = clock()  # When this state began.
-        self._is_hinted = self._passed = False
+        self._waits = WaitReasons()
+        self._passed = False
         self._warm_up()
         bus.listen(POSE, self.on_pose)
         bus.listen(COMMAND, self.on_command)
@@ -196,7 +193,9 @@ class Station:
                 self._stop(fault)
             elif self.state != STOPPED:
                 self._enter(WAITING, fault)
-        elif self.state == WAITING and self._release.rests and now > self._retry:
+        elif self.state == WAITING and not self._release.rests:
+            self._enter(WAITING, "the glider does not rest")
+        elif self.state == WAITING and now > self._retry:
             self._make_ready()
         if self.state == FLYING:
             if now >= sender.due - self.guidance.lead:
@@ -208,9 +207,7 @@ class Station:
             self._finish()
         if now > self._status + STATUS_PERIOD:
             self._send_status()
-        is_long = self.state == WAITING and now > self._since + PATIENCE
-        if is_long and not self._is_hinted:
-            self._is_hinted = True
+        if self.state == WAITING and self._waits.is_to_be_shown(self.reason, now):
             self._show(f"waiting: {self.reason}")
         self._recorder.write()
         if self._recorder.fault and self.state == FLYING:
@@ -321,7 +318,9 @@ class Station:
         now, is_new = self._clock(), state != self.state
         self.state, self.reason = state, reason
         if is_new:
-            self._since, self._is_hinted = now, False
+            self._waits = WaitReasons()
+        if state == READY and is_new and self.scenario.simulation is None:
+            self._show("ready: throw now")
         if is_new or now > self._status + STATUS_PERIOD:
             self._recorder.add("/event", now, state=state, reason=reason)
             self._send_status()

@@ -1,5 +1,6 @@
 """One throw, as the station saw it."""
 
+import datetime
 import math
 from pathlib import Path
 
@@ -25,6 +26,8 @@ class Throw:
         self.late = 0  #: Number of commands that missed their deadline.
         self.reason = ""  #: Why it was stopped; "": it was not.
         self.stopped = math.nan  #: When, by the plan's time [s].
+        #: When it began, by the calendar.
+        self.flown = datetime.datetime.now().astimezone()
         self.file: Path | None = None  #: Of the flight; None: too short for one.
 
     def add_state(self, time: float, state: np.ndarray) -> None:
@@ -61,6 +64,7 @@ class Throw:
             "commands": len(self.latencies),
             "late": self.late,
             "latency_s": self.latencies,
+            "flown": self.flown.isoformat("T", "milliseconds"),
         }
 
     def describe(self) -> str:
@@ -72,9 +76,9 @@ class Throw:
         if self.reason:
             text = f"stopped at {self.stopped:.2f} s: {self.reason}"
         if self.latencies:
-            median, most = 1e3 * np.percentile(self.latencies, [50.0, 99.9])
+            median, most = 1e3 * np.median(self.latencies), 1e3 * max(self.latencies)
             text += (
-                f"; pose to command {median:.1f} ms (median), {most:.1f} ms (99.9 %); "
+                f"; pose to command {median:.1f} ms (median), {most:.1f} ms (largest); "
                 f"{self.late} of {len(self.latencies)} deadlines missed"
             )
         return text

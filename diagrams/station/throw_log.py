@@ -7,6 +7,7 @@ close-the-loop reads, is computed from it.
 
 import errno
 import os
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -94,6 +95,7 @@ class ThrowLog:
     def __init__(self, path: Path, facts: Mapping[str, str]) -> None:
         self.path = path
         self._file = _Appended(path)
+        self._epoch: float | None = None  # When our clock was zero, since 1970 [s].
         # Without chunks a message is in the file as soon as it is written.
         self._writer = Writer(
             self._file,  # type: ignore[arg-type]
@@ -109,8 +111,13 @@ class ThrowLog:
         }
 
     def add(self, topic: str, when: float, **values: object) -> None:
-        """Appends a message of a time by our clock [s]."""
-        stamp = max(int(1e9 * when), 0)
+        """Appends a message of a time by our clock [s], now or just before.
+
+        Its time in the file is that of the calendar, for programs that show both.
+        """
+        if self._epoch is None:
+            self._epoch = time.time() - when
+        stamp = max(int(1e9 * (when + self._epoch)), 0)
         self._writer.add_message(self._channels[topic], stamp, _encode(values), stamp)
 
     def close(self) -> None:

@@ -124,8 +124,9 @@ def rollout_models(
     Args:
         campaign: with the flights.
         models: by name, at least one; flights vary about the last one.
-        varies: whether flights vary by more than their launches. What all models lack
-            would be taken for such a variation.
+        varies: whether flights vary by more than their launches, as the models fit
+            them. What a model lacks is taken for such a variation, too: without it a
+            model's errors do not depend on what the other models know.
     """
     *_, last = models.values()
     some = typical_flights(campaign.flights)
@@ -137,6 +138,9 @@ def rollout_models(
         fitted, cost, _ = fit_scales(flights, scales)
         scales = fitted if np.isfinite(cost) else scales  # A model may diverge.
     has_trims = make_vehicle(campaign).per_flight_trims
+    if not varies:
+        scales = scales.without("wind", "pitch_zero", "memory")
+        scales = scales if has_trims else scales.without("trim")
     return {
         name: RolloutModel(
             theta=theta_of(model),

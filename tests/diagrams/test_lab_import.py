@@ -1,14 +1,16 @@
 """The import assistant: takes that are dropped on the page, and a map for them."""
 
+import copy
 import dataclasses
 import math
 
 import numpy as np
 import pytest
+import yaml
 from starlette.testclient import TestClient
 
 import diagrams.lab.assistant as assistant
-from diagrams.lab.assistant import MapJob, next_map_job
+from diagrams.lab.assistant import MapJob, map_fields, next_map_job, with_map_field
 from diagrams.lab.gate import Address
 from diagrams.lab.server import LONGEST_MAP, make_app
 from diagrams.lab.session import LabSession
@@ -97,11 +99,115 @@ def test_dropped_takes_become_throws_by_a_map_that_is_corrected(client, session)
     assert len(session.state.throws) == 4
     (session.watched.path / "take 0.csv").unlink()
     session.update()
-    assert len(session.state.throws) == 3, session.state.notes
+    names = ["flight_take 1.csv", "flight_take 2.csv", "flight_take 3.csv"]
+    assert [throw.name for throw in session.state.throws] == names
     flight = load_campaign(session.watched.campaign).flights[0]
     speed = np.gradient(flight.pose[:, 0], flight.time).mean()
     assert speed == pytest.approx(6.0, abs=0.01)
     assert flight.pose[0, 2] == pytest.approx(-math.radians(5.0), abs=0.01)
+
+
+GOOD = """\
+columns: {time: time, x: x_mm, z: down_mm, pitch: pitch_deg}
+units: {length: mm, angle: deg}  # of Motive
+frame: {up: -z, pitch: nose_up}
+vehicle: {elevator: fixed_per_flight}
+"""
+
+
+def test_takes_that_cannot_be_read_hold_up_no_other(client, session):
+    folder = session.watched.path
+    (folder / "MAP.yaml").write_text(GOOD)
+    for number in range(3):
+        (folder / f"wurf_{number}.csv").write_text(make_take(number))
+    (folder / "notes.txt").write_text("the second was thrown by Ann\n")
+    (folder / "empty.csv").write_text("")
+    (folder / "wurf_1 (2).csv").write_text(make_take(1))  # The same again.
+    session.update()
+    throws = session.state.throws
+    assert len(throws) == 3 and all(throw.is_drawn for throw in throws)
+    skipped = session.watched.skipped
+    assert set(skipped) == {"notes.txt", "empty.csv", "wurf_1 (2).csv"} or (
+        set(skipped) == {"notes.txt", "empty.csv", "wurf_1.csv"}
+    )
+    assert skipped["notes.txt"].startswith("notes.txt: ")
+    assert client.post("/takes/none.csv/remove").status_code == 400
+    assert client.post("/takes/..%2FMAP.yaml/remove").status_code in (400, 404)
+    for name in skipped:
+        assert client.post(f"/takes/{name}/remove").status_code == 200
+        assert (session.watched.kept / "removed" / name).exists()
+    session.update()
+    assert session.watched.skipped == {}
+    assert len(session.state.throws) == 3
+
+
+def test_a_map_that_no_take_fits_skips_none(session):
+    folder = session.watched.path
+    (folder / "MAP.yaml").write_text(GOOD.replace("x_mm", "nothing"))
+    for number in range(3):
+        (folder / f"wurf_{number}.csv").write_text(make_take(number))
+    session.update()
+    assert session.state.throws == () and session.watched.skipped == {}
+    assert any("nothing" in note for note in session.state.notes)
+
+
+def test_a_throw_keeps_the_name_of_its_take(session):
+    folder = session.watched.path
+    (folder / "MAP.yaml").write_text(GOOD)
+    for number in range(4):
+        (folder / f"wurf_{number}.csv").write_text(make_take(number))
+    session.update()
+    first = session.state.throws
+    assert [t.name for t in first] == [f"flight_wurf_{k}.csv" for k in range(4)]
+    assert [t.take for t in first] == [f"wurf_{k}.csv" for k in range(4)]
+    assert all(t.written and not t.flown for t in first)
+    (folder / "wurf_1.csv").unlink()
+    (folder / "wurf_2.csv").rename(folder / "zuletzt.csv")
+    session.update()
+    names = [f"flight_{name}.csv" for name in ("wurf_0", "wurf_3", "zuletzt")]
+    assert [t.name for t in session.state.throws] == names
+    # What did not change was not flown again.
+    assert session.state.throws[0] == first[0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD,
+        "columns:\n  x: x_mm\n  z: down_mm\nframe:  # by hand\n  up: x  # a guess\n",
+        "columns: {x: x_mm}\nframe: NED\n",
+        "columns: {x: x_mm}\n",
+        "frame: {up: z,\n  pitch: nose_up}\ncolumns:\n    x: x_mm\n",
+    ],
+)
+def test_a_choice_changes_one_field_of_a_map_however_it_is_written(text):
+    before = yaml.safe_load(text)
+    if isinstance(before.get("frame"), str):
+        before["frame"] = {"axes": before["frame"]}
+    for section, name, value in (
+        *(("frame", "up", "-y"), ("units", "time", "ms"), ("columns", "x", "x: #1")),
+        ("", "clock", "find"),
+    ):
+        changed = with_map_field(text, section, name, value)
+        expected = copy.deepcopy(before)
+        (expected.setdefault(section, {}) if section else expected)[name] = value
+        assert yaml.safe_load(changed) == expected
+        assert map_fields(changed)[section][name] == value
+        gone = yaml.safe_load(with_map_field(changed, section, name, ""))
+        assert name not in (gone.get(section) or {} if section else gone)
+    if "# by hand" in text:
+        kept = with_map_field(text, "frame", "up", "z")
+        assert kept == text.replace("up: x  # a guess", 'up: "z"')
+
+
+def test_a_proposal_that_fails_leaves_what_was_found(tmp_path):
+    time = np.arange(60) / 100.0
+    rows = [f"{t:.3f},{6.0 * t:.4f},{t:.4f},0.1,9.9" for t in time]
+    header = "time,x,z,pitch,elevator"
+    (tmp_path / "a.csv").write_text("\n".join([header, *rows, ""]))
+    draft = MapJob(folder=tmp_path, out=tmp_path / "out", takes=("a.csv",)).run()
+    assert draft.refusal and set(draft.columns) == set(header.split(","))
+    assert map_fields(draft.text)["columns"]["pitch"] == "pitch"
 
 
 def test_more_takes_make_another_proposal_unless_a_person_has_corrected_it(session):

@@ -1,10 +1,14 @@
 """The station with a simulated glider, by turns in one process: throws and logs."""
 
 import dataclasses
+import datetime
 import gc
+import time
 
 import numpy as np
 import pytest
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 
 from diagrams.station.autopilot import Autopilot
 from diagrams.station.scenario import (
@@ -138,7 +142,19 @@ def test_a_record_holds_all_that_is_needed_to_repeat_a_throw(tmp_path, nominal):
     lab = Lockstep(tmp_path / "s", Simulation(truth=nominal))
     lab.fly()
     facts, topics = read_throw(tmp_path / "s" / "throw_001.mcap")
-    assert {"scenario", "model", "truth", "plan", "versions"} == set(facts)
+    assert {"scenario", "model", "truth", "plan", "versions", "begun"} == set(facts)
+    # Its times are of the calendar, as a video's and a lab book's are.
+    age = time.time() - datetime.datetime.fromisoformat(facts["begun"]).timestamp()
+    assert 0.0 <= age < 60.0
+    flown = datetime.datetime.fromisoformat(topics["/event"][-1]["flown"])
+    assert flown.tzinfo and abs(time.time() - flown.timestamp()) < 60.0
+    with (tmp_path / "s" / "throw_001.mcap").open("rb") as stream:
+        records = list(StreamReader(stream).records)
+    logged = [m.log_time for m in records if isinstance(m, Message)]
+    assert all(abs(time.time() - 1e-9 * stamp) < 60.0 for stamp in logged)
+    relative = [p["received"] for p in topics["/pose"]]
+    assert max(logged) - min(logged) >= 0.9e9 * (relative[-1] - relative[0])
+    assert "# Begun 2" in (tmp_path / "s" / "campaign.yaml").read_text()
     assert (
         schema.convert(schema.parse_yaml(facts["scenario"], "s"), Scenario, "s")
         == lab.scenario

@@ -28,7 +28,7 @@ from diagrams.station.bus import (
     free_address,
 )
 from diagrams.station.drivers import servo_board
-from diagrams.station.drivers.natnet import joined, parse_frame, publish
+from diagrams.station.drivers.natnet import joined, parse_frame, publish, receive
 from diagrams.station.drivers.poses import PosePublisher, Room
 from diagrams.station.drivers.servo_board import ServoBoard
 from diagrams.station.wire import Wire
@@ -254,6 +254,27 @@ def test_a_serial_line_without_its_library_names_the_extra(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["servo_board", "--serial", "/dev/ttyACM0"])
     assert run(servo_board.main) == 2
     assert "pip install 'drake-glider[lab]'" in capsys.readouterr().err
+
+
+def test_a_wrong_version_and_a_missing_body_are_said_once(capsys):
+    class Camera:
+        """A socket with a few packets."""
+
+        def __init__(self, packets):
+            self.packets = iter(packets)
+
+        def recv(self, size):
+            return next(self.packets)
+
+    packets, _, _ = capture((4, 1))
+    for version, body, words in (
+        ((3, 1), 1, "--version"),
+        ((4, 1), 2, "there are: 1, 5"),
+    ):
+        with pytest.raises(StopIteration):
+            receive(Camera(packets), version, PosePublisher("memq://", ROOM), body, 5)
+        [line] = capsys.readouterr().err.splitlines()
+        assert words in line
 
 
 def pseudo_terminal():

@@ -499,3 +499,43 @@ def test_nonsense_on_the_bus_is_no_fault(make_lab):
     assert lab.run(lambda: len(lab.station.throws) == 1)
     assert lab.station.throws[0].perched, lab.lines
     assert lab.station_bus.refused == 18
+
+
+def waits(lab):
+    """The lines that show why the station waits."""
+    return [line for line in lab.lines if line.startswith("waiting: ")]
+
+
+def test_each_reason_for_waiting_is_shown_once_it_has_lasted(make_lab, monkeypatch):
+    lab = make_lab()
+    lab.glider_bus.is_in = False
+    lab.run(lambda: False, 4.0)
+    assert waits(lab) == ["waiting: no usable pose yet"]
+    for frame in range(1200):  # Far away, for 10 s; some frames are lost.
+        now = lab.now = lab.now + 1.0 / 120.0
+        x = 100.0 + 0.01 * frame if frame % 50 else np.nan
+        lab.bus.say(POSE, now, (float(frame), x, 0.0, 0.0, 0.0), POSE_FIELDS)
+        lab.bus.handle()
+        lab.station.tick()
+    _, *others = waits(lab)
+    assert len(others) == 2 and "outside the room" in others[0]
+    assert "no number" in others[1]
+    Disk(monkeypatch, 1000)
+    lab.glider_bus.is_in = True
+    lab.start_glider()
+    lab.run(lambda: False, 4.0)
+    assert waits(lab)[3:] == [
+        "waiting: no record can be written: No space left on device"
+    ]
+
+
+def test_a_glider_that_moves_in_the_hand_is_why_the_station_waits(make_lab):
+    lab = make_lab()
+    for frame in range(400):
+        now = lab.now = lab.now + 1.0 / 120.0
+        x, z = -4.0 + 0.3 * np.cos(5.0 * now), 0.3 * np.sin(5.0 * now)
+        pose = (float(frame), x, z, 0.0, 0.0)
+        lab.bus.say(POSE, now, pose, POSE_FIELDS)
+        lab.bus.handle()
+        lab.station.tick()
+    assert waits(lab) == ["waiting: the glider does not rest"]

@@ -54,6 +54,7 @@ async function showThrow(row) {
   byId("throw-title").textContent = `Throw ${stem(row.name)}, measured${errors.length ? " and predicted" : ""}`;
   const fitted = row.is_fitted && isNumber(row.errors.corrected) ? " (fitted to this throw too)" : "";
   byId("throw-words").textContent = [
+    row.take ? `Of ${row.take}` : "",
     capital([endOf(row), row.fault].filter(Boolean).join("; ")),
     errors.length ? `Error of the predicted position, RMS: ${errors.join(", ")}${fitted}` : "",
   ].filter(Boolean).map((text) => `${text}.`).join(" ");
@@ -84,6 +85,12 @@ function showReplay() {
   if (!frame.hidden && frame.getAttribute("src") !== address) frame.setAttribute("src", address);
 }
 byId("replay").addEventListener("toggle", showReplay);
+
+/** When a throw was flown, as far as its files say. */
+function timeOf(row) {
+  const shown = (time) => time.slice(0, 19).replace("T", " ");
+  return row.flown ? shown(row.flown) : row.written ? `file of ${shown(row.written)}` : "";
+}
 
 /** Where a throw ended, in words. */
 function endOf(row) {
@@ -118,13 +125,13 @@ function showThrows({ throws, excluded }) {
   byId("all").hidden = !throws.length;
   const common = commonReasons(excluded, throws.length);
   const rows = [...throws].reverse().map((row) => {
-    const name = make("button", stem(row.name), { type: "button" });
+    const name = make("button", stem(row.name), { type: "button", title: row.take && `of ${row.take}` });
     name.disabled = !row.is_drawn;
     name.addEventListener("click", () => {
       showThrow(row);
       byId("throw").scrollIntoView({ behavior: "smooth" });
     });
-    const cells = [["plan", row.planned], ["result", endOf(row), row.perched ? "yes" : ""],
+    const cells = [["time", timeOf(row), "soft"], ["plan", row.planned], ["result", endOf(row), row.perched ? "yes" : ""],
       ["nominal", millimetres(row.errors.nominal), "number"],
       ["corrected", millimetres(row.errors.corrected), "number"],
       ["excluded", exclusions(row, excluded, common), "soft"]];
@@ -144,7 +151,7 @@ function tile(value, label, kind = "") {
 function showAnswer(view, answer) {
   const { state } = view, last = state.traces[state.traces.length - 1];
   const readable = state.throws.filter((row) => row.is_read).length;
-  byId("headline").textContent = answer ? answer.headline : last ? `Not traced: ${last.refusal}`
+  byId("headline").textContent = answer ? answer.headline : last ? (last.is_fault ? last.refusal : `Not traced: ${last.refusal}`)
     : view.import.is_open && !state.throws.length ? "Waiting for throws, or takes"
     : readable ? "The throws are not traced yet" : "No throw yet";
   if (answer) {
@@ -174,11 +181,14 @@ function showProposal({ proposal, throws }) {
   if (!proposal) return;
   const readable = throws.filter((row) => row.is_read).length;
   const old = readable > proposal.flights ? `Found from the first ${proposal.flights} throws.` : "";
+  const [advice, ...others] = proposal.sentences;
   byId("proposal").replaceChildren(
+    make("p", advice, { class: proposal.is_refused ? "warning" : "" }),
     ...proposal.throws.map((text) => make("p", `${capital(text)}.`, { class: "reason" })),
-    ...[...proposal.sentences, old].filter(Boolean).map((text) => make("p", text)));
+    ...[...others, old].filter(Boolean).map((text) => make("p", text)));
   byId("commands").replaceChildren(...proposal.throws.map((_, i) => make("a", "Save the commands (CSV)",
     { class: "pick", href: `next/commands_${i + 1}.csv`, download: `commands_${i + 1}.csv` })));
+  byId("look-again").hidden = !proposal.is_refused;
   byId("next-picture").hidden = !proposal.throws.length;
   const picture = byId("next-picture").querySelector("img"), key = JSON.stringify(proposal);
   if (!proposal.throws.length || picture.dataset.key === key) return;
@@ -186,7 +196,44 @@ function showProposal({ proposal, throws }) {
   picture.setAttribute("src", `next/next_throw.png?${Date.now()}`);
 }
 
+byId("look-again").addEventListener("click", async () => {
+  await post("next-throw");
+});
+
+// --------------------------------------------------------------------- station
+
+const STATES = { "": "No station", waiting: "Waiting", ready: "READY: throw now", flying: "Flying", stopped: "Stopped" };
+
+function showStation({ state, reason, is_stopped }) {
+  byId("station").hidden = false;
+  byId("station").dataset.state = is_stopped ? "stopped" : state;
+  byId("station-state").textContent = is_stopped ? "STOPPED" : STATES[state];
+  const why = is_stopped ? "Every elevator on the bus turns to neutral and stays there"
+    : state ? capital(reason) : "None is heard on the bus";
+  byId("station-reason").textContent = why && `${why}.`;
+  byId("arm").hidden = !is_stopped;
+  stopped = is_stopped;
+  allowLaunches();
+}
+
+async function operate(what) {
+  const refusal = await post(what).catch(() => "Not sent: there is no connection. Stop at the station.");
+  byId("station-answer").textContent = refusal;
+  byId("station-answer").hidden = !refusal;
+}
+byId("stop").addEventListener("click", () => operate("stop"));
+byId("arm").addEventListener("click", () => operate("arm"));
+
 // -------------------------------------------------------------------- launches
+
+let stopped = false;  // Whether a Stop holds.
+let mayLaunch = () => false;  // By what a launch is planned with.
+
+function allowLaunches() {
+  for (const button of document.querySelectorAll("[data-planned]")) {
+    button.disabled = stopped || !mayLaunch(button.dataset.planned);
+  }
+}
 
 function showLaunches({ launches, state }, answer) {
   byId("launches").hidden = !launches;
@@ -194,9 +241,8 @@ function showLaunches({ launches, state }, answer) {
   if (!launches) return;
   byId("truth").textContent = launches.truth;
   if (!byId("count").value) byId("count").value = launches.count;
-  for (const button of document.querySelectorAll("[data-planned]")) {
-    button.disabled = launches.flies || (button.dataset.planned !== "nominal" && !answer);
-  }
+  mayLaunch = (planned) => !launches.flies && (planned === "nominal" || Boolean(answer));
+  allowLaunches();
 }
 for (const button of document.querySelectorAll("[data-planned]")) {
   button.addEventListener("click", async () => {
@@ -210,56 +256,43 @@ for (const button of document.querySelectorAll("[data-planned]")) {
 
 // ---------------------------------------------------------------------- import
 
-/** Entries of a map's text: section ("" at the left), key, value, and their line. */
-function entriesOf(text) {
-  let section = "";
-  return text.split("\n").flatMap((line, i) => {
-    const found = /^( *)(\w+):\s*(.*?)\s*(?:#.*)?$/.exec(line);
-    if (!found) return [];
-    const [, indent, key, value] = found;
-    if (!indent && !value) section = key;
-    return value ? [{ section: indent ? section : "", key, value, line: i }] : [];
-  });
+const USUAL_COLUMNS = ["time", "x", "z", "pitch", "elevator", "elevator_rate_command", "elevator_angle_command"];
+const WHOLE = { x: "position", z: "position", pitch: "attitude" };  // Has the other's place.
+
+/** Asks the server about the text of a map: it reads YAML. */
+async function askMap(query) {
+  return fetch(`map/fields?${new URLSearchParams(query)}`,
+    { method: "POST", headers: { "X-Glider-Lab": "1" }, body: byId("map").value });
 }
 
-/** The text with another value of an entry, "" for none; its comment goes. */
-function withValue(text, section, key, value) {
-  const lines = text.split("\n"), entry = entriesOf(text).find((e) => e.section === section && e.key === key);
-  const quoted = value === "y" ? '"y"' : value;  // To some readers of YAML y is a yes.
-  const written = value ? [`${section && "  "}${key}: ${quoted}`] : [];
-  if (entry) lines.splice(entry.line, 1, ...written);
-  else if (!section) lines.push(...written);
-  else {
-    const head = lines.findIndex((line) => line.startsWith(`${section}:`));
-    if (head < 0) lines.push(`${section}:`, ...written);
-    else lines.splice(head + 1, 0, ...written);
-  }
-  return lines.join("\n");
-}
-
-function showChoices({ frame, units, meanings }) {
-  const text = byId("map").value, entries = entriesOf(text);
+async function showChoices({ frame, units, meanings, columns, names }) {
+  const text = byId("map").value, answer = await askMap({});
+  if (!answer.ok || text !== byId("map").value) return;  // Typed on since.
+  const fields = await answer.json(), mapped = fields.columns ?? {};
   const offered = [
+    ...columns.filter((key) => mapped[key] || USUAL_COLUMNS.includes(key) && !mapped[WHOLE[key]])
+      .map((key) => ["columns", key, names, `column of ${key}`]),
     ...Object.entries(frame).map(([key, values]) => ["frame", key, values, meanings[key]]),
-    ...Object.entries(units).map(([key, values]) => ["units", key, values, `unit of ${key}, where the file has none`]),
+    ...Object.entries(units).filter(([key]) => fields.units?.[key] || ["time", "length", "angle", "rate"].includes(key))
+      .map(([key, values]) => ["units", key, values, `unit of ${key}, where the file has none`]),
     ["", "clock", ["same", "find"], "clock of the elevator: that of the poses, or to be found"],
   ];
-  byId("choices").replaceChildren(...offered.flatMap(([section, key, values, meaning]) => {
-    const entry = entries.find((e) => e.section === section && e.key === key);
-    const now = entry ? entry.value.replace(/^["']|["']$/g, "") : "";
-    const isRare = section === "units" && !["time", "length", "angle", "rate"].includes(key);
-    if (isRare && !entry) return [];
+  byId("choices").replaceChildren(...offered.map(([section, key, values, meaning]) => {
+    const now = fields[section]?.[key] ?? "";
     const options = ["", ...new Set([...values, now])].filter((v, i) => v || !i);
-    const select = make("select", "", { class: "pick", title: meaning, "data-key": key },
-      ...options.map((value) => make("option", value || "by default", { value })));
+    const none = section === "columns" ? "none" : "by default";
+    const select = make("select", "", { class: "pick", title: meaning, "data-section": section, "data-key": key },
+      ...options.map((value) => make("option", value || none, { value })));
     select.value = now;
-    select.addEventListener("change", () => {
-      byId("map").value = withValue(byId("map").value, section, key, select.value);
+    select.addEventListener("change", async () => {
+      const changed = await askMap({ section, name: key, value: select.value });
+      if (!changed.ok) return answerDrop(await changed.text());
+      byId("map").value = await changed.text();
       edited();
       check();
     });
-    const label = { frame: key, units: `unit of ${key}` }[section] ?? `${key} of the elevator`;
-    return [make("label", label, { title: meaning }, select)];
+    const label = { columns: `column of ${key.replaceAll("_", " ")}`, frame: key, units: `unit of ${key}` }[section] ?? `${key} of the elevator`;
+    return make("label", label, { title: meaning }, select);
   }));
 }
 
@@ -283,13 +316,18 @@ function answerDrop(...refusals) {
 function showImport(view) {
   const { draft } = view.state, offer = view.import, { takes } = offer;
   byId("import").hidden = !(offer.is_open || offer.has_takes);
+  byId("skipped").replaceChildren(...Object.entries(offer.skipped).map(([name, why]) => {
+    const remove = make("button", "Remove it", { type: "button", class: "pick" });
+    remove.addEventListener("click", async () => answerDrop(await post(`takes/${encodeURIComponent(name)}/remove`)));
+    return make("li", "", { class: "warning" }, `Skipped: ${why} `, remove);
+  }));
   byId("takes").textContent = takes.length ? `${counted(takes.length, "take")}: ${takes.join(", ")}` : "";
   const isOld = draft?.is_proposed && String(draft.takes) !== String(takes);  // Another comes.
   byId("draft").hidden = !draft || isOld;
   if (!draft || lastDraft === JSON.stringify(draft)) return;
   lastDraft = JSON.stringify(draft);
   byId("draft").open = offer.is_open || Boolean(draft.refusal);
-  choices = offer.choices;
+  choices = { ...offer.choices, names: draft.columns };
   byId("map").value = draft.text;
   showChoices(choices);
   byId("draft-words").textContent = draft.refusal ? "The takes cannot be read like this:"
@@ -361,10 +399,13 @@ function connect() {
   const events = new EventSource("events"), connection = byId("connection");
   const say = (text, kind) => { connection.textContent = text; connection.className = kind; };
   events.onopen = () => say("live", "live");
+  events.addEventListener("station", (event) => showStation(JSON.parse(event.data)));
   events.onmessage = (event) => show(JSON.parse(event.data));
   events.onerror = () => {
     say("The session has ended; start it again, and this page goes on", "off");
     if (events.readyState === EventSource.CLOSED) setTimeout(connect, 2000);
   };
 }
+// The cookie has the token by now: neither the address bar nor the history needs it.
+history.replaceState(null, "", location.pathname);
 connect();

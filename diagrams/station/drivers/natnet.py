@@ -164,6 +164,39 @@ def joined(arguments: Sequence[str]) -> list[str]:
     return found
 
 
+def receive(
+    receiver: socket.socket,
+    version: tuple[int, int],
+    publisher: PosePublisher,
+    body: int,
+    elevator: int | None,
+) -> None:
+    """Publishes what comes, for ever; says once what it ignores, or misses."""
+    refused = missed = False
+    while True:
+        data = receiver.recv(65536)
+        try:
+            frame = parse_frame(data, version)
+        except ValueError as error:
+            if not refused:
+                words = (
+                    f"ignored {error} ({len(data)} bytes), and others like it without "
+                    "a word from here on; if no poses come, give --version as Motive's "
+                    "streaming settings show it"
+                )
+                print(words, file=sys.stderr, flush=True)
+            refused = True
+            continue
+        if frame is None:
+            continue
+        publish(frame, publisher, body, elevator)
+        if body not in frame.bodies and not missed:
+            missed = True
+            known = ", ".join(map(str, sorted(frame.bodies))) or "none"
+            words = f"no rigid body {body} in a frame (--body); there are: {known}"
+            print(words, file=sys.stderr, flush=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Receives until it is ended."""
     parser = argparse.ArgumentParser(
@@ -206,15 +239,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         ) from None
     hasten()
     print(f"Motive on port {args.port}, poses to {args.bus}.", flush=True)
-    while True:
-        data = receiver.recv(65536)
-        try:
-            frame = parse_frame(data, (major, minor))
-        except ValueError as error:
-            print(f"ignored {error} ({len(data)} bytes)", file=sys.stderr)
-            continue
-        if frame is not None:
-            publish(frame, publisher, args.body, args.elevator)
+    receive(receiver, (major, minor), publisher, args.body, args.elevator)
 
 
 if __name__ == "__main__":

@@ -188,6 +188,13 @@ def _propose(
     return Guess(text, campaign, probability)
 
 
+def guess_columns(files: Sequence[Path]) -> Columns:
+    """The columns that names tell, by quantity, also where they make no flights."""
+    recordings, _ = _read(sorted(map(Path, files)))
+    found = _find(recordings[0])
+    return {quantity: found[quantity] for quantity in QUANTITIES if quantity in found}
+
+
 def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     """Recordings; those of poses and servos in two files each are joined by patterns.
 
