@@ -250,13 +250,16 @@ def propose(
 def _stds(
     task: Task, explanation: Explanation, before: np.ndarray, after: np.ndarray
 ) -> dict[str, tuple[float, float, str]]:
-    found = {}
-    stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
-    for slot, (now, then) in zip(explanation.model.free, stds, strict=True):
-        coefficient = task.layout.coefficients.get(slot)
+    model, layout = explanation.model, task.layout
+    units = {}
+    for slot in model.free:
+        coefficient = layout.coefficients.get(slot)
         unit = "" if coefficient is None else coefficient.unit
-        found[".".join(task.layout.slots[slot])] = now, then, unit
-    return found
+        units[".".join(layout.slots[slot])] = unit
+    units |= {f"factor of {own.name}": "-" for own in model.blocks}
+    stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
+    pairs = zip(units.items(), stds, strict=True)
+    return {name: (now, then, unit) for (name, unit), (now, then) in pairs}
 
 
 def present_kind(forecast: Forecast, flights: Task) -> Grams:
