@@ -108,7 +108,10 @@ def evaluate(
     perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
     errors = dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect}
     paths = np.array([tests.paths[r.name][1] for r in first]) if tests else None
-    outliers = report.OutlyingFlights(apart, {**flown(apart).errors}) if apart else None
+    outliers = None
+    if apart:
+        alone, together = flown(apart).errors, flown([*kept, *apart]).errors
+        outliers = report.OutlyingFlights(apart, {**alone}, {**together})
     left = found.errors["corrected"]
     along = left.rollout_measured_pitch.position_rms_m
     return {

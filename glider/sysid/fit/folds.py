@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Collection
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from glider.physics.confidence import LEVEL
 from glider.sysid.constants import FOLDS, WORSE
@@ -49,6 +49,11 @@ class Gains:
     def are_significant(self) -> bool:
         """Whether the correction gains beyond chance."""
         return self.t >= self.least_t
+
+    @property
+    def would_suffice(self) -> bool:
+        """Whether gains so large beside their scatter would show on many flights."""
+        return self.t >= float(ndtri(0.5 * (1.0 + LEVEL)))
 
 
 @dataclasses.dataclass(frozen=True)
