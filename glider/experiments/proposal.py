@@ -69,8 +69,8 @@ class Proposal:
     #: (e, e) expected log-evidence of the throws against each explanation (column),
     #: where another (row) is true [nats].
     distances: np.ndarray
-    #: Scatter of the ends of flights like those flown by moving air and
-    #: flight-to-flight variation [m].
+    #: Scatter of the ends of flights like those flown by chance: moving air,
+    #: flight-to-flight variation and moments that no formula has [m].
     ending_air: float
     ending_now: float  #: The same by the standard errors of the coefficients [m].
     ending_then: float  #: The same after the throws.
@@ -79,6 +79,11 @@ class Proposal:
     #: then, and its unit.
     stds: dict[str, tuple[float, float, str]]
     seconds: float  #: That it took, once the explanations were fitted.
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the flights show no moving air."""
+        return self.explanations[0].model.scales.is_still
 
     @property
     def missing(self) -> float:

@@ -14,6 +14,7 @@ import dataclasses
 import functools
 import math
 import types
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -203,14 +204,18 @@ class GliderModel:
     ) -> "GliderModel":
         """Loads a model; anything unknown in the file is an InputError.
 
-        A vehicle's file is a model without effects.
+        A vehicle's file is a model without effects. What the file's origin warns of,
+        such as a verdict, is a UserWarning.
 
         Args:
             path: of the file.
             own_effects: custom kinds that the file may name.
         """
         text = schema.read_text(path, "a glider model")
-        return parse_model(text, str(path), own_effects)[0]
+        model, file = _parse(text, str(path), own_effects)
+        for warning in file.origin.warnings if file.origin else ():
+            warnings.warn(f"{path}: {warning}", stacklevel=2)
+        return model
 
     def save(
         self,
@@ -233,6 +238,8 @@ class Origin:
     standard_errors: dict[str, float] = dataclasses.field(default_factory=dict)
     #: What was assumed, as sentences.
     notes: list[str] = dataclasses.field(default_factory=list)
+    #: What whoever flies the model should know, as sentences.
+    warnings: list[str] = dataclasses.field(default_factory=list)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -286,11 +293,19 @@ def parse_model(
     Raises:
         InputError: the text is no model's, with the source before it.
     """
+    model, file = _parse(text, source, own_effects)
+    return model, file.covariance
+
+
+def _parse(
+    text: str, source: str, own_effects: Sequence[EffectKind]
+) -> tuple[GliderModel, _ModelFile]:
+    """Returns the model in a text, and all of the text."""
     data = schema.parse_yaml(text, source)
     fields = [field.name for field in dataclasses.fields(GliderParameters)]
     if isinstance(data, dict) and not data.keys().isdisjoint(fields):
         parameters = schema.convert(data, GliderParameters, source)
-        return GliderModel(parameters=parameters), None
+        return GliderModel(parameters=parameters), _ModelFile(parameters=parameters)
     file = schema.convert(data, _ModelFile, source)
     kinds = KINDS | {e.kind: e for e in own_effects}
     try:
@@ -310,7 +325,7 @@ def parse_model(
             check_names(file.covariance.names, effects)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    return model, file.covariance
+    return model, file
 
 
 def as_model(model: GliderModel | Path | str) -> GliderModel:

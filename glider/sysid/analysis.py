@@ -126,7 +126,7 @@ class Analysis:
         with self.stage("compare", "comparing flights"):
             everything = make_task(records, self.vehicle, self.kinds)
             outlying = {
-                name: "no model explains it with the others: its mean squared error is "
+                name: "explained by no model with the others: its mean squared error is "
                 f"{ratio:.3g} times the median (another clock, axis, unit or glider, "
                 "or a hit?)"
                 for name, ratio in find_outlying(everything, noise).items()
@@ -228,7 +228,7 @@ class Analysis:
         )
         gains = np.zeros(0) if folds is None else folds.gain.values
         lost = np.count_nonzero(gains < 0.0)
-        if verdict != "no_effect" and FOLDS * lost > len(gains):
+        if kinds and FOLDS * lost > len(gains):
             warnings.append(
                 f"The correction does not improve {lost} of {len(gains)} flights."
             )

@@ -15,6 +15,7 @@ from glider.campaign.checks.motion import robust_std
 from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
 from glider.sysid import constants
+from glider.sysid.constants import WORSE
 from glider.sysid.fit.folds import WAYS, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
@@ -144,7 +145,7 @@ def judge(
             return "no_effect", "The flights show nothing beyond noise and moving air."
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
-    doubt, is_as_plate = _not_better(held_out, errors)
+    doubt, is_as_plate = _not_better(traced.model, held_out, errors)
     if doubt is not None:
         return "not_trusted", doubt
     if rest or any(e.kind == "unexplained" for e in effects):
@@ -212,7 +213,9 @@ def changes_baseline_alone(model: FitResult) -> bool:
     return bool(kinds) and not model.blocks and kinds <= set(BASELINE_KINDS)
 
 
-def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None, bool]:
+def _not_better(
+    model: FitResult, held_out: HeldOut | None, errors: AllErrors
+) -> tuple[str | None, bool]:
     """Reason why the correction is no better than baseline and nominal model, or None.
 
     Also whether its gain is over the nominal model, as the baseline is no worse. A
@@ -226,6 +229,11 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
     if held_out is None:
         return worse or than_given, False
     gain, over = held_out.gain, held_out.over_nominal
+    if over is not None and (ratio := held_out.over_median("nominal")) > WORSE:
+        than_given = than_given or (
+            f"Half of the flights held out in folds, flown {WAYS[0]}, have at least "
+            f"{ratio:.4g} times the error of the {nominal} with the correction."
+        )
     doubt = _no_gain(gain, baseline) or worse
     for way in WAYS:
         if doubt is None and held_out.is_worse(way):
@@ -233,7 +241,7 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
                 f"Flights held out in folds, flown {way}, are worse with the "
                 f"correction than with the {baseline} (t = {held_out.lost(way).t:.1f})."
             )
-    if doubt is None or over is None:
+    if doubt is None or over is None or not changes_baseline_alone(model):
         return doubt or than_given, False
     is_lost = gain.t < -gain.least_t
     lost = _no_gain(gain, f"{baseline}: it loses") if is_lost else None
@@ -261,7 +269,7 @@ def _worse(errors: AllErrors, model: str, than: str) -> str | None:
     before, after = errors[model], errors["corrected"]
     assert before is not None and after is not None
     ratio = ratio_of(before.position_rms_m, after.position_rms_m)
-    if ratio <= constants.WORSE:
+    if ratio <= WORSE:
         return None
     found = f"flown freely {ratio:.4g} times the error of the {than}"
     if not np.isfinite(ratio):
