@@ -126,7 +126,7 @@ class Analysis:
         with self.stage("compare", "comparing flights"):
             everything = make_task(records, self.vehicle, self.kinds)
             outlying = {
-                name: "explained by no model with the others: its mean squared error is "
+                name: "explained by no model with the others: its mean square is "
                 f"{ratio:.3g} times the median (another clock, axis, unit or glider, "
                 "or a hit?)"
                 for name, ratio in find_outlying(everything, noise).items()
