@@ -52,7 +52,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         try:
             args = parser.parse_args(arguments)
-            return args.run(args)
+            with warnings.catch_warnings():
+                warnings.simplefilter("default", UserWarning)
+                warnings.showwarning = _print_warning
+                return args.run(args)
         finally:
             sys.stdout.flush()
     except BrokenPipeError:  # The reader of our output has enough of it: `| head -1`.
@@ -72,6 +75,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(INTERRUPTED, file=sys.stderr)
         return INTERRUPTED_CODE
+
+
+def _print_warning(message: Warning | str, *_: object) -> None:
+    """Prints a warning, such as that of a model's file, in one line."""
+    print(f"warning: {message}", file=sys.stderr)
 
 
 def _not_installed(module: str) -> str:

@@ -13,8 +13,9 @@ from pathlib import Path
 from scipy.special import ndtri  # scipy.stats takes 0.4 s to import.
 
 from glider.errors import InputError
+from glider.files.schema import read_text
 from glider.physics.effects import KINDS
-from glider.physics.model import GliderModel
+from glider.physics.model import parse_model
 from glider.physics.parameters import GliderParameters
 from glider.report.wording import join, name_of, say
 from glider.sysid.report import Estimate, Report, Spread, read_report
@@ -45,7 +46,8 @@ def load_report(path: Path) -> SavedReport:
     if not report.vehicle and model.exists():
         # With user effects it cannot be read: they compare without it.
         with contextlib.suppress(InputError):
-            given = GliderModel.load(model).parameters
+            text = read_text(model, "a glider model")
+            given = parse_model(text, str(model))[0].parameters
     return SavedReport(**vars(report), path=file, given=given)
 
 

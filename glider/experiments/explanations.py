@@ -120,8 +120,9 @@ class Explanation:
 
     @property
     def name(self) -> str:
-        """Its effects, joined."""
-        return " + ".join(self.model.kinds) or "plate alone"
+        """Its effects and the free functions that it carries, joined."""
+        carried = [own.name for own in self.model.blocks]
+        return " + ".join([*self.model.kinds, *carried]) or "plate alone"
 
 
 def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, ...]:
@@ -314,19 +315,20 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
     flights, wild = tamed(task, directions, linear_flights(task, model, directions))
 
     # The error of the model without the effect, the others fitted to it.
-    count, end = len(sizes), len(sizes) + len(beside)
-    mean, precision = task.priors([*sizes, *beside], model.theta)
-    share = np.zeros(len(directions))
-    share[:count] = model.theta[sizes] - mean[:count]
+    count, end, last = len(sizes), len(sizes) + len(beside), len(directions)
+    prior = prior_of(task, model, [*sizes, *beside])  # And of carried functions.
+    mean, precision = model.theta[sizes] + prior.mean[:count], prior.precision[:count]
+    share = np.zeros(last + len(model.coordinates))
+    share[:count] = -prior.mean[:count]
     gram = counted_from(grams_of(flights, model.scales).sum(axis=0), share)
-    change = mean[count:] - model.theta[beside]
+    others = [*range(count, end), *range(last, len(share))]
     variants = 1 + len(starts)
     evidence = Evidence(
-        gram=eliminate(gram, range(count, end), precision[count:], change),
-        at=np.delete(np.arange(len(directions)), np.arange(count, end)),
-        precision=np.tile(precision[:count], variants),
-        lower=np.tile(layout.lower[sizes] - mean[:count], variants),
-        upper=np.tile(layout.upper[sizes] - mean[:count], variants),
+        gram=eliminate(gram, others, prior.precision[count:], prior.mean[count:]),
+        at=np.delete(np.arange(last), np.arange(count, end)),
+        precision=np.tile(precision, variants),
+        lower=np.tile(layout.lower[sizes] - mean, variants),
+        upper=np.tile(layout.upper[sizes] - mean, variants),
     )
     sets = np.arange(variants * count).reshape(variants, count).tolist()
     fitted, *others = evidence.extended((), sets)

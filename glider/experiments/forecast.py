@@ -16,7 +16,7 @@ Technometrics 9, 1967; Lindley, Annals of Mathematical Statistics 27, 1956).
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.special import log_softmax
@@ -26,12 +26,12 @@ from glider.compiled.parallel import in_parallel
 from glider.experiments.explanations import Explanation
 from glider.experiments.funnel_throws import Kept, keep
 from glider.experiments.throws import Range, Throw, is_safe, log_of, missed
-from glider.physics.effects import Field
-from glider.sysid.likelihood.directions import Direction, slopes
+from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.information import solve_scaled
-from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.task import Task, field_of
+from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.model_fit import linear_flight, moved, prior_of
+from glider.sysid.likelihood.task import FitResult, Task, field_of
 from glider.sysid.replay.record import Noise, Record, prepare
 
 Grams = tuple[np.ndarray, ...]
@@ -60,11 +60,17 @@ class Forecast:
     place: Range
 
     @functools.cached_property
-    def _filters(self) -> list[tuple[np.ndarray, Field, list[Direction]]]:
-        """Parameters, field and directions of each explanation."""
-        task = self.task
-        models = [e.model for e in self.explanations]
-        return [(m.theta, field_of(m), slopes(task.layout, m.free)) for m in models]
+    def _models(self) -> list[FitResult]:
+        """The model of each explanation, about no flight's surroundings."""
+        return [dataclasses.replace(e.model, about={}) for e in self.explanations]
+
+    @functools.cached_property
+    def _filters(self) -> list[Callable[[Record], LinearFlight]]:
+        """What makes a record linear about each explanation."""
+        return [
+            functools.partial(linear_flight, m, slopes(self.task.layout, m.free))
+            for m in self._models
+        ]
 
     @property
     def probabilities(self) -> np.ndarray:
@@ -74,22 +80,19 @@ class Forecast:
     def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
         """Records of throws predicted by each explanation, one list a throw."""
         count = len(self.explanations)
-        flights = [(t, k, self._filters[k][0]) for t in throws for k in range(count)]
-        made = self._fly(flights)
+        made = self._fly([(t, model) for t in throws for model in self._models])
         return [
             [r for r in made[k : k + count] if r is not None]
             for k in range(0, len(made), count)
         ]
 
-    def _fly(
-        self, flights: Sequence[tuple[Throw, int, np.ndarray]]
-    ) -> list[Record | None]:
-        """Records of throws by explanations with parameters; None if one diverges."""
+    def _fly(self, flights: Sequence[tuple[Throw, FitResult]]) -> list[Record | None]:
+        """Records of throws by models; None where one diverges."""
         layout = self.task.layout
 
-        def fly(one: tuple[Throw, int, np.ndarray]) -> Flight:
-            throw, k, theta = one
-            return log_of(throw, self.place, layout, theta, self._filters[k][1])
+        def fly(one: tuple[Throw, FitResult]) -> Flight:
+            throw, model = one
+            return log_of(throw, self.place, layout, model.theta, field_of(model))
 
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
@@ -105,8 +108,8 @@ class Forecast:
         def check(pair: tuple[Throw, list[Record]]) -> bool:
             throw, own = pair
             return len(own) == len(self.explanations) and all(
-                is_safe(throw, record, theta, field, limits)
-                for record, (theta, field, _) in zip(own, self._filters, strict=True)
+                is_safe(throw, record, model.theta, field_of(model), limits)
+                for record, model in zip(own, self._models, strict=True)
             )
 
         return in_parallel(check, zip(throws, logs, strict=True))
@@ -115,7 +118,7 @@ class Forecast:
         """Cuts throws to how long every explanation keeps them in a funnel."""
         if self.place.funnel is None:
             return [Kept(throw=throw, level=0.0) for throw in throws]
-        models = [(theta, field) for theta, field, _ in self._filters]
+        models = [(model.theta, field_of(model)) for model in self._models]
 
         def cut(throw: Throw) -> Kept:
             return keep(throw, self.place, self.task.layout, models)
@@ -139,9 +142,8 @@ class Forecast:
         """Products of all columns of one record, (c, c)."""
         scales = self.explanations[0].model.scales
         blocks = []
-        for theta, field, directions in self._filters:
-            whitened = whiten(linearize(record, theta, field, directions), scales)
-            innovations = whitened.innovations
+        for linear in self._filters:
+            innovations = whiten(linear(record), scales).innovations
             blocks.append(innovations.reshape(-1, innovations.shape[2]))
         columns = np.hstack(blocks)
         with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
@@ -179,13 +181,8 @@ class Forecast:
         scale = 1.0 / np.sqrt(np.diag(precision))
         factor = np.linalg.cholesky(precision * scale[:, None] * scale)
         drawn = np.linalg.solve(factor.T, standard.T).T * scale
-        index, layout = list(model.free), self.task.layout
-        own = model.theta[index]
-        return np.clip(
-            np.vstack([drawn, -drawn]),
-            layout.lower[index] - own,
-            layout.upper[index] - own,
-        )
+        prior = prior_of(self.task, model)
+        return np.clip(np.vstack([drawn, -drawn]), prior.lower, prior.upper)
 
     def odds(self, gram: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Log-probability of each explanation in futures, (M, n), up to a constant.
@@ -251,24 +248,18 @@ class Forecast:
             draws: gliders, in proportion to the probability of their explanation; each
                 is flown with several draws of noise.
         """
-        p, layout = self.probabilities, self.task.layout
+        p = self.probabilities
         counts = np.maximum(2, 2 * np.round(0.5 * draws * p / p.sum()).astype(int))
         freedom = _PER_FLIGHT * len(self.task.records)
         truths: list[tuple[int, float]] = []
         flights = []
         for i, (e, count) in enumerate(zip(self.explanations, counts, strict=True)):
-            index = list(e.model.free)
             for numbers in self.numbers(e, rng, int(count) // 2):
                 strength = float(np.sqrt(freedom / rng.chisquare(freedom)))
-                theta = e.model.theta.copy()
-                theta[index] = np.clip(
-                    theta[index] + strength * numbers,
-                    layout.lower[index],
-                    layout.upper[index],
-                )
+                truth = moved(self.task, e.model, strength * numbers)
                 truths.append((i, strength))
                 flights += [
-                    (missed(t, self.place.limits, rng), i, theta) for t in throws
+                    (missed(throw, self.place.limits, rng), truth) for throw in throws
                 ]
         diverged = np.full((self._columns[-1].stop + 1,) * 2, np.nan)
         grams = in_parallel(

@@ -69,8 +69,8 @@ class Proposal:
     #: (e, e) expected log-evidence of the throws against each explanation (column),
     #: where another (row) is true [nats].
     distances: np.ndarray
-    #: Scatter of the ends of flights like those flown by moving air and
-    #: flight-to-flight variation [m].
+    #: Scatter of the ends of flights like those flown by chance: moving air,
+    #: flight-to-flight variation and moments that no formula has [m].
     ending_air: float
     ending_now: float  #: The same by the standard errors of the coefficients [m].
     ending_then: float  #: The same after the throws.
@@ -79,6 +79,11 @@ class Proposal:
     #: then, and its unit.
     stds: dict[str, tuple[float, float, str]]
     seconds: float  #: That it took, once the explanations were fitted.
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the flights show no moving air."""
+        return self.explanations[0].model.scales.is_still
 
     @property
     def missing(self) -> float:
@@ -250,13 +255,16 @@ def propose(
 def _stds(
     task: Task, explanation: Explanation, before: np.ndarray, after: np.ndarray
 ) -> dict[str, tuple[float, float, str]]:
-    found = {}
-    stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
-    for slot, (now, then) in zip(explanation.model.free, stds, strict=True):
-        coefficient = task.layout.coefficients.get(slot)
+    model, layout = explanation.model, task.layout
+    units = {}
+    for slot in model.free:
+        coefficient = layout.coefficients.get(slot)
         unit = "" if coefficient is None else coefficient.unit
-        found[".".join(task.layout.slots[slot])] = now, then, unit
-    return found
+        units[".".join(layout.slots[slot])] = unit
+    units |= {f"factor of {own.name}": "-" for own in model.blocks}
+    stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
+    pairs = zip(units.items(), stds, strict=True)
+    return {name: (now, then, unit) for (name, unit), (now, then) in pairs}
 
 
 def present_kind(forecast: Forecast, flights: Task) -> Grams:

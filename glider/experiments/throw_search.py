@@ -25,8 +25,8 @@ from glider.experiments.throws import GENES, Throw, throw_of
 from glider.progress import Progress, Step
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.filtering import start_variances, whiten
-from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.task import Task, field_of
+from glider.sysid.likelihood.model_fit import linear_flight
+from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 
 _FIRST, DRAWN, ELITES = 144, 48, 8
@@ -71,12 +71,11 @@ def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
     The filter, given the launch and the last row alone, has it as the variance of its
     innovation.
     """
-    model = explanation.model
+    model = dataclasses.replace(explanation.model, about={})
     directions = slopes(task.layout, model.free)
-    field = field_of(model)
 
     def scatter(record: Record) -> tuple[float, np.ndarray]:
-        flight = linearize(record, model.theta, field, directions)
+        flight = linear_flight(model, directions, record)
         start = start_variances(flight, model.scales)
         start[: flight.by_x.shape[1]] = 0.0
         variance, rows = 0.0, []

@@ -227,13 +227,17 @@ class GliderModel:
     ) -> "GliderModel":
         """Loads a model; anything unknown in the file is an InputError.
 
-        A vehicle's file is a model without effects.
+        A vehicle's file is a model without effects. What the file's origin warns of,
+        such as a verdict, is a UserWarning.
 
         Args:
             path: of the file, or the name of one in models/truths.
             own_effects: custom kinds that the file may name.
         """
-        return _load(path, own_effects)[0]
+        model, file = _load(path, own_effects)
+        for warning in file.origin.warnings if file.origin else ():
+            warnings.warn(f"{path}: {warning}", stacklevel=2)
+        return model
 
     def save(
         self,
@@ -270,6 +274,8 @@ class Origin:
     standard_errors: dict[str, float] = dataclasses.field(default_factory=dict)
     #: What was assumed, as sentences.
     notes: list[str] = dataclasses.field(default_factory=list)
+    #: What whoever flies the model should know, as sentences.
+    warnings: list[str] = dataclasses.field(default_factory=list)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -311,15 +317,15 @@ def load_covariance(
     path: Path | str, own_effects: Sequence[EffectKind] = ()
 ) -> Covariance | None:
     """Loads the covariance in a model's file, or None; see `GliderModel.load`."""
-    return _load(path, own_effects)[1]
+    return _load(path, own_effects)[1].covariance
 
 
 def _load(
     path: Path | str, own_effects: Sequence[EffectKind]
-) -> tuple[GliderModel, Covariance | None]:
+) -> tuple[GliderModel, _ModelFile]:
     path = shipped_path(path, "truths")
     text = schema.read_text(path, "a glider model")
-    return parse_model(text, str(path), own_effects)
+    return _parse(text, str(path), own_effects)
 
 
 def parse_model(
@@ -330,6 +336,14 @@ def parse_model(
     Raises:
         InputError: the text is no model's, with the source before it.
     """
+    model, file = _parse(text, source, own_effects)
+    return model, file.covariance
+
+
+def _parse(
+    text: str, source: str, own_effects: Sequence[EffectKind]
+) -> tuple[GliderModel, _ModelFile]:
+    """Returns the model in a text, and all of the text."""
     data = schema.parse_yaml(text, source)
     fields = [field.name for field in dataclasses.fields(GliderParameters)]
     if isinstance(data, dict) and not data.keys().isdisjoint(fields):
@@ -363,7 +377,7 @@ def parse_model(
             "glider are taken.",
             stacklevel=4,  # Where a model is loaded.
         )
-    return model, file.covariance
+    return model, file
 
 
 def as_model(model: GliderModel | Path | str) -> GliderModel:

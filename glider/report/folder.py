@@ -104,6 +104,7 @@ def origin_of(result: Result) -> Origin:
         version=f"drake-glider {result.version}",
         standard_errors={n: float(s) for n, s in errors.items() if math.isfinite(s)},
         notes=wording.notes_of(result),
+        warnings=wording.say("model_warnings", result),
     )
 
 

@@ -51,7 +51,8 @@ def is_one_left(proposal: Proposal) -> bool:
 def is_done(proposal: Proposal) -> bool:
     """Checks whether more flights would show nothing more."""
     is_known = proposal.ending_now < SMALL * proposal.ending_air
-    return is_one_left(proposal) and is_known
+    is_explained = not proposal.explanations[0].model.blocks
+    return is_one_left(proposal) and is_known and is_explained
 
 
 def sentences(proposal: Proposal) -> list[str]:

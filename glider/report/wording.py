@@ -13,7 +13,7 @@ import numpy as np
 from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
-from glider.sysid.report import LIBRARY_SHAPE, Estimate
+from glider.sysid.report import LIBRARY_SHAPE, Estimate, excluded_among
 from glider.sysid.result import FoundEffect, Result
 
 _MOST_COEFFICIENTS = 8
@@ -222,6 +222,7 @@ TEMPLATES.globals |= {
     "baseline": baseline,
     "both": lambda r: all(r.errors.get(m) for m in (baseline(r), "corrected")),
     "counted": counted,
+    "excluded_among": excluded_among,
     "error": lambda r, model: error_of(r, model, FREE),
     "estimate": numbers.format_estimate,
     "from_to": _from_to,

@@ -36,7 +36,7 @@ from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
-from glider.sysid.verdict import find_doubt, judge
+from glider.sysid.verdict import find_doubt, judge, with_excluded
 
 SHARES = {
     **{"compile": 0.06, "signs": 0.08, "smooth": 0.12, "compare": 0.14, "trace": 0.15},
@@ -88,9 +88,9 @@ class Analysis:
             )
         with self.stage("weigh", "standard errors"):
             of_model = self._weigh(found, spreads)
-        judged = self._judge(found, evaluated | of_model, folds)
         flown = tuple(flight.name for flight in evaluated["held_out"])
         of_run = self._of_run(found, flown)
+        judged = self._judge(found, of_run | evaluated | of_model, folds)
         whole = result.Result(**of_run, **evaluated, **of_model, **judged)
         return with_derivatives(whole)
 
@@ -126,7 +126,7 @@ class Analysis:
         with self.stage("compare", "comparing flights"):
             everything = make_task(records, self.vehicle, self.kinds)
             outlying = {
-                name: "no model explains it with the others: its mean squared error is "
+                name: "explained by no model with the others: its mean square is "
                 f"{ratio:.3g} times the median (another clock, axis, unit or glider, "
                 "or a hit?)"
                 for name, ratio in find_outlying(everything, noise).items()
@@ -200,6 +200,9 @@ class Analysis:
                 doubt = doubt or warning.rstrip(".")
         errors, effects, left = fields["errors"], fields["effects"], fields["left"]
         verdict, reason = judge(traced, folds, errors, effects, left, doubt)
+        excluded = report.excluded_among(fields["set_aside"])
+        count = fields["flights"].count + len(excluded)
+        reason = with_excluded(reason, excluded, count)
         warnings = [*self.inspection.warnings]
         if (tried := self.settings["effects"]) is not None:
             others = len({*self.vehicle.kinds} - {*tried})
@@ -225,7 +228,7 @@ class Analysis:
         )
         gains = np.zeros(0) if folds is None else folds.gain.values
         lost = np.count_nonzero(gains < 0.0)
-        if verdict != "no_effect" and FOLDS * lost > len(gains):
+        if kinds and FOLDS * lost > len(gains):
             warnings.append(
                 f"The correction does not improve {lost} of {len(gains)} flights."
             )

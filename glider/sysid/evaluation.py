@@ -30,7 +30,6 @@ from glider.sysid.report import CALIBRATED, MODELS, PERFECT, Spread
 from glider.sysid.result import ResidualTable
 from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
-from glider.sysid.verdict import changes_baseline_alone
 
 CHANNELS = ("x", "z", "pitch")
 _LAGS = 25  # Largest lag of innovations [rows], in flights of three times as many.
@@ -107,8 +106,13 @@ def evaluate(
     is_kept = np.isin(after.flight, [after.names.index(name) for name in kept])
     perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
     errors = dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect}
-    paths = np.array([tests.paths[r.name][1] for r in first]) if tests else None
-    outliers = report.OutlyingFlights(apart, {**flown(apart).errors}) if apart else None
+    paths = None
+    if tests:
+        paths = np.array([tests.paths[r.name]["corrected"] for r in first])
+    outliers = None
+    if apart:
+        alone, together = flown(apart).errors, flown([*kept, *apart]).errors
+        outliers = report.OutlyingFlights(apart, {**alone}, {**together})
     left = found.errors["corrected"]
     along = left.rollout_measured_pitch.position_rms_m
     return {
@@ -196,7 +200,7 @@ def _hold_out(
     if traced.forces is not None:
         baseline = forces_alone(task, baseline, traced.forces)
         corrected = forces_alone(task, corrected, traced.forces)
-    elif task.vehicle.is_known and changes_baseline_alone(traced.model):
+    elif task.vehicle.is_known:
         nominal = traced.bare
     return hold_out(task, baseline, corrected, scales, rng, apart, nominal)
 

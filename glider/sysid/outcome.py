@@ -38,7 +38,9 @@ _BINS = 15  # Of the curves over the angle of attack, with equally many rows.
 def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """Flight-to-flight variations, by kind, with the value of each flight.
 
-    One is reported where it reaches the threshold of an effect, all else refitted.
+    One is reported where it reaches the threshold of an effect, all else refitted. The
+    fitted scale is about zero, of both components of a wind: what they have in common
+    is not a variation.
     """
     flights = error_flights(task, model)
     # Those of the model may be priors, as in the search along the attitude.
@@ -49,7 +51,10 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
         coefficient = task.layout.kinds[kind].coefficients[0]
         others = [name for name in NAMES if name != scale]
         lost = fit_scales(flights, fitted.without(scale), others).cost - base
-        std = getattr(fitted, scale)
+        columns = [k for k, (other, _) in enumerate(PER_FLIGHT) if other == kind]
+        common = float(np.mean(values[:, columns].mean(axis=0) ** 2))
+        variance = max(getattr(fitted, scale) ** 2 - common, 0.0)
+        std = math.sqrt(variance * len(values) / max(len(values) - 1, 1))
         size = LEAST_SPREAD * coefficient.scale
         if lost > EVIDENCE_THRESHOLD and size < min(std, getattr(model.scales, scale)):
             own = values[:, PER_FLIGHT.index((kind, coefficient.name))].tolist()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.checks.masks import ExcludedRows
+from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.errors import InputError, expect
 from glider.files.schema import Number, convert, parse_json, read_text
 from glider.sysid.constants import MOST_LEFT, UNLIKELY
@@ -184,6 +184,11 @@ class FlightNames:
     fit: tuple[str, ...]  #: Used to fit.
     held_out: tuple[str, ...]  #: That errors are measured on.
 
+    @property
+    def count(self) -> int:
+        """Number of all."""
+        return len(self.fit) + len(self.held_out)
+
 
 @dataclasses.dataclass(frozen=True)
 class MeasurementNoise:
@@ -228,10 +233,17 @@ class EvidenceThreshold:
 
 @dataclasses.dataclass(frozen=True)
 class OutlyingFlights:
-    """Held-out flights that no model explains with the others; errors on them alone."""
+    """Held-out flights that no model explains together with the others."""
 
     flights: tuple[str, ...]
-    errors: dict[str, Errors | None]
+    errors: dict[str, Errors | None]  #: By model, on them alone.
+    #: The same on all held-out flights, these included; older versions have none.
+    with_others: dict[str, Errors | None] = dataclasses.field(default_factory=dict)
+
+
+def excluded_among(set_aside: Sequence[ExcludedRows]) -> dict[str, str]:
+    """Returns the flights that are excluded as a whole, by name, and why."""
+    return {own.file: own.why for own in set_aside if own.rows == ALL}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ clock that runs slow.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from glider.campaign.checks.motion import robust_std
 from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
 from glider.sysid import constants
+from glider.sysid.constants import WORSE
 from glider.sysid.fit.folds import WAYS, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
@@ -130,6 +131,8 @@ def judge(
     doubt: str | None,
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why."""
+    rest = _beyond_floor(left)
+    unexplained = f"No effect of the library explains what the flat plate lacks{rest}."
     if not effects and not traced.model.kinds:
         if traced.forces is not None and left.depends_on:
             return "unexplained", (
@@ -141,20 +144,20 @@ def judge(
                 "The model diverges on all held-out flights: is each number of "
                 "'vehicle' in SI units?"
             )
-        return "no_effect", "The flights show nothing beyond noise and moving air."
+        if rest:
+            return "unexplained", unexplained
+        if doubt is None:
+            return "no_effect", "The flights show nothing beyond noise and moving air."
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
-    doubt, is_as_plate = _not_better(held_out, errors)
+    doubt, is_as_plate = _not_better(traced.model, held_out, errors)
     if doubt is not None:
         return "not_trusted", doubt
-    rest = _beyond_floor(left)
     if rest or any(e.kind == "unexplained" for e in effects):
         # A variation over flights alone has no evidence and explains nothing.
         named = [e for e in effects if e.kind != "unexplained"]
         if all(math.isnan(e.evidence) for e in named):
-            return "unexplained", (
-                f"No effect of the library explains what the flat plate lacks{rest}."
-            )
+            return "unexplained", unexplained
         return "partly_explained", (
             f"Effects of the library explain part of what the flat plate lacks{rest}."
         )
@@ -170,6 +173,25 @@ def judge(
             "refitted parameters predicts about as well"
         )
     return "effect_found", f"{reason}."
+
+
+def with_excluded(reason: str, excluded: Mapping[str, str], count: int) -> str:
+    """Returns a verdict's reason with the flights that it is not about, if any.
+
+    Those among so many are given with why they are excluded.
+    """
+    if not excluded:
+        return reason
+    names = dict[str, list[str]]()
+    for name, why in excluded.items():
+        names.setdefault(why.partition(":")[0], []).append(name)
+    whys = (f"{why} ({', '.join(own)})" for why, own in names.items())
+    told = reason.replace("The flights", f"{count - len(excluded)} of {count} flights")
+    are = "is" if len(excluded) == 1 else "are"
+    return (
+        f"{told.rstrip('.')}; {len(excluded)} of {count} {are} excluded: "
+        f"{'; '.join(whys)}."
+    )
 
 
 def _beyond_floor(left: Residual) -> str:
@@ -196,16 +218,27 @@ def changes_baseline_alone(model: FitResult) -> bool:
     return bool(kinds) and not model.blocks and kinds <= set(BASELINE_KINDS)
 
 
-def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None, bool]:
+def _not_better(
+    model: FitResult, held_out: HeldOut | None, errors: AllErrors
+) -> tuple[str | None, bool]:
     """Reason why the correction is no better than baseline and nominal model, or None.
 
-    Also whether it was compared with the nominal model, as the baseline is no worse.
+    Also whether its gain is over the nominal model, as the baseline is no worse. A
+    refitted baseline may be far worse than the nominal model.
     """
     baseline, nominal = "refitted baseline", "nominal model"
     worse = _worse(errors, "refitted", baseline)
+    than_given = None
+    if errors.get("nominal") is not None:  # Of a glider of known mass and areas.
+        than_given = _worse(errors, "nominal", nominal)
     if held_out is None:
-        return worse, False
+        return worse or than_given, False
     gain, over = held_out.gain, held_out.over_nominal
+    if over is not None and (ratio := held_out.over_median("nominal")) > WORSE:
+        than_given = than_given or (
+            f"Half of the flights held out in folds, flown {WAYS[0]}, have at least "
+            f"{ratio:.4g} times the error of the {nominal} with the correction."
+        )
     doubt = _no_gain(gain, baseline) or worse
     for way in WAYS:
         if doubt is None and held_out.is_worse(way):
@@ -213,21 +246,26 @@ def _not_better(held_out: HeldOut | None, errors: AllErrors) -> tuple[str | None
                 f"Flights held out in folds, flown {way}, are worse with the "
                 f"correction than with the {baseline} (t = {held_out.lost(way).t:.1f})."
             )
-    if doubt is None or over is None:
-        return doubt, False
+    if doubt is None or over is None or not changes_baseline_alone(model):
+        return doubt or than_given, False
     is_lost = gain.t < -gain.least_t
     lost = _no_gain(gain, f"{baseline}: it loses") if is_lost else None
-    doubt = _no_gain(over, nominal) or lost or _worse(errors, "nominal", nominal)
-    return doubt, True
+    return _no_gain(over, nominal) or lost or than_given, True
 
 
 def _no_gain(gain: Gains, over: str) -> str | None:
     """Sentence about a correction that gains too little on held-out flights."""
     if gain.are_significant:
         return None
+    numbers = f"(t = {gain.t:.1f}, expected {gain.least_t:.1f})"
+    if gain.would_suffice:
+        return (
+            f"The correction gains over the {over} on flights held out in folds, but "
+            f"{len(gain.values)} flights are too few to exclude chance {numbers}."
+        )
     return (
         "On flights held out in folds the correction does not gain significantly over "
-        f"the {over} (t = {gain.t:.1f}, expected {gain.least_t:.1f})."
+        f"the {over} {numbers}."
     )
 
 
@@ -236,7 +274,7 @@ def _worse(errors: AllErrors, model: str, than: str) -> str | None:
     before, after = errors[model], errors["corrected"]
     assert before is not None and after is not None
     ratio = ratio_of(before.position_rms_m, after.position_rms_m)
-    if ratio <= constants.WORSE:
+    if ratio <= WORSE:
         return None
     found = f"flown freely {ratio:.4g} times the error of the {than}"
     if not np.isfinite(ratio):

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Collection
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from glider.physics.confidence import LEVEL
 from glider.sysid.constants import FOLDS, WORSE
@@ -50,6 +50,11 @@ class Gains:
         """Whether the correction gains beyond chance."""
         return self.t >= self.least_t
 
+    @property
+    def would_suffice(self) -> bool:
+        """Whether gains so large beside their scatter would show on many flights."""
+        return self.t >= float(ndtri(0.5 * (1.0 + LEVEL)))
+
 
 @dataclasses.dataclass(frozen=True)
 class HeldOut:
@@ -57,21 +62,26 @@ class HeldOut:
 
     folds: tuple[Fold, ...]  #: Their errors.
     gain: Gains  #: Of the corrected model over the baseline.
-    #: Name of a flight to position RMS (2, 2) of baseline and corrected model, of free
-    #: rollouts and along the measured pitch [m].
-    paths: dict[str, np.ndarray]
-    over_nominal: Gains | None = None  #: Over the nominal model, where computed.
+    #: Name of a flight to the position RMS (2,) of each model, of free rollouts and
+    #: along the measured pitch [m].
+    paths: dict[str, dict[str, np.ndarray]]
+    over_nominal: Gains | None = None  #: Over the nominal model, where it is known.
     apart: tuple[str, ...] = ()  #: Names of flights that no fold was fitted to.
 
-    def lost(self, way: str) -> Gains:
-        """Logarithms of corrected over baseline errors, of flights flown in a way.
+    def lost(self, way: str, model: str = "refitted") -> Gains:
+        """Logarithms of corrected over another model's errors, flown in a way.
 
         A few flights, such as one on which a model diverges, decide nothing.
         """
-        both = np.array([own[:, WAYS.index(way)] for own in self.paths.values()])
+        place, names = WAYS.index(way), (model, "corrected")
+        both = np.array([[p[n][place] for n in names] for p in self.paths.values()])
         flown = both[np.isfinite(both).any(axis=1)]
         lost = np.log([ratio_of(*own) + 1e-12 for own in flown])
         return Gains(values=np.clip(lost, -_LARGEST_LOG, _LARGEST_LOG))
+
+    def over_median(self, model: str) -> float:
+        """Median ratio of the corrected to another model's errors of free rollouts."""
+        return float(np.exp(np.median(self.lost(WAYS[0], model).values)))
 
     def is_worse(self, way: str) -> bool:
         """Whether the correction loses on flights flown in a way, more than a tie."""
@@ -107,23 +117,25 @@ def hold_out(
     if nominal is not None:
         models["nominal"] = nominal
     refits = {n: _Refits(task, m, m is corrected) for n, m in models.items()}
-    rollouts = {n: flown_by(task, models[n], scales) for n in ("refitted", "corrected")}
+    rollouts = {name: flown_by(task, own, scales) for name, own in models.items()}
     costs = {name: np.zeros(count) for name in models}
-    paths, folds = dict[str, np.ndarray](), []
+    paths, folds = dict[str, dict[str, np.ndarray]](), []
     for part in parts:
         unseen, rest = [task.records[i] for i in part], is_fitted.astype(float)
         rest[part] = 0.0
         flown = {}
         for name, refit in refits.items():
             model, costs[name][part] = refit.on(rest, part)
-            if name in rollouts:
-                flown[name] = rollouts[name].with_numbers_of(model), unseen
+            flown[name] = rollouts[name].with_numbers_of(model), unseen
         found = compare(flown)
         names = tuple(record.name for record in unseen)
-        folds.append(Fold(held_out=names, **found.errors))
-        for record, *both in zip(unseen, *found.predictions.values(), strict=True):
-            squares = [mean_squares(record, own)[:2] for own in both]
-            paths[record.name] = np.sqrt(squares)
+        errors = {name: found.errors[name] for name in ("refitted", "corrected")}
+        folds.append(Fold(held_out=names, **errors))
+        for k, record in enumerate(unseen):
+            paths[record.name] = {
+                name: np.sqrt(mean_squares(record, own[k])[:2])
+                for name, own in found.predictions.items()
+            }
     gains = {n: Gains(values=cost - costs["corrected"]) for n, cost in costs.items()}
     over_nominal = gains.get("nominal")
     gain = gains["refitted"]

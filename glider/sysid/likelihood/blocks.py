@@ -161,12 +161,12 @@ def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.
 def carried_blocks(data: FieldData | None) -> tuple[Block, ...]:
     """Returns the functions that a model carries, each with a factor to fit."""
     found = []
-    for i, part in enumerate(() if data is None else (data, *data.more)):
+    for part in () if data is None else (data, *data.more):
         weights = np.array(list(part.weights.values())).T.reshape(-1, 1)
         centers = np.array(part.centers).reshape(-1, len(part.variables))
         found.append(
             Block(
-                name=f"carried {i}",
+                name=f"{', '.join(part.weights)} over {', '.join(part.variables)}",
                 terms=tuple(part.weights),
                 variables=tuple(part.variables),
                 centers=centers,

@@ -54,9 +54,12 @@ class Candidates:
 
     @property
     def always(self) -> list[int]:
-        """Columns that act in every set: those of unknown parameters."""
-        own = set(self.task.vehicle.nuisance)
-        return [j for j, slot in enumerate(self.slots) if slot in own]
+        """Columns that act in every set: unknown parameters, carried functions."""
+        own, model = set(self.task.vehicle.nuisance), self.model
+        places = model.places(len(self.directions))
+        carried = (places[name] for name in places.keys() - {*model.kinds})
+        unknown = [j for j, slot in enumerate(self.slots) if slot in own]
+        return [*unknown, *sorted(j for place in carried for j in place)]
 
     def offering(self, blocks: Iterable[Block]) -> "Candidates":
         """Returns the candidates with those blocks that do not act yet; once."""

@@ -5,6 +5,7 @@ each linearisation, and Fisher scoring for the scales in between.
 """
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -52,18 +53,26 @@ def linear_flights(
     By default the columns before them are those of the model's free parameters. Those
     of other blocks, of such terms, may be added later.
     """
+    if directions is None:
+        directions = slopes(task.layout, model.free)
+    linear = functools.partial(linear_flight, model, directions, terms=terms)
+    return in_parallel(linear, task.records)
+
+
+def linear_flight(
+    model: FitResult,
+    directions: Sequence[Direction],
+    record: Record,
+    terms: Iterable[str] = (),
+) -> LinearFlight:
+    """Returns one flight, linear about a model; see `linear_flights`."""
     field, blocks = field_of(model), model.blocks
     terms = {*terms, *terms_of(blocks), *(FORCES if model.has_force_errors else ())}
-    directions = slopes(task.layout, model.free) if directions is None else directions
-
-    def one(record: Record) -> LinearFlight:  # It holds one flight only.
-        own = model.about.get(record.name, STILL_AIR)
-        flight = linearize(record, model.theta, field, directions, own, sorted(terms))
-        if model.has_force_errors:
-            flight = flight.with_force_errors()
-        return with_blocks(flight, model.theta, field, blocks)
-
-    return in_parallel(one, task.records)
+    own = model.about.get(record.name, STILL_AIR)
+    flight = linearize(record, model.theta, field, directions, own, sorted(terms))
+    if model.has_force_errors:
+        flight = flight.with_force_errors()
+    return with_blocks(flight, model.theta, field, blocks)
 
 
 def with_blocks(
