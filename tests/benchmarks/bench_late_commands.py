@@ -84,9 +84,9 @@ def main():
         found = as_flown.fly_loop(given, loop, args.flights, rng)
         left = int(np.sum(~(found.levels[~found.climbed] <= ESCAPE_LEVEL)))
         print(
-            f"| {name} | {1e3 * delay:g} ms | {left:,} of {args.flights:,} | {found.escapes:,} "
-            f"of {len(found.levels):,} | {found.levels.max():.2f} | "
-            f"{found.ends.max():.2f} |",
+            f"| {name} | {1e3 * delay:g} ms | {left:,} of {args.flights:,} | "
+            f"{found.escapes:,} of {len(found.levels):,} | "
+            f"{found.levels.max():.2f} | {found.ends.max():.2f} |",
             flush=True,
         )
 
