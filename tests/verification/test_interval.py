@@ -8,9 +8,10 @@ import pytest
 
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.nominal import table_of
+from glider.verification.dynamics.nominal import open_loop_rates, table_of
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.proof import interval_growth
+from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
     covers,
     keeps_servo,
@@ -19,7 +20,7 @@ from glider.verification.proof.interval import (
     tight_cover,
 )
 from glider.verification.proof.interval_growth import growth_forms, prove_growth
-from glider.verification.proof.interval_proof import gram_guesses
+from glider.verification.proof.interval_proof import gram_guesses, needed_slack
 from glider.verification.sos.exact import exact, in_time, line, rounded
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
@@ -148,6 +149,23 @@ def test_each_half_has_to_be_proven(interval, monkeypatch):
         monkeypatch.setattr(interval_growth, "_prove_whole", prove)
         proof = prove_growth(interval, exact(0.0), ("first", "last"), halvings=1)
         assert (proof and len(proof)) == found
+
+
+def test_a_defect_of_the_linear_rates_needs_its_slack(piece):
+    """2 √(dᵀ S d), where the elevator does not follow its command."""
+    states = piece.nominal.states.copy()
+    states[1, ELEVATOR] += 1e-2
+    nominal = dataclasses.replace(piece.nominal, states=states)
+    moved = dataclasses.replace(piece, nominal=nominal)
+    found = needed_slack(moved, make_interval(moved)) - proven_slack(moved)
+    most = 0.0
+    for share in np.linspace(0.0, 1.0, 9):
+        time = nominal.times[0] + share * np.diff(nominal.times)[0]
+        x, u0 = nominal.path(time), [1.0 - share, share] @ nominal.inputs
+        d = nominal.path(time, 1) - np.array(open_loop_rates(nominal.model, x, u0))
+        d[4:] = 0.0  # The others are in R.
+        most = max(most, 2.0 * np.sqrt(d @ moved.shape(time) @ d))
+    assert 0.8 * found < most <= found
 
 
 def test_an_interval_that_is_halved_is_proven_too(proven):

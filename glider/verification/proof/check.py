@@ -128,6 +128,9 @@ def check_funnel(
     faults += purpose.hook_faults(funnel, problem) if hook and problem else []
     faults += _defect_faults(funnel, growth) + gliders_faults(funnel)
     faults = faults or held_faults(funnel, progress)
+    level = None
+    if covariance and funnel.gliders:
+        level = purpose.compared_level(funnel.gliders.confidence, least_level)
     rounding, seen, between = 0.0, 0.0, np.inf
     if not faults:
         faults, rounding = exact_faults(funnel, at, growth, progress)
@@ -144,7 +147,7 @@ def check_funnel(
         remainder_seen=seen,
         between=between,
         seed=seed,
-        set_level=covariance and purpose.compared_level(funnel, least_level),
+        set_level=level,
     )
 
 

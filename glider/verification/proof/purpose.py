@@ -14,6 +14,7 @@ from glider.errors import expect, show
 from glider.files.schema import parse_yaml
 from glider.physics.confidence import (
     LEVEL,
+    ConfidenceSet,
     describe_level,
     describe_set,
     make_confidence,
@@ -98,15 +99,12 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     return [f"{words} expected {expected}."]
 
 
-def compared_level(funnel: Funnel, least: float | None = None) -> float | None:
+def compared_level(own: ConfidenceSet, least: float | None = None) -> float:
     """Returns the level of a model's set that a funnel's set has to contain.
 
-    It is the file's own, or a least one where that is less: a file may state any. None
-    for a funnel of one glider, which states no set.
+    It is the file's own, or a least one where that is less: a file may state any.
     """
-    if funnel.gliders is None:
-        return None
-    return max(funnel.gliders.confidence.level, LEVEL if least is None else least)
+    return max(own.level, LEVEL if least is None else least)
 
 
 def set_faults(
@@ -116,11 +114,11 @@ def set_faults(
 
     The model's is of the same shape and of the `compared_level`.
     """
-    level = compared_level(funnel, least)
-    if level is None:
+    if funnel.gliders is None:
         words = "The funnel is of one glider; expected a set that contains the model's"
         return [f"{words} {describe_level(least)} set."] if least else []
     own, model = funnel.gliders.confidence, funnel.nominal.model
+    level = compared_level(own, least)
     given = make_confidence(model, covariance, level, own.shape)
     words = f"The funnel's set of gliders, the {describe_set(own)}, is smaller than"
     fault = f"{words} the model's, the {describe_set(given)}."
