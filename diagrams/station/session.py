@@ -100,27 +100,21 @@ class Session:
         self._lock.close()
 
     def _check_truth(self) -> None:
-        """Refuses throws of another simulated glider, or of a real one.
-
-        A flight without a record was imported: it is of a real one.
-        """
-        recorded, ours = self._records(), self._facts["truth"]
-        names = {_flight_name(record) for record in recorded}
-        flights = sorted(self.folder.glob("flight_*.csv")) if ours else []
-        imported = [flight for flight in flights if flight.name not in names]
-        for record in (*imported, *recorded):
-            if record in imported:
-                break
+        """Refuses throws of another simulated glider, or of a real one."""
+        records, ours = self._records(), self._facts["truth"]
+        # No station has recorded these, so they may be of a real glider.
+        lone = ours and not records
+        others = sorted(self.folder.glob("flight_*.csv")) if lone else []
+        for record in records:
             with contextlib.suppress(InputError):
                 if read_throw(record)[0].get("truth", ours) != ours:
-                    break
-        else:
-            return
-        self.close()
-        raise InputError(
-            f"{record}: is of another glider (simulated with other effects, or real); "
-            "expected a new folder."
-        )
+                    others.append(record)
+        if others:
+            self.close()
+            raise InputError(
+                f"{others[0]}: is of another glider (simulated with other effects, or "
+                "real); expected a new folder."
+            )
 
     def _records(self) -> list[Path]:
         return sorted(self.folder.glob("throw_*.mcap"))

@@ -555,3 +555,5 @@ def test_split_needs_three_flights():
     campaign = make_campaign([make_flight(name) for name in NAMES[:2]])
     with pytest.raises(InputError, match="found 2 flights; expected at least 3"):
         split_flights(campaign, 0.25, 0)
+    with pytest.raises(InputError, match="found 1 flight; expected"):
+        split_flights(make_campaign([make_flight(NAMES[0])]), 0.25, 0)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import zipfile
+from pathlib import Path
 
 import pytest
 import yaml
@@ -144,6 +145,13 @@ def test_the_command_lists_and_copies(tmp_path, capsys, fresh_cache):
     capsys.readouterr()
     assert main(["samples", "four_at_once", "--out", str(out)]) == 2
     assert "exists" in capsys.readouterr().err
+    blocked = tmp_path / "file"
+    blocked.touch()
+    assert main(["samples", "four_at_once", "--out", str(blocked / "mine")]) == 2
+    assert f"{blocked}: is a file; expected a folder." in capsys.readouterr().err
+    nowhere = "/proc/mine" if Path("/proc").exists() else "/dev/null/mine"
+    assert main(["samples", "four_at_once", "--out", nowhere]) == 2
+    assert f"error: {nowhere}: cannot be written" in capsys.readouterr().err
     assert main(["samples", "--out", str(out)]) == 2
     assert main(["samples", "lunar_air"]) == 2
 

@@ -25,10 +25,12 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.travel import calc_travel
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
+from glider.campaign.writer import flight_csv
 from glider.errors import InputError
 from glider.files import schema
 from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.physics.model import GliderModel
+from tests.campaign.importing import foreign
 from tests.helpers.lockstep import Lockstep
 
 PERFECT = {"lost": 0.0, "duplicated": 0.0, "late": 0.0}
@@ -203,6 +205,19 @@ def test_a_folder_of_another_glider_is_refused(tmp_path, nominal):
     (tmp_path / "s" / "campaign.yaml").write_text(text.replace("mass: 0.08", "mass: 1"))
     with pytest.raises(InputError, match="its vehicle is"):
         Lockstep(tmp_path / "s", Simulation(truth=nominal))
+
+
+def test_a_simulated_throw_does_not_join_flights_that_no_station_recorded(
+    tmp_path, nominal
+):
+    """As those of a real glider that were imported."""
+    folder = tmp_path / "s"
+    Lockstep(folder, Simulation(truth=nominal)).station.close()
+    [flight] = foreign.flights(count=1).flights
+    (folder / "flight_000.csv").write_bytes(flight_csv(flight))
+    with pytest.raises(InputError, match=r"flight_000\.csv: is of another glider"):
+        Lockstep(folder, Simulation(truth=nominal))
+    assert [file.name for file in folder.glob("flight_*")] == ["flight_000.csv"]
 
 
 def test_two_stations_do_not_share_a_folder(tmp_path, nominal):

@@ -300,3 +300,11 @@ def test_a_launch_outside_its_own_limits_is_refused():
     launch = [-3.8, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0]
     with pytest.raises(InputError, match=r"x is -3\.8; expected .* from -3\.5 to 1"):
         plan(GliderModel(), PerchingProblem(launch=launch))
+
+
+@pytest.mark.parametrize("knots", ["41", 41, [], [2], [41.5], None])
+def test_knots_that_are_no_numbers_of_them_are_refused(knots):
+    with pytest.raises(
+        InputError, match=r"plan: 'knots' is .*; expected a list of one"
+    ):
+        plan(GliderModel(), knots=knots)

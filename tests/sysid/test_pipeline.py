@@ -283,3 +283,6 @@ def test_bad_arguments_are_one_clear_sentence(arguments, words):
     with pytest.raises(InputError, match=words) as error:
         close_the_loop(campaign_path("attached_lift"), **arguments)
     assert "\n" not in str(error.value)
+    for campaign in (5, None):
+        with pytest.raises(InputError, match=f"the campaign is {campaign}; expected"):
+            close_the_loop(campaign, **arguments | {"held_out": 0.3, "effects": None})
