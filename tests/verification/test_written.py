@@ -411,10 +411,6 @@ def other_effects(header, knots, interval):
     header["beyond"] = "servo_lag"
 
 
-def weak_servo(header, knots, interval):
-    header["parameters"]["elevator_rate_limit"] = 3.0
-
-
 FORGED = {
     "smaller bounds": (scale("beta", 0.5), ""),
     "no bounds": (scale("beta", 0.0), "a bound of R is zero"),
@@ -440,7 +436,6 @@ FORGED = {
     "a set of two triangles": (skew, "S is not symmetric"),
     "a negative weight": (negative, "is negative"),
     "other effects": (other_effects, "this program knows no 'servo_lag'"),
-    "a weak servo": (weak_servo, "the servo would meet its limits"),
 }
 
 
