@@ -12,6 +12,7 @@ from pathlib import Path
 
 from diagrams.lab.folder import MAP, Watched, check_take, read_some
 from diagrams.lab.state import Draft
+from glider.campaign.importing.formats import SUFFIXES
 from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.files.writing import replace_file, write_text
@@ -21,11 +22,6 @@ MOST_BYTES = 200_000_000
 """Size of a take that is dropped; a Motive export of ten minutes has 100 MB."""
 
 MOST_TAKES = 500
-
-SUFFIXES = (
-    *(".csv", ".txt", ".tsv", ".xlsx", ".xlsm", ".mat", ".mcap", ".bag", ".db3"),
-    *(".ulg", ".c3d", ".parquet"),
-)
 
 _NAME = re.compile(r"\w[\w .()+-]{0,118}")
 

@@ -151,8 +151,8 @@ def _propose(
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
     lines.append("columns:")
     how = "PX4's topic" if known else "by its name"
-    why = {"position": f"{how}; {others} moves less" if others else how}
-    lines += [f"  {k}: {_quoted(v)}  # {why.get(k, how)}" for k, v in columns.items()]
+    hows = {"position": f"{how}; {others} moves less" if others else how}
+    lines += [f"  {k}: {_quoted(v)}  # {hows.get(k, how)}" for k, v in columns.items()]
     lines += left
     if _ANGLE in known:
         reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
@@ -360,10 +360,10 @@ def _find(log: Recording) -> Columns:
         columns[_ANGLE] = columns.pop(_RATE)
     if "x" in columns and "y" in columns and "z" not in columns:  # As of a video.
         columns["z"] = columns.pop("y")
-    used = tuple(columns.values())
+    mapped = tuple(columns.values())
     for group in (group for group in log.groups if not group.time):
         times = [n for n in group.columns if re.search(_NAMES["time"], _words(n))]
-        rest = [n for n in group.columns if not n.startswith(used)]
+        rest = [n for n in group.columns if not n.startswith(mapped)]
         times += [n for n in rest if _is_clock(group.columns[n].values)]
         if times and times[0] not in columns.get("time", []):
             columns["time"] = [*columns.get("time", []), times[0]]

@@ -133,17 +133,17 @@ def _from_rates(
     """
     step = rates.step
     held = latest_command(rates.time, time + _SAME * step)
-    if (np.abs(rates.time[held] - time) < _SAME * step).all():
-        return rates.values[held, 0], None
-    near = _around(rates, time)
-    logged, values = rates.time[near], rates.values[near, 0]
     usual, long = np.quantile(np.diff(rates.time), [0.5, 0.9])
-    if command_rate and 0.8 * usual * command_rate > 1.0 and long < 1.5 * usual:
+    if command_rate and 0.9 * usual * command_rate > 1.0 and long < 1.5 * usual:
         raise InputError(  # It is no log of changes.
             f"{source}: elevator_rate_command is logged at {1 / usual:.3g} Hz, and "
             f"field 'command_rate' is {command_rate:g}: commands are lost; expected a "
             "log of all, or the measured 'elevator' without elevator_rate_command."
         )
+    if (np.abs(rates.time[held] - time) < _SAME * step).all():
+        return rates.values[held, 0], None
+    near = _around(rates, time)
+    logged, values = rates.time[near], rates.values[near, 0]
     changes = np.flatnonzero(np.diff(values)) + 1
     begins, held = command_steps(logged, values, command_rate)
     if len(changes):

@@ -230,7 +230,7 @@ def test_poses_logged_before_they_happen_are_a_clock_not_an_effect(campaign):
 TIME = np.arange(0.0, 1.0, 1.0 / 120.0)
 
 
-def logged(campaign, **servo):
+def logged(campaign, time=TIME, **servo):
     """The servo's columns of a flight with logs on another clock; poses do not move."""
     streams = {
         name: None if log is None else Stream(log[0], np.array(log[1])[:, None], "s")
@@ -238,10 +238,10 @@ def logged(campaign, **servo):
     }
     track = Track(
         path=Path("log.csv"),
-        time=TIME,
-        position=np.zeros((len(TIME), 3)),
+        time=time,
+        position=np.zeros((len(time), 3)),
         rotation=None,
-        pitch=np.zeros(len(TIME)),
+        pitch=np.zeros(len(time)),
         along_throw=False,
         clock="poses",
         servo=ServoLogs(**streams),
@@ -361,6 +361,16 @@ def test_commands_that_are_logged_too_seldom_are_refused(campaign):
     with pytest.raises(InputError, match="logged at 20 Hz, and field 'command_rate'"):
         logged(campaign, elevator=(rows, angle), rate_command=(rows, rates))
     assert logged(campaign, elevator=(rows, angle)).log.command == "reconstructed"
+
+
+@pytest.mark.parametrize("rate", [30.0, 40.0])
+def test_commands_in_the_rows_of_slow_poses_are_refused_too(campaign, rate):
+    rows = np.arange(0.0, 1.0, 1.0 / rate)
+    servo = {"elevator": (rows, 0.0 * rows), "rate_command": (rows, np.sin(9.0 * rows))}
+    with pytest.raises(InputError, match=f"logged at {rate:g} Hz, and field"):
+        logged(campaign, rows, **servo)
+    slow = dataclasses.replace(campaign, command_rate=rate)
+    assert logged(slow, rows, **servo).log.command == "logged"
 
 
 def test_commands_are_aligned_in_all_flights(campaign):

@@ -15,9 +15,10 @@ from glider.errors import InputError
 
 Reader = Callable[[Path], Recording | list[Recording]]
 
+_DATAFLASH = "ArduPilot DataFlash"
 _READERS: dict[str, Reader] = {
     "PX4 ULog": topics.read_ulog,
-    "ArduPilot DataFlash": dataflash.read,
+    _DATAFLASH: dataflash.read,
     "MATLAB .mat": tables.read_mat,
     "MCAP": topics.read_mcap,
     "ROS bag": topics.read_bag,
@@ -38,10 +39,10 @@ def read_recordings(path: Path) -> list[Recording]:
         if not (path / "metadata.yaml").is_file():
             raise InputError(f"{path}: is a folder; expected a file, or a ROS 2 bag.")
         what = "ROS bag"
-    elif not what and dataflash.is_one(path):
-        what = "ArduPilot DataFlash"
-    if not what:
-        text = delimited.decode(path, list(_FORMATS))
+    elif what not in _READERS or what == _DATAFLASH:  # A .log may be any text.
+        what = _DATAFLASH if dataflash.is_one(path) else "CSV"
+    if what not in _READERS:
+        text = delimited.decode(path)
         return [parse_export(path, text) or delimited.parse(path, text)]
     try:
         read = _READERS[what](path)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.flight_table import split_rows, to_float
+from glider.campaign.importing.formats import FORMAT_NAMES, SUFFIXES
 from glider.campaign.importing.recording import (
     Column,
     Group,
@@ -44,7 +45,7 @@ NumberedRows = Sequence[tuple[int, Sequence[str]]]
 """Cells of rows, with their lines in the file."""
 
 
-def decode(path: Path, formats: Sequence[str]) -> str:
+def decode(path: Path) -> str:
     """Text of a file in UTF-8, UTF-16 or Windows' Western code page, or in gzip."""
     try:
         data = path.read_bytes()
@@ -57,7 +58,7 @@ def decode(path: Path, formats: Sequence[str]) -> str:
     if b"\0" in data[:4096]:
         raise InputError(
             f"{path}: not a text file, and its name ends in no known format; "
-            f"expected .csv, {', '.join(formats)}."
+            f"expected {', '.join(SUFFIXES)}."
         )
     try:
         return data.decode("utf-8-sig")
@@ -88,8 +89,8 @@ def parse_rows(path: Path, rows: Rows) -> Recording:
     first = _first_data_row(rows)
     if first is None:
         raise InputError(
-            f"{path}: no rows of numbers were found; "
-            "expected columns with their names above them."
+            f"{path}: no rows of numbers were found; expected columns with their names "
+            f"above them, or another of the formats {FORMAT_NAMES}."
         )
     width = len(rows[first])
     header = [list(row) for row in map(_without_mark, rows[:first], repeat(width))]

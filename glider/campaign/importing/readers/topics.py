@@ -76,7 +76,7 @@ def read_bag(path: Path) -> Recording:
     highlevel, typesys = need("rosbags.highlevel", path), need("rosbags.typesys", path)
     bag = path.parent if path.suffix == ".db3" else path
     store = typesys.get_typestore(typesys.Stores.LATEST)
-    types = {}
+    types: dict[str, Any] = {}
     for file in sorted({*bag.glob("**/msg/*.msg"), *bag.parent.glob("*/msg/*.msg")}):
         name = f"{file.parts[-3]}/msg/{file.stem}"
         types |= typesys.get_types_from_msg(file.read_text(), name)
