@@ -197,7 +197,7 @@ def test_a_choice_changes_one_field_of_a_map_however_it_is_written(text):
         assert name not in (gone.get(section) or {} if section else gone)
     if "# by hand" in text:
         kept = with_map_field(text, "frame", "up", "z")
-        assert kept == text.replace("up: x  # a guess", 'up: "z"')
+        assert kept == text.replace("up: x  # a guess", "up: z")
 
 
 def test_a_proposal_that_fails_leaves_what_was_found(tmp_path):
