@@ -13,6 +13,7 @@ from pathlib import Path
 from diagrams.lab.folder import MAP, Watched, check_take, read_some
 from diagrams.lab.state import Draft
 from glider.campaign.importing.formats import SUFFIXES
+from glider.campaign.logs import Campaign
 from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.files.writing import replace_file, write_text
@@ -102,25 +103,24 @@ class MapJob:
         if claim is None:
             raise InputError("The map has no 'columns:'; expected those of the takes.")
 
-        def cut(
-            files: list[Path],
-        ) -> tuple[list[Path], tuple[campaign_import.CutRecording, ...]]:
+        def cut(files: list[Path]) -> tuple[list[Path], Campaign]:
             recordings = campaign_import.read_logs(files, claim, silent)
-            return files, campaign_import.cut_recordings(recordings, claim, settings)
+            cuts = campaign_import.cut_recordings(recordings, claim, settings)
+            if not any(cut.flights for cut in cuts):
+                return files, settings
+            return files, campaign_import.campaign_of_cuts(settings, cuts)
 
         check = functools.partial(check_take, claim=claim)
-        (files, cuts), skipped = read_some(self._files, check, cut)
-        flights = [flight for cut in cuts for flight in cut.flights]
-        notes = tuple(f"Skipped: {why}" for why in skipped.values())
-        draft = Draft(text=text, takes=self.takes, flights=len(flights), warnings=notes)
+        (files, campaign), skipped = read_some(self._files, check, cut)
+        flights = len(campaign.flights)
+        draft = Draft(text=text, takes=self.takes, flights=flights, skipped=skipped)
         if flights:
-            campaign = campaign_import.campaign_of_cuts(settings, cuts)
             replace_file(picture, lambda path: save_import_figure(campaign, path))
         try:
             read = campaign_import.read_flights(files, file)
         except InputError as error:
             return dataclasses.replace(draft, refusal=self._short(error))
-        return dataclasses.replace(draft, warnings=(*notes, *read.warnings))
+        return dataclasses.replace(draft, warnings=tuple(read.warnings))
 
 
 def map_fields(text: str) -> dict[str, dict[str, str]]:
@@ -177,7 +177,9 @@ def _with_line(text: str, section: str, name: str, value: str) -> str:
     """The text with another line for a field, or none, as if it were in block style."""
     lines, within, at = text.splitlines(), "", len(text.splitlines())
     indent = "  " if section else ""
-    line = f"{indent}{name}: {json.dumps(value, ensure_ascii=False)}" if value else ""
+    is_plain = re.fullmatch(r"[A-Za-z_-][\w.]*", value) and value not in ("y", "n")
+    quoted = value if is_plain else json.dumps(value, ensure_ascii=False)
+    line = f"{indent}{name}: {quoted}"
     for k, written in enumerate(lines):
         if not (found := _LINE.match(written)):
             continue

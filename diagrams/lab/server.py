@@ -262,6 +262,7 @@ def make_app(session: LabSession, address: Address) -> Starlette:
 def view_of(session: LabSession) -> dict[str, Any]:
     """What the page shows."""
     state, launches = session.state, session.launches
+    draft, is_open = state.draft, session.watched.is_open
     faults = [session.fault, launches.fault if launches else ""]
     return {
         "folder": str(session.watched.path),
@@ -273,10 +274,10 @@ def view_of(session: LabSession) -> dict[str, Any]:
         },
         "figures": session_figures(state),
         "import": {
-            "is_open": session.watched.is_open and launches is None,
+            "is_open": is_open and launches is None,
             "has_takes": session.watched.has_takes,
             "takes": [file.name for file in session.watched.takes],
-            "skipped": session.watched.skipped,
+            "skipped": draft.skipped if draft and is_open else session.watched.skipped,
             "choices": MAP_CHOICES,
         },
         "launches": launches

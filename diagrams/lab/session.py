@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import functools
+import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -40,6 +41,10 @@ from glider.sysid.fit.prediction import RolloutModel
 
 RETRIES = 1
 """Times that a trace is tried again in a session whose process died, or failed."""
+
+SLOW = 3.0
+"""Time after which reading a first throw means that code is compiled for it [s]: where
+it is compiled already, a first throw was drawn after 2.4 s."""
 
 
 class _Checks(NamedTuple):
@@ -86,6 +91,7 @@ class LabSession:
         self._is_inspected = False
         self._has_drawn = False  # A throw, so that nothing remains to be compiled.
         self._looker = ThreadPoolExecutor(1)
+        self._looking_since = 0.0
         self._looking: Future[Throw | _Checks | None] | None = None
         # By name of the model, with what each comes from.
         self._rollouts: dict[str, tuple[tuple[str, bytes], RolloutModel]] = {}
@@ -104,7 +110,8 @@ class LabSession:
     def doing(self) -> str:
         """What is done in the background; "" for nothing."""
         flying = self.launches.doing if self.launches else ""
-        is_first = self._looking and not self._has_drawn
+        is_slow = time.monotonic() > self._looking_since + SLOW
+        is_first = self._looking and is_slow and not self._has_drawn
         compiling = "reading the first throw (compiling once, about a minute)"
         job = self._worker.job
         words = flying, compiling if is_first else "", job.words if job else ""
@@ -191,6 +198,7 @@ class LabSession:
         look = self._next_look() or (None if waits else self._next_late_look())
         if look and self._looking is None:
             self._looking = self._looker.submit(look)
+            self._looking_since = time.monotonic()
 
     def _next_look(self) -> Callable[[], Throw | _Checks] | None:
         """What remains to be found of the throws, the checks of all of them first."""

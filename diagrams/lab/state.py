@@ -81,10 +81,10 @@ class Draft:
     is_proposed: bool = False  #: Whether no person has corrected or checked it.
     flights: int = 0  #: That were found in them; their picture is there if any.
     refusal: str = ""  #: Why it cannot be.
-    warnings: tuple[
-        str, ...
-    ] = ()  #: Doubts, and takes that were skipped.
+    warnings: tuple[str, ...] = ()  #: What the flights do not show.
     columns: tuple[str, ...] = ()  #: Names of the takes' columns.
+    #: Takes that cannot be read like this, and why.
+    skipped: dict[str, str] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -290,6 +290,7 @@ def test_throws_are_listed_while_the_first_one_is_still_read(
         return real(*given)
 
     monkeypatch.setattr(session_module, "compare", compare)
+    monkeypatch.setattr(session_module, "SLOW", 0.0)
     session = open_session()
     try:
         for number in range(4):
@@ -384,34 +385,39 @@ import os, pathlib, sys, time
 from diagrams.lab.session import LabSession
 session = LabSession(pathlib.Path(sys.argv[1]))
 session.update()
-session._worker.start(session._next_job())
-session._worker.pause(True)
-print(session._worker._process.pid, flush=True)
+worker = session._worker
+worker.start(session._next_job())
+while sys.argv[2] == "paused" and not worker._is_paused:
+    worker.wait(0.01)
+    worker.pause(True)
+print(worker._process.pid, flush=True)
 time.sleep(600.0)
 """
 
 
-def is_there(pid):
-    """Whether a process runs, or is stopped; a zombie is not there."""
+def state_of(pid):
+    """State of a process, as T for one that is stopped; "" where it has ended."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0]
     except OSError:
-        return False
-    return state != "Z"
+        return ""
+    return state.replace("Z", "")
 
 
-def test_a_killed_session_leaves_no_process_though_it_is_paused(folder):
+@pytest.mark.parametrize("way", ["paused", "just begun"])
+def test_a_killed_session_leaves_no_process(folder, way):
     drop(folder, 0, 1, 2)
-    command = [sys.executable, "-c", ORPHANS, folder]
+    command = [sys.executable, "-c", ORPHANS, folder, way]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         tracer = int(process.stdout.readline())
-        assert is_there(tracer)
+        assert state_of(tracer)
+        assert state_of(tracer) == "T" or way != "paused"
         process.kill()
         process.wait()
-    end = time.monotonic() + 10.0
-    while is_there(tracer) and time.monotonic() < end:
+    end = time.monotonic() + 30.0
+    while state_of(tracer) and time.monotonic() < end:
         time.sleep(0.05)
-    left = is_there(tracer)
+    left = state_of(tracer)
     if left:
         os.kill(tracer, signal.SIGKILL)
     assert not left

@@ -202,13 +202,14 @@ byId("look-again").addEventListener("click", async () => {
 
 // --------------------------------------------------------------------- station
 
-const STATES = { "": "No station", waiting: "Waiting", ready: "READY: throw now", flying: "Flying", stopped: "Stopped" };
+const STATES = { "": "No station", waiting: "Waiting", ready: "READY", flying: "Flying", stopped: "Stopped" };
 
 function showStation({ state, reason, is_stopped }) {
   byId("station").hidden = false;
   byId("station").dataset.state = is_stopped ? "stopped" : state;
   byId("station-state").textContent = is_stopped ? "STOPPED" : STATES[state];
   const why = is_stopped ? "Every elevator on the bus turns to neutral and stays there"
+    : state === "ready" && !isSimulated ? "Throw now"
     : state ? capital(reason) : "None is heard on the bus";
   byId("station-reason").textContent = why && `${why}.`;
   byId("arm").hidden = !is_stopped;
@@ -226,6 +227,7 @@ byId("arm").addEventListener("click", () => operate("arm"));
 
 // -------------------------------------------------------------------- launches
 
+let isSimulated = false;
 let stopped = false;  // Whether a Stop holds.
 let mayLaunch = () => false;  // By what a launch is planned with.
 
@@ -237,6 +239,7 @@ function allowLaunches() {
 
 function showLaunches({ launches, state }, answer) {
   byId("launches").hidden = !launches;
+  isSimulated = Boolean(launches);
   byId("fly-next").hidden = !launches || !state.proposal?.throws.length;
   if (!launches) return;
   byId("truth").textContent = launches.truth;
