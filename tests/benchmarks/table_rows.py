@@ -85,13 +85,13 @@ def learning_row(name: str) -> list[str]:
     found = learn_residual.run(GliderModel.load(name), seed=0)
     weights = [f"{1e3 * turn.miss:.1f}" for turn in found.weights]
     traced = [f"{1e3 * turn.miss:.1f}" for turn in found.traced]
-    effects = [", ".join(t.identified.effects) or "nothing" for t in found.traced[1:]]
+    effects = dict.fromkeys(found.traced[-1].identified.effects)
     return [
         f"`{name}`",
         weights[0],
         f"{1e3 * found.oracle:.1f}",
         ", ".join(traced[1:]),
-        "; ".join(dict.fromkeys(effects)),
+        ", ".join(effects) or "nothing",
         ", ".join(weights[1:4]) + f" .. {weights[-1]}",
     ]
 
@@ -115,7 +115,7 @@ TABLES = {
     "learning": Table(
         columns=(
             *("truth", "nominal model", "oracle", "tracer, rounds 1, 2, 3"),
-            *("traced to", "weights, rounds 1, 2, 3 .. 19"),
+            *("traced to in the last", "weights, rounds 1, 2, 3 .. 19"),
         ),
         rows=(
             *("attached_flow", "head_wind", "rough_skin", "slow_servo"),
