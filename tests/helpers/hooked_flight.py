@@ -14,13 +14,7 @@ from scipy.linalg import block_diag
 
 from glider.campaign.logs import Flight
 from glider.physics.compose import compose, initial_extra
-from glider.physics.effects import (
-    ELEVATOR_TRIM,
-    NO_FIELD,
-    PITCH_OFFSET,
-    STAGES,
-    Flow,
-)
+from glider.physics.effects import ELEVATOR_TRIM, NO_FIELD, PITCH_OFFSET, STAGES, Flow
 from glider.physics.parameters import GliderParameters, Theta
 from tests.helpers.lifelike import Capture
 from tests.helpers.lifelike_flight import STEP
