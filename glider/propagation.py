@@ -52,8 +52,8 @@ def propagate(
 
     Gliders are drawn from `Result.alternatives`: a set of effects by its probability,
     then its coefficients and the unknown parameters of the vehicle by their covariance
-    and Student's t. A number that would not be physical is set to its bound; the others
-    stay as drawn.
+    and Student's t. A number that would not be physical is set to its bound; the
+    others do not change.
 
     Args:
         result: of `close_the_loop`.

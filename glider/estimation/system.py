@@ -32,8 +32,8 @@ class ExtendedKalmanFilter(LeafSystem):
         measured: at the samples, in the order of `ekf.measured_names`.
         elevator_rate: assumed rate of the servo [rad/s].
         known: the filter's further known inputs, if it has any, as they are at the
-            samples and at the beginning; left open, they are what the filter's model has,
-            which is zero for the wind.
+            samples and at the beginning; left open, they are what the filter's model
+            has, which is zero for the wind.
 
     Output ports:
         state: (n,) predicted by the model from the last sample until now.

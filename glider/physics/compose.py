@@ -53,10 +53,11 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
     """Returns Python text that defines the `*_terms` functions of these effects.
 
     The text calls formula `i` as `formula_i` and its state rate as `rate_i`. With
-    `skip_absent` it omits at run time the formulas whose coefficients that are not mere
-    shapes are all at their defaults, and state rates at defaults that no search for the effect
-    starts from. That saves a kernel with the whole library most of its work, and is
-    right for floats and complex steps, but not for AutoDiffXd coefficients.
+    `skip_absent` it omits at run time the formulas whose sizes, the coefficients that
+    are not mere shapes, are all at their defaults, and state rates at defaults that no
+    search for the effect starts from. That saves a kernel with the whole library most
+    of its work, and is right for floats and complex steps, but not for AutoDiffXd
+    coefficients.
     """
     coefficients, states = coefficient_slices(effects), state_slices(effects)
 

@@ -99,9 +99,7 @@ class GliderModel:
     @functools.cached_property
     def _acting(self) -> tuple[Effect, ...]:
         return tuple(
-            e
-            for e in self.effects
-            if not e.kind.states or e.values != e.kind.defaults
+            e for e in self.effects if not e.kind.states or e.values != e.kind.defaults
         )
 
     @functools.cached_property

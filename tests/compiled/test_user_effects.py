@@ -147,7 +147,8 @@ def test_own_states_rest_where_the_plant_has_them_rest():
         KINDS["dynamic_stall"](strength=1.0),
         KINDS["lagged_separation"](slope=1.0),
     ]
-    plant = GliderPlant(model=GliderModel(effects=(*own, BOOM(gain=1e-3), INFLOW(gain=0.1))))
+    own += [BOOM(gain=1e-3), INFLOW(gain=0.1)]
+    plant = GliderPlant(model=GliderModel(effects=tuple(own)))
     state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
     theta = LAYOUT.default_theta(plant.model.parameters)
     rest = LAYOUT.steady_states(0.0, state, 0.0, theta)

@@ -115,7 +115,8 @@ def test_a_flight_may_begin_farther_along_the_plan():
     first = system.CreateDefaultContext().get_abstract_state(0).get_value().flight
     k = len(first.times) // 4
     known, *_ = state_and_outputs(system, first.knots[k, :7], 5.001, begin=5.0)
-    assert known.flight.times[-1] == pytest.approx(first.times[-1] - first.times[k], 0.1)
+    rest = first.times[-1] - first.times[k]
+    assert known.flight.times[-1] == pytest.approx(rest, rel=0.1)
 
 
 def test_who_need_not_arrive_ends_where_it_is_cheapest():

@@ -344,6 +344,7 @@ LAGS = {
         ),
         ({"formula": lambda flow, size, shape: size}, "2 finite numbers"),
         ({"formula": lambda flow, size: (size, 0.0)}, "its formula fails"),
+        ({"formula": lambda flow, size, shape: None}, "its formula fails"),
         ({"formula": lambda flow, size, shape: (size / 0.0, 0.0)}, "division by zero"),
         (LAGS | {"formula": lambda r, lagged, size, shape: r + 1.0}, "expected 1"),
         (LAGS | {"formula": lambda r, lagged, size, shape: lagged}, "expected 1"),

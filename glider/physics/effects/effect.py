@@ -365,25 +365,28 @@ def try_formulas(
     along = flow.elevator_rate if is_actuator else flow
     given = Motion(*flow[: len(Motion._fields)]) if kind.stage == "air" else along
 
-    def tried(name: str, formula: Callable, count: int, *arguments: object):
+    def tried(
+        name: str, formula: Callable, count: int, *arguments: object
+    ) -> tuple[float, ...]:
         where = f"effect '{kind.kind}': its {name}"
         try:
             with np.errstate(all="ignore"):
                 result = run(formula, arguments)
+            found = result if isinstance(result, tuple) else (result,)
+            numbers = tuple(map(float, found))
         except Exception as error:  # Whatever a user's formula may raise.
             text = next(iter(str(error).strip().splitlines()), type(error).__name__)
             raise InputError(
                 f"{where} {fault} ({text.rstrip('.')}); expected arithmetic and the "
                 "functions sin, cos, sqrt, exp, tanh and arctan of numpy."
             ) from None
-        numbers = result if isinstance(result, tuple) else (result,)
         shaped = isinstance(result, tuple) == (count > 1) and len(numbers) == count
-        if not shaped or not all(math.isfinite(x) for x in np.ravel(numbers)):
+        if not shaped or not all(map(math.isfinite, numbers)):
             raise InputError(
                 f"{where} returns {show(result)}; expected {count} finite number"
                 f"{'s, as a tuple' if count > 1 else ''}."
             )
-        return tuple(float(x) for x in numbers)
+        return numbers
 
     states: tuple[float, ...] = ()
     if kind.steady_state is not None and kind.state_rate is not None:
