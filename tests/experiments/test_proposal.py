@@ -110,7 +110,7 @@ def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
     proposal = propose(campaign, task, noise, explanations, launches=1)
     assert proposal.chance_now == pytest.approx(1.0 - UNKNOWN)
     assert is_done(proposal)
-    assert "What remains is moving air" in sentences(proposal)[-1]
+    assert "What remains is chance" in sentences(proposal)[-1]
 
 
 def test_what_cannot_be_proposed_for_is_reported():
