@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
 from glider.report.error_table import (
     COLUMNS,
@@ -174,6 +175,37 @@ def test_a_finding_that_does_not_hold_is_not_claimed():
     assert text.startswith("Not trusted: the flights seem to show ")
     assert "a steady wind: x = -0.600" in text
     assert text.endswith("changes from 206 mm to 248 mm (RMS).")
+
+
+EXCLUDED = tuple(
+    ExcludedRows(file=f"flight_{k}.csv", rows="all", why="no model") for k in range(3)
+)
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_headline_counts_the_flights_that_are_excluded(verdict):
+    result = make_result(verdict=verdict, set_aside=EXCLUDED)
+    count = result.flights.count
+    words = f"{count} of {count + 3} flights "
+    assert words in headline(result)
+    some = dataclasses.replace(EXCLUDED[0], rows="41-80")
+    assert "flights show" in headline(make_result(set_aside=(some,)))
+    assert words not in headline(make_result(verdict=verdict, set_aside=(some,)))
+
+
+@pytest.mark.parametrize("verdict", ["no_effect", "effect_found", "not_trusted"])
+def test_the_headline_has_the_error_with_excluded_flights(verdict):
+    both = {name: make_errors(0.7) for name in ("nominal", "corrected")}
+    outlying = OutlyingFlights(flights=("a.csv",), errors=both, with_others=both)
+    result = make_result(verdict=verdict, outlying=outlying, set_aside=EXCLUDED)
+    assert headline(result).endswith(
+        "(RMS), 289 mm with the 1 held-out flight among the excluded."
+    )
+
+
+def test_an_error_without_a_correction_does_not_fall():
+    result = make_result(verdict="unexplained", effects=(), spreads={})
+    assert "; the position error of the nominal model on held-out" in headline(result)
 
 
 def test_what_has_no_name_is_told_with_what_it_varies_with():

@@ -582,9 +582,28 @@ def test_coefficients_have_the_digits_that_their_errors_allow(value, std, unit, 
 
 def test_held_out_flights_that_stand_out_have_errors_of_their_own():
     outlying = OutlyingFlights(
-        flights=("flight_013.csv",), errors={"corrected": make_errors(1.5)}
+        flights=("flight_013.csv",),
+        errors={"corrected": make_errors(1.5)},
+        with_others={"corrected": make_errors(0.2)},
     )
     assert to_json(make_result(outlying=outlying))["outlying"] == {
         "flights": ["flight_013.csv"],
         "errors": {"corrected": errors_json(1.5)},
+        "with_others": {"corrected": errors_json(0.2)},
     }
+
+
+def test_a_model_that_is_not_trusted_says_so_where_it_is_loaded(tmp_path):
+    result = make_result(verdict="not_trusted", reason="Too few.", spreads={})
+    write_report(result, tmp_path)
+    with pytest.warns(UserWarning, match='is "not trusted": Too few') as given:
+        GliderModel.load(tmp_path / "model.yaml", own_effects=result.own_effects)
+    assert len(given) == 1
+    assert str(given[0].message).startswith(f"{tmp_path / 'model.yaml'}: ")
+
+
+def test_what_varies_from_flight_to_flight_is_said_of_the_model(tmp_path):
+    write_report(make_result(verdict="effect_found"), tmp_path)
+    words = "elevator trim varies from flight to flight by 0.0203 .*covariance"
+    with pytest.warns(UserWarning, match=words):
+        GliderModel.load(tmp_path / "model.yaml")

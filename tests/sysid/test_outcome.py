@@ -8,6 +8,7 @@ import pytest
 import scipy.linalg
 
 from glider.campaign.turning import Signs
+from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, WIND
 from glider.sysid.likelihood.blocks import SPREADS, flown_values
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
@@ -29,6 +30,7 @@ from glider.sysid.outcome import (
     rivals_of,
     spreads_of,
 )
+from glider.sysid.report import LIBRARY_SHAPE, OTHER_SHAPE
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
@@ -129,6 +131,36 @@ def test_a_free_functions_errors_are_its_own(plain):
     assert 0.05 < peak.std < 0.15
 
 
+def entry_of(task, model, name, family=None):
+    """Returns the only reported effect of a model with one free function."""
+    traced = with_block(task, model, name)
+    traced.families = {name: family} if family else {}
+    block = task.blocks[name]
+    known = Uncertainty(
+        free=model.free,
+        named=(),
+        places={name: range(block.count)},
+        likelihood=1e-4 * np.eye(block.count),
+        changes=np.zeros((2, block.count)),
+    )
+    (effect,) = effects_of(task, traced, known, {}, Signs())
+    return effect
+
+
+def test_a_free_function_of_no_family_is_no_effect_of_the_library(plain):
+    effect = entry_of(*plain, "air along x over x")
+    assert effect.kind == "unexplained" and effect.shape == LIBRARY_SHAPE
+    assert effect.words.startswith("no effect of the library: air along x that changes")
+    assert effect.depends_on == ("x",)
+
+
+def test_a_free_function_of_a_family_has_not_its_formulas_shape(plain):
+    effect = entry_of(*plain, "wing's force over z", "ground_effect")
+    assert effect.kind == "ground_effect" and effect.shape == OTHER_SHAPE
+    assert effect.words.startswith("a wing's force that changes with z")
+    assert effect.family == "wing_force" and effect.depends_on == ("z",)
+
+
 def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
     """Of what they have instead of it: formulas, but those of the model itself."""
     task, _ = task_of(fly(flights=2, duration=0.6))
@@ -177,6 +209,31 @@ def test_trims_that_differ_from_flight_to_flight_are_told_one_by_one():
 def test_where_flights_are_alike_nothing_is_told():
     task, noise = task_of(fly(flights=8))
     assert spreads_of(task, fit_model(task, begin(task, noise))) == {}
+
+
+COMMON = WIND(x=-0.4), ELEVATOR_TRIM(angle=0.1), PITCH_OFFSET(angle=0.05)
+
+
+@pytest.mark.parametrize("effect", COMMON, ids=lambda effect: effect.kind.kind)
+def test_what_all_flights_have_is_no_variation(effect):
+    """Though a model that lacks it needs the same constant in each flight."""
+    task, noise = task_of(fly(effect, flights=8))
+    assert spreads_of(task, fit_model(task, begin(task, noise))) == {}
+
+
+def test_a_variation_is_about_its_mean():
+    trims = 0.1 + 0.02 * np.array([-1.3, 0.4, 1.2, -0.8, 0.1, 1.0, -1.1, 0.5])
+    flights = []
+    for k, trim in enumerate(trims.tolist()):
+        campaign = fly(ELEVATOR_TRIM(angle=trim), flights=1, seed=k)
+        name = f"flight_{k:03d}.csv"
+        flights.append(dataclasses.replace(campaign.flights[0], name=name))
+    task, noise = task_of(dataclasses.replace(campaign, flights=tuple(flights)))
+    found = spreads_of(task, fit_model(task, begin(task, noise)))
+    assert set(found) == {"elevator_trim"}
+    spread = found["elevator_trim"]
+    assert spread.std == pytest.approx(np.std(trims, ddof=1), rel=0.1)
+    np.testing.assert_allclose([*spread.values.values()], trims, atol=3e-3)
 
 
 def test_what_effects_explain_is_in_the_units_of_the_plate():

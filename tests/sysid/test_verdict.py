@@ -3,6 +3,7 @@
 import math
 import types
 
+import numpy as np
 import pytest
 
 from glider.campaign.turning import Signs
@@ -19,7 +20,7 @@ from glider.sysid.report import (
     RolloutErrors,
 )
 from glider.sysid.result import FoundEffect
-from glider.sysid.verdict import changes_baseline_alone, judge
+from glider.sysid.verdict import changes_baseline_alone, judge, with_excluded
 
 RIGHT = Signs()
 
@@ -47,12 +48,29 @@ def errors_with(free, along):
     )
 
 
-LEAST_T = 2.1
+LEAST_T, ENOUGH_T, FLIGHTS = 2.1, 1.96, 20
 
 
 def gain_of(t):
     """A gain in folds of this t."""
-    return types.SimpleNamespace(t=t, least_t=LEAST_T, are_significant=t >= LEAST_T)
+    return types.SimpleNamespace(
+        t=t,
+        least_t=LEAST_T,
+        are_significant=t >= LEAST_T,
+        would_suffice=t >= ENOUGH_T,
+        values=np.zeros(FLIGHTS),
+    )
+
+
+def folds_of(t=9.0, t_lost=types.MappingProxyType({}), over_nominal=None, median=1.0):
+    """Flights held out, with the median of their errors over the nominal model's."""
+    return types.SimpleNamespace(
+        gain=gain_of(t),
+        lost=lambda way: gain_of(t_lost.get(way, 0.0)),
+        is_worse=lambda way: t_lost.get(way, 0.0) > LEAST_T,
+        over_nominal=None if over_nominal is None else gain_of(over_nominal),
+        over_median=lambda model: {"nominal": median}[model],
+    )
 
 
 def verdict(
@@ -75,6 +93,7 @@ def verdict(
     most_by_chance=1.8,
     times_along=math.nan,
     left_m=0.05,
+    nominal_median=1.0,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
@@ -86,7 +105,7 @@ def verdict(
         effects.append(entry("unexplained"))
     blocks = ("air over x",) if field else ()
     traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=(*kinds, *blocks)),
+        model=types.SimpleNamespace(kinds=(*kinds, *blocks), blocks=blocks),
         forces=None if left_over is None else object(),
     )
     left = Residual(
@@ -99,12 +118,7 @@ def verdict(
     )
     held_out = None
     if signs.are_right:
-        held_out = types.SimpleNamespace(
-            gain=gain_of(t),
-            lost=lambda way: gain_of(t_lost.get(way, 0.0)),
-            is_worse=lambda way: t_lost.get(way, 0.0) > LEAST_T,
-            over_nominal=None if t_over_nominal is None else gain_of(t_over_nominal),
-        )
+        held_out = folds_of(t, t_lost, t_over_nominal, nominal_median)
     errors = {
         "nominal": errors_with(drawn, 1.0),
         "refitted": errors_with(1.0, 1.0),
@@ -157,7 +171,18 @@ def test_what_a_perfect_model_would_not_leave_is_not_all_explained():
     assert verdict(("wind",), times_floor=2.1, **of_few)[0] == "partly_explained"
     _, reason = verdict(("wind",), chance=0.0, left_over=("alpha", "V"))
     assert reason.endswith("depending on alpha, V.")
-    assert verdict(chance=0.0)[0] == "no_effect"
+
+
+def test_what_is_left_where_nothing_was_found_is_unexplained():
+    """Noise and moving air of a right model do not leave it."""
+    word, reason = verdict(chance=0.99 * UNLIKELY, times_floor=35.4)
+    assert word == "unexplained"
+    assert reason.startswith("No effect of the library explains what the flat plate")
+    assert "50 mm (RMS), 35.4 times as much as a perfect model" in reason
+    assert verdict(chance=0.0, times_floor=0.99)[0] == "no_effect"
+    assert verdict(chance=1.01 * UNLIKELY)[0] == "no_effect"
+    word, reason = verdict(times_floor=2.5, doubt="the model needs gusts of 0.6 m/s")
+    assert word == "unexplained"
 
 
 def test_a_shape_that_is_not_the_librarys_is_told():
@@ -191,6 +216,42 @@ def test_what_makes_unseen_flights_worse_is_not_trusted():
         assert (words in reason) == (word == "not_trusted")
 
 
+@pytest.mark.parametrize("kinds", [("wind",), ()], ids=["named", "unnamed"])
+def test_what_is_worse_than_the_nominal_model_is_not_trusted(kinds):
+    """A refitted baseline may be worse still."""
+    given = {"kinds": kinds, "field": not kinds}
+    word, reason = verdict(**given, split=0.9, drawn=0.9 / (WORSE + 0.01))
+    assert word == "not_trusted" and "times the error of the nominal model" in reason
+    assert verdict(**given, split=0.9, drawn=0.9)[0] != "not_trusted"
+    folds = {"t_over_nominal": 9.0, "nominal_median": 1.09}
+    word, reason = verdict(**given, **folds)
+    assert word == "not_trusted" and "1.09 times the error of the nominal" in reason
+    assert verdict(**given, **folds | {"nominal_median": WORSE})[0] != "not_trusted"
+    word, reason = verdict(("mass",), t=0.1, **folds)  # The plate has it, too.
+    assert word == "not_trusted" and "1.09 times the error of the nominal" in reason
+
+
+def test_few_flights_that_gain_are_told_as_few():
+    word, reason = verdict(("wind",), t=0.5 * (LEAST_T + ENOUGH_T))
+    assert word == "not_trusted"
+    assert f"but {FLIGHTS} flights are too few to exclude chance (t = 2.0" in reason
+    _, reason = verdict(("wind",), t=ENOUGH_T - 0.1)
+    assert "does not gain significantly" in reason
+
+
+def test_a_reason_counts_the_flights_that_it_is_not_about():
+    reason = "The flights show nothing beyond noise and moving air."
+    assert with_excluded(reason, {}, 20) == reason
+    alike = dict.fromkeys(("b.csv", "c.csv"), "explained by no model: 5 times the rest")
+    told = with_excluded(reason, {"a.csv": "too short", **alike}, 20)
+    assert told == (
+        "17 of 20 flights show nothing beyond noise and moving air; 3 of 20 are "
+        "excluded: too short (a.csv); explained by no model (b.csv, c.csv)."
+    )
+    told = with_excluded("The effects are identified.", {"a.csv": "too short"}, 4)
+    assert told == "The effects are identified; 1 of 4 is excluded: too short (a.csv)."
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_what_is_worse_in_folds_beyond_chance_is_not_trusted(way):
     word, reason = verdict(("wind",), t_lost={way: LEAST_T + 0.1})
@@ -203,7 +264,7 @@ def test_what_leaves_too_much_to_chance_is_not_trusted():
     word, reason = verdict(("wind",), doubt="the model needs gusts of 0.6 m/s")
     assert word == "not_trusted"
     assert "gusts of 0.6 m/s" in reason
-    assert verdict((), doubt="the model needs gusts of 0.6 m/s")[0] == "no_effect"
+    assert verdict((), doubt="the model needs gusts of 0.6 m/s")[0] == "not_trusted"
 
 
 @pytest.mark.parametrize("lack", [{"field": True}, {"terms": ("c_lift",)}], ids=str)
@@ -237,9 +298,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     )
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = entry("unexplained"), entry("elevator_trim", evidence=math.nan)
-    held_out = types.SimpleNamespace(
-        gain=gain_of(9.0), is_worse=lambda way: False, over_nominal=None
-    )
+    held_out = folds_of()
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
     word, _ = judge(traced, held_out, errors, found, left, None)
     assert word == "unexplained"

@@ -59,11 +59,8 @@ def fit_scales(
     shown = [name for name in free if has_gyro or name != "rate"]
     index = np.array([NAMES.index(name) for name in shown], dtype=int)
     low, high = FLOOR.logs, CEILING.logs
-    logs, damping, is_given = (
-        np.clip(scales.logs, low, high),
-        0.0,
-        curvature is not None,
-    )
+    logs, damping = np.clip(scales.logs, low, high), 0.0
+    is_given = curvature is not None
     value, slopes = _score(flights, logs)
     # Else there is none, or it diverges.
     begins = bool(flights and shown) and np.isfinite(value)
@@ -99,9 +96,10 @@ def fit_scales(
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
             damping = max(10.0 * damping, 0.1)
-        if gained < tolerance and not is_given:
-            break
-        if gained < tolerance:  # Of another model, whose errors may have been larger.
+        if gained < tolerance:
+            if not is_given:
+                break
+            # The curvature of another model, whose errors may have been larger.
             curvature, damping = None, 0.0
         is_given = False
     return FittedScales(Scales.from_logs(logs), value, curvature)

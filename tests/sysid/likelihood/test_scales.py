@@ -69,6 +69,18 @@ def test_scales_are_found_from_anywhere_between_their_bounds(turbulent, seed):
     assert fit_scales(flights, start, iterations=20).cost < best + 1.0  # [nats]
 
 
+def test_curvature_of_larger_errors_stops_no_fit(turbulent):
+    """It promises nothing of any step."""
+    task, model, _ = turbulent
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    start = dataclasses.replace(model.scales, air=8.0 * model.scales.air)
+    best = fit_scales(flights, start, iterations=20)
+    stale = 1e9 * np.eye(len(NAMES))
+    again = fit_scales(flights, start, iterations=20, curvature=stale)
+    assert again.cost == pytest.approx(best.cost, abs=0.5)
+    assert again.scales.air == pytest.approx(best.scales.air, rel=0.05)
+
+
 def test_a_scale_that_is_not_free_stays(turbulent):
     task, model, _ = turbulent
     flights = [f.error_only() for f in linear_flights(task, model, ())]
