@@ -79,10 +79,10 @@ class Picker:
 
     def position(self) -> Stream:
         """Positions (n, 3) x, y, z, or (n, 2) x and the axis that is vertical [m]."""
-        columns, up = self._mapping.columns, self._mapping.frame.up[-1]
+        columns = self._mapping.columns
         if "position" in columns:
             return self._vector("position", columns["position"])
-        if "y" in columns and ("z" in columns or up != "y"):
+        if {"y", "z"} <= columns.keys():
             return self.scalars(("x", "y", "z"))
         axes = ("x", "y") if "y" in columns else ("x", "z")
         self._check_vertical(axes)
