@@ -118,8 +118,8 @@ class Launches:
 def _fault_of(code: int) -> str:
     """What an exit code of the station says; "" where all was flown."""
     if code < 0:
-        killed = "The station was killed from outside"
-        return f"{killed} ({signal.Signals(-code).name}): not all launches were flown."
+        name = signal.Signals(-code).name
+        return f"Not all launches were flown: {name} ended the station."
     words = {1: "the simulated glider died", 2: "the terminal shows what it refused"}
     why = words.get(code, "the terminal shows why")
     return f"Not all launches were flown: {why}." if code else ""

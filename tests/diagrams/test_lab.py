@@ -634,4 +634,20 @@ def test_launches_are_flown_one_request_after_the_other(tmp_path):
     assert launches.step(model, 7) and launches.doing == "flying the proposed throw"
     commands = tmp_path / "next_throw" / "commands_1.csv"
     assert flights[2:] == [(1, model, 7, commands)]
+    launches._process.wait()
+    launches.step(model, 8)
+    (tmp_path / "over").unlink()
+    launches.ask("nominal", 5)
+    assert launches.step(model, 8)
+    launches._process.kill()
+    launches._process.wait()
+    launches.step(model, 8)
+    assert "SIGKILL ended the station" in launches.fault
+    launches.ask("nominal", 5)
+    launches.step(model, 8)
+    launches.ask("nominal", 5)
+    launches.stop()  # Those that fly, and those that were to come.
+    launches._process.wait()
+    assert not launches.step(model, 8)
+    assert launches.fault == "" and len(flights) == 5
     launches.close()

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from diagrams.station.bus import OPERATOR, STATUS, Bus, free_address
 from glider.campaign.samples import campaign_folder
 from tests.helpers.browser import PATIENCE, open_browser, visit, why_not
 
@@ -105,6 +106,35 @@ def test_throws_come_while_the_page_is_open(browser, folder):
         assert len(rows(seen)) == 4
         assert seen.faults == []
         assert all(address.startswith(url.split("?")[0]) for address in seen.requests)
+
+
+def test_the_page_shows_the_station_and_stops_it(browser, folder, tmp_path):
+    address, heard = free_address(), []
+    scenario = tmp_path / "lab.yaml"
+    scenario.write_text(f"bus: {address}\n")
+    bus = Bus(address)
+    bus.listen(OPERATOR, lambda when, values, names: heard.append(names[0]))
+
+    def shows(state, reason, words):
+        bus.say(STATUS, time.monotonic(), (0.0, 0.0), (state, reason))
+        return words in text(seen, "#station")
+
+    with (
+        served(folder, "--scenario", str(scenario)) as url,
+        visit(browser, url, **TABLET) as seen,
+    ):
+        assert seen.wait_for(lambda: "No station" in text(seen, "#station"))
+        assert "token" not in seen.page.url
+        why = "no usable pose yet"
+        assert seen.wait_for(lambda: shows("waiting", why, "No usable pose yet"))
+        assert seen.wait_for(lambda: shows("ready", "", "READY Throw now"))
+        seen.page.click("#stop")
+        assert seen.wait_for(lambda: bus.handle(0.05) and "kill" in heard)
+        assert seen.wait_for(lambda: "STOPPED" in text(seen, "#station"))
+        seen.page.click("#arm")
+        assert seen.wait_for(lambda: bus.handle(0.05) and heard[-1] == "arm")
+        assert seen.wait_for(lambda: shows("flying", "", "Flying"))
+        assert seen.faults == []
 
 
 def test_a_page_goes_on_after_a_restart(browser, folder):

@@ -210,7 +210,7 @@ function showStation({ state, reason, is_stopped }) {
   byId("station-state").textContent = is_stopped ? "STOPPED" : STATES[state];
   const why = is_stopped ? "Every elevator on the bus turns to neutral and stays there"
     : state === "ready" && !isSimulated ? "Throw now"
-    : state ? capital(reason) : "None is heard on the bus";
+    : state ? capital(reason) : "Nothing is heard from one on the bus";
   byId("station-reason").textContent = why && `${why}.`;
   byId("arm").hidden = !is_stopped;
   stopped = is_stopped;
