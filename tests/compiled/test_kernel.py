@@ -197,7 +197,7 @@ def test_an_edit_of_what_a_formula_calls_gets_another_file(fresh_cache, module_o
     load((edited(),))
     load((edited(),))
     assert len(files_in(fresh_cache)) == 1
-    edits = {"gain": 3.0, "size": 3.0, "closure": 3.0, "root": "cos"}
+    edits = {"gain": 3.0, "size": 3.0, "closure": 3.0, "root": "tan"}
     for count, name in enumerate(edits, start=2):
         load((edited(**{name: edits[name]}),))
         assert len(files_in(fresh_cache)) == count
