@@ -17,7 +17,7 @@ import types
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Never
+from typing import Any, Never
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -247,7 +247,7 @@ class GliderModel:
         write_text(Path(path), model_text(self, origin, covariance))
 
 
-def _check_effects(effects: object) -> None:
+def _check_effects(effects: Any) -> None:
     """Raises InputError where effects are not some, or one is given twice."""
     what, expected = "GliderModel: 'effects'", "effects such as (WIND(x=-0.5),)"
     expect(isinstance(effects, (tuple, list)), what, effects, expected)
