@@ -70,9 +70,10 @@ class MapJob:
                     columns, _ = read_some(self._files, check, guess_columns)
                     text = schema.yaml_text({"columns": columns}) if columns else ""
             draft = self.refused(self._short(error), text)
-        for file in self._files:
+        for file in self._files if not names else ():  # Those of one are enough.
             with contextlib.suppress(InputError):
-                names or check(file)  # Those of one take are enough.
+                check(file)
+                break
         return dataclasses.replace(
             draft, is_proposed=not self.text, columns=tuple(names)
         )

@@ -364,7 +364,7 @@ class LabSession:
         path, limits, done = self.watched.path, self.watched.limits, state.proposal
         again, self.asked_proposal = self.asked_proposal, False
         is_done = done and (done.sha256, done.limits) == (digest, limits)
-        if is_done and not (again and done.is_refused):
+        if done and is_done and not (again and done.is_refused):
             return None
         return dataclasses.replace(trace, proposes=True, session=path, limits=limits)
 
