@@ -59,14 +59,11 @@ def fit_scales(
     shown = [name for name in free if has_gyro or name != "rate"]
     index = np.array([NAMES.index(name) for name in shown], dtype=int)
     low, high = FLOOR.logs, CEILING.logs
-    logs, damping, is_given = (
-        np.clip(scales.logs, low, high),
-        0.0,
-        curvature is not None,
-    )
+    logs, damping = np.clip(scales.logs, low, high), 0.0
+    is_given = curvature is not None  # Of another model, whose errors may be larger.
     value, slopes = _score(flights, logs)
     begins = bool(flights) and np.isfinite(value)  # Else there is none, or it diverges.
-    for _ in range(iterations if begins else 0):
+    for _ in range(iterations + is_given if begins else 0):
         gradient = slopes[index]
         has_room = np.where(gradient > 0.0, (logs > low)[index], (logs < high)[index])
         if not has_room.any():
@@ -97,11 +94,10 @@ def fit_scales(
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
             damping = max(10.0 * damping, 0.1)
-        if gained < tolerance and not is_given:
-            break
-        if gained < tolerance:  # Of another model, whose errors may have been larger.
-            curvature, damping = None, 0.0
-        is_given = False
+        if gained < tolerance:
+            if not is_given:
+                break
+            curvature, damping, is_given = None, 0.0, False
     return FittedScales(Scales.from_logs(logs), value, curvature)
 
 
