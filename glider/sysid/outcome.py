@@ -15,7 +15,7 @@ from glider.physics.effects.families import BLOCKS
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import report
-from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD
+from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
 from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.model_fit import error_flights
@@ -39,8 +39,8 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """Flight-to-flight variations, by kind, with the value of each flight.
 
     One is reported where it reaches the threshold of an effect, all else refitted. The
-    fitted scale is about zero, of both components of a wind: what they have in common
-    is not a variation.
+    fitted scale is about zero: where the mean of the flights is clearly not zero, the
+    variation is that of their values about it.
     """
     flights = error_flights(task, model)
     # Those of the model may be priors, as in the search along the attitude.
@@ -52,9 +52,10 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
         others = [name for name in NAMES if name != scale]
         lost = fit_scales(flights, fitted.without(scale), others).cost - base
         columns = [k for k, (other, _) in enumerate(PER_FLIGHT) if other == kind]
-        common = float(np.mean(values[:, columns].mean(axis=0) ** 2))
-        variance = max(getattr(fitted, scale) ** 2 - common, 0.0)
-        std = math.sqrt(variance * len(values) / max(len(values) - 1, 1))
+        mean, stds = (f(values[:, columns], axis=0) for f in (np.mean, np.std))
+        std = getattr(fitted, scale)
+        if np.any(np.abs(mean) > Z * stds / math.sqrt(len(values))):
+            std = float(np.sqrt(np.mean(stds**2)))
         size = LEAST_SPREAD * coefficient.scale
         if lost > EVIDENCE_THRESHOLD and size < min(std, getattr(model.scales, scale)):
             own = values[:, PER_FLIGHT.index((kind, coefficient.name))].tolist()

@@ -184,7 +184,7 @@ def with_excluded(reason: str, excluded: Mapping[str, str], count: int) -> str:
         return reason
     names = dict[str, list[str]]()
     for name, why in excluded.items():
-        names.setdefault(why.partition(":")[0], []).append(name)
+        names.setdefault(why.partition(":")[0].rstrip("."), []).append(name)
     whys = (f"{why} ({', '.join(own)})" for why, own in names.items())
     told = reason.replace("The flights", f"{count - len(excluded)} of {count} flights")
     are = "is" if len(excluded) == 1 else "are"

@@ -172,7 +172,7 @@ def test_each_verdict_has_its_badge_and_its_sentence(verdict):
 
 def test_a_finding_that_does_not_hold_is_not_claimed():
     text = headline(VARIANTS["not trusted"])
-    assert text.startswith("Not trusted: the flights seem to show ")
+    assert text.startswith("Not trusted: 8 of 9 flights seem to show ")
     assert "a steady wind: x = -0.600" in text
     assert text.endswith("changes from 206 mm to 248 mm (RMS).")
 
@@ -221,7 +221,7 @@ def test_what_has_no_name_is_told_with_what_it_varies_with():
 def test_a_difference_between_flights_alone_is_a_finding():
     result = make_result(effects=())
     assert headline(result).startswith(
-        "The flights show that elevator trim varies from flight to flight by 0.0203 "
+        "8 of 9 flights show that elevator trim varies from flight to flight by 0.0203 "
     )
 
 
@@ -310,7 +310,9 @@ def test_the_headline_of_many_effects_has_no_coefficients():
     kinds = [dataclasses.replace(WIND, words=f"effect {i}") for i in range(3)]
     assert headline(make_result(effects=tuple(kinds[:2]))).count("-0.600") == 2
     text = headline(make_result(effects=tuple(kinds)))
-    assert text.startswith("The flights show effect 0; effect 1; and effect 2; held-")
+    assert text.startswith(
+        "8 of 9 flights show effect 0; effect 1; and effect 2; held-"
+    )
 
 
 def test_how_often_an_effect_is_chosen_is_told():

@@ -60,11 +60,11 @@ def fit_scales(
     index = np.array([NAMES.index(name) for name in shown], dtype=int)
     low, high = FLOOR.logs, CEILING.logs
     logs, damping = np.clip(scales.logs, low, high), 0.0
-    is_given = curvature is not None
+    is_given = curvature is not None  # Of another model, whose errors may be larger.
     value, slopes = _score(flights, logs)
     # Else there is none, or it diverges.
     begins = bool(flights and shown) and np.isfinite(value)
-    for _ in range(iterations if begins else 0):
+    for _ in range(iterations + is_given if begins else 0):
         if curvature is None:
             curvature = _information(flights, logs, index)
         fisher = curvature[np.ix_(index, index)]
@@ -99,9 +99,7 @@ def fit_scales(
         if gained < tolerance:
             if not is_given:
                 break
-            # The curvature of another model, whose errors may have been larger.
-            curvature, damping = None, 0.0
-        is_given = False
+            curvature, damping, is_given = None, 0.0, False
     return FittedScales(Scales.from_logs(logs), value, curvature)
 
 

@@ -57,8 +57,21 @@ def test_losses_are_logarithms_of_ratios_of_flights_in_a_way():
     assert lost.lost("freely").values.max() > 5.0
 
 
-def by_name(paths):
-    return dict(enumerate(paths))
+def test_the_median_flight_is_held_against_a_model_of_choice():
+    """However far the others are off."""
+    flights = np.ones((3, 3, 2))
+    flights[:, 0, 0], flights[:, 2, 0] = [1.0, 2.0, 9.0], [1.1, 2.6, 0.1]
+    models = "nominal", "refitted", "corrected"
+    gain = Gains(values=np.zeros(3))
+    held = HeldOut(folds=(), gain=gain, paths=by_name(flights, models))
+    assert held.over_median("nominal") == pytest.approx(1.1)
+    assert held.over_median("refitted") == pytest.approx(1.1)
+    assert held.lost("freely", "nominal").values[1] == pytest.approx(np.log(1.3))
+
+
+def by_name(paths, models=("refitted", "corrected")):
+    """Paths of flights (F, models, 2) as `HeldOut` has them."""
+    return {k: dict(zip(models, own, strict=True)) for k, own in enumerate(paths)}
 
 
 def with_flight(paths, baseline, corrected):
@@ -239,5 +252,6 @@ def test_a_loss_is_more_than_a_tie_and_of_flights_that_fly(way):
     assert not held(1.0002 + 1e-5 * rng.normal(size=12)).is_worse(way)
     assert not held(1.1 + 0.5 * rng.normal(size=12)).is_worse(way)
     assert held(np.full(12, np.inf)).is_worse(way)
-    both = held(np.full(2, 0.9)).paths | {7: np.full((2, 2), np.nan)}
+    nothing = by_name(np.full((1, 2, 2), np.nan))[0]
+    both = held(np.full(2, 0.9)).paths | {7: nothing}
     assert len(HeldOut(folds=(), gain=gain, paths=both).lost(way).values) == 2
