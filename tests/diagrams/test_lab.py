@@ -409,11 +409,12 @@ def test_a_killed_session_leaves_no_process(folder, way):
     drop(folder, 0, 1, 2)
     command = [sys.executable, "-c", ORPHANS, folder, way]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        tracer = int(process.stdout.readline())
-        assert state_of(tracer)
-        assert state_of(tracer) == "T" or way != "paused"
+        tracer, end = int(process.stdout.readline()), time.monotonic() + 10.0
+        while way == "paused" and state_of(tracer) != "T" and time.monotonic() < end:
+            time.sleep(0.01)
+        before = state_of(tracer)
         process.kill()
-        process.wait()
+    assert before == "T" if way == "paused" else before
     end = time.monotonic() + 30.0
     while state_of(tracer) and time.monotonic() < end:
         time.sleep(0.05)
