@@ -344,7 +344,10 @@ def test_a_glider_that_is_not_known_is_refused_before_a_folder_is_made(
 ):
     command = ["lab", str(tmp_path / "new"), "--simulate", "nope", "--headless"]
     assert main(command) == 2
-    assert "the simulated glider is 'nope'" in capsys.readouterr().err
+    assert (
+        "nope: does not exist; expected a file, or the name of"
+        in capsys.readouterr().err
+    )
     assert not (tmp_path / "new").exists()
 
 

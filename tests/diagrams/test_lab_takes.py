@@ -49,10 +49,10 @@ def test_takes_one_by_one_give_the_flights_of_an_import_of_all(tmp_path, session
             assert session.state.notes == (str(error),)
             assert session.state.throws == ()
             continue
-        assert [t.name for t in session.state.throws] == [f.name for f in imported]
         assert all(throw.is_drawn for throw in session.state.throws)
-        for flight in load_campaign(session.watched.campaign).flights:
-            [same] = [f for f in imported if f.name == flight.name]
+        flights = load_campaign(session.watched.campaign).flights
+        assert [t.name for t in session.state.throws] == [f.name for f in flights]
+        for flight, same in zip(flights, imported, strict=True):
             assert flight.pose == pytest.approx(same.pose, nan_ok=True)
     assert len(session.state.throws) == 2
 
