@@ -54,7 +54,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             args = parser.parse_args(arguments)
             with warnings.catch_warnings():
                 warnings.simplefilter("default", UserWarning)
-                warnings.showwarning = _print_warning
                 return args.run(args)
         finally:
             sys.stdout.flush()
@@ -75,11 +74,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(INTERRUPTED, file=sys.stderr)
         return INTERRUPTED_CODE
-
-
-def _print_warning(message: Warning | str, *_: object) -> None:
-    """Prints a warning, such as that of a model's file, in one line."""
-    print(f"warning: {message}", file=sys.stderr)
 
 
 def _not_installed(module: str) -> str:

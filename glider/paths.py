@@ -47,10 +47,10 @@ def shipped_path(path: Path | str, folder: str) -> Path:
         folder: of the models, e.g. "problems".
 
     Raises:
-        InputError: it has no suffix, and there is neither such a file nor such a name.
+        InputError: it has no suffix, and neither the path nor the name exists.
     """
     path = Path(path)
-    if path.suffix or path.is_file():
+    if path.suffix or path.exists():
         return path
     known = {shipped.stem: shipped for shipped in models_path(folder).glob("*.yaml")}
     if str(path) not in known:

@@ -24,7 +24,7 @@ SHORTENED = {"held_head_wind_95_hook": 10, "head_wind_95": 12}
 TRUE = {"half of the remainder", "a remainder 14 % smaller"}
 """Changes that a short funnel of held commands has room for."""
 
-ELSEWHERE = {"a launch in mid-flight", "a wind nobody asked for"}
+ELSEWHERE = {"a launch in mid-flight", "a wind that was not asked for"}
 """Changes that it cannot have: it is short, and its glider has a wind."""
 
 

@@ -200,7 +200,7 @@ def test_the_ball_covers_the_sets_and_hardly_more(interval):
 @pytest.mark.parametrize("limit", ["rate", "stop"])
 def test_each_limit_of_the_servo_counts_alone(piece, limit, sign):
     """Where others are far: what the sets need, with an error of the command."""
-    nominal, error, far = piece.nominal, 10.0, 1e3
+    nominal, error, fast, far = piece.nominal, 10.0, 1e3, 6.0
     inputs, angle = np.full(2, 2.0 * sign), nominal.states[:, ELEVATOR]
     along, middle, off = nominal.gains, inputs, error
     if limit == "stop":
@@ -214,7 +214,7 @@ def test_each_limit_of_the_servo_counts_alone(piece, limit, sign):
         stops = [-bound, far] if sign < 0 else [-far, bound]
         parameters = dataclasses.replace(
             nominal.model.parameters,
-            elevator_rate_limit=bound if limit == "rate" else far,
+            elevator_rate_limit=bound if limit == "rate" else fast,
             elevator_limits=stops if limit == "stop" else [-far, far],
         )
         model = dataclasses.replace(nominal.model, parameters=parameters)

@@ -214,7 +214,7 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
     Turbulence depends on none; errors of a model do. Gusts vary as exp(b φ) with the
     ranks φ of a state's size, from -1 to 1: flights are independent, and Student's t
     compares the slopes of their likelihoods over b at zero, the overall strength
-    eliminated.
+    eliminated. They vary by no less than the likelihood's information says.
     """
     count = len(task.records)
     if model.scales.is_still or count < 3:
@@ -226,8 +226,13 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
         flight.start[len(flight.states) :] = 0.0
     places = np.cumsum([len(flight.by_air) for flight in flights])[:-1]
 
-    def slopes(ranks: np.ndarray) -> np.ndarray:
-        """Of each flight's log-likelihood over b, (F,)."""
+    here = negative_log_likelihood(flights, scales)
+
+    def slopes(ranks: np.ndarray) -> tuple[np.ndarray, float]:
+        """Of each flight's log-likelihood over b, (F,), and the variance of their sum.
+
+        The variance is the information of the likelihood, by its curvature.
+        """
         costs = []
         for step in (-_STEP, _STEP):
             factors = np.split(np.exp(step * ranks)[:, None, None], places)
@@ -236,18 +241,22 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
                 for flight, own in zip(flights, factors, strict=True)
             ]
             costs.append(negative_log_likelihood(moved, scales))
-        return (costs[0] - costs[1]) / (2.0 * _STEP)
+        curvature = (costs[0] - 2.0 * here + costs[1]) / _STEP**2
+        return (costs[0] - costs[1]) / (2.0 * _STEP), float(curvature.sum())
 
     theta, field = model.theta, field_of(model)
     values = [variables_between(values_at_nodes(f, theta, field)) for f in flights]
     sizes = np.abs(np.concatenate(values))
-    overall, found = slopes(np.ones(len(sizes))), {}
+    (overall, _), found = slopes(np.ones(len(sizes))), {}
     for variable in STATES:
         own = sizes[:, FIELD_VARIABLES.index(variable)]
         if np.ptp(own) > 0.0:
-            gains = slopes(np.argsort(np.argsort(own)) * (2.0 / len(own)) - 1.0)
+            ranks = np.argsort(np.argsort(own)) * (2.0 / len(own)) - 1.0
+            gains, information = slopes(ranks)
             gains -= (gains @ overall) / (overall @ overall) * overall
-            found[variable] = abs(gains.mean()) / gains.std(ddof=1) * np.sqrt(count)
+            # Slopes of a few flights may be alike by chance.
+            variance = max(count * gains.var(ddof=1), information)
+            found[variable] = abs(gains.sum()) / np.sqrt(variance)
     chances = {n: 2.0 * len(found) * stdtr(count - 1, -t) for n, t in found.items()}
     names = sorted(found, key=lambda name: -found[name])
     return tuple(name for name in names if chances[name] < constants.UNLIKELY)

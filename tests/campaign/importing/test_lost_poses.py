@@ -129,7 +129,7 @@ def test_repeated_poses_of_a_folder_are_excluded_alone(tmp_path, campaign, kind)
 
 
 def test_coarse_digits_of_a_slow_body_are_no_repeats():
-    """A tenth of its equal rows, at a tenth of a digit a row, all measured anew."""
+    """A tenth of its equal rows, at a tenth of a digit a row, each measured again."""
     rng = np.random.default_rng(0)
     time = np.arange(400) / 1000.0
     place = np.column_stack([0.8 * time, 0.02 * time, -0.2 * time])
