@@ -20,6 +20,8 @@ from pathlib import Path
 
 import pytest
 
+from glider.physics.parameters import GliderParameters
+
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -35,7 +37,7 @@ OF_CI = ("make test", "make lint docs tables proofs benchmark")
 
 FASTER = {
     "python examples/perch_corrected.py": "--launches 3",
-    "python examples/perching_funnel.py": "--samples 200",
+    "python examples/perching_funnel.py": "--samples 80 --every 1000",
 }
 """Options that make an example shorter: by default it flies hundreds of launches."""
 
@@ -151,8 +153,19 @@ def test_a_command_runs(place, command):
     elif command.startswith(SERVERS):
         check_page(place, command)
     else:
+        if "--out throws" in command:
+            fill_in_vehicle(place.folder / "MAP.yaml")
         options = [more for name, more in FASTER.items() if command.startswith(name)]
         assert place.run(" ".join([command, *options])).strip()
+
+
+def fill_in_vehicle(path):
+    """Writes what a reader knows of the glider into a MAP that --guess proposed."""
+    text = path.read_text(encoding="utf-8")
+    assert text.rpartition("\nvehicle:")[2].count("\n  ") == 1  # At the end.
+    known = GliderParameters().numbers._asdict()
+    lines = (f"  {name}: {value}\n" for name, value in known.items())
+    path.write_text(text + "".join(lines), encoding="utf-8")
 
 
 def check_page(place, command):
@@ -167,7 +180,7 @@ def check_page(place, command):
             assert page.status == 200 and b"</html>" in page.read()
         process.send_signal(signal.SIGINT)
         words += process.communicate(timeout=60)[0]
-        assert process.returncode == 130, words
+        assert process.returncode == 0, words
 
 
 @pytest.mark.readme

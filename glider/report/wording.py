@@ -194,6 +194,12 @@ def spread_values(result: Result) -> list[tuple[str, list[str]]]:
     ]
 
 
+def _numbers_of(value: Any) -> str:
+    if value is None:
+        return "not given"
+    return ", ".join(f"{v:g}" for v in np.atleast_1d(value))
+
+
 def _from_to(result: Result, old: float, new: float) -> str:
     unit = unit_beside_floor(result, old, new)
     return f"from {unit.text(old)} to {unit.text(new)}"
@@ -235,7 +241,7 @@ TEMPLATES.globals |= {
     "metres": numbers.format_length,
     "model_of": _model_of,
     "name_of": name_of,
-    "numbers": lambda value: ", ".join(f"{v:g}" for v in np.atleast_1d(value)),
+    "numbers": _numbers_of,
     "spread": numbers.format_spread,
     "vars": vars,
     "words_of": words_of,

@@ -15,6 +15,7 @@ from glider.comparison.comparison_page import to_html
 from glider.comparison.differences import FALSE_ALARM, compare, load_report
 from glider.errors import InputError
 from glider.files.schema import json_text
+from glider.physics.parameters import GliderParameters
 from glider.sysid.report import Estimate
 from tests.helpers.browser import open_browser, visit, why_not
 from tests.report.results import VARIANTS, WIND, make_result
@@ -114,6 +115,21 @@ def test_numbers_of_other_units_are_not_subtracted(tmp_path):
     (area,) = [d for d in comparison.differences if d.group == "vehicle"]
     assert area.change is None
     assert area.note == "units differ: m²/kg and m²"
+
+
+def test_a_parameter_that_one_report_lacks_is_reported(tmp_path):
+    """Servo limits are no part of a report whose campaign does not give them."""
+    first = load_report(save(tmp_path / "a", make_result()))
+    specified = GliderParameters()
+    unlimited = dataclasses.replace(specified, elevator_limits=None)
+    pair = (
+        dataclasses.replace(first, given=specified),
+        dataclasses.replace(first, campaign="other", given=unlimited),
+    )
+    [note] = compare(*pair).notes
+    assert note.startswith("elevator_limits is -0.4463, 0.9473 for A, not given for B:")
+    [note] = compare(*reversed(pair)).notes
+    assert note.startswith("elevator_limits is not given for A, -0.4463, 0.9473 for B:")
 
 
 def test_doubts_are_told(tmp_path):
