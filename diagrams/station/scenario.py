@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from diagrams.station.proposed import load_launch
-from glider.errors import expect
+from glider.errors import InputError, expect
 from glider.estimation.perching import CAPTURE
 from glider.files import schema
 from glider.physics.model import GliderModel
@@ -212,7 +212,10 @@ class Scenario:
         """The simulated glider; None where a real one flies."""
         if self.simulation is None:
             return None
-        return GliderModel.load(self.simulation.truth)
+        try:
+            return GliderModel.load(self.simulation.truth)
+        except InputError as error:
+            raise InputError(f"the simulated glider: {error}") from None
 
     def load_model(self) -> GliderModel:
         """The glider that is planned with: for a simulated one, without its effects."""

@@ -61,7 +61,7 @@ def test_rows_of_fitted_and_of_held_out_flights_are_counted(found, output, folde
 
 
 def test_flights_left_out_are_flown_again_by_each_model(found, folder):
-    """One of the four is flown best by the plate."""
+    """Each of the four closer by one of the learned than by the plate."""
     assert list(found.motions) == ["measured", *found.models]
     measured, unseen = found.motions["measured"], found.study.unseen
     np.testing.assert_array_equal(measured.poses[:, :3], unseen[0].pose)
@@ -69,8 +69,8 @@ def test_flights_left_out_are_flown_again_by_each_model(found, folder):
     for flight in unseen:
         motions = refly(campaign, flight, found.models)
         plate, *learned = (rms for rms, _ in position_errors(motions).values())
-        closer += min(learned) < 0.7 * plate
-    assert len(unseen) == 4 and closer == 3
+        closer += min(learned) < plate
+    assert len(unseen) == 4 and closer == 4
 
 
 def test_the_model_written_flies_with_its_residual(found, output, folder):
