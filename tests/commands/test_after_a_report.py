@@ -50,7 +50,14 @@ class Reported(NamedTuple):
     result: Result
 
 
-@pytest.fixture(scope="module", params=VERDICTS)
+LONGEST = {"partly_explained", "not_trusted"}
+"""Verdicts of reports that are made, and followed by a next throw, only nightly."""
+CASES = [
+    pytest.param(v, marks=pytest.mark.nightly) if v in LONGEST else v for v in VERDICTS
+]
+
+
+@pytest.fixture(scope="module", params=CASES)
 def reported(request, tmp_path_factory):
     """A report of each verdict, on six simulated flights."""
     rng, name = np.random.default_rng(1), request.param

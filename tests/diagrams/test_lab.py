@@ -358,6 +358,7 @@ class FaultyJob(Job):
         raise ValueError("matmul: Input operand 1 has a mismatch")
 
 
+@pytest.mark.nightly
 def test_a_next_throw_that_cannot_be_found_is_said_and_tried_again(
     folder, open_session
 ):
@@ -407,6 +408,7 @@ def state_of(pid):
     return state.replace("Z", "")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("way", ["paused", "just begun"])
 def test_a_killed_session_leaves_no_process(folder, way):
     drop(folder, 0, 1, 2)

@@ -11,6 +11,7 @@ from glider.verification.proof.phases import phase_faults
 from tests.verification.test_phases import FOLDER, RESTS, scaled
 
 
+@pytest.mark.nightly
 def test_phases_are_made_one_after_the_other(monkeypatch):
     """The launch funnel is as large as fits; those of the phases start as shipped."""
     launch, rests = load_funnel(FOLDER / "launch.npz"), [*map(load_funnel, RESTS)]

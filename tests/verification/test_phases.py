@@ -159,6 +159,7 @@ def farthest(piece, own, time):
     return np.max(np.sum((points @ M.T + v) ** 2, axis=1))
 
 
+@pytest.mark.nightly
 def test_flights_at_any_phase_stay(launch, rests, monkeypatch):
     monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 1)
     hold = Hold(period=0.02, latency=0.01, predicts=True)
