@@ -37,7 +37,7 @@ from glider.errors import (
     INTERRUPTED_CODE,
     InputError,
     os_error_line,
-    warning_line,
+    print_warning,
 )
 from glider.files.writing import write_text
 from glider.physics.parameters import GliderParameters
@@ -314,7 +314,7 @@ def show(
 
 def run(main: Callable[[], None]) -> int:
     """Runs a program and returns its exit code; a user's fault is one sentence."""
-    warnings.formatwarning = warning_line
+    warnings.showwarning = print_warning
     try:
         main()
     except (InputError, PlanningError) as error:

@@ -24,7 +24,7 @@ from glider.errors import (
     INTERRUPTED_CODE,
     InputError,
     os_error_line,
-    warning_line,
+    print_warning,
 )
 
 COMMANDS = {
@@ -43,7 +43,6 @@ COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
-    warnings.formatwarning = warning_line
     parser = make_parser()
     if "_ARGCOMPLETE" in os.environ:  # The TAB key was pressed.
         import argcomplete
@@ -54,6 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             args = parser.parse_args(arguments)
             with warnings.catch_warnings():
                 warnings.simplefilter("default", UserWarning)
+                warnings.showwarning = print_warning
                 return args.run(args)
         finally:
             sys.stdout.flush()

@@ -1,7 +1,9 @@
 """Errors that a user of this package can meet and fix."""
 
 import errno
+import sys
 from collections.abc import Iterator
+from typing import TextIO
 
 
 class InputError(ValueError):
@@ -45,9 +47,16 @@ def os_error_line(error: OSError) -> str:
     return words + "." if error.filename is None else f"{error.filename}: {words}."
 
 
-def warning_line(message: Warning | str, *_: object, **__: object) -> str:
-    """Returns a warning as programs print it, without a place in their source."""
-    return f"warning: {message}\n"
+def print_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Prints a warning in one line; for `warnings.showwarning` of a program."""
+    print(f"warning: {message}", file=file or sys.stderr)
 
 
 def printable(text: object) -> str:
