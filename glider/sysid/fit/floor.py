@@ -247,7 +247,8 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
     theta, field = model.theta, field_of(model)
     values = [variables_between(values_at_nodes(f, theta, field)) for f in flights]
     sizes = np.abs(np.concatenate(values))
-    (overall, _), found = slopes(np.ones(len(sizes))), {}
+    overall, _ = slopes(np.ones(len(sizes)))
+    found = {}
     for variable in STATES:
         own = sizes[:, FIELD_VARIABLES.index(variable)]
         if np.ptp(own) > 0.0:
