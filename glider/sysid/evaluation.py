@@ -150,12 +150,14 @@ def without_model_errors(
 ) -> Scales:
     """Scales without errors of the model: sensors, turbulence, per-flight constants.
 
-    An elevator off its path is an error of the servo's model, and a variation over
-    flights that is not reported one of a formula: such errors look like small trims.
-    Where a search of forces set the scales, gusts are not distinguished from errors of
-    the forces: they count as these.
+    An elevator off its path is an error of the servo's model. Where something was
+    found, a variation over flights that is not reported is an error of a formula: such
+    errors look like small trims. Where a search of forces set the scales, gusts are not
+    distinguished from errors of the forces: they count as these.
     """
-    unknown = {"servo", *SPREAD_KINDS.values()}
+    unknown = {"servo"}
+    if traced.model.kinds or traced.model.blocks:
+        unknown.update(SPREAD_KINDS.values())
     if gusts or traced.forces is not None:
         unknown.add("air")
     stds = {SPREAD_KINDS[kind]: spread.std for kind, spread in spreads.items()}

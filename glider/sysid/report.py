@@ -101,14 +101,20 @@ class Residual:
     air_depends_on: tuple[str, ...] = ()  #: States that the modelled gusts depend on.
 
     @property
-    def may_be_chance(self) -> bool:
-        """Whether a perfect model may leave as much: never more than MOST_LEFT.
+    def exceeds_chance(self) -> bool:
+        """Whether it is improbable that a perfect model leaves as much.
 
-        Ratios of at most one may, even if the folds, of fewer flights, leave more.
+        Not where both ratios are at most one, even if the folds, which are fitted to
+        fewer flights, leave more.
         """
-        is_more = self.ratio_to_floor > min(MOST_LEFT, self.most_by_chance)
-        is_less = self.ratio_to_floor <= 1.0 and not self.ratio_along_pitch > 1.0
-        return not is_more and (is_less or not self.chance < UNLIKELY)
+        is_more = self.ratio_to_floor > 1.0 or self.ratio_along_pitch > 1.0
+        is_improbable = is_more and self.chance < UNLIKELY
+        return is_improbable or self.ratio_to_floor > self.most_by_chance
+
+    @property
+    def may_be_chance(self) -> bool:
+        """Whether a perfect model may leave as much: never more than MOST_LEFT."""
+        return not (self.exceeds_chance or self.ratio_to_floor > MOST_LEFT)
 
 
 @dataclasses.dataclass(frozen=True)

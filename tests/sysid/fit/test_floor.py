@@ -162,12 +162,23 @@ def test_only_reported_variations_are_in_the_floor():
     """Errors of a formula look like small trims: a perfect model has none of them."""
     scales = dataclasses.replace(FLOOR, air=0.1, trim=0.002, wind=0.1, servo=0.01)
     traced = types.SimpleNamespace(
-        forces=None, model=types.SimpleNamespace(scales=scales)
+        forces=None,
+        model=types.SimpleNamespace(scales=scales, kinds=("wind",), blocks=()),
     )
     wind = Spread(std=0.08, std_error=0.01, unit="m/s", values={})
     truth = without_model_errors(traced, (), {"wind": wind})
     assert truth == dataclasses.replace(FLOOR, air=0.1, wind=0.08).without_floors
     assert without_model_errors(traced, ("V",), {}) == FLOOR.without_floors
+
+
+def test_where_nothing_was_found_all_variations_are_in_the_floor():
+    """No formula is there to err: small winds of each flight are not reported."""
+    scales = dataclasses.replace(FLOOR, trim=0.002, wind=0.04, servo=0.01)
+    traced = types.SimpleNamespace(
+        forces=None, model=types.SimpleNamespace(scales=scales, kinds=(), blocks=())
+    )
+    truth = without_model_errors(traced, (), {})
+    assert truth == dataclasses.replace(FLOOR, trim=0.002, wind=0.04).without_floors
 
 
 def test_memory_that_begins_elsewhere_is_predicted_along_the_pitch_too():
