@@ -102,19 +102,21 @@ class Residual:
 
     @property
     def exceeds_chance(self) -> bool:
-        """Whether it is improbable that a perfect model leaves as much.
+        """Whether there is more than noise and moving air: an effect, found or not.
 
-        Not where both ratios are at most one, even if the folds, which are fitted to
-        fewer flights, leave more.
+        A perfect model would leave as much over the folds with a probability below
+        UNLIKELY, where a ratio is above one: folds are fitted to fewer flights. Or the
+        held-out flights, which are few, show MOST_LEFT times what chance explains.
         """
         is_more = self.ratio_to_floor > 1.0 or self.ratio_along_pitch > 1.0
         is_improbable = is_more and self.chance < UNLIKELY
-        return is_improbable or self.ratio_to_floor > self.most_by_chance
+        return is_improbable or self.ratio_to_floor > MOST_LEFT * self.most_by_chance
 
     @property
     def may_be_chance(self) -> bool:
         """Whether a perfect model may leave as much: never more than MOST_LEFT."""
-        return not (self.exceeds_chance or self.ratio_to_floor > MOST_LEFT)
+        most = min(MOST_LEFT, self.most_by_chance)
+        return not (self.exceeds_chance or self.ratio_to_floor > most)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -144,7 +144,6 @@ def judge(
                 "The model diverges on all held-out flights: is each number of "
                 "'vehicle' in SI units?"
             )
-        # Gusts may take a few flights farther from a perfect model than MOST_LEFT.
         if left.exceeds_chance:
             return "unexplained", unexplained
         if doubt is None:
