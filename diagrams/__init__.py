@@ -9,7 +9,6 @@ from glider.lazy import attach
 
 if TYPE_CHECKING:
     import diagrams.playback as playback
-    import diagrams.program as program
     from diagrams.loops import closed_loop, estimated_loop, open_loop
     from diagrams.simulate import simulate_flights
 else:

@@ -16,12 +16,12 @@ from diagrams.wiring import (
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief
-from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.plan import Plan
 from glider.simulation.fly import check_command_rate
 from glider.systems.elevator_servo import ElevatorServo
+from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.noise import SampledNoise
 from glider.systems.observer import ExtraStates
 

@@ -16,7 +16,6 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.overlays import AddOverlays
-from diagrams.page import Entry, Legend
 from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
@@ -131,25 +130,6 @@ def velocities_of(track: Track) -> np.ndarray:
     return np.gradient(positions, np.asarray(track.times, dtype=float), axis=0)
 
 
-def legend_of(tracks: Sequence[Track], title: str, rate: float = 1.0) -> Legend:
-    """Returns the legend of a page of `diagrams.page` that shows tracks.
-
-    Args:
-        tracks: as in `play`.
-        title: of the page.
-        rate: as in `play`.
-    """
-    return Legend(
-        title=title,
-        entries=tuple(
-            Entry(name=track.name, slug=track.slug, color=track.color)
-            for track in tracks
-        ),
-        rate=rate,
-        has_forces=any(track.forces is not None for track in tracks),
-    )
-
-
 def MakePlayback(
     tracks: Sequence[Track],
     meshcat: Meshcat,
@@ -237,8 +217,8 @@ def play(
 ) -> None:
     """Plays tracks together, and leaves them in Meshcat as a recording.
 
-    The recording's time is that of the flights. A page of `diagrams.page` plays it
-    once, at `rate`, and can stop, repeat and slow it.
+    The recording's time is that of the flights. A page of `diagrams.programs.page`
+    plays it once, at `rate`, and can stop, repeat and slow it.
 
     Args:
         tracks: as in MakePlayback.

@@ -106,7 +106,8 @@ def finish(
 ) -> Diagram:
     """Adds the scene, if there is a Meshcat, and builds the diagram.
 
-    `diagrams.page.serve_page(meshcat, Legend(...))` shows it with legend and clock.
+    `serve_page(meshcat, Legend(...))` of `diagrams.programs.page` shows it with legend
+    and clock.
     """
     if meshcat is not None:
         state, forces = (glider.GetOutputPort(name) for name in ("state", "forces"))

@@ -28,7 +28,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams import closed_loop, estimated_loop, playback, program, simulate_flights
+from diagrams import closed_loop, estimated_loop, playback, simulate_flights
+from diagrams.programs import program
 from glider import (
     GliderModel,
     ModelPredictiveController,

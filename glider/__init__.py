@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from glider.control.mpc import ModelPredictiveController
     from glider.control.mppi import MppiController
     from glider.control.tvlqr import tracking_policy
-    from glider.control.tvlqr_drake import tracking_regulator
     from glider.errors import InputError
     from glider.estimation.perching import perching_filter
     from glider.physics.model import GliderModel
@@ -37,5 +36,6 @@ if TYPE_CHECKING:
     from glider.sysid.pipeline import close_the_loop
     from glider.sysid.result import Result
     from glider.systems.plant import GliderPlant
+    from glider.systems.regulator import tracking_regulator
 else:
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

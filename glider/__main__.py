@@ -7,8 +7,8 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from diagrams.lab import command as lab
-from diagrams.station import command as fly
+from diagrams.programs.lab import command as lab
+from diagrams.programs.station import command as fly
 from glider.commands import (
     check_funnel,
     close_the_loop,

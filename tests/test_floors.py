@@ -19,7 +19,7 @@ FLOORS = [
     "glider.physics",
     "glider.compiled",
     "glider.campaign",
-    "glider.systems",
+    "glider.systems.plant",
     "glider.sysid.constants",
     "glider.sysid.report",
     "glider.sysid.result",
@@ -38,6 +38,7 @@ FLOORS = [
     "glider.verification.proof",
     "glider.verification.trials",
     "glider.verification",
+    "glider.systems",
     "glider.propagation",
     "glider.experiments",
     "glider.report.plots",
@@ -48,9 +49,12 @@ FLOORS = [
     "glider",
     "glider.commands",
     "diagrams",
-    "diagrams.station",
-    "diagrams.station.drivers",
-    "diagrams.lab",
+    "diagrams.programs.page",
+    "diagrams.programs.program",
+    "diagrams.programs.station",
+    "diagrams.programs.station.drivers",
+    "diagrams.programs.lab",
+    "diagrams.programs",
     "glider.__main__",
     "examples",
     "examples.article",
@@ -208,13 +212,13 @@ def test_downward_and_sideways_imports_are_allowed(tmp_path):
 def test_a_circle_is_caught(tmp_path):
     sources = make_tree(
         tmp_path,
-        glider_systems_plant="from glider.systems import observer\n",
-        glider_systems_observer="def f():\n    import glider.systems.plant\n",
+        glider_planning_plan="from glider.planning import guess\n",
+        glider_planning_guess="def f():\n    import glider.planning.plan\n",
     )
     assert find_faults(sources) == []
     assert set(find_circle(sources)) == {
-        "glider.systems.plant",
-        "glider.systems.observer",
+        "glider.planning.plan",
+        "glider.planning.guess",
     }
 
 

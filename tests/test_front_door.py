@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 import diagrams
-import diagrams.lab
+import diagrams.programs
 import glider
 from glider.lazy import public_names
 from glider.paths import models_path
@@ -29,7 +29,7 @@ from tests.helpers.campaigns import campaign_path
 
 ROOT = Path(__file__).parents[1]
 
-PACKAGES = [glider, diagrams, diagrams.lab]
+PACKAGES = [glider, diagrams, diagrams.programs]
 """With public names."""
 
 HEAVY = ("matplotlib", "numba", "pydrake", "scipy")

@@ -8,13 +8,13 @@ import numpy as np
 from diagrams.loops import closed_loop, open_loop
 from diagrams.simulate import simulate_flights
 from glider.control.mppi import MppiController, replanning_cost, sequence_of
-from glider.control.tvlqr_drake import tracking_regulator
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.dircol import Progress, plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Perches
+from glider.systems.regulator import tracking_regulator
 
 COMMAND_RATE = 50.0
 """Rate of the commands, held between [Hz]."""

@@ -11,17 +11,16 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Gain, MatrixGain
 
-from diagrams.__main__ import save_pictures
 from diagrams.loops import closed_loop, open_loop
 from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
 from diagrams.playback import track_of
+from diagrams.programs.pictures import save_pictures
 from diagrams.simulate import draw_capture, reset, simulate_flights
 from diagrams.wiring import LONGEST, tape_rows
 from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
-from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.physics.effects import DYNAMIC_STALL
@@ -32,6 +31,7 @@ from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER, fly
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
+from glider.systems.regulator import tracking_regulator
 from tests.helpers.flights import (
     LAGGING,
     NO_HOOK,

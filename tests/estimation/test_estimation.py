@@ -25,12 +25,10 @@ from filter_consistency import (
     watch_perches,
 )
 from filter_flights import fly_on_estimate
-from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import SlowState, make_ekf
 from glider.estimation.perching import CAPTURE, LAUNCH_STD, PROCESS, perching_filter
 from glider.estimation.running import Belief, make_prior, predict_mean, run_ekf
-from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.effects import (
     GROUND_EFFECT,
     MARKER_OFFSET,
@@ -40,6 +38,8 @@ from glider.physics.effects import (
 )
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Parameters, Theta
+from glider.systems.kalman_filter import ExtendedKalmanFilter
+from glider.systems.regulator import tracking_regulator
 from noisy_flights import draw_starts, fly_watched, information_bound
 from tests.helpers.flights import NOMINAL, PROBLEM, QUICK, plan_of, policy
 from tests.helpers.physics import random_states

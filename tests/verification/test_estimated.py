@@ -11,14 +11,14 @@ from pydrake.systems.primitives import LogVectorOutput
 from diagrams.loops import estimated_loop
 from diagrams.wiring import tape_rows
 from examples.perching_funnel import estimate_figures
-from glider.control.tvlqr_drake import policy_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
 from glider.paths import models_path
+from glider.systems.funnel_monitor import FunnelMonitor, funnel_regulator
+from glider.systems.regulator import policy_regulator
 from glider.verification.funnel.funnel import funnel_policy, load_funnel
-from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.trials.estimated import fly_estimated, study_estimates
 from glider.verification.trials.falsify import boundary_states, fly_from
 
