@@ -137,8 +137,8 @@ def race(
     plans = []  # What MPC reports after each of its plans.
     controllers = {
         "TVLQR": tracking_regulator(model, planned),
-        "MPPI": MppiController.from_plan(
-            model, planned, replanning, command_rate=COMMAND_RATE, seed=seed
+        "MPPI": MppiController(
+            model, replanning, planned, command_rate=COMMAND_RATE, seed=seed
         ),
         "MPC": ModelPredictiveController(model, replanning, COMMAND_RATE, plans.append),
     }

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from glider.campaign.importing.campaign_import import import_campaign
     from glider.campaign.logs import Campaign
     from glider.campaign.reader import load_campaign
-    from glider.control.mpc import ModelPredictiveController
-    from glider.control.mppi import MppiController
     from glider.control.tvlqr import tracking_policy
     from glider.errors import InputError
     from glider.estimation.perching import perching_filter
@@ -35,6 +33,8 @@ if TYPE_CHECKING:
     from glider.simulation.fly import fly
     from glider.sysid.pipeline import close_the_loop
     from glider.sysid.result import Result
+    from glider.systems.mpc import ModelPredictiveController
+    from glider.systems.mppi import MppiController
     from glider.systems.plant import GliderPlant
     from glider.systems.regulator import tracking_regulator
 else:

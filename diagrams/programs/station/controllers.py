@@ -9,13 +9,13 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem,
 from diagrams.programs.station.autopilot import make_autopilot
 from diagrams.programs.station.proposed import TapePlayer, tape_plan
 from diagrams.programs.station.scenario import Scenario
-from glider.control.mpc import ModelPredictiveController
-from glider.control.mppi import MppiController
 from glider.control.tvlqr import TrackingPolicy, tracking_policy
 from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
+from glider.systems.mpc import ModelPredictiveController
+from glider.systems.mppi import MppiController
 
 REPLANNING = "replanning"
 """Problem of models/problems whose weights MPC and MPPI have."""
@@ -133,4 +133,4 @@ def _controller_of(
     )
     if scenario.controller == "mpc":
         return ModelPredictiveController(model, goal, rate)
-    return MppiController.from_plan(model, planned, goal, command_rate=rate)
+    return MppiController(model, goal, planned, command_rate=rate)

@@ -8,9 +8,10 @@ from diagrams.programs.station.autopilot import Autopilot, make_autopilot
 from diagrams.programs.station.scenario import Filter, Scenario, Sensors, Simulation
 from diagrams.programs.station.throw_log import read_throw
 from diagrams.programs.station.tracker import CommandTape
-from glider.control.mppi import MppiController, shifted
+from glider.control.mppi import shifted
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.systems.mppi import MppiController
 from tests.helpers.lockstep import Lockstep, guidance_for
 
 NOMINAL = GliderModel()
@@ -94,7 +95,7 @@ def test_a_controller_of_ones_own_flies(tmp_path):
 def test_a_later_start_begins_with_a_later_part_of_a_sequence():
     guidance = guidance_for()
     problem = PerchingProblem.load("replanning")
-    mppi = MppiController.from_plan(NOMINAL, guidance.plan, problem, command_rate=50.0)
+    mppi = MppiController(NOMINAL, problem, guidance.plan)
     context = mppi.CreateDefaultContext()
     sequence = context.get_discrete_state_vector().CopyToVector()[:-1]
     context.SetTime(0.05)

@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.control import mpc
-from glider.control.mpc import LAST, ModelPredictiveController
+from glider.control.mpc import LAST, Replanner
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects.field import FieldData
@@ -17,6 +17,7 @@ from glider.physics.model import GliderModel
 from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
 from glider.planning.structured import make_program, solve_structured
+from glider.systems.mpc import ModelPredictiveController
 from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM
 
 REPLANNING = PerchingProblem.load(models_path("problems", "replanning.yaml"))
@@ -87,10 +88,10 @@ def test_a_plan_that_fails_leaves_the_last_one(monkeypatch):
 
 
 def test_the_end_of_a_plan_is_flown_as_it_is():
-    system = controller()
-    known = system.CreateDefaultContext().get_abstract_state(0).get_value()
+    replanner = Replanner(NOMINAL, REPLANNING)
+    known = replanner.plan_first()
     end = known.flight.times[-1]
-    again = system.plan_again(known, end - 0.9 * LAST, LAUNCH)
+    again = replanner.plan_again(known, end - 0.9 * LAST, LAUNCH)
     assert again.flight is known.flight and again.plans == 0
     assert known.command(end - 0.03, 0.02) != 0.0
     assert known.command(end, 0.02) == 0.0
