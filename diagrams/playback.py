@@ -116,13 +116,13 @@ def stage_of(track: Track, wire: tuple[float, float] | None = (0.0, 0.0)) -> Sta
     )
 
 
-def duration_of(tracks: Sequence[Track]) -> float:
+def _duration_of(tracks: Sequence[Track]) -> float:
     """Returns the time from the first start to the last end [s]."""
     start = min(track.times[0] for track in tracks)
     return float(max(track.times[-1] for track in tracks) - start)
 
 
-def velocities_of(track: Track) -> np.ndarray:
+def _velocities_of(track: Track) -> np.ndarray:
     """Returns the velocity of a track's positions (K, 2), zero for a single one."""
     positions = np.asarray(track.poses, dtype=float)[:, POSITION]
     if len(positions) == 1:
@@ -168,7 +168,7 @@ def MakePlayback(
         name = track.slug
         times = np.asarray(track.times, dtype=float) - start
         color = None if track.color is None else Rgba(*track.color)
-        motion = np.hstack([track.poses, velocities_of(track)])
+        motion = np.hstack([track.poses, _velocities_of(track)])
         state = _add_source(builder, f"{name}_track", times, motion)
         forces = None
         if track.forces is not None:
@@ -234,7 +234,7 @@ def play(
     )
     # To a whole frame, so that the very end is drawn.
     per_second = FRAMES_PER_SECOND / rate
-    frames = math.ceil(duration_of(tracks) * per_second - 1e-9)
+    frames = math.ceil(_duration_of(tracks) * per_second - 1e-9)
     meshcat.DeleteRecording()
     meshcat.StartRecording(per_second, set_visualizations_while_recording=live)
     simulator = Simulator(diagram)

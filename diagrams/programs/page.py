@@ -25,7 +25,7 @@ from diagrams.urdf import COLORS
 
 Color = tuple[float, ...]
 
-PORT_BEYOND = 100
+_PORT_BEYOND = 100
 """Number that is added to Meshcat's port for the port of its page, if that is free."""
 
 HOST = "127.0.0.1"
@@ -168,7 +168,7 @@ def serve_page(meshcat: Meshcat, legend: Legend) -> str:
             """Logs no request."""
 
     try:
-        server = ThreadingHTTPServer((HOST, meshcat.port() + PORT_BEYOND), Handler)
+        server = ThreadingHTTPServer((HOST, meshcat.port() + _PORT_BEYOND), Handler)
     except OSError:
         server = ThreadingHTTPServer((HOST, 0), Handler)
     server.daemon_threads = True

@@ -69,7 +69,7 @@ def add_count(
 ) -> None:
     """Adds an option for an integer of at least `least`; `words` are its help."""
     parser.add_argument(
-        name, metavar=metavar, type=whole_number(least), default=default, help=words
+        name, metavar=metavar, type=_whole_number(least), default=default, help=words
     )
 
 
@@ -102,7 +102,7 @@ def add_campaign(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("campaign", nargs="?", type=Path, default=sample, help=words)
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def _add_options(parser: argparse.ArgumentParser) -> None:
     """Adds --json, --html, --rate and --headless."""
     add_file(parser, "--json", "where to write the key figures")
     page = "where to write the animation, a page that needs no server"
@@ -127,7 +127,7 @@ def read_options(
     *,
     figure: str | None = None,
 ) -> argparse.Namespace:
-    """Adds the options of `add_options`, reads all, and checks the files to write.
+    """Adds --json, --html, --rate and --headless; reads all and checks the files.
 
     Args:
         parser: with an example's own options.
@@ -139,7 +139,7 @@ def read_options(
     """
     if figure is not None:
         add_file(parser, "--figure", figure)
-    add_options(parser)
+    _add_options(parser)
     args = parser.parse_args(arguments)
     check_files(args.json, args.html, figure=args.figure if figure else None)
     return args
@@ -155,7 +155,7 @@ def _rate(text: str) -> float:
     return rate
 
 
-def whole_number(least: int) -> Callable[[str], int]:
+def _whole_number(least: int) -> Callable[[str], int]:
     """Returns a `type` of argparse for integers of at least `least`."""
 
     def read(text: str) -> int:
@@ -272,7 +272,7 @@ def finish(
     """Writes the page of --html and, unless headless, waits while people look.
 
     Args:
-        args: with the options of `add_options`.
+        args: as of `read_options`.
         meshcat: of `start_meshcat`.
         tracks: for the legend of the page.
         title: of the page.
@@ -299,7 +299,7 @@ def show(
     """Plays tracks in Meshcat as the options say.
 
     Args:
-        args: with the options of `add_options`.
+        args: as of `read_options`.
         tracks: as in `play`; the first one's whole flight is in view.
         title: of the page.
         parameters: as in `play`.

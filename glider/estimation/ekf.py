@@ -24,7 +24,7 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, POSE_NAMES, STATE_NAMES
 
-STEP = 0.01
+_STEP = 0.01
 """Longest Runge-Kutta step of a prediction [s]."""
 
 WIND_NAMES = ("wind_x", "wind_z")
@@ -84,7 +84,7 @@ def make_ekf(
     noise: ArrayLike,
     slow: tuple[SlowState, ...] = (),
     known: tuple[str, ...] = (),
-    step: float = STEP,
+    step: float = _STEP,
 ) -> Ekf:
     """Makes a filter.
 

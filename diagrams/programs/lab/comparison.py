@@ -27,9 +27,9 @@ from glider.sysid.fit.prediction import RolloutModel, beginning_rows
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import HeldOutFlight
 
-MEASURED = "measured"
+_MEASURED = "measured"
 
-SLOWED = 0.2
+_SLOWED = 0.2
 """Seconds of flight in one second of a replay."""
 
 _COLORS = {NOMINAL: RED, CORRECTED: GREEN}
@@ -40,7 +40,7 @@ class Comparison:
     """A throw, measured and predicted."""
 
     name: str  #: Of the flight's file.
-    motions: dict[str, Motion]  #: MEASURED, then that of each model.
+    motions: dict[str, Motion]  #: _MEASURED, then that of each model.
     fitted_until: float = 0.0  #: End of the part that the launch was fitted to [s].
 
     @property
@@ -96,10 +96,10 @@ class Comparison:
         stage = None if has_wire else stage_of(tracks[0], wire=None)
         meshcat = open_meshcat()
         parameters = nominal_parameters(campaign)
-        play(tracks, meshcat, rate=SLOWED, parameters=parameters, stage=stage)
+        play(tracks, meshcat, rate=_SLOWED, parameters=parameters, stage=stage)
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "replay.html")
-            write_html(file, meshcat, legend_of(tracks, self.name, SLOWED))
+            write_html(file, meshcat, legend_of(tracks, self.name, _SLOWED))
             return file.read_text(encoding="utf-8")
 
     def save(self, file: Path) -> None:
@@ -131,7 +131,7 @@ def load_comparison(name: str, file: Path) -> Comparison:
                 poses=data[f"{model}_poses"],
                 forces=data.get(f"{model}_forces"),
             )
-            for model in (MEASURED, NOMINAL, CORRECTED)
+            for model in (_MEASURED, NOMINAL, CORRECTED)
             if f"{model}_time" in data
         }
         until = float(data["fitted_until"])
@@ -146,9 +146,9 @@ def compare(
 ) -> Comparison:
     """Flies a throw again with models, each from the launch fitted to its beginning."""
     if not models:
-        return Comparison(name=flight.name, motions={MEASURED: _measured(flight)})
+        return Comparison(name=flight.name, motions={_MEASURED: _measured(flight)})
     motions = refly(campaign, flight, models, rollouts=rollouts)
-    time, trims = motions[MEASURED].time, make_vehicle(campaign).per_flight_trims
+    time, trims = motions[_MEASURED].time, make_vehicle(campaign).per_flight_trims
     until = float(time[beginning_rows(time, trims) - 1])
     return Comparison(name=flight.name, motions=motions, fitted_until=until)
 

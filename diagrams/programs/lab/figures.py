@@ -12,7 +12,7 @@ from glider.report.plots.figure import Axis, Band, Figure, Level, Line, Panel, P
 from glider.report.wording import name_of
 from glider.sysid.report import Estimate
 
-WIDE = 1.96
+_WIDE = 1.96
 """Half the width of a band, in standard errors: 95 %."""
 
 _THROWS = "number of throws"
@@ -62,7 +62,7 @@ def _coefficient_panel(
         has_dots=True,
         is_solid=True,
     )
-    half = WIDE * np.nan_to_num(stds)
+    half = _WIDE * np.nan_to_num(stds)
     bands = [
         Band("corrected", counts[run], (values - half)[run], (values + half)[run])
         for run in _runs(np.isfinite(values))

@@ -36,7 +36,7 @@ SETTINGS = "campaign.yaml"
 LIMITS = "limits.yaml"
 """A file of the folder: limits of proposed throws, as of `glider next-throw`."""
 
-KEPT = "lab"
+_KEPT = "lab"
 """What the session writes is in this folder of its folder."""
 
 
@@ -53,7 +53,7 @@ class Watched:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.kept = path / KEPT
+        self.kept = path / _KEPT
         self._sizes: dict[Path, tuple[int, int]] = {}
         self._imported: dict[Path, tuple[int, int]] = {}
         self._sources: dict[str, str] = {}  # Names of flights, and of their takes.

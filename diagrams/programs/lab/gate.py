@@ -18,7 +18,7 @@ from glider.files.writing import replace_file
 
 HOST = "127.0.0.1"
 
-HEADER = "x-glider-lab"
+_HEADER = "x-glider-lab"
 """Header of each request that changes something: pages of other sites cannot send it,
 also those of other ports of this computer, which get the cookie too."""
 
@@ -93,4 +93,4 @@ class TokenGate:
         given = request.query_params.get("token")
         shown = given or request.cookies.get(self._address.cookie, "")
         is_known = hmac.compare_digest(shown.encode(), self._address.token.encode())
-        return is_known and (request.method == "GET" or HEADER in request.headers)
+        return is_known and (request.method == "GET" or _HEADER in request.headers)

@@ -11,7 +11,7 @@ from diagrams.programs.lab.state import CORRECTED, NOMINAL, PROPOSED
 from glider.errors import expect
 from glider.report.next_throw import commands_name
 
-MOST = 100
+_MOST = 100
 """Launches that one request may ask for."""
 
 
@@ -65,7 +65,7 @@ class Launches:
         """
         ways = (NOMINAL, CORRECTED, PROPOSED)
         expect(planned in ways, "planned", planned, f"one of {', '.join(ways)}")
-        expect(1 <= throws <= MOST, "throws", throws, f"from 1 to {MOST}")
+        expect(1 <= throws <= _MOST, "throws", throws, f"from 1 to {_MOST}")
         self._asked = planned, throws
 
     @property

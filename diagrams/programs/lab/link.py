@@ -13,7 +13,7 @@ from diagrams.programs.station.operators import ARM, KILL, REPEAT, Kills
 PERIOD = 0.05
 """Time between two looks at the bus [s]."""
 
-GONE = 5 * REPEAT
+_GONE = 5 * REPEAT
 """Silence after which there is no station [s]: it says its state each REPEAT."""
 
 
@@ -33,7 +33,7 @@ class StationLink:
         self._id = float(np.random.default_rng().integers(1 << 48))  # Among senders.
         self._kills, self._repeated = Kills(), 0.0
         self._state = self._reason = ""
-        self._heard = -GONE
+        self._heard = -_GONE
         self._bus.listen(STATUS, self._take_status)
         self._bus.listen(OPERATOR, self._take_operator)
 
@@ -53,7 +53,7 @@ class StationLink:
     @property
     def state(self) -> dict[str, Any]:
         """What the station does, and why, in words; "" where there is none."""
-        is_there = time.monotonic() < self._heard + GONE
+        is_there = time.monotonic() < self._heard + _GONE
         return {
             "state": self._state if is_there else "",
             "reason": self._reason if is_there else "",

@@ -44,25 +44,25 @@ from glider.errors import InputError, expect
 from glider.files.schema import json_text
 from glider.report.as_page import STATIC, color_style
 
-PAGE = Path(__file__).parent / "page"
+_PAGE = Path(__file__).parent / "page"
 
-FILES = {
-    "lab.js": PAGE / "lab.js",
-    "lab.css": PAGE / "lab.css",
+_FILES = {
+    "lab.js": _PAGE / "lab.js",
+    "lab.css": _PAGE / "lab.css",
     **{name: STATIC / name for name in ("page.css", "page.js")},
     "plotly.js": STATIC / "plotly-basic.min.js",
 }
 
-PERIOD = 0.2
+_PERIOD = 0.2
 """Time between two looks at the folder, or at what is new for the page [s]."""
 
-AFTER_FAULT = 5.0
+_AFTER_FAULT = 5.0
 """The same after a fault [s]: whatever fails again does not fill the terminal."""
 
 LONGEST_MAP = 100_000
 """Characters of a map."""
 
-MAP_CHOICES = {
+_MAP_CHOICES = {
     "frame": {name: values for name, (values, _) in FRAME_CHOICES.items()},
     "units": {kind: list(units) for kind, units in UNITS.items()},
     "columns": list(QUANTITIES),
@@ -82,7 +82,7 @@ _HEADERS = {
 _OWN_SCRIPTS = {**_HEADERS, "Content-Security-Policy": "frame-ancestors 'self'"}
 
 
-class Pages:
+class _Pages:
     """What is behind each address; the session is stepped elsewhere."""
 
     def __init__(self, session: LabSession, address: Address) -> None:
@@ -90,14 +90,14 @@ class Pages:
 
     async def index(self, request: Request) -> Response:
         """The page; from here on the browser has the token as a cookie."""
-        response = FileResponse(PAGE / "index.html", headers=_HEADERS)
+        response = FileResponse(_PAGE / "index.html", headers=_HEADERS)
         cookie, token = self._address.cookie, self._address.token
         response.set_cookie(cookie, token, httponly=True, samesite="strict")
         return response
 
     async def static(self, request: Request) -> Response:
         """A file of the page."""
-        return _file(FILES.get(request.path_params["name"]))
+        return _file(_FILES.get(request.path_params["name"]))
 
     async def colors(self, request: Request) -> Response:
         """The colors of figures."""
@@ -228,7 +228,7 @@ class Pages:
 
 def make_app(session: LabSession, address: Address) -> Starlette:
     """The application; streams of events end when `state.is_ending()`."""
-    pages = Pages(session, address)
+    pages = _Pages(session, address)
     app = Starlette(
         routes=[
             Route("/", pages.index),
@@ -259,7 +259,7 @@ def make_app(session: LabSession, address: Address) -> Starlette:
     return app
 
 
-def view_of(session: LabSession) -> dict[str, Any]:
+def _view_of(session: LabSession) -> dict[str, Any]:
     """What the page shows."""
     state, launches = session.state, session.launches
     draft, is_open = state.draft, session.watched.is_open
@@ -278,7 +278,7 @@ def view_of(session: LabSession) -> dict[str, Any]:
             "has_takes": session.watched.has_takes,
             "takes": [file.name for file in session.watched.takes],
             "skipped": draft.skipped if draft and is_open else session.watched.skipped,
-            "choices": MAP_CHOICES,
+            "choices": _MAP_CHOICES,
         },
         "launches": launches
         and {
@@ -294,9 +294,9 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
     ended = threading.Event()
 
     def work() -> None:
-        period = PERIOD
+        period = _PERIOD
         while not ended.wait(period):
-            period = PERIOD if session.try_step() else AFTER_FAULT
+            period = _PERIOD if session.try_step() else _AFTER_FAULT
         if session.launches:  # They would be ended once more at the end of this thread.
             session.launches.close()
 
@@ -366,11 +366,11 @@ async def _stream(session: LabSession, request: Request) -> AsyncIterator[str]:
         now = id(session.state), session.doing, session.fault, fault, takes
         if now != sent:
             sent = now
-            yield f"data: {json_text(view_of(session), indent=-1)}\n\n"
+            yield f"data: {json_text(_view_of(session), indent=-1)}\n\n"
         if session.link and (state := session.link.state) != said:
             said = state
             yield f"event: station\ndata: {json_text(state, indent=-1)}\n\n"
-        await asyncio.sleep(PERIOD)
+        await asyncio.sleep(_PERIOD)
 
 
 @contextlib.contextmanager

@@ -39,7 +39,7 @@ from glider.progress import Progress, silent
 from glider.simulation.refly import nominal_model, rollout_models
 from glider.sysid.fit.prediction import RolloutModel
 
-RETRIES = 1
+_RETRIES = 1
 """Times that a trace is tried again in a session whose process died, or failed."""
 
 SLOW = 3.0
@@ -357,7 +357,7 @@ class LabSession:
             sha256=digest,
         )
         faults = sum(t.is_fault and t.sha256 == digest for t in state.traces)
-        if last is None or last.sha256 != digest or 0 < faults <= RETRIES:
+        if last is None or last.sha256 != digest or 0 < faults <= _RETRIES:
             return trace
         if last.refusal or not proposes:
             return None

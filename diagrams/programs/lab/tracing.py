@@ -21,7 +21,7 @@ from glider.report.wording import counted
 if TYPE_CHECKING:
     from glider.sysid.result import Result
 
-NICENESS = 10
+_NICENESS = 10
 """Of the process: what flies, and the page, go first."""
 
 _LAST: dict[Path, "Result"] = {}
@@ -127,19 +127,19 @@ class Job:
         )
 
 
-AnyJob = Job | MapJob
+_AnyJob = Job | MapJob
 
 
 class Worker:
     """The process. It has one job at a time, and dies with us."""
 
     def __init__(self) -> None:
-        self.job: AnyJob | None = None  #: That it works on.
+        self.job: _AnyJob | None = None  #: That it works on.
         self._is_paused = self._dies_with_us = False
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
 
-    def start(self, job: AnyJob) -> None:
+    def start(self, job: _AnyJob) -> None:
         """Begins a job."""
         if self._process is None or not self._process.is_alive():
             self._dies_with_us = False
@@ -200,7 +200,7 @@ def _serve(pipe: Connection, parent: int) -> None:
     """Does job after job until the pipe is closed, or the session's process ends."""
     end_with(parent)  # Also while it is paused.
     pipe.send(None)
-    os.nice(NICENESS)
+    os.nice(_NICENESS)
     while True:
         try:
             job = pipe.recv()

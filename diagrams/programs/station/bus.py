@@ -36,7 +36,7 @@ def free_address() -> str:
         return f"udpm://239.255.76.68:{free.getsockname()[1]}?ttl=0"
 
 
-Handler = Callable[[float, Sequence[float], Sequence[str]], None]
+_Handler = Callable[[float, Sequence[float], Sequence[str]], None]
 """Takes the time [s], the numbers and their names."""
 
 
@@ -67,7 +67,7 @@ class Bus:
         message.timestamp = round(1e6 * when)
         self._lcm.Publish(channel, message.encode())
 
-    def listen(self, channel: str, handler: Handler) -> None:
+    def listen(self, channel: str, handler: _Handler) -> None:
         """Calls a handler with each message of a channel; others are counted."""
 
         def take(data: bytes) -> None:

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 
 from diagrams.programs.station.bus import OPERATOR, Bus
 
-KILL, ARM, KILLED = "kill", "arm", "killed"
+KILL, ARM, _KILLED = "kill", "arm", "killed"
 
 REPEAT = 0.2
 """Time between two repetitions of a kill [s]."""
 
-SILENT = 1.0
+_SILENT = 1.0
 """Silence after which the sender of a kill may be gone [s]."""
 
 
@@ -34,21 +34,21 @@ class Kills:
         return sender in self._heard
 
     def hear(self, values: Sequence[float], names: Sequence[str], now: float) -> None:
-        """Takes a message: a sender, and for its name KILL, KILLED or ARM."""
+        """Takes a message: a sender, and for its name KILL, _KILLED or ARM."""
         for value, name in zip(values, names, strict=False):
             sender = value if math.isfinite(value) else 0.0
             if name == KILL:
                 self._heard[sender] = now
-            elif name == KILLED:
+            elif name == _KILLED:
                 self._heard.setdefault(sender, -math.inf)
             elif name == ARM:
                 self._heard = {
                     other: heard
                     for other, heard in self._heard.items()
-                    if other != sender and now < heard + SILENT
+                    if other != sender and now < heard + _SILENT
                 }
 
     def repeat(self, bus: Bus, now: float) -> None:
         """Says as a servo that it was killed."""
         for sender in self._heard:
-            bus.say(OPERATOR, now, (sender,), (KILLED,))
+            bus.say(OPERATOR, now, (sender,), (_KILLED,))

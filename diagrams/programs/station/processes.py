@@ -14,7 +14,7 @@ import sys
 from types import FrameType
 from typing import Self
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Ending:
@@ -29,7 +29,7 @@ class Ending:
 
     def __enter__(self) -> Self:
         """Takes the signals."""
-        self._before = {s: signal.signal(s, self._take) for s in SIGNALS}
+        self._before = {s: signal.signal(s, self._take) for s in _SIGNALS}
         return self
 
     def _take(self, number: int, frame: FrameType | None) -> None:

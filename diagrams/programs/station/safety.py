@@ -11,13 +11,13 @@ from diagrams.programs.station.scenario import Limits
 from glider.physics.servo import Servo
 from glider.physics.state import ELEVATOR
 
-REGAIN = 0.2
+_REGAIN = 0.2
 """Time without a usable pose after which any pose may be the next [s]."""
 
-RIVAL = 1.0
+_RIVAL = 1.0
 """Time for which another operator is remembered [s]."""
 
-LOST = 3
+_LOST = 3
 """Poses in a row that are far from the prediction: the filter has lost the glider."""
 
 SLACK = 0.15
@@ -25,7 +25,7 @@ SLACK = 0.15
 allows [rad]: a wrong zero, a horn that bends, and noise."""
 
 
-PATIENCE = 2.0
+_PATIENCE = 2.0
 """Time of waiting for one reason after which the operator is shown it [s]."""
 
 _NUMBERS = re.compile(r"[-+\d.]+")
@@ -47,14 +47,14 @@ class WaitReasons:
         """Takes the reason that holds now [s]; returns whether to show it."""
         kind = _NUMBERS.sub("", reason)
         began, last, was_shown = self._known.get(kind, (now, now, False))
-        if now > last + PATIENCE:
+        if now > last + _PATIENCE:
             began, was_shown = now, False
-        is_due = not was_shown and now >= began + PATIENCE
+        is_due = not was_shown and now >= began + _PATIENCE
         self._known[kind] = began, now, was_shown or is_due
         return is_due
 
 
-class PoseCheck:
+class _PoseCheck:
     """Passes poses that can follow each other.
 
     Args:
@@ -96,7 +96,7 @@ class PoseCheck:
             return f"a frame stamped {1e3 * lead:.0f} ms ahead of the cameras' clock"
         if span <= 0.0:
             return "a frame that comes late or twice"
-        if span > REGAIN:
+        if span > _REGAIN:
             return ""
         last_x, last_z, last_pitch = self._last[:3].tolist()
         if (x, z, pitch) == (last_x, last_z, last_pitch):
@@ -128,7 +128,7 @@ class Watch:
     """
 
     def __init__(self, limits: Limits, servo: Servo, operator: float) -> None:
-        self.check = PoseCheck(limits, servo)
+        self.check = _PoseCheck(limits, servo)
         self.kills = Kills()
         self.seen = -math.inf  #: When the last usable pose was exposed [s].
         self.rival = -math.inf  #: When another operator sent a command [s].
@@ -156,14 +156,14 @@ class Watch:
         if self.kills:
             is_ours = self._operator in self.kills
             return f"{'the' if is_ours else 'another'} operator stopped it"
-        if now < self.rival + RIVAL:
+        if now < self.rival + _RIVAL:
             return "another operator sends commands on the bus"
         age = now - self.seen
         if age > self._limits.stale:
             why = f" ({self.check.reason})" if self.check.reason else ""
             since = f"for {1e3 * age:.0f} ms" if math.isfinite(age) else "yet"
             return f"no usable pose {since}{why}"
-        if self._far >= LOST:
+        if self._far >= _LOST:
             return "the filter has lost the glider"
         if self._late >= 2:
             return "two commands in a row were late"

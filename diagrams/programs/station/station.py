@@ -38,15 +38,15 @@ from diagrams.programs.station.tracker import CommandTape, ReleaseDetector
 from glider.physics.state import ELEVATOR, POSITION, VELOCITY
 from glider.simulation.fly import AFTER
 
-WAITING, READY, FLYING, STOPPED = "waiting", "ready", "flying", "stopped"
+_WAITING, READY, _FLYING, STOPPED = "waiting", "ready", "flying", "stopped"
 
-STATUS_PERIOD = REPEAT
+_STATUS_PERIOD = REPEAT
 """Time between two messages of the state [s]."""
 
-RETRY = 1.0
+_RETRY = 1.0
 """Time after which a record is tried again [s]."""
 
-NEAR = 0.5
+_NEAR = 0.5
 """Distance within which a pass of the wire ends a flight [m]."""
 
 
@@ -85,7 +85,7 @@ class Station:
         limits = guidance.model.parameters.servo
         self._sender = Sender(scenario, limits, bus, tape, clock, wait)
         self._watch = Watch(scenario.limits, limits, self._sender.id)
-        self.state, self.reason = WAITING, "no pose yet"
+        self.state, self.reason = _WAITING, "no pose yet"
         self.throws: list[Throw] = []
         self._throw = Throw(guidance.problem)
         self._handled = self._received = -math.inf  # Of the last usable pose.
@@ -117,7 +117,7 @@ class Station:
     @property
     def in_flight(self) -> bool:
         """Whether a throw is in the air."""
-        return self.state in (FLYING, STOPPED)
+        return self.state in (_FLYING, STOPPED)
 
     # ------------------------------------------------------------------ messages
 
@@ -137,7 +137,7 @@ class Station:
         if not fault:
             self._camera.learn(stamp, received)
             self._watch.seen = when
-            if self.state == FLYING:
+            if self.state == _FLYING:
                 self._follow(when, pose)
             elif not is_flight:
                 is_flight = self._wait_for_release(when, pose)
@@ -151,7 +151,7 @@ class Station:
                 time=when,
                 **dict(zip(POSE_FIELDS, values, strict=True)),
                 fault=fault,
-                free=is_flight and self.state == FLYING,
+                free=is_flight and self.state == _FLYING,
                 shows_elevator=math.isfinite(pose[ELEVATOR]),
             )
 
@@ -188,16 +188,16 @@ class Station:
         """Does what is due; returns when to call again, at the latest [s]."""
         now, sender = self._clock(), self._sender
         fault = self._watch.find_fault(now)
-        if fault := fault or (self._recorder.fault if self.state != WAITING else ""):
-            if self.state == FLYING:
+        if fault := fault or (self._recorder.fault if self.state != _WAITING else ""):
+            if self.state == _FLYING:
                 self._stop(fault)
             elif self.state != STOPPED:
-                self._enter(WAITING, fault)
-        elif self.state == WAITING and not self._release.rests:
-            self._enter(WAITING, "the glider does not rest")
-        elif self.state == WAITING and now > self._retry:
+                self._enter(_WAITING, fault)
+        elif self.state == _WAITING and not self._release.rests:
+            self._enter(_WAITING, "the glider does not rest")
+        elif self.state == _WAITING and now > self._retry:
             self._make_ready()
-        if self.state == FLYING:
+        if self.state == _FLYING:
             if now >= sender.due - self.guidance.lead:
                 self._command()
         elif now >= sender.due:
@@ -205,14 +205,14 @@ class Station:
         over = self._autopilot.begin + self.guidance.plan.duration + AFTER
         if self.in_flight and (self._passed or now > over):
             self._finish()
-        if now > self._status + STATUS_PERIOD:
+        if now > self._status + _STATUS_PERIOD:
             self._send_status()
-        if self.state == WAITING and self._waits.is_to_be_shown(self.reason, now):
+        if self.state == _WAITING and self._waits.is_to_be_shown(self.reason, now):
             self._show(f"waiting: {self.reason}")
         self._recorder.write()
-        if self._recorder.fault and self.state == FLYING:
+        if self._recorder.fault and self.state == _FLYING:
             self._stop(self._recorder.fault)
-        lead = self.guidance.lead if self.state == FLYING else 0.0
+        lead = self.guidance.lead if self.state == _FLYING else 0.0
         stale = self._watch.seen + self.scenario.limits.stale
         due = sender.due - lead
         return min(due, stale) if stale > now else due
@@ -225,8 +225,8 @@ class Station:
         elif not self._recorder.open():
             fault = self._recorder.fault
         if fault:
-            self._retry = self._clock() + RETRY
-            self._enter(WAITING, fault)
+            self._retry = self._clock() + _RETRY
+            self._enter(_WAITING, fault)
         else:
             self._release.pushed = False
             self._enter(READY, "")
@@ -244,7 +244,7 @@ class Station:
         self._throw = Throw(self.guidance.problem)
         self._throw.add_state(when, state)
         self._sender.due = self._clock() + self.guidance.lead
-        self._enter(FLYING, f"free at {elapsed:.3f} s of the plan")
+        self._enter(_FLYING, f"free at {elapsed:.3f} s of the plan")
         if fault := self._release.find_fault(start, self.guidance.state_at(elapsed)):
             self._stop(fault)
         return True
@@ -258,7 +258,7 @@ class Station:
         self._throw.add_state(when, state)
         self._recorder.add("/estimate", when, time=when, state=state.tolist(), nis=nis)
         away = np.array(self.guidance.problem.wire) - state[POSITION]
-        self._passed = away @ state[VELOCITY] <= 0.0 and math.hypot(*away) < NEAR
+        self._passed = away @ state[VELOCITY] <= 0.0 and math.hypot(*away) < _NEAR
         if self.scenario.command_rate is None:
             self._sender.due = self._clock()
 
@@ -302,7 +302,7 @@ class Station:
         self._release.reset()
         self._watch.reset()
         self._passed = False
-        self._enter(WAITING, "the glider does not rest")
+        self._enter(_WAITING, "the glider does not rest")
         self._recorder.finish(throw, self._clock())
         self._show(f"throw {len(self.throws)}: {throw.describe()}")
 
@@ -313,7 +313,7 @@ class Station:
         if state == READY:  # No garbage is collected in flight.
             gc.collect()
             gc.disable()
-        elif state == WAITING:
+        elif state == _WAITING:
             gc.enable()
         now, is_new = self._clock(), state != self.state
         self.state, self.reason = state, reason
@@ -321,7 +321,7 @@ class Station:
             self._waits = WaitReasons()
         if state == READY and is_new and self.scenario.simulation is None:
             self._show("ready: throw now")
-        if is_new or now > self._status + STATUS_PERIOD:
+        if is_new or now > self._status + _STATUS_PERIOD:
             self._recorder.add("/event", now, state=state, reason=reason)
             self._send_status()
 
@@ -334,11 +334,11 @@ class Station:
 
     def close(self) -> None:
         """Ends a throw, or a record that holds none; the elevator goes to neutral."""
-        if self.state == FLYING:
+        if self.state == _FLYING:
             self._stop("the station was ended")
         if self.in_flight:
             self._finish()
         self._send(math.nan)
-        self._enter(WAITING, "the station was ended")
+        self._enter(_WAITING, "the station was ended")
         gc.unfreeze()
         self._recorder.close()

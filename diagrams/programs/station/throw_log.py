@@ -23,15 +23,15 @@ from glider.campaign.logs import Flight
 from glider.errors import InputError
 from glider.files import schema
 
-TOPICS = ("/pose", "/command", "/estimate", "/event")
+_TOPICS = ("/pose", "/command", "/estimate", "/event")
 
-RESERVE = 1 << 20
+_RESERVE = 1 << 20
 """Space on the disk that is kept for the throw that runs [bytes]; one takes 0.3 MB."""
 
 RESERVES = ".throw_*.mcap.reserve"
 """Names of the files that keep it."""
 
-FEWEST = 20
+_FEWEST = 20
 """Rows of a flight, as the campaign's reader wants them."""
 
 _SCHEMA = b'{"type": "object"}'
@@ -47,7 +47,7 @@ class _Appended:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
         self._file = os.open(path, flags, 0o644)
         try:
-            self._reserve.write_bytes(b"\1" * RESERVE)
+            self._reserve.write_bytes(b"\1" * _RESERVE)
         except OSError:
             os.close(self._file)
             path.unlink()
@@ -107,7 +107,7 @@ class ThrowLog:
         schema = self._writer.register_schema("glider", "jsonschema", _SCHEMA)
         self._channels = {
             topic: self._writer.register_channel(topic, "json", schema)
-            for topic in TOPICS
+            for topic in _TOPICS
         }
 
     def add(self, topic: str, when: float, **values: object) -> None:
@@ -150,7 +150,7 @@ def read_throw(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any
 
 def _read(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any]]]]:
     facts: dict[str, str] = {}
-    topics: dict[str, list[dict[str, Any]]] = {topic: [] for topic in TOPICS}
+    topics: dict[str, list[dict[str, Any]]] = {topic: [] for topic in _TOPICS}
     channels: dict[int, str] = {}
     for record in _records(path):
         if isinstance(record, Metadata) and record.name == "facts":
@@ -208,7 +208,7 @@ def _flight_of(
     poses = [pose for pose in topics["/pose"] if pose["free"] and not pose["fault"]]
     if measured:
         poses = [pose for pose in poses if pose["shows_elevator"]]
-    if len(poses) < FEWEST or not topics["/command"]:
+    if len(poses) < _FEWEST or not topics["/command"]:
         return None
     table = np.array(
         [

@@ -64,7 +64,7 @@ def pieces(rows: Rows, begin: float, end: float) -> list[tuple[float, float, flo
     return found[::-1]
 
 
-class PoseHistory:
+class _PoseHistory:
     """The last poses in the hand, and the motion that they show."""
 
     COUNT = 6
@@ -125,13 +125,13 @@ class ReleaseDetector:
 
     def __init__(self, limits: Release, launch: np.ndarray) -> None:
         self._limits, self._launch = limits, launch
-        self.poses = PoseHistory()
+        self.poses = _PoseHistory()
         self.pushed = False
 
     def add(self, time: float, pose: np.ndarray) -> bool:
         """Takes a pose (4,); returns whether the glider is free now."""
         self.poses.add(time, pose)
-        if len(self.poses) < PoseHistory.COUNT:
+        if len(self.poses) < _PoseHistory.COUNT:
             return False
         limits, (speed, acceleration) = self._limits, self.poses.motion()
         self.pushed = self.pushed or acceleration > limits.acceleration
@@ -152,9 +152,9 @@ class ReleaseDetector:
     @property
     def rests(self) -> bool:
         """Whether the last poses show no motion."""
-        if len(self.poses) < PoseHistory.COUNT:
+        if len(self.poses) < _PoseHistory.COUNT:
             return False
-        return self.poses.motion()[0] < REST
+        return self.poses.motion()[0] < _REST
 
     def reset(self) -> None:
         """Waits for the next throw."""
@@ -162,5 +162,5 @@ class ReleaseDetector:
         self.pushed = False
 
 
-REST = 0.3
+_REST = 0.3
 """Speed of a glider that is held still [m/s]."""
