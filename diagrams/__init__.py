@@ -10,6 +10,7 @@ from glider.lazy import attach
 if TYPE_CHECKING:
     import diagrams.playback as playback
     from diagrams.loops import closed_loop, estimated_loop, open_loop
+    from diagrams.scene import AddScene
     from diagrams.simulate import simulate_flights
 else:
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

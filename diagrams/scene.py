@@ -35,6 +35,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from diagrams.urdf import make_urdf
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
+from glider.systems.template import float_class
 
 FRAMES_PER_SECOND = 64.0
 """Rate of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""
@@ -49,11 +50,15 @@ def GliderGeometry_(T):
     class Impl(LeafSystem_[T]):
         """Poses of the glider's parts, by the joints of its URDF.
 
-        state -> [ GliderGeometry ] -> geometry_pose
+        Input ports:
+            state (n): of the glider; the first NUM_POSITIONS count.
+
+        Output ports:
+            geometry_pose (abstract): poses of the frames, for a SceneGraph.
 
         Args:
             plant: a MultibodyPlant of the URDF, registered with a SceneGraph.
-            num_states: width of the input port; the first NUM_POSITIONS count.
+            num_states: size n of `state`.
         """
 
         def _construct(self, plant, num_states, *, converter=None):
@@ -86,7 +91,7 @@ def GliderGeometry_(T):
     return Impl
 
 
-GliderGeometry = GliderGeometry_[None]  # The float instantiation.
+GliderGeometry = float_class(GliderGeometry_)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

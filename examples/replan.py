@@ -31,6 +31,7 @@ from matplotlib.figure import Figure
 from diagrams import closed_loop, estimated_loop, playback, simulate_flights
 from diagrams.programs import program
 from glider import (
+    ExtendedKalmanFilter,
     GliderModel,
     ModelPredictiveController,
     MppiController,
@@ -152,7 +153,10 @@ def race(
             loop = closed_loop(truth, controller, planned=model, command_rate=rate)
         else:
             ekf, prior = perching_filter(model, planned.states[0], unsure)
-            loop = estimated_loop(truth, controller, ekf, prior, command_rate=rate)
+            estimator = ExtendedKalmanFilter(ekf, prior)
+            loop = estimated_loop(
+                truth, controller, estimator, planned=model, command_rate=rate
+            )
             noise = np.random.default_rng(seed)
         flights[name] = simulate_flights(
             loop,

@@ -33,8 +33,12 @@ if TYPE_CHECKING:
     from glider.simulation.fly import fly
     from glider.sysid.pipeline import close_the_loop
     from glider.sysid.result import Result
+    from glider.systems.elevator_servo import ElevatorServo
+    from glider.systems.kalman_filter import ExtendedKalmanFilter
     from glider.systems.mpc import ModelPredictiveController
     from glider.systems.mppi import MppiController
+    from glider.systems.noise import SampledNoise
+    from glider.systems.observer import ExtraStates
     from glider.systems.plant import GliderPlant
     from glider.systems.regulator import tracking_regulator
 else:

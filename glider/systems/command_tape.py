@@ -54,7 +54,8 @@ def load_commands(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
 def command_source(path: Path | str) -> TrajectorySource:
     """Returns a Drake source that plays a file of commands.
 
-    [ TrajectorySource ] -> command, for the servo's input of that name
+    Output ports:
+        y0 (1): command, for the servo's input of that name [rad/s].
 
     Each command is held until the next; after the end the last one, 0, stays.
     """

@@ -11,16 +11,14 @@ from glider.verification.funnel.funnel import Funnel, funnel_policy
 class FunnelMonitor(LeafSystem):
     """A monitor of where a state is in a funnel.
 
-    state -> [ FunnelMonitor ] -> margin
-                               -> inside
-
-    Input port:
-        state: (n,) a plant's for the truth, or an estimator's for what is believed.
+    Input ports:
+        state (n): a plant's for the truth, or an estimator's for what is believed.
 
     Output ports:
-        margin: 1 - √V: 1 at the nominal flight, 0 at the boundary, negative outside;
-            the share of its way to the boundary that a deviation may still grow.
-        inside: 1 where V <= 1, else 0.
+        margin (1): 1 - √V: 1 at the nominal flight, 0 at the boundary, negative
+            outside; the share of its way to the boundary that a deviation may still
+            grow.
+        inside (1): 1 where V <= 1, else 0.
 
     V is about the nominal flight, also of a funnel of a set of gliders: the center of
     the one that flies is nowhere known. After the end the last set counts.

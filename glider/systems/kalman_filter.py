@@ -8,39 +8,35 @@ from pydrake.systems.framework import LeafSystem
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief, check_belief, predict_mean, run_ekf
 
-SAME = 1e-6
+_SAME = 1e-6
 """Share of a period within which two times are the same, for rounding of the clock."""
 
 
 class ExtendedKalmanFilter(LeafSystem):
     """Estimates a glider's state, and slow states, from samples of its sensors.
 
-    measured ------> [                      ] -> state
-    elevator_rate -> [ ExtendedKalmanFilter ] -> estimate, covariance
-    known ---------> [                      ] -> innovation, innovation_covariance
-
     At each sample, k periods after time 0, the belief is predicted with the mean of
     the elevator's rate since the last sample, and corrected. When a simulation begins,
     at whatever time, it is the prior. An output that is read at the time of a sample,
     as by a hold of the same clock, is the one before it.
 
-    Args:
-        ekf: the filter.
-        prior: belief when a simulation begins.
-
     Input ports:
-        measured: at the samples, in the order of `ekf.measured_names`.
-        elevator_rate: assumed rate of the servo [rad/s].
-        known: the filter's further known inputs, if it has any, as they are at the
+        measured (M): at the samples, in the order of `ekf.measured_names` [m, rad].
+        elevator_rate (1): assumed rate of the servo [rad/s].
+        known (K): the filter's further known inputs, if it has any, as they are at the
             samples and at the beginning; left open, they are what the filter's model
             has, which is zero for the wind.
 
     Output ports:
-        state: (n,) predicted by the model from the last sample until now.
-        estimate: (N,) x̄ at the last sample.
-        covariance: (N * N,) of the estimate.
-        innovation: (M,) measured minus predicted at the last sample.
-        innovation_covariance: (M * M,) S; zero before the first sample.
+        state (n): predicted by the model from the last sample until now.
+        estimate (N): x̄ at the last sample.
+        covariance (N * N): of the estimate.
+        innovation (M): measured minus predicted at the last sample.
+        innovation_covariance (M * M): S; zero before the first sample.
+
+    Args:
+        ekf: the filter.
+        prior: belief when a simulation begins.
     """
 
     def __init__(self, ekf: Ekf, prior: Belief):
@@ -124,7 +120,7 @@ class ExtendedKalmanFilter(LeafSystem):
         inputs, span = self._inputs(context, known)
         # The clock ticks at the beginning as that of motion capture's log does:
         # starting later, its ticks would differ from the log's by a rounding.
-        if span < SAME * self.ekf.period:
+        if span < _SAME * self.ekf.period:
             return
         before = Belief(
             mean=self._part(context, "estimate"),

@@ -29,11 +29,11 @@ from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.systems.plant import GliderPlant
 
-SCHEME, ACCURACY = "runge_kutta5", 1e-6
+_SCHEME, _ACCURACY = "runge_kutta5", 1e-6
 """Scheme and accuracy of Drake's backward pass: gains to 1e-6 of their largest. The
 default scheme, of order three, takes over twice the time to be as good."""
 
-TABLE = 441
+_TABLE = 441
 """Number of times that the gains of a policy are given at."""
 
 
@@ -42,7 +42,11 @@ def tracking_regulator(
 ) -> System:
     """Computes the feedback along a plan by Drake, as a System.
 
-    plant_state -> [ regulator ] -> command
+    Input ports:
+        plant_state (n): state of the glider, with the effects' own.
+
+    Output ports:
+        command (1): rate of the elevator [rad/s].
 
     Args:
         model: the glider that the plan is for.
@@ -71,8 +75,8 @@ def regulator_arguments(
     options.Qf = weight_matrix(weights.final, n)
     options.x0 = plan.state_trajectory
     options.u0 = plan.input_trajectory
-    options.simulator_config.integration_scheme = SCHEME
-    options.simulator_config.accuracy = ACCURACY
+    options.simulator_config.integration_scheme = _SCHEME
+    options.simulator_config.accuracy = _ACCURACY
     options.input_port_index = plant.GetInputPort("elevator_rate").get_index()
     return {
         "system": plant,
@@ -86,24 +90,28 @@ def regulator_arguments(
 
 
 def policy_regulator(policy: TrackingPolicy) -> TrajectoryAffineSystem:
-    """Returns a policy as a Drake System, in straight lines between TABLE times.
+    """Returns a policy as a Drake System, in straight lines between 441 times.
 
-    state -> [ TrajectoryAffineSystem ] -> elevator rate = offset - gain x
+    Input ports:
+        u0 (n): state x that the policy measures.
+
+    Output ports:
+        y0 (1): rate of the elevator, offset - gain x [rad/s].
 
     Raises:
         InputError: the policy holds its commands, which this system does not.
     """
     expect(policy.period == 0.0, "the policy's period", policy.period, "0: no hold")
-    times = np.linspace(0.0, policy.duration, TABLE)
+    times = np.linspace(0.0, policy.duration, _TABLE)
     offset, gain = policy.sample(times)
 
     def over_time(values: np.ndarray) -> PiecewisePolynomial:
         return PiecewisePolynomial.FirstOrderHold(times, list(values))
 
-    zero = over_time(np.zeros((TABLE, 1, 1)))
+    zero = over_time(np.zeros((_TABLE, 1, 1)))
     return TrajectoryAffineSystem(  # One state that rests: Drake asks for it.
         A=zero,
-        B=over_time(np.zeros((TABLE, 1, gain.shape[1]))),
+        B=over_time(np.zeros((_TABLE, 1, gain.shape[1]))),
         f0=zero,
         C=zero,
         D=over_time(-gain[:, None, :]),

@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import Gain, MatrixGain
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource, Gain, MatrixGain
 
-from diagrams.loops import closed_loop, open_loop
+from diagrams.loops import closed_loop, estimated_loop, open_loop
 from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
 from diagrams.playback import track_of
 from diagrams.programs.pictures import save_pictures
@@ -340,10 +340,99 @@ def test_what_does_not_fit_is_refused(options, message):
         closed_loop(truth, MatrixGain(np.ones((1, 8))), **others)
 
 
-def test_a_controller_of_six_numbers_is_refused():
-    """It would get the first six of seven states."""
-    with pytest.raises(InputError, match=r"has 6 numbers; expected 7 .*pitchdot"):
-        closed_loop(NOMINAL, MatrixGain(np.ones((1, 6))))
+class OwnController(LeafSystem):
+    """A user's controller: gains about the plan."""
+
+    def __init__(self, states=7, commands=1):
+        super().__init__()
+        self._state = self.DeclareVectorInputPort("x", states)
+        self.DeclareVectorOutputPort("u", commands, self._calc)
+
+    def _calc(self, context, output):
+        time = min(context.get_time(), plan_of().duration)
+        offset, gain = policy().sample(np.array([time]))
+        output.SetFromVector(offset - gain @ self._state.Eval(context))
+
+
+class OwnFilter(LeafSystem):
+    """A user's filter: the model's flight, drawn to each pose by constant gains."""
+
+    def __init__(self, missing=None, poses=3, states=7, ticks=True):
+        super().__init__()
+        self._plant = GliderPlant(NOMINAL)
+        self._flown = self._plant.CreateDefaultContext()
+        self._ports = {
+            name: self.DeclareVectorInputPort(name, size)
+            for name, size in (("measured", poses), ("elevator_rate", 1))
+            if name != missing
+        }
+        start = np.resize(PROBLEM.launch, states)
+        held = self.DeclareDiscreteState(start)
+        if ticks:
+            self.DeclarePeriodicDiscreteUpdateEvent(1 / 240, 0.0, self._step)
+        if missing != "state":
+            self.DeclareStateOutputPort("state", held)
+
+    def _step(self, context, into):
+        state = context.get_discrete_state_vector().CopyToVector()
+        rate = self._ports["elevator_rate"].Eval(context)
+        self._plant.GetInputPort("elevator_rate").FixValue(self._flown, rate)
+        self._flown.SetContinuousState(state)
+        state += self._plant.EvalTimeDerivatives(self._flown).CopyToVector() / 240
+        away = self._ports["measured"].Eval(context) - state[:3]
+        state[:3] += 0.3 * away
+        state[4:] += 10.0 * away
+        into.set_value(state)
+
+
+def test_a_users_controller_and_filter_fly_to_the_wire():
+    loop = estimated_loop(NOMINAL, OwnController(), OwnFilter(), command_rate=50.0)
+    assert loop.GetSubsystemByName("motion_capture").rate == 240.0
+    noise = np.random.default_rng(0)
+    seeing = closed_loop(NOMINAL, OwnController(), command_rate=50.0)
+    duration = plan_of().duration + AFTER
+    [flight] = simulate_flights(loop, launches(1), duration, capture_noise=noise)
+    [other] = simulate_flights(seeing, launches(1), duration)
+    assert flight.perched and other.perched
+    assert np.max(np.abs(flight.states[-1] - other.states[-1])) > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("filter_options", "message"),
+    [
+        ({"missing": "measured"}, r"its inputs is \['elevator_rate'\]; .*'measured'"),
+        ({"missing": "elevator_rate"}, "expected one named 'elevator_rate'"),
+        ({"missing": "state"}, r"its outputs is \[\]; expected one named 'state'"),
+        ({"poses": 2}, "input 'measured' is 2; expected 3 or 4"),
+        ({"states": 6}, "output 'state' is 6; expected 7"),
+        ({"ticks": False}, "no periodic discrete update; expected one"),
+    ],
+)
+def test_a_filter_with_other_ports_is_refused(filter_options, message):
+    with pytest.raises(InputError, match=message):
+        estimated_loop(NOMINAL, OwnController(), OwnFilter(**filter_options))
+
+
+def test_a_filter_without_a_clock_is_given_a_rate():
+    loop = estimated_loop(
+        NOMINAL, OwnController(), OwnFilter(ticks=False), capture_rate=100.0
+    )
+    assert loop.GetSubsystemByName("motion_capture").rate == 100.0
+
+
+@pytest.mark.parametrize(
+    ("controller", "message"),
+    [
+        # It would get the first six of seven states.
+        (OwnController(states=6), r"first input is 6; expected 7 or more.*pitchdot"),
+        (OwnController(commands=2), "first output is 2; expected 1"),
+        (ConstantVectorSource([0.0]), "first input is 0; expected 7"),
+    ],
+)
+def test_a_controller_with_other_ports_is_refused(controller, message):
+    for wire in (closed_loop, lambda *given: estimated_loop(*given, OwnFilter())):
+        with pytest.raises(InputError, match=message):
+            wire(NOMINAL, controller)
 
 
 def test_noise_for_a_diagram_without_is_refused(plain):

@@ -503,7 +503,8 @@ def test_the_pose_alone_is_enough_to_perch():
     ekf, prior = perching_filter(NOMINAL, LAUNCH, elevator=False)
     assert ekf.measured_names == ("x", "z", "pitch")
     regulator = tracking_regulator(GliderModel(), plan_of())
-    loop = estimated_loop(NOMINAL, regulator, ekf, prior, command_rate=50.0)
+    estimator = ExtendedKalmanFilter(ekf, prior)
+    loop = estimated_loop(NOMINAL, regulator, estimator, command_rate=50.0)
     # At launch the filter knows no more than its prior: nor does the regulator.
     context = loop.CreateDefaultContext()
     glider, regulator, believed = (
@@ -576,7 +577,9 @@ def test_what_does_not_fit_the_filter_is_refused():
         ExtendedKalmanFilter(ekf, Belief(mean=np.zeros(7), covariance=np.eye(7)))
     full = make_ekf(NOMINAL, rate=120.0, process=PROCESS, noise=[1e-4] * 7)
     gain = MatrixGain(np.zeros((1, 7)))
-    with pytest.raises(InputError, match="motion capture"):
-        estimated_loop(NOMINAL, gain, full, make_prior(full, LAUNCH, [0.1] * 7))
-    with pytest.raises(InputError, match="wants 8 states"):
-        estimated_loop(NOMINAL, MatrixGain(np.zeros((1, 8))), ekf, prior)
+    estimator = ExtendedKalmanFilter(full, make_prior(full, LAUNCH, [0.1] * 7))
+    with pytest.raises(InputError, match="input 'measured' is 7; expected 3 or 4"):
+        estimated_loop(NOMINAL, gain, estimator)
+    gain = MatrixGain(np.zeros((1, 8)))
+    with pytest.raises(InputError, match="output 'state' is 7; expected 8"):
+        estimated_loop(NOMINAL, gain, ExtendedKalmanFilter(ekf, prior))

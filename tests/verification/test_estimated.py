@@ -17,6 +17,7 @@ from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
 from glider.paths import models_path
 from glider.systems.funnel_monitor import FunnelMonitor, funnel_regulator
+from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.regulator import policy_regulator
 from glider.verification.funnel.funnel import funnel_policy, load_funnel
 from glider.verification.trials.estimated import fly_estimated, study_estimates
@@ -54,7 +55,8 @@ def watched(funnel, launch, draws):
         mean=launch[0] - UNKNOWN * (launch[0] - funnel.center(0.0)),
         covariance=UNKNOWN**2 / 9.0 * np.linalg.inv(funnel.shape(0.0)),
     )
-    loop = estimated_loop(model, funnel_regulator(funnel), ekf, prior)
+    estimator = ExtendedKalmanFilter(ekf, prior)
+    loop = estimated_loop(model, funnel_regulator(funnel), estimator)
     builder, logs = DiagramBuilder(), {}
     builder.AddSystem(loop)
     for name in ("state", "estimate"):

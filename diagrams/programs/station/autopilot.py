@@ -44,7 +44,7 @@ from glider.estimation.running import Belief, make_prior, predict_mean, run_ekf
 from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES
 
-RELEASE_STD = (0.002, 0.002, 0.01, 0.02, 0.3, 0.3, 0.5)
+_RELEASE_STD = (0.002, 0.002, 0.01, 0.02, 0.3, 0.3, 0.5)
 """Standard deviations of the state at release, from the last poses before it: a slope
 over three frames, 1/60 s old, of a glider that still accelerates or not."""
 
@@ -52,25 +52,24 @@ over three frames, 1/60 s old, of a glider that still accelerates or not."""
 class PoseTracker(LeafSystem):
     """An extended Kalman filter for poses at any times, and its prediction.
 
+    Input ports:
+        pose (5): time [s], x, z, pitch and elevator; an elevator that is NaN was not
+            seen. A forced event takes it.
+        commanded (3 k): rows of time, angle and rate, see `CommandTape`.
+
+    Output ports:
+        state (n): predicted until now, under what was commanded.
+        estimate (n): at the last pose.
+        surprise (3): of the last pose: its normalized innovation squared, and its
+            distance [m] and turn [rad] from the prediction.
+
     Args:
         model: the glider.
         sensors: what is measured, and how often.
         noise: of what is measured.
-
-    Input ports:
-        pose: (5,) time [s], x, z, pitch and elevator; an elevator that is NaN was not
-            seen. A forced event takes it.
-        commanded: (3 k,) rows of time, angle and rate, see `CommandTape`.
-
-    Output ports:
-        state: (n,) predicted until now, under what was commanded.
-        estimate: (n,) at the last pose.
-        surprise: (3,) of the last pose: its normalized innovation squared, and its
-            distance [m] and turn [rad] from the prediction.
     """
 
     def __init__(self, model: GliderModel, sensors: Sensors, noise: Filter) -> None:
-        """Declares ports, the belief as discrete state, and the event."""
         super().__init__()
         self.set_name("tracker")
         start = model.initial_state(np.zeros(NUM_STATES))
@@ -101,7 +100,7 @@ class PoseTracker(LeafSystem):
 
     def begin(self, context: Context, time: float, state: np.ndarray) -> None:
         """Begins with a state (n,) that poses showed [s]."""
-        prior = make_prior(self._filters[False], state, RELEASE_STD)
+        prior = make_prior(self._filters[False], state, _RELEASE_STD)
         context.SetDiscreteState(_packed(prior, time, (0.0,) * 3))
 
     def _take_pose(self, context: Context, into: DiscreteValues) -> None:

@@ -4,7 +4,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem, System
+from pydrake.systems.framework import Diagram, System
 
 from diagrams.programs.station.autopilot import make_autopilot
 from diagrams.programs.station.proposed import TapePlayer, tape_plan
@@ -16,46 +16,17 @@ from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.systems.mpc import ModelPredictiveController
 from glider.systems.mppi import MppiController
+from glider.systems.regulator import policy_regulator
 
-REPLANNING = "replanning"
+_REPLANNING = "replanning"
 """Problem of models/problems whose weights MPC and MPPI have."""
 
-GRID = 0.001
-"""Spacing of the table of gains [s]."""
-
-LATEST = 0.3
+_LATEST = 0.3
 """Share of the plan in which a flight may begin: later states pass the wire."""
 
-
-LEADS = {"mpc": 0.006, "mppi": 0.012}
+_LEADS = {"mpc": 0.006, "mppi": 0.012}
 """Time that a command takes to compute [s]: a little above the medians of bench_latency
 on two cores, 5.0 and 10.4 ms."""
-
-
-class TableRegulator(LeafSystem):
-    """Follows a plan: u = offset(t) - gain(t) x, from a table.
-
-    state -> [ TableRegulator ] -> elevator_rate
-
-    Drake's own regulator, `glider.systems.regulator`, has the same gains and takes
-    seconds to make. After the plan's end the last gains stay.
-    """
-
-    def __init__(self, policy: TrackingPolicy) -> None:
-        """Declares the ports, and samples the table."""
-        super().__init__()
-        self._count = round(policy.duration / GRID)
-        times = np.linspace(0.0, policy.duration, self._count + 1)
-        self._offset, self._gain = policy.sample(times)
-        self._scale = self._count / policy.duration
-        self._state = self.DeclareVectorInputPort("state", self._gain.shape[1])
-        self.DeclareVectorOutputPort("elevator_rate", 1, self._calc_rate)
-
-    def _calc_rate(self, context: Context, output: BasicVector) -> None:
-        row = round(context.get_time() * self._scale)
-        row = min(max(row, 0), self._count)
-        away = self._gain[row] @ self._state.Eval(context)
-        output.SetAtIndex(0, self._offset[row] - away)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +50,7 @@ class Guidance:
         The cost-to-go x̃ᵀ S x̃ + 2 x̃ᵀ s of the tracking feedback is the distance.
         """
         policy = self.policy
-        count = int(np.searchsorted(policy.times, LATEST * policy.duration))
+        count = int(np.searchsorted(policy.times, _LATEST * policy.duration))
         away = state - self.plan.state_trajectory.vector_values(policy.times[:count]).T
         costs = np.einsum("ti,tij,tj->t", away, policy.cost[:count], away)
         costs += 2.0 * np.sum(away * policy.cost_slope[:count], axis=1)
@@ -101,7 +72,7 @@ def make_guidance(scenario: Scenario, controller: System | None = None) -> Guida
     policy, lead = tracking_policy(model, planned), 0.0
     if controller is None:
         controller = _controller_of(scenario, model, problem, planned, policy)
-        lead = LEADS.get(scenario.controller, 0.0)
+        lead = _LEADS.get(scenario.controller, 0.0)
     return Guidance(
         model=model,
         problem=problem,
@@ -124,9 +95,9 @@ def _controller_of(
     if scenario.commands is not None:
         return TapePlayer(planned, 1.0 / rate, model.parameters.servo.rate)
     if scenario.controller == "tvlqr":
-        return TableRegulator(policy)
+        return policy_regulator(policy)
     goal = dataclasses.replace(
-        PerchingProblem.load(REPLANNING),
+        PerchingProblem.load(_REPLANNING),
         launch=problem.launch,
         wire=problem.wire,
         hook=problem.hook,

@@ -16,13 +16,13 @@ from glider.planning.plan import Plan
 from glider.simulation.fly import STEP
 from glider.systems.command_tape import load_commands
 
-NEXT_THROW = "next_throw.json"
+_NEXT_THROW = "next_throw.json"
 """File beside the commands, with the launches that they are for."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Launch:
-    """A throw of NEXT_THROW."""
+    """A throw of the file."""
 
     commands: str
     x_m: float
@@ -35,12 +35,12 @@ class _Launch:
 
 
 def load_launch(commands: Path) -> list[float]:
-    """State at release (7,) of a file of commands, from NEXT_THROW beside it.
+    """State at release (7,) of a file of commands, from `next_throw.json` beside it.
 
     Raises:
         InputError: it is of no proposed throw, or of one that needs feedback.
     """
-    file = commands.parent / NEXT_THROW
+    file = commands.parent / _NEXT_THROW
     if not commands.is_file():
         raise InputError(
             f"{commands}: does not exist; expected commands_N.csv of {file}."
@@ -89,10 +89,14 @@ def tape_plan(model: GliderModel, launch: list[float], commands: Path) -> Plan:
 class TapePlayer(LeafSystem):
     """Turns the elevator as a plan does, whatever the glider does.
 
-    state -> [ TapePlayer ] -> elevator_rate
-
     A forced event is a command. One of the plan that began before the flight did is
     made good by the first.
+
+    Input ports:
+        state (n): not used; every controller of a station has it.
+
+    Output ports:
+        elevator_rate (1): command [rad/s].
 
     Args:
         planned: with commands that are held.

@@ -110,7 +110,7 @@ def test_a_scenario_names_systems_that_fly_in_simulation_too():
         for c in ("tvlqr", "mpc", "mppi")
     }
     assert {c: type(k).__name__ for c, k in kinds.items()} == {
-        "tvlqr": "TableRegulator",
+        "tvlqr": "TrajectoryAffineSystem",
         "mpc": "ModelPredictiveController",
         "mppi": "MppiController",
     }
