@@ -1,8 +1,8 @@
 """Programs about diagrams: their options and pages, live throws, sessions in the lab.
 
-program: steps that all examples take. page: a page that shows a Meshcat. pictures:
-draws diagrams as files. station: `glider fly`. lab: `glider lab`. The public names are
-imported from their modules when they are first asked for.
+program: steps that all examples take. page: a page that shows a Meshcat. station:
+`glider fly`. lab: `glider lab`. The public names are imported from their modules when
+they are first asked for.
 """
 
 from typing import TYPE_CHECKING
