@@ -74,7 +74,8 @@ def GliderOverlays_(T):
         def _clear(self, context):
             meshcat, name, *_ = self._arguments
             meshcat.Delete(trail_path(name))
-            self._last, self._pieces = None, 0
+            self._last = None
+            self._pieces = 0
             return EventStatus.Succeeded()
 
         def _draw(self, context):
@@ -111,7 +112,8 @@ def GliderOverlays_(T):
             # A recording keeps properties, not that an object came later.
             meshcat.SetProperty(path, "visible", False, 0.0)
             meshcat.SetProperty(path, "visible", True, t)
-            self._last, self._pieces = here, self._pieces + 1
+            self._last = here
+            self._pieces += 1
 
     return Impl
 

@@ -57,7 +57,8 @@ class Track:
                 f"Track '{self.name}': expected a name of letters, digits, spaces, "
                 "hyphens and underscores."
             )
-        times, poses = np.asarray(self.times), np.asarray(self.poses)
+        times = np.asarray(self.times)
+        poses = np.asarray(self.poses)
         count = len(times)
         if count == 0 or not np.all(np.diff(times) > 0.0):
             raise InputError(f"Track '{self.name}': the times must increase.")
@@ -108,7 +109,8 @@ def track_of(
 def stage_of(track: Track, wire: tuple[float, float] | None = (0.0, 0.0)) -> Stage:
     """Returns a stage with a whole flight in view, and the wire if there is one."""
     places = [*track.poses[:, :2], *([] if wire is None else [np.array(wire)])]
-    (left, low), (right, high) = np.min(places, axis=0), np.max(places, axis=0)
+    left, low = np.min(places, axis=0)
+    right, high = np.max(places, axis=0)
     return Stage(
         wire=wire,
         x_limits=(float(left) - 0.4, float(right) + 0.6),

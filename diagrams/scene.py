@@ -208,7 +208,8 @@ def camera_of(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
 
     It looks along +y, so that x is to the right and z is up, a little from above.
     """
-    (left, right), (low, high) = stage.x_limits, stage.z_limits
+    left, right = stage.x_limits
+    low, high = stage.z_limits
     height = max(high - low, (right - left) / _WIDTH_PER_HEIGHT)
     distance = 0.5 * height / math.tan(math.radians(0.5 * _FIELD_OF_VIEW))
     target = np.array([0.5 * (left + right), 0.0, 0.5 * (low + high)])
@@ -235,7 +236,8 @@ def _set_floor(meshcat: Meshcat, stage: Stage) -> None:
 
 def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
     x, z = wire
-    steel, wood = Rgba(0.75, 0.1, 0.1), Rgba(0.55, 0.45, 0.35)
+    steel = Rgba(0.75, 0.1, 0.1)
+    wood = Rgba(0.55, 0.45, 0.35)
     along_y = RollPitchYaw(0.5 * math.pi, 0.0, 0.0).ToRotationMatrix()
     meshcat.SetObject("perch/wire", Cylinder(0.008, _WIRE_SPAN), steel)
     meshcat.SetTransform("perch/wire", RigidTransform(along_y, [x, 0.0, z]))

@@ -250,7 +250,8 @@ def plot_perches(
             label = f"{len(paths)} flights {words}" if k == 0 else None
             ax.plot(*path, color=shade, lw=0.8, alpha=0.5, label=label)
     ax.plot(*plan.states[:, :2].T, color="k", lw=1.8, ls=(0, (4, 2)), label="plan")
-    angle, reach = np.linspace(0.0, 2.0 * np.pi, 60), Hook().reach
+    angle = np.linspace(0.0, 2.0 * np.pi, 60)
+    reach = Hook().reach
     ring = np.array(wire)[:, None] + reach * np.array([np.cos(angle), np.sin(angle)])
     ax.plot(*ring, color="k", lw=1.0, label=f"{100 * reach:.0f} cm of the wire")
     ax.set_aspect("equal", adjustable="datalim")

@@ -43,7 +43,8 @@ class ExtendedKalmanFilter(LeafSystem):
         """Raises InputError where the prior is another filter's."""
         LeafSystem.__init__(self)
         self.set_name("estimator")
-        rows, known = len(ekf.noise), len(ekf.known)
+        rows = len(ekf.noise)
+        known = len(ekf.known)
         check_belief(ekf, prior, "ExtendedKalmanFilter")
         self.ekf = ekf
         self._measured = self.DeclareVectorInputPort("measured", rows)
@@ -115,7 +116,8 @@ class ExtendedKalmanFilter(LeafSystem):
         discrete_state.set_value(self._parts["since"], since)
 
     def _sample(self, context, discrete_state):
-        known, size = self._eval_known(context), len(self.ekf.names)
+        known = self._eval_known(context)
+        size = len(self.ekf.names)
         discrete_state.set_value(self._parts["known"], known)
         inputs, span = self._inputs(context, known)
         # The clock ticks at the beginning as that of motion capture's log does:

@@ -41,7 +41,9 @@ def SampledNoise_(T):
             good = math.isfinite(rate) and rate > 0.0
             expect(good, "SampledNoise: 'rate'", rate, "a positive number of Hz")
             expect(rows >= 1, "SampledNoise: 'rows'", rows, "at least 1")
-            self.size, self.rate, self.rows = size, float(rate), rows
+            self.size = size
+            self.rate = float(rate)
+            self.rows = rows
             self._signal = self.DeclareVectorInputPort("signal", size)
             self.DeclareNumericParameter(BasicVector_[T](np.zeros(rows * size)))
             self.DeclareDiscreteState(1)

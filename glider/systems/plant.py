@@ -97,7 +97,8 @@ def GliderPlant_(T):
 
         def _calc_forces(self, context, output):
             t, x, u, wind_x, wind_z, theta = self._arguments(context)
-            chain, c = self._chain, theta.c
+            chain = self._chain
+            c = theta.c
             rate = chain.actuator_terms(u, x, c)
             flow, terms = chain.meet_air(t, x, rate, wind_x, wind_z, theta)
             output.SetFromVector(np.array(chain.wrench(flow, terms, x, c)[:5]))
@@ -166,7 +167,8 @@ def _calc_numbers(plant, context, value):
 
 def _fast_rates(plant, context):
     """Returns the derivatives by one chain rule, None if that cannot be."""
-    inputs, n = _scalars(plant, context), len(plant.state_names)
+    inputs = _scalars(plant, context)
+    n = len(plant.state_names)
     z, numbers_gradient = plant._numbers.Eval(context)
     z = z.copy()
     z[: len(inputs)] = [scalar.value() for scalar in inputs]

@@ -98,7 +98,8 @@ class MapJob:
         from glider.report.import_figure import save_import_figure
 
         self.out.mkdir(exist_ok=True)
-        file, picture = self.out / MAP, self.out / "MAP.png"
+        file = self.out / MAP
+        picture = self.out / "MAP.png"
         write_text(file, text)
         settings, claim = read_settings(file)
         if claim is None:
@@ -176,7 +177,9 @@ _LINE = re.compile(r"( *)(\w+):(?: |$)(.*)")
 
 def _with_line(text: str, section: str, name: str, value: str) -> str:
     """The text with another line for a field, or none, as if it were in block style."""
-    lines, within, at = text.splitlines(), "", len(text.splitlines())
+    lines = text.splitlines()
+    within = ""
+    at = len(text.splitlines())
     indent = "  " if section else ""
     is_plain = re.fullmatch(r"[A-Za-z_-][\w.]*", value) and value not in ("y", "n")
     quoted = value if is_plain else json.dumps(value, ensure_ascii=False)
@@ -234,13 +237,15 @@ async def save_take(watched: Watched, name: str, parts: AsyncIterator[bytes]) ->
     expected = f"letters, digits, spaces and .()+-_, ending in {', '.join(SUFFIXES)}"
     known = _NAME.fullmatch(name) and name.lower().endswith(SUFFIXES)
     expect(known, "the name of a take", name[:120], expected)
-    taken, path = watched.takes, watched.path / name
+    taken = watched.takes
+    path = watched.path / name
     if not (watched.is_open or watched.has_takes):
         raise InputError("This session's throws are its own; expected no takes.")
     if path.exists() or len(taken) >= MOST_TAKES:
         why = "exists" if path.exists() else f"is one more than {MOST_TAKES}"
         raise InputError(f"{show(name)}: {why}; expected a new take.")
-    part, size = watched.kept / f"upload-{secrets.token_hex(8)}", 0
+    part = watched.kept / f"upload-{secrets.token_hex(8)}"
+    size = 0
     try:
         with part.open("wb") as file:
             async for data in parts:

@@ -63,7 +63,8 @@ def run(args: argparse.Namespace) -> int:
     from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
 
     scenario = load_scenario(args.scenario) if args.scenario else Scenario()
-    launches, bus = None, scenario.address
+    launches = None
+    bus = scenario.address
     if args.simulate is not None:
         from diagrams.programs.lab.launches import Launches
 
@@ -113,7 +114,8 @@ def _complete(session: "LabSession") -> int:
     from diagrams.programs.lab.folder import MAP, SETTINGS
 
     session.finish()
-    state, watched = session.state, session.watched
+    state = session.state
+    watched = session.watched
     if state.flights:
         return 0 if state.answer else 1
     if watched.is_open:

@@ -148,7 +148,8 @@ def compare(
     if not models:
         return Comparison(name=flight.name, motions={_MEASURED: _measured(flight)})
     motions = refly(campaign, flight, models, rollouts=rollouts)
-    time, trims = motions[_MEASURED].time, make_vehicle(campaign).per_flight_trims
+    time = motions[_MEASURED].time
+    trims = make_vehicle(campaign).per_flight_trims
     until = float(time[beginning_rows(time, trims) - 1])
     return Comparison(name=flight.name, motions=motions, fitted_until=until)
 

@@ -51,7 +51,8 @@ def _coefficient_panel(
 ) -> Panel:
     values, stds = np.full((2, len(counts)), np.nan)
     for k, estimate in estimates.items():
-        values[k], stds[k] = estimate.value, estimate.std
+        values[k] = estimate.value
+        stds[k] = estimate.std
     last = estimates.get(len(counts) - 1)
     now = format_estimate(last) if last else "no longer found"
     line = Line(

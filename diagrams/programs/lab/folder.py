@@ -100,7 +100,8 @@ class Watched:
 
     def rests(self) -> bool:
         """Whether all files are as they were the last time that this was asked."""
-        before, now = self._sizes, _sizes(self._files())
+        before = self._sizes
+        now = _sizes(self._files())
         self._sizes = now
         return now == before
 
@@ -191,7 +192,8 @@ def read_some(
     Raises:
         InputError: nothing is left, or `read` refuses them all together.
     """
-    good, reasons = list(files), dict[str, str]()
+    good = list(files)
+    reasons = dict[str, str]()
     try:
         return read(good), reasons
     except InputError as error:

@@ -79,7 +79,8 @@ class TokenGate:
     """Lets in who has the token, in the address or in the cookie that it leaves."""
 
     def __init__(self, app: ASGIApp, address: Address) -> None:
-        self._app, self._address = app, address
+        self._app = app
+        self._address = address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answers 403, or passes a request on."""

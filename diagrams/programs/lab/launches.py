@@ -81,16 +81,20 @@ class Launches:
             flown: number of throws so far.
         """
         if self._process is not None and (code := self._process.poll()) is not None:
-            self._process, self._words = None, ""
+            self._process = None
+            self._words = ""
             self.fault = "" if self._is_stopped else _fault_of(code)
         if self._process is None and self._asked is not None:
-            (planned, throws), self._asked = self._asked, None
+            planned, throws = self._asked
+            self._asked = None
             if planned != NOMINAL and model is None:
                 self.fault = "There is no corrected model yet to plan with."
                 return False
-            self.fault, self._is_stopped = "", False
+            self.fault = ""
+            self._is_stopped = False
             self._words = f"flying {throws} launches planned with the {planned} model"
-            with_model, commands = model if planned != NOMINAL else None, None
+            with_model = model if planned != NOMINAL else None
+            commands = None
             if planned == PROPOSED:
                 assert model is not None
                 commands = model.parent / "next_throw" / commands_name(1)

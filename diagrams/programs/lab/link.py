@@ -29,9 +29,11 @@ class StationLink:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self._bus, self._lock = Bus(address), threading.Lock()
+        self._bus = Bus(address)
+        self._lock = threading.Lock()
         self._id = float(np.random.default_rng().integers(1 << 48))  # Among senders.
-        self._kills, self._repeated = Kills(), 0.0
+        self._kills = Kills()
+        self._repeated = 0.0
         self._state = self._reason = ""
         self._heard = -_GONE
         self._bus.listen(STATUS, self._take_status)

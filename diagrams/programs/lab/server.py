@@ -86,12 +86,14 @@ class _Pages:
     """What is behind each address; the session is stepped elsewhere."""
 
     def __init__(self, session: LabSession, address: Address) -> None:
-        self._session, self._address = session, address
+        self._session = session
+        self._address = address
 
     async def index(self, request: Request) -> Response:
         """The page; from here on the browser has the token as a cookie."""
         response = FileResponse(_PAGE / "index.html", headers=_HEADERS)
-        cookie, token = self._address.cookie, self._address.token
+        cookie = self._address.cookie
+        token = self._address.token
         response.set_cookie(cookie, token, httponly=True, samesite="strict")
         return response
 
@@ -194,13 +196,15 @@ class _Pages:
     async def take(self, request: Request) -> Response:
         """Saves a take that was dropped on the page."""
         with _refusals():
-            watched, name = self._session.watched, request.path_params["name"]
+            watched = self._session.watched
+            name = request.path_params["name"]
             await save_take(watched, name, request.stream())
         return PlainTextResponse("")
 
     async def map(self, request: Request) -> Response:
         """Checks a map, saves it, or asks for another proposal."""
-        text, what = await _small_text(request), request.path_params["what"]
+        text = await _small_text(request)
+        what = request.path_params["what"]
         with _refusals():
             if what == "save":
                 save_map(self._session.watched, self._session.state.draft, text)
@@ -213,7 +217,8 @@ class _Pages:
 
     async def map_fields(self, request: Request) -> Response:
         """The fields of a map, or with one changed the map's text."""
-        text, asked = await _small_text(request), request.query_params
+        text = await _small_text(request)
+        asked = request.query_params
         if "name" not in asked:
             return JSONResponse(map_fields(text), headers=_HEADERS)
         given = (asked.get(key, "") for key in ("section", "name", "value"))
@@ -261,8 +266,10 @@ def make_app(session: LabSession, address: Address) -> Starlette:
 
 def _view_of(session: LabSession) -> dict[str, Any]:
     """What the page shows."""
-    state, launches = session.state, session.launches
-    draft, is_open = state.draft, session.watched.is_open
+    state = session.state
+    launches = session.launches
+    draft = state.draft
+    is_open = session.watched.is_open
     faults = [session.fault, launches.fault if launches else ""]
     return {
         "folder": str(session.watched.path),

@@ -78,14 +78,16 @@ class LabSession:
         launches: Launches | None = None,
         link: StationLink | None = None,
     ) -> None:
-        self.watched, self._progress = Watched(folder), progress
+        self.watched = Watched(folder)
+        self._progress = progress
         check_writable(self.watched.kept)
         self.watched.kept.mkdir(exist_ok=True)
         self._lock = FolderLock(self.watched.kept / ".session", folder, "session")
         self._file = self.watched.kept / "session.json"
         self.state = _without_faults(load_state(self._file))
         self.report = self.watched.kept / "report"
-        self.launches, self.link = launches, link
+        self.launches = launches
+        self.link = link
         self._campaign: Campaign | None = None  # Of the throws, as they were read.
         self._settings = b""  # What its campaign.yaml held.
         self._is_inspected = False
@@ -182,7 +184,8 @@ class LabSession:
             self._campaign = None
             self._change(notes=(*notes, str(error)))
             return
-        self._campaign, self._is_inspected = campaign, campaign is None
+        self._campaign = campaign
+        self._is_inspected = campaign is None
         self._settings = self.watched.settings.read_bytes() if campaign else b""
         traces = _without_faults(self.state).traces
         self._change(traces=traces, throws=tuple(throws), notes=tuple(notes))
@@ -193,7 +196,8 @@ class LabSession:
         Whatever this takes, as where code is compiled first, others are listed.
         """
         if self._looking and (waits or self._looking.done()):
-            looking, self._looking = self._looking, None
+            looking = self._looking
+            self._looking = None
             self._add(looking.result())
         look = self._next_look() or (None if waits else self._next_late_look())
         if look and self._looking is None:
@@ -266,7 +270,8 @@ class LabSession:
 
     def _read(self, notes: list[str]) -> tuple[list[Throw], Campaign | None]:
         """The throws that there are, and the campaign of those that can be read."""
-        throws, folder = self.watched.throws(self.state.throws), self.watched.campaign
+        throws = self.watched.throws(self.state.throws)
+        folder = self.watched.campaign
         known = {(t.name, t.sha256) for t in self.state.throws}
         for k, throw in enumerate(throws):
             if (throw.name, throw.sha256) not in known:
@@ -286,7 +291,8 @@ class LabSession:
 
     def _drawn(self, throw: Throw, campaign: Campaign) -> Throw:
         """Flies a throw again by the models that there are, and saves that."""
-        answer, models = self.state.answer, self._models(campaign)
+        answer = self.state.answer
+        models = self._models(campaign)
         [flight] = [f for f in campaign.flights if f.name == throw.name]
         try:
             rollouts = self._rollouts_of(campaign, models)
@@ -342,7 +348,8 @@ class LabSession:
     def _next_job(self, *, proposes: bool = True) -> Job | MapJob | None:
         """What remains: a map to be checked, throws to be traced, then a proposal."""
         state = self.state
-        asked, self.asked_map = self.asked_map, None
+        asked = self.asked_map
+        self.asked_map = None
         if job := next_map_job(self.watched, state.draft, asked):
             return job
         given = [throw for throw in state.throws if throw.is_read]
@@ -361,8 +368,11 @@ class LabSession:
             return trace
         if last.refusal or not proposes:
             return None
-        path, limits, done = self.watched.path, self.watched.limits, state.proposal
-        again, self.asked_proposal = self.asked_proposal, False
+        path = self.watched.path
+        limits = self.watched.limits
+        done = state.proposal
+        again = self.asked_proposal
+        self.asked_proposal = False
         is_done = done and (done.sha256, done.limits) == (digest, limits)
         if done and is_done and not (again and done.is_refused):
             return None

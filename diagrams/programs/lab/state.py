@@ -10,7 +10,9 @@ from glider.files.schema import Number
 from glider.files.writing import write_text
 from glider.sysid.report import Estimate, Report
 
-NOMINAL, CORRECTED, PROPOSED = "nominal", "corrected", "proposed"
+NOMINAL = "nominal"
+CORRECTED = "corrected"
+PROPOSED = "proposed"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

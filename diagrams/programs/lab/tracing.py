@@ -154,7 +154,8 @@ class Worker:
 
     def wait(self, seconds: float) -> Trace | Proposal | Draft | None:
         """Waits for the answer of the job [s]; None where there is none yet."""
-        job, end = self.job, time.monotonic() + seconds
+        job = self.job
+        end = time.monotonic() + seconds
         if self._pipe is None or job is None:
             return None
         while self._pipe.poll(max(end - time.monotonic(), 0.0)):

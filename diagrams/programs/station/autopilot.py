@@ -80,7 +80,8 @@ class PoseTracker(LeafSystem):
                 model, start, elevator=seen, capture=capture
             )
         self._measures_elevator = sensors.elevator
-        self._frame, self._count = 1.0 / sensors.rate, len(belief.mean)
+        self._frame = 1.0 / sensors.rate
+        self._count = len(belief.mean)
         self._pose = self.DeclareVectorInputPort("pose", 1 + ELEVATOR + 1)
         self._commanded = self.DeclareVectorInputPort("commanded", NO_COMMANDS.size)
         # One vector: mean, covariance, time and surprise; parts would take longer.
@@ -106,9 +107,12 @@ class PoseTracker(LeafSystem):
     def _take_pose(self, context: Context, into: DiscreteValues) -> None:
         time, *pose = self._pose.Eval(context).tolist()
         seen = self._measures_elevator and math.isfinite(pose[ELEVATOR])
-        measured, held, size = pose[: 4 if seen else 3], _held(context), self._count
+        measured = pose[: 4 if seen else 3]
+        held = _held(context)
+        size = self._count
         belief = Belief(mean=held[:size], covariance=held[size:-4].reshape(size, size))
-        begin, tape = float(held[-4]), self._tape(context)
+        begin = float(held[-4])
+        tape = self._tape(context)
         count = max(round((time - begin) / self._frame), 1)
         # The last sample is the pose; those before it are not seen.
         times = [begin + (time - begin) * k / count for k in range(count)] + [time]
@@ -123,8 +127,10 @@ class PoseTracker(LeafSystem):
         into.set_value(_packed(belief, time, (float(found.nis[0, -1]), *away)))
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
-        held, now = _held(context), context.get_time()
-        mean, ekf = held[: self._count], self._filters[False]
+        held = _held(context)
+        now = context.get_time()
+        mean = held[: self._count]
+        ekf = self._filters[False]
         for begin, end, rate in pieces(self._tape(context), held[-4], now):
             mean, _ = predict_mean(ekf, mean, [rate], end - begin)
         output.SetFromVector(mean)
@@ -204,7 +210,8 @@ class Autopilot:
 
     def start(self, time: float, elapsed: float, state: np.ndarray) -> None:
         """Begins with a state (n,) that poses showed, at a time of the plan [s]."""
-        self.begin, self._rows = time - elapsed, np.empty(0)
+        self.begin = time - elapsed
+        self._rows = np.empty(0)
         self._context.SetTime(elapsed)
         self._context.SetStateAndParametersFrom(self._first)
         self._tracker.begin(self._of_tracker, elapsed, state)

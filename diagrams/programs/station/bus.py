@@ -63,7 +63,9 @@ class Bus:
     ) -> None:
         """Publishes numbers with names."""
         message = lcmt_drake_signal()
-        message.dim, message.val, message.coord = len(values), values, names
+        message.dim = len(values)
+        message.val = values
+        message.coord = names
         message.timestamp = round(1e6 * when)
         self._lcm.Publish(channel, message.encode())
 

@@ -63,7 +63,8 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    throws, folder = args.throws, args.log or Path("out/fly")
+    throws = args.throws
+    folder = args.log or Path("out/fly")
     expect(throws is None or throws >= 1, "--throws", throws, "at least 1")
     check_writable(folder)
     expect(args.seed is None or args.seed >= 0, "--seed", args.seed, "0 or more")

@@ -64,12 +64,14 @@ def make_guidance(scenario: Scenario, controller: System | None = None) -> Guida
         scenario: what to fly.
         controller: in place of the scenario's; see `make_autopilot`.
     """
-    model, problem = scenario.load_model(), scenario.load_problem()
+    model = scenario.load_model()
+    problem = scenario.load_problem()
     if scenario.commands is None:
         planned = plan(model, problem)
     else:
         planned = tape_plan(model, problem.launch, Path(scenario.commands))
-    policy, lead = tracking_policy(model, planned), 0.0
+    policy = tracking_policy(model, planned)
+    lead = 0.0
     if controller is None:
         controller = _controller_of(scenario, model, problem, planned, policy)
         lead = _LEADS.get(scenario.controller, 0.0)

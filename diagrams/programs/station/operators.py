@@ -10,7 +10,9 @@ from collections.abc import Sequence
 
 from diagrams.programs.station.bus import OPERATOR, Bus
 
-KILL, ARM, _KILLED = "kill", "arm", "killed"
+KILL = "kill"
+ARM = "arm"
+_KILLED = "killed"
 
 REPEAT = 0.2
 """Time between two repetitions of a kill [s]."""

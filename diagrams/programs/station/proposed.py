@@ -107,7 +107,9 @@ class TapePlayer(LeafSystem):
     def __init__(self, planned: Plan, period: float, fastest: float) -> None:
         """Declares the ports, and angle and rate given as discrete state."""
         super().__init__()
-        self._times, self._period, self._fastest = planned.times, period, fastest
+        self._times = planned.times
+        self._period = period
+        self._fastest = fastest
         turned = np.cumsum(planned.inputs * np.diff(planned.times))
         self._turned = np.append(0.0, turned)
         self.DeclareVectorInputPort("state", planned.states.shape[1])

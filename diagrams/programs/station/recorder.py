@@ -38,7 +38,8 @@ class Recorder:
 
     def write(self) -> None:
         """Writes what has been taken; where that fails, there is no record any more."""
-        waiting, self._waiting = self._waiting, []
+        waiting = self._waiting
+        self._waiting = []
         try:
             for topic, when, values in waiting:
                 if self._log is not None:
@@ -54,7 +55,8 @@ class Recorder:
         self.add("/event", now, state="result", **throw.key_figures())
         self.write()
         throw.reason = throw.reason or self.fault
-        log, self._log = self._log, None
+        log = self._log
+        self._log = None
         try:
             if log is not None:
                 log.close()

@@ -48,7 +48,8 @@ class WaitReasons:
         kind = _NUMBERS.sub("", reason)
         began, last, was_shown = self._known.get(kind, (now, now, False))
         if now > last + _PATIENCE:
-            began, was_shown = now, False
+            began = now
+            was_shown = False
         is_due = not was_shown and now >= began + _PATIENCE
         self._known[kind] = began, now, was_shown or is_due
         return is_due
@@ -63,10 +64,12 @@ class _PoseCheck:
     """
 
     def __init__(self, limits: Limits, servo: Servo) -> None:
-        self._limits, self._servo = limits, servo
+        self._limits = limits
+        self._servo = servo
         self._last = np.full(4, math.nan)
         self._time = -math.inf
-        self._angle, self._angle_time = math.nan, -math.inf  # Of the elevator.
+        self._angle = math.nan  # Of the elevator.
+        self._angle_time = -math.inf
         self.reason = ""  #: Why the last pose was refused.
 
     def find_fault(self, time: float, pose: np.ndarray, lead: float = 0.0) -> str:
@@ -82,11 +85,13 @@ class _PoseCheck:
         self.reason = self._find(time, pose, lead)
         if not self.reason:
             self._check_elevator(time, pose)
-            self._last, self._time = pose, time
+            self._last = pose
+            self._time = time
         return self.reason
 
     def _find(self, time: float, pose: np.ndarray, lead: float) -> str:
-        limits, span = self._limits, time - self._time
+        limits = self._limits
+        span = time - self._time
         x, z, pitch = pose[:3].tolist()
         if not (math.isfinite(x) and math.isfinite(z) and math.isfinite(pitch)):
             return "a pose that is no number"
@@ -109,11 +114,13 @@ class _PoseCheck:
 
     def _check_elevator(self, time: float, pose: np.ndarray) -> None:
         """Takes an angle out of a pose (4,) that the elevator cannot have."""
-        angle, servo = float(pose[ELEVATOR]), self._servo
+        angle = float(pose[ELEVATOR])
+        servo = self._servo
         turns = SLACK + servo.rate * (time - self._angle_time)
         inside = servo.low - SLACK < angle < servo.high + SLACK
         if inside and not abs(angle - self._angle) > turns:  # NaN: none before.
-            self._angle, self._angle_time = angle, time
+            self._angle = angle
+            self._angle_time = time
         else:
             pose[ELEVATOR] = math.nan
 
@@ -132,7 +139,8 @@ class Watch:
         self.kills = Kills()
         self.seen = -math.inf  #: When the last usable pose was exposed [s].
         self.rival = -math.inf  #: When another operator sent a command [s].
-        self._limits, self._operator = limits, operator
+        self._limits = limits
+        self._operator = operator
         self._late = self._far = 0
 
     def reset(self) -> None:

@@ -28,7 +28,8 @@ def _check(part: object, signed: tuple[str, ...] = (), **most: float) -> None:
     for name, value in vars(part).items():
         if not isinstance(value, int | float):
             continue
-        limit, expected = most.get(name, math.inf), "finite"
+        limit = most.get(name, math.inf)
+        expected = "finite"
         if name not in signed:
             expected += " and not negative"
         if name in most:
@@ -185,12 +186,14 @@ class Scenario:
 
     def __post_init__(self):
         """Raises InputError where a number cannot be."""
-        rate, expected = self.command_rate, "a number of Hz from 10 to 200"
+        rate = self.command_rate
+        expected = "a number of Hz from 10 to 200"
         good = rate is None or 10 <= rate <= 200
         expect(good, "field 'command_rate'", rate, expected)
         least = self.command_step + self.limits.deadline
         expected = f"at least {least:.3g} s, a command's time and its deadline"
-        timeout, stale = self.servo.timeout, self.limits.stale
+        timeout = self.servo.timeout
+        stale = self.limits.stale
         expect(timeout >= least - 1e-9, "field 'servo.timeout'", timeout, expected)
         least = self.sensors.latency + 1.0 / self.sensors.rate
         expected = f"above {least:.3g} s, the age of a pose when the next one comes"

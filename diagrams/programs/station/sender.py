@@ -34,10 +34,14 @@ class Sender:
         clock: Callable[[], float],
         wait: Callable[[float], object] | None = None,
     ) -> None:
-        servo, self.step = scenario.servo, scenario.command_step
+        servo = scenario.servo
+        self.step = scenario.command_step
         self._wire = Wire(limits, servo.neutral, servo.timeout, hold=self.step)
         self._latency = servo.latency
-        self._bus, self._tape, self._clock, self._wait = bus, tape, clock, wait
+        self._bus = bus
+        self._tape = tape
+        self._clock = clock
+        self._wait = wait
         self.id = float(np.random.default_rng().integers(1 << 48))  #: Among senders.
         self.due = 0.0  #: When the next command is due [s].
         self._number = 0  # Of the last command.
@@ -59,7 +63,8 @@ class Sender:
         now = self._clock()
         self._number += 1
         mean = self._wire.command(rate, now)
-        angle, acts = self._wire.angle, now + self._latency
+        angle = self._wire.angle
+        acts = now + self._latency
         asked = mean if math.isfinite(rate) else math.nan
         values = (self.id, self._number, asked, angle)
         self._bus.say(COMMAND, now, values, COMMAND_FIELDS)

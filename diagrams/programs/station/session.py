@@ -59,7 +59,8 @@ class Session:
         guidance: Guidance,
         show: Callable[[str], object] = print,
     ) -> None:
-        self.folder, self._show = folder, show
+        self.folder = folder
+        self._show = show
         self._useless: set[Path] = set()  # Records without a flight.
         truth = scenario.truth
         self._facts = {
@@ -83,7 +84,8 @@ class Session:
         if file.exists():
             known, _ = read_settings(file)
             for name in _SAME:
-                ours, theirs = getattr(campaign, name), getattr(known, name)
+                ours = getattr(campaign, name)
+                theirs = getattr(known, name)
                 if ours != theirs:
                     raise InputError(
                         f"{file}: is of another session (its {name} is "
@@ -106,7 +108,8 @@ class Session:
 
     def _check_truth(self) -> None:
         """Refuses throws of another simulated glider, or of a real one."""
-        records, ours = self._records(), self._facts["truth"]
+        records = self._records()
+        ours = self._facts["truth"]
         # No station has recorded these, so they may be of a real glider.
         lone = ours and not records
         others = sorted(self.folder.glob("flight_*.csv")) if lone else []
@@ -152,7 +155,8 @@ class Session:
         if flight is None:
             self._useless.add(record)
             return None
-        file, text = self.folder / flight.name, flight_csv(flight)
+        file = self.folder / flight.name
+        text = flight_csv(flight)
         replace_file(file, functools.partial(Path.write_bytes, data=text))
         return file
 

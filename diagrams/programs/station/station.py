@@ -38,7 +38,10 @@ from diagrams.programs.station.tracker import CommandTape, ReleaseDetector
 from glider.physics.state import ELEVATOR, POSITION, VELOCITY
 from glider.simulation.fly import AFTER
 
-_WAITING, READY, _FLYING, STOPPED = "waiting", "ready", "flying", "stopped"
+_WAITING = "waiting"
+READY = "ready"
+_FLYING = "flying"
+STOPPED = "stopped"
 
 _STATUS_PERIOD = REPEAT
 """Time between two messages of the state [s]."""
@@ -74,8 +77,12 @@ class Station:
         clock: Callable[[], float] = time.monotonic,
         wait: Callable[[float], object] | None = None,
     ) -> None:
-        self.scenario, self.guidance, self.bus = scenario, guidance, bus
-        self._show, self._clock, sensors = show, clock, scenario.sensors
+        self.scenario = scenario
+        self.guidance = guidance
+        self.bus = bus
+        self._show = show
+        self._clock = clock
+        sensors = scenario.sensors
         self._recorder = Recorder(session)
         self._camera = CameraClock(sensors.latency)
         tape = CommandTape()
@@ -85,7 +92,8 @@ class Station:
         limits = guidance.model.parameters.servo
         self._sender = Sender(scenario, limits, bus, tape, clock, wait)
         self._watch = Watch(scenario.limits, limits, self._sender.id)
-        self.state, self.reason = _WAITING, "no pose yet"
+        self.state = _WAITING
+        self.reason = "no pose yet"
         self.throws: list[Throw] = []
         self._throw = Throw(guidance.problem)
         self._handled = self._received = -math.inf  # Of the last usable pose.
@@ -141,7 +149,8 @@ class Station:
                 self._follow(when, pose)
             elif not is_flight:
                 is_flight = self._wait_for_release(when, pose)
-            self._received, self._handled = received, self._clock()
+            self._received = received
+            self._handled = self._clock()
         if is_flight or (self.state == READY and self._release.pushed):
             self._recorder.add(
                 "/pose",
@@ -177,7 +186,8 @@ class Station:
             self._show("not armed: another operator stopped it")
 
     def _hear_operator(self, values: Sequence[float], names: Sequence[str]) -> None:
-        kills, were = self._watch.kills, bool(self._watch.kills)
+        kills = self._watch.kills
+        were = bool(self._watch.kills)
         kills.hear(values, names, self._clock())
         if were and not kills:
             self._show("armed again")
@@ -186,7 +196,8 @@ class Station:
 
     def tick(self) -> float:
         """Does what is due; returns when to call again, at the latest [s]."""
-        now, sender = self._clock(), self._sender
+        now = self._clock()
+        sender = self._sender
         fault = self._watch.find_fault(now)
         if fault := fault or (self._recorder.fault if self.state != _WAITING else ""):
             if self.state == _FLYING:
@@ -264,7 +275,8 @@ class Station:
 
     def _command(self) -> None:
         """Computes a command for the time at which it will act, and sends it."""
-        began, sender = self._clock(), self._sender
+        began = self._clock()
+        sender = self._sender
         due = sender.due
         acts = max(due, began) + self.scenario.servo.latency
         rate = self._autopilot.command(acts)
@@ -298,7 +310,8 @@ class Station:
     def _finish(self) -> None:
         """Ends a throw, its record too, and waits for the next one."""
         self._send(math.nan)
-        throw, self.throws = self._throw, [*self.throws, self._throw]
+        throw = self._throw
+        self.throws = [*self.throws, self._throw]
         self._release.reset()
         self._watch.reset()
         self._passed = False
@@ -315,8 +328,10 @@ class Station:
             gc.disable()
         elif state == _WAITING:
             gc.enable()
-        now, is_new = self._clock(), state != self.state
-        self.state, self.reason = state, reason
+        now = self._clock()
+        is_new = state != self.state
+        self.state = state
+        self.reason = reason
         if is_new:
             self._waits = WaitReasons()
         if state == READY and is_new and self.scenario.simulation is None:

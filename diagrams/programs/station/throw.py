@@ -76,7 +76,8 @@ class Throw:
         if self.reason:
             text = f"stopped at {self.stopped:.2f} s: {self.reason}"
         if self.latencies:
-            median, most = 1e3 * np.median(self.latencies), 1e3 * max(self.latencies)
+            median = 1e3 * np.median(self.latencies)
+            most = 1e3 * max(self.latencies)
             text += (
                 f"; pose to command {median:.1f} ms (median), {most:.1f} ms (largest); "
                 f"{self.late} of {len(self.latencies)} deadlines missed"

@@ -225,14 +225,17 @@ def _flight_of(
     angles = np.array([*known[:1], *known])  # Before the first the elevator rests.
     when = table[:, 1]
     latest = np.searchsorted(acts, when, side="right")
-    begins, command = np.append(when[0], acts)[latest], rates[latest]
+    begins = np.append(when[0], acts)[latest]
+    command = rates[latest]
     commanded = angles[latest] + command * (when - begins)
     # Between two rows more than one command may have begun: their mean is held.
     hides = np.flatnonzero(np.diff(latest) > 1)
     is_old = hides[np.diff(latest, prepend=-1)[hides] == 0]
     start = angles[latest]
-    begins[is_old], start[is_old] = when[is_old], commanded[is_old]
-    turned, span = start[hides + 1] - start[hides], begins[hides + 1] - begins[hides]
+    begins[is_old] = when[is_old]
+    start[is_old] = commanded[is_old]
+    turned = start[hides + 1] - start[hides]
+    span = begins[hides + 1] - begins[hides]
     command[hides] = turned / span
     time = table[:, 0] - table[0, 0]
     return Flight(

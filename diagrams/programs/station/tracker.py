@@ -124,7 +124,8 @@ class ReleaseDetector:
     """
 
     def __init__(self, limits: Release, launch: np.ndarray) -> None:
-        self._limits, self._launch = limits, launch
+        self._limits = limits
+        self._launch = launch
         self.poses = _PoseHistory()
         self.pushed = False
 
@@ -133,7 +134,8 @@ class ReleaseDetector:
         self.poses.add(time, pose)
         if len(self.poses) < _PoseHistory.COUNT:
             return False
-        limits, (speed, acceleration) = self._limits, self.poses.motion()
+        limits = self._limits
+        speed, acceleration = self.poses.motion()
         self.pushed = self.pushed or acceleration > limits.acceleration
         near = math.hypot(*(pose[POSITION] - self._launch)) < limits.radius
         free = self.pushed and acceleration < limits.acceleration
@@ -141,8 +143,10 @@ class ReleaseDetector:
 
     def find_fault(self, state: np.ndarray, planned: np.ndarray) -> str:
         """Why a release at a state (7,) is no start of a plan, "" if it is one."""
-        limits, away = self._limits, state[:NUM_STATES] - planned[:NUM_STATES]
-        speed, pitch = math.hypot(*away[VELOCITY]), float(away[PITCH])
+        limits = self._limits
+        away = state[:NUM_STATES] - planned[:NUM_STATES]
+        speed = math.hypot(*away[VELOCITY])
+        pitch = float(away[PITCH])
         if speed > limits.off_speed:
             return f"released with a velocity {speed:.1f} m/s off the plan"
         if abs(pitch) > limits.off_pitch:
