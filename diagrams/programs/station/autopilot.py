@@ -26,6 +26,7 @@ from pydrake.systems.framework import (
     DiagramBuilder,
     DiscreteValues,
     FixedInputPortValue,
+    InputPort,
     LeafSystem,
     System,
 )
@@ -110,38 +111,46 @@ class PoseTracker(LeafSystem):
         measured = pose[: 4 if seen else 3]
         held = _held(context)
         size = self._count
-        belief = Belief(mean=held[:size], covariance=held[size:-4].reshape(size, size))
+        covariance = held[size:-4].reshape(size, size)
+        belief = Belief(mean=held[:size], covariance=covariance)
         begin = float(held[-4])
-        tape = self._tape(context)
-        count = max(round((time - begin) / self._frame), 1)
+        span = time - begin
+        count = max(round(span / self._frame), 1)
         # The last sample is the pose; those before it are not seen.
-        times = [begin + (time - begin) * k / count for k in range(count)] + [time]
-        rates = [[[mean_rate(tape, a, b)] for a, b in itertools.pairwise(times)]]
+        times = [begin + span * k / count for k in range(count)]
+        times.append(time)
+        tape = self._tape(context)
+        rates = [[mean_rate(tape, a, b)] for a, b in itertools.pairwise(times)]
         shown = np.full((1, count, len(measured)), math.nan)
         shown[0, -1] = measured
-        period = (time - begin) / count
-        found = run_ekf(self._filters[seen], belief, rates, shown, period=period)
-        belief = Belief(mean=found.means[0, -1], covariance=found.covariances[0, -1])
+        ekf = self._filters[seen]
+        found = run_ekf(ekf, belief, [rates], shown, period=span / count)
+        mean = found.means[0, -1]
+        belief = Belief(mean=mean, covariance=found.covariances[0, -1])
         x, z, pitch = found.innovations[0, -1, :3].tolist()
-        away = math.hypot(x, z), abs(pitch)
-        into.set_value(_packed(belief, time, (float(found.nis[0, -1]), *away)))
+        nis = float(found.nis[0, -1])
+        surprise = (nis, math.hypot(x, z), abs(pitch))
+        into.set_value(_packed(belief, time, surprise))
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
         held = _held(context)
         now = context.get_time()
         mean = held[: self._count]
         ekf = self._filters[False]
-        for begin, end, rate in pieces(self._tape(context), held[-4], now):
+        tape = self._tape(context)
+        for begin, end, rate in pieces(tape, held[-4], now):
             mean, _ = predict_mean(ekf, mean, [rate], end - begin)
         output.SetFromVector(mean)
 
     def _tape(self, context: Context) -> list[list[float]]:
-        return self._commanded.Eval(context).reshape(NO_COMMANDS.shape).tolist()
+        rows = self._commanded.Eval(context)
+        return rows.reshape(NO_COMMANDS.shape).tolist()
 
 
 def _packed(belief: Belief, time: float, surprise: Sequence[float]) -> np.ndarray:
     covariance = belief.covariance.ravel()
-    return np.concatenate([belief.mean, covariance, [time, *surprise]])
+    last = [time, *surprise]
+    return np.concatenate([belief.mean, covariance, last])
 
 
 def _held(context: Context) -> np.ndarray:
@@ -190,23 +199,24 @@ class Autopilot:
     def __init__(self, diagram: Diagram, tape: CommandTape) -> None:
         self.begin = 0.0  #: Time 0 of the plan.
         self._tape = tape
-        self._first, self._context = (diagram.CreateDefaultContext() for _ in range(2))
-        self._tracker, self._controller = (
-            diagram.GetSubsystemByName(name) for name in ("tracker", "controller")
-        )
-        self._of_tracker, self._of_controller = (
-            system.GetMyMutableContextFromRoot(self._context)
-            for system in (self._tracker, self._controller)
+        self._first = diagram.CreateDefaultContext()
+        self._context = diagram.CreateDefaultContext()
+        self._tracker = diagram.GetSubsystemByName("tracker")
+        self._controller = diagram.GetSubsystemByName("controller")
+        self._of_tracker = self._tracker.GetMyMutableContextFromRoot(self._context)
+        self._of_controller = self._controller.GetMyMutableContextFromRoot(
+            self._context
         )
         self._outputs = {
             name: diagram.GetOutputPort(name)
             for name in ("elevator_rate", "estimate", "surprise")
         }
-        self._pose, self._commanded = (
-            port.FixValue(self._context, np.zeros(port.size()))
-            for port in map(diagram.GetInputPort, ("pose", "commanded"))
-        )
+        self._pose = self._fixed(diagram.GetInputPort("pose"))
+        self._commanded = self._fixed(diagram.GetInputPort("commanded"))
         self._rows: np.ndarray = np.empty(0)  # Of the tape, as last written.
+
+    def _fixed(self, port: InputPort) -> FixedInputPortValue:
+        return port.FixValue(self._context, np.zeros(port.size()))
 
     def start(self, time: float, elapsed: float, state: np.ndarray) -> None:
         """Begins with a state (n,) that poses showed, at a time of the plan [s]."""
@@ -219,7 +229,8 @@ class Autopilot:
 
     def take_pose(self, time: float, pose: np.ndarray) -> None:
         """Takes a pose (4,) of a later time: x, z, pitch, elevator."""
-        _write(self._pose, np.array([time - self.begin, *pose]))
+        row = [time - self.begin, *pose]
+        _write(self._pose, np.array(row))
         self._look_at_tape()
         self._tracker.ExecuteForcedEvents(self._of_tracker, publish=False)
 

@@ -75,7 +75,8 @@ def tape_plan(model: GliderModel, launch: list[float], commands: Path) -> Plan:
     n = model.num_states
     tape = Feedback(inputs, np.zeros((count, n)), 1, np.empty((1, 0, n)))
     start = model.initial_state(np.array(launch))[None]
-    states = fly_feedback(model, start, count, STEP, tape, keep_paths=True)[2][0]
+    flown = fly_feedback(model, start, count, STEP, tape, keep_paths=True)
+    states = flown[2][0]
     return Plan(
         times=times,
         states=states,
@@ -122,7 +123,8 @@ class TapePlayer(LeafSystem):
     def _update(self, context: Context, into: DiscreteValues) -> None:
         given = context.get_discrete_state_vector().GetAtIndex(0)
         end = context.get_time() + self._period
-        rate = (float(np.interp(end, self._times, self._turned)) - given) / self._period
+        wanted = float(np.interp(end, self._times, self._turned))
+        rate = (wanted - given) / self._period
         rate = min(max(rate, -self._fastest), self._fastest)
         into.set_value([given + rate * self._period, rate])
 

@@ -46,7 +46,8 @@ def mean_rate(rows: Rows, begin: float, end: float) -> float:
     """Mean rate between two times [rad/s]."""
     if end <= begin:
         return 0.0
-    return (turned(rows, end) - turned(rows, begin)) / (end - begin)
+    angle = turned(rows, end) - turned(rows, begin)
+    return angle / (end - begin)
 
 
 def pieces(rows: Rows, begin: float, end: float) -> list[tuple[float, float, float]]:
@@ -97,10 +98,11 @@ class _PoseHistory:
 
         An elevator that was not seen is NaN.
         """
-        rows = np.array(self._rows)[-3:]
-        span = max(rows[-1, 0] - rows[0, 0], 1e-6)
-        slopes = (rows[-1, 1:] - rows[0, 1:]) / span
-        return np.concatenate([rows[-1, 1:], slopes[:3]])
+        rows = np.array(self._rows)
+        last = rows[-1]
+        moved = last - rows[-3:][0]
+        slopes = moved[1:4] / max(moved[0], 1e-6)
+        return np.concatenate([last[1:], slopes])
 
     def motion(self) -> tuple[float, float]:
         """Speed [m/s], and acceleration along the path [m/s²], of all poses."""
