@@ -73,7 +73,8 @@ class Ekf:
     @property
     def measured_names(self) -> tuple[str, ...]:
         """Names of what is measured: the pose, then the states from the elevator on."""
-        return (*POSE_NAMES, *self.names[len(POSE_NAMES) : len(self.noise)])
+        others = self.names[len(POSE_NAMES) : len(self.noise)]
+        return (*POSE_NAMES, *others)
 
 
 def make_ekf(
@@ -127,8 +128,10 @@ def make_ekf(
         what = f"make_ekf: slow state '{s.name}' (std, walk, decay, mean)"
         expect(good, what, numbers, "finite numbers, std and walk not negative")
     z = stacked(n, model.numbers)
-    taken = np.array([*range(n), *(places[s.name] for s in slow)])
+    slow_places = [places[s.name] for s in slow]
+    taken = np.array([*range(n), *slow_places])
     acting, seen = _depend(model, z, taken)
+    known_places = [places[name] for name in known]
     period = 1.0 / rate
     step = min(step, model.longest_step())
     count = math.ceil(period / step - 1e-9)
@@ -149,7 +152,7 @@ def make_ekf(
             decay=np.array([s.decay for s in slow], dtype=float),
             acting=acting,
             seen=seen,
-            entry=np.array([n, *(places[name] for name in known)]),
+            entry=np.array([n, *known_places]),
         ),
     )
 
@@ -210,8 +213,10 @@ def _checked_noise(noise: ArrayLike, n: int) -> np.ndarray:
     values = _numbers(noise)
     values = np.diag(values) if values.ndim == 1 else values
     rows = len(values) if values.ndim else 0
-    good = values.shape == (rows, rows) and len(POSE_NAMES) <= rows <= n
-    good = good and bool(np.isfinite(values).all()) and np.allclose(values, values.T)
+    good = values.shape == (rows, rows)
+    good = good and len(POSE_NAMES) <= rows <= n
+    good = good and bool(np.isfinite(values).all())
+    good = good and np.allclose(values, values.T)
     good = good and bool(np.min(np.linalg.eigvalsh(values)) > 0.0)
     needed = f"positive variances (M,) or a covariance (M, M) with M from 3 to {n}"
     expect(good, "make_ekf: 'noise'", noise, needed)

@@ -47,7 +47,8 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
     n = ekf.num_states
     full = ekf.model.initial_state(state)
     sizes = f"({NUM_STATES},) or ({n},)"
-    finite = full.shape == (n,) and np.all(np.isfinite(full))
+    finite = full.shape == (n,)
+    finite = finite and bool(np.isfinite(full).all())
     expect(finite, "make_prior: the state", full, f"{sizes} finite numbers")
     given = np.asarray(std, dtype=float)
     fits = given.shape in ((NUM_STATES,), (n,))
@@ -63,7 +64,8 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
         ekf.z[place] if s.mean is None else s.mean
         for s, place in zip(ekf.slow, places, strict=True)
     ]
-    return Belief(mean=np.append(full, means), covariance=np.diag(spread**2))
+    mean = np.append(full, means)
+    return Belief(mean=mean, covariance=np.diag(spread**2))
 
 
 def check_belief(ekf: Ekf, prior: Belief, source: str) -> None:
@@ -71,7 +73,8 @@ def check_belief(ekf: Ekf, prior: Belief, source: str) -> None:
     size = len(ekf.names)
     shapes = (prior.mean.shape, prior.covariance.shape)
     mean, covariance = shapes
-    good = mean[-1:] == (size,) and covariance[-2:] == (size, size)
+    good = mean[-1:] == (size,)
+    good = good and covariance[-2:] == (size, size)
     what = f"{source}: the shape of the prior's mean and covariance"
     expect(good, what, shapes, f"({size},) and ({size}, {size})")
 
@@ -107,7 +110,8 @@ def run_ekf(
     model = ekf.model
     good = measured.ndim == inputs.ndim == 3
     good = good and inputs.shape[:-1] == measured.shape[:-1]
-    good = good and inputs.shape[2] == ekf.num_inputs and measured.shape[2] == rows
+    good = good and inputs.shape[2] == ekf.num_inputs
+    good = good and measured.shape[2] == rows
     needed = f"(B, K, {ekf.num_inputs}) and (B, K, {rows})"
     shapes = inputs.shape, measured.shape
     expect(good, "run_ekf: the shape of inputs and measurements", shapes, needed)
@@ -175,7 +179,8 @@ def predict_mean(
     z[ekf.estimated.entry] = inputs
     steps = max(math.ceil(duration / ekf.step - 1e-9), 1)
     value = np.empty(size)
-    slopes = np.empty((size, size) if differentiate else (0, 0))
+    columns = size if differentiate else 0
+    slopes = np.empty((columns, columns))
     loop = LOOPS.over(model.kinds, model.has_field).ekf_advance
     step = duration / steps
     field = model.residual_field

@@ -23,12 +23,19 @@ def tape_text(times: np.ndarray, commands: np.ndarray, end: float) -> str:
     lines = [_HEAD]
     for time, command in zip(times, commands, strict=True):
         lines.append(f"{time:.6g},{command:.4f}")
-    lines.append(f"{end:.6g},0.0000\n")
+    lines.append(f"{end:.6g},0.0000")
+    lines.append("")
     return "\n".join(lines)
 
 
 def load_commands(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
-    """Times (k,) [s] and commands (k,) [rad/s] of a tape; the last is where it ends."""
+    """Returns times (k,) [s] and commands (k,) [rad/s] of a tape.
+
+    The last row is where the tape ends.
+
+    Raises:
+        InputError: the file cannot be read, or is no tape.
+    """
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
             lines = list(csv.reader(file))

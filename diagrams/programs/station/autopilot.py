@@ -86,7 +86,8 @@ class PoseTracker(LeafSystem):
         self._pose = self.DeclareVectorInputPort("pose", 1 + ELEVATOR + 1)
         self._commanded = self.DeclareVectorInputPort("commanded", NO_COMMANDS.size)
         # One vector: mean, covariance, time and surprise; parts would take longer.
-        self.DeclareDiscreteState(_packed(belief, 0.0, (0.0,) * 3))
+        nothing = _packed(belief, 0.0, (0.0, 0.0, 0.0))
+        self.DeclareDiscreteState(nothing)
         self.DeclareForcedDiscreteUpdateEvent(self._take_pose)
         self.DeclareVectorOutputPort("state", self._count, self._calc_state)
         self._declare_part("estimate", slice(self._count), self._count)
@@ -120,14 +121,16 @@ class PoseTracker(LeafSystem):
         times = [begin + span * k / count for k in range(count)]
         times.append(time)
         tape = self._tape(context)
-        rates = [[mean_rate(tape, a, b)] for a, b in itertools.pairwise(times)]
+        spans = itertools.pairwise(times)
+        rates = [[mean_rate(tape, first, last)] for first, last in spans]
         shown = np.full((1, count, len(measured)), math.nan)
         shown[0, -1] = measured
         ekf = self._filters[seen]
         found = run_ekf(ekf, belief, [rates], shown, period=span / count)
         mean = found.means[0, -1]
         belief = Belief(mean=mean, covariance=found.covariances[0, -1])
-        x, z, pitch = found.innovations[0, -1, :3].tolist()
+        innovation = found.innovations[0, -1]
+        x, z, pitch = innovation[:3].tolist()
         nis = float(found.nis[0, -1])
         surprise = (nis, math.hypot(x, z), abs(pitch))
         into.set_value(_packed(belief, time, surprise))
