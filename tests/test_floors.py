@@ -171,6 +171,33 @@ def test_the_library_imports_no_diagram():
     assert guilty == []
 
 
+def systems_elsewhere(sources: Sources) -> list[str]:
+    """Returns modules of the library beside glider.systems that import Drake's."""
+    found = []
+    for module, (_, text) in sources.items():
+        names = set()
+        for node in ast.walk(parsed(text)):
+            if isinstance(node, ast.Import):
+                names |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                names.add(node.module)
+        uses = any(is_within(name, "pydrake.systems") for name in names)
+        ours = is_within(module, "glider") and not is_within(module, "glider.systems")
+        if uses and ours:
+            found.append(module)
+    return found
+
+
+def test_drake_systems_are_in_one_place():
+    assert systems_elsewhere(read_sources(ROOT)) == []
+
+
+def test_a_drake_system_elsewhere_is_caught(tmp_path):
+    text = "def f():\n    from pydrake.systems.framework import LeafSystem\n"
+    sources = make_tree(tmp_path, glider_control_own=text, glider_systems_own=text)
+    assert systems_elsewhere(sources) == ["glider.control.own"]
+
+
 def make_tree(root, **files):
     """Writes modules (a_b stands for a/b.py) with their packages, and reads them."""
     for name, text in {"glider_physics_state": "import math\n", **files}.items():
