@@ -9,8 +9,8 @@ from glider.lazy import attach
 
 if TYPE_CHECKING:
     import diagrams.playback as playback
-    import diagrams.program as program
     from diagrams.loops import closed_loop, estimated_loop, open_loop
+    from diagrams.scene import AddScene
     from diagrams.simulate import simulate_flights
 else:
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -9,23 +9,22 @@ from diagrams.wiring import (
     add_glider,
     add_log,
     add_motion_capture,
+    check_controller,
+    check_port,
     finish,
     hold_command,
     tape_rows,
 )
 from glider.errors import InputError
-from glider.estimation.ekf import Ekf
-from glider.estimation.running import Belief
-from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.model import GliderModel
-from glider.physics.state import NUM_STATES, STATE_NAMES
+from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan
 from glider.simulation.fly import check_command_rate
 from glider.systems.elevator_servo import ElevatorServo
 from glider.systems.noise import SampledNoise
 from glider.systems.observer import ExtraStates
 
-CAPTURED = ("x", "z", "pitch", "elevator")
+_CAPTURED = ("x", "z", "pitch", "elevator")
 """States that motion capture measures, in its order."""
 
 
@@ -76,9 +75,9 @@ def closed_loop(
     Args:
         truth: the glider that flies. It may have effects that the regulator was not
             made for: then the first states are fed back.
-        regulator: from the state to one command, its first output, as
-            `tracking_regulator` makes it. It becomes a part of this diagram, and
-            fits into no other.
+        regulator: any System from the state, its first input, to a command of one
+            number [rad/s], its first output, as `tracking_regulator` makes it. It
+            becomes a part of this diagram, and fits into no other.
         planned: the model that the regulator was made for, where its effects have
             states of their own. No sensor measures these: "observer" runs them
             beside the flight. None: the regulator has none.
@@ -117,7 +116,7 @@ def closed_loop(
         builder.AddNamedSystem("feedback_noise", noise)
         builder.Connect(signal, noise.GetInputPort("signal"))
         signal = noise.GetOutputPort("measured")
-    if regulator.get_input_port().size() > fed_back:
+    if regulator.get_input_port(0).size() > fed_back:
         observer = builder.AddNamedSystem("observer", ExtraStates(planned))
         builder.Connect(signal, observer.GetInputPort("measured"))
         builder.Connect(
@@ -125,7 +124,7 @@ def closed_loop(
         )
         signal = observer.GetOutputPort("state")
     builder.AddNamedSystem("regulator", regulator)
-    builder.Connect(signal, regulator.get_input_port())
+    builder.Connect(signal, regulator.get_input_port(0))
     command = hold_command(builder, regulator.get_output_port(0), command_rate)
     builder.Connect(command, servo.GetInputPort("command"))
     if motion_capture is not None:
@@ -138,12 +137,8 @@ def _states_fed_back(
     truth: GliderModel, regulator: System, planned: GliderModel | None, all_states: bool
 ) -> int:
     """Checks that glider and regulator fit; returns the number of states fed back."""
-    wanted, has = regulator.get_input_port().size(), truth.num_states
-    if wanted < NUM_STATES:
-        raise InputError(
-            f"The regulator's input has {wanted} numbers; expected {NUM_STATES} or "
-            f"more, the state ({', '.join(STATE_NAMES)})."
-        )
+    wanted, _ = check_controller(regulator)
+    has = truth.num_states
     if planned is not None and planned.num_states != wanted:
         raise InputError(
             f"The planned model has {planned.num_states} states, but its regulator "
@@ -174,10 +169,11 @@ def _first_of(
 def estimated_loop(
     truth: GliderModel,
     regulator: System,
-    ekf: Ekf,
-    prior: Belief,
+    filter: System,
     *,
+    planned: GliderModel | None = None,
     command_rate: float | None = None,
+    capture_rate: float | None = None,
     meshcat: Meshcat | None = None,
 ) -> Diagram:
     """Wires glider -> motion capture -> filter -> regulator -> servo -> glider.
@@ -187,12 +183,17 @@ def estimated_loop(
 
     Args:
         truth: the glider that flies; it need not be the filter's.
-        regulator: from the state of the filter's glider to one command, its first
-            output. It becomes a part of this diagram, and fits into no other.
-        ekf: samples motion capture at its own rate.
-        prior: what the filter believes at launch.
+        regulator: any System from the filter's state, its first input, to a command
+            of one number [rad/s], its first output. It becomes a part of this diagram,
+            and fits into no other.
+        filter: any System with the inputs "measured", x, z, pitch and perhaps elevator,
+            and "elevator_rate" (1), and the output "state", such as
+            `ExtendedKalmanFilter`. It becomes a part of this diagram, too.
+        planned: the model whose servo limits the second servo has; None: the truth's.
         command_rate: the command is held between samples at this rate [Hz]; None:
             it follows the estimate at once.
+        capture_rate: of motion capture [Hz]; None: that of the filter's periodic
+            discrete update.
         meshcat: where to show the flight.
 
     Returns:
@@ -205,38 +206,42 @@ def estimated_loop(
     Raises:
         InputError: what is given does not fit together.
     """
-    wanted, rows = regulator.get_input_port().size(), len(ekf.noise)
-    if wanted != ekf.num_states:
-        raise InputError(
-            f"The regulator wants {wanted} states, but the filter's glider has "
-            f"{ekf.num_states}."
-        )
-    if ekf.measured_names != CAPTURED[:rows]:
-        raise InputError(
-            f"The filter measures {', '.join(ekf.measured_names)}; motion capture "
-            f"shows {', '.join(CAPTURED)}, expected the first of these."
-        )
+    wanted, command = check_controller(regulator)
+    poses = len(_CAPTURED) - 1
+    measured = check_port(filter, "input", "measured", (poses, poses + 1))
+    believed_rate = check_port(filter, "input", "elevator_rate", (1,))
+    state = check_port(filter, "output", "state", (wanted,))
     builder = DiagramBuilder()
     glider, servo = add_glider(builder, truth)
-    add_motion_capture(builder, glider, 1.0 / ekf.period)
+    add_motion_capture(builder, glider, capture_rate or _sample_rate(filter))
     capture = builder.GetSubsystemByName("motion_capture").GetOutputPort("measured")
-    if rows < len(CAPTURED):
-        capture = _first_of(builder, "pose_capture", capture, rows)
-    estimator = builder.AddNamedSystem("estimator", ExtendedKalmanFilter(ekf, prior))
-    believed = ElevatorServo(ekf.model.parameters, ekf.num_states)
-    builder.AddNamedSystem("believed_servo", believed)
+    if measured.size() < len(_CAPTURED):
+        capture = _first_of(builder, "pose_capture", capture, measured.size())
+    parameters = (planned or truth).parameters
+    builder.AddNamedSystem("estimator", filter)
+    believed = builder.AddNamedSystem(
+        "believed_servo", ElevatorServo(parameters, wanted)
+    )
     builder.AddNamedSystem("regulator", regulator)
-    state = estimator.GetOutputPort("state")
-    builder.Connect(capture, estimator.GetInputPort("measured"))
-    builder.Connect(state, regulator.get_input_port())
+    builder.Connect(capture, measured)
+    builder.Connect(state, regulator.get_input_port(0))
     builder.Connect(state, believed.GetInputPort("state"))
-    command = hold_command(builder, regulator.get_output_port(0), command_rate)
+    command = hold_command(builder, command, command_rate)
     builder.ExportOutput(state, "estimate")
     builder.Connect(command, servo.GetInputPort("command"))
     builder.Connect(command, believed.GetInputPort("command"))
-    builder.Connect(
-        believed.GetOutputPort("elevator_rate"), estimator.GetInputPort("elevator_rate")
-    )
+    builder.Connect(believed.GetOutputPort("elevator_rate"), believed_rate)
     add_log(builder, state, "estimate_log")
     add_log(builder, command, "command_log")
     return finish(builder, "estimated_loop", glider, truth, meshcat)
+
+
+def _sample_rate(filter: System) -> float:
+    """Returns the rate of a filter's periodic discrete update [Hz]."""
+    timing = filter.GetUniquePeriodicDiscreteUpdateAttribute()
+    if timing is None:
+        raise InputError(
+            f"The filter '{filter.get_name()}' has no periodic discrete update; "
+            "expected one, at the rate of motion capture, or `capture_rate`."
+        )
+    return 1.0 / timing.period_sec()

@@ -19,6 +19,7 @@ from diagrams.urdf import COLORS
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import PITCH, VELOCITY
+from glider.systems.template import float_class
 
 ARROW_SCALE = 0.2
 """Length of an arrow over its force [m/N]."""
@@ -41,17 +42,17 @@ def GliderOverlays_(T):
     class Impl(LeafSystem_[T]):
         """Draws trail and arrows and writes the readout; its twin does not.
 
-        state --> [ GliderOverlays ]
-        forces -> [             ]
+        Input ports:
+            state (n): in the order of STATE_NAMES; the readout needs the velocity.
+            forces (m): the wing's and the elevator's along their normals come first
+                [N]; may be left open.
 
         Args:
             meshcat: where to draw.
             name: the glider's in Meshcat, as in AddScene.
             color: of the trail.
             period: between two frames [s].
-            sizes: widths of the ports `state`, in the order of STATE_NAMES (the
-                readout needs the velocity), and `forces`, which may be left open; the
-                wing's and the elevator's along their normals come first [N].
+            sizes: n and m.
         """
 
         def _construct(self, meshcat, name, color, period, sizes, *, converter=None):
@@ -73,7 +74,8 @@ def GliderOverlays_(T):
         def _clear(self, context):
             meshcat, name, *_ = self._arguments
             meshcat.Delete(trail_path(name))
-            self._last, self._pieces = None, 0
+            self._last = None
+            self._pieces = 0
             return EventStatus.Succeeded()
 
         def _draw(self, context):
@@ -84,7 +86,7 @@ def GliderOverlays_(T):
             if len(state) > max(VELOCITY):
                 speed = float(np.linalg.norm(state[VELOCITY]))
                 numbers = RigidTransform([t, speed, state[PITCH]])
-                meshcat.SetTransform(readout_path(name), numbers, t)
+                meshcat.SetTransform(_readout_path(name), numbers, t)
             forces = self.GetInputPort("forces")
             if forces.HasValue(context):
                 wing_elevator = forces.Eval(context)[:2]
@@ -110,12 +112,13 @@ def GliderOverlays_(T):
             # A recording keeps properties, not that an object came later.
             meshcat.SetProperty(path, "visible", False, 0.0)
             meshcat.SetProperty(path, "visible", True, t)
-            self._last, self._pieces = here, self._pieces + 1
+            self._last = here
+            self._pieces += 1
 
     return Impl
 
 
-GliderOverlays = GliderOverlays_[None]  # The float instantiation.
+GliderOverlays = float_class(GliderOverlays_)
 
 
 def trail_path(name: str) -> str:
@@ -123,7 +126,7 @@ def trail_path(name: str) -> str:
     return f"/drake/{name}_trail"
 
 
-def readout_path(name: str) -> str:
+def _readout_path(name: str) -> str:
     """Returns where Meshcat keeps the numbers that a page shows of a glider.
 
     Nothing is drawn there. Its translation is time [s], speed [m/s] and pitch [rad]: so

@@ -16,7 +16,6 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.overlays import AddOverlays
-from diagrams.page import Entry, Legend
 from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
@@ -58,7 +57,8 @@ class Track:
                 f"Track '{self.name}': expected a name of letters, digits, spaces, "
                 "hyphens and underscores."
             )
-        times, poses = np.asarray(self.times), np.asarray(self.poses)
+        times = np.asarray(self.times)
+        poses = np.asarray(self.poses)
         count = len(times)
         if count == 0 or not np.all(np.diff(times) > 0.0):
             raise InputError(f"Track '{self.name}': the times must increase.")
@@ -109,7 +109,8 @@ def track_of(
 def stage_of(track: Track, wire: tuple[float, float] | None = (0.0, 0.0)) -> Stage:
     """Returns a stage with a whole flight in view, and the wire if there is one."""
     places = [*track.poses[:, :2], *([] if wire is None else [np.array(wire)])]
-    (left, low), (right, high) = np.min(places, axis=0), np.max(places, axis=0)
+    left, low = np.min(places, axis=0)
+    right, high = np.max(places, axis=0)
     return Stage(
         wire=wire,
         x_limits=(float(left) - 0.4, float(right) + 0.6),
@@ -117,37 +118,18 @@ def stage_of(track: Track, wire: tuple[float, float] | None = (0.0, 0.0)) -> Sta
     )
 
 
-def duration_of(tracks: Sequence[Track]) -> float:
+def _duration_of(tracks: Sequence[Track]) -> float:
     """Returns the time from the first start to the last end [s]."""
     start = min(track.times[0] for track in tracks)
     return float(max(track.times[-1] for track in tracks) - start)
 
 
-def velocities_of(track: Track) -> np.ndarray:
+def _velocities_of(track: Track) -> np.ndarray:
     """Returns the velocity of a track's positions (K, 2), zero for a single one."""
     positions = np.asarray(track.poses, dtype=float)[:, POSITION]
     if len(positions) == 1:
         return np.zeros((1, 2))
     return np.gradient(positions, np.asarray(track.times, dtype=float), axis=0)
-
-
-def legend_of(tracks: Sequence[Track], title: str, rate: float = 1.0) -> Legend:
-    """Returns the legend of a page of `diagrams.page` that shows tracks.
-
-    Args:
-        tracks: as in `play`.
-        title: of the page.
-        rate: as in `play`.
-    """
-    return Legend(
-        title=title,
-        entries=tuple(
-            Entry(name=track.name, slug=track.slug, color=track.color)
-            for track in tracks
-        ),
-        rate=rate,
-        has_forces=any(track.forces is not None for track in tracks),
-    )
 
 
 def MakePlayback(
@@ -188,7 +170,7 @@ def MakePlayback(
         name = track.slug
         times = np.asarray(track.times, dtype=float) - start
         color = None if track.color is None else Rgba(*track.color)
-        motion = np.hstack([track.poses, velocities_of(track)])
+        motion = np.hstack([track.poses, _velocities_of(track)])
         state = _add_source(builder, f"{name}_track", times, motion)
         forces = None
         if track.forces is not None:
@@ -237,8 +219,8 @@ def play(
 ) -> None:
     """Plays tracks together, and leaves them in Meshcat as a recording.
 
-    The recording's time is that of the flights. A page of `diagrams.page` plays it
-    once, at `rate`, and can stop, repeat and slow it.
+    The recording's time is that of the flights. A page of `diagrams.programs.page`
+    plays it once, at `rate`, and can stop, repeat and slow it.
 
     Args:
         tracks: as in MakePlayback.
@@ -254,7 +236,7 @@ def play(
     )
     # To a whole frame, so that the very end is drawn.
     per_second = FRAMES_PER_SECOND / rate
-    frames = math.ceil(duration_of(tracks) * per_second - 1e-9)
+    frames = math.ceil(_duration_of(tracks) * per_second - 1e-9)
     meshcat.DeleteRecording()
     meshcat.StartRecording(per_second, set_visualizations_while_recording=live)
     simulator = Simulator(diagram)

@@ -35,6 +35,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from diagrams.urdf import make_urdf
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
+from glider.systems.template import float_class
 
 FRAMES_PER_SECOND = 64.0
 """Rate of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""
@@ -49,11 +50,15 @@ def GliderGeometry_(T):
     class Impl(LeafSystem_[T]):
         """Poses of the glider's parts, by the joints of its URDF.
 
-        state -> [ GliderGeometry ] -> geometry_pose
+        Input ports:
+            state (n): of the glider; the first NUM_POSITIONS count.
+
+        Output ports:
+            geometry_pose (abstract): poses of the frames, for a SceneGraph.
 
         Args:
             plant: a MultibodyPlant of the URDF, registered with a SceneGraph.
-            num_states: width of the input port; the first NUM_POSITIONS count.
+            num_states: size n of `state`.
         """
 
         def _construct(self, plant, num_states, *, converter=None):
@@ -86,7 +91,7 @@ def GliderGeometry_(T):
     return Impl
 
 
-GliderGeometry = GliderGeometry_[None]  # The float instantiation.
+GliderGeometry = float_class(GliderGeometry_)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -203,7 +208,8 @@ def camera_of(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
 
     It looks along +y, so that x is to the right and z is up, a little from above.
     """
-    (left, right), (low, high) = stage.x_limits, stage.z_limits
+    left, right = stage.x_limits
+    low, high = stage.z_limits
     height = max(high - low, (right - left) / _WIDTH_PER_HEIGHT)
     distance = 0.5 * height / math.tan(math.radians(0.5 * _FIELD_OF_VIEW))
     target = np.array([0.5 * (left + right), 0.0, 0.5 * (low + high)])
@@ -230,7 +236,8 @@ def _set_floor(meshcat: Meshcat, stage: Stage) -> None:
 
 def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
     x, z = wire
-    steel, wood = Rgba(0.75, 0.1, 0.1), Rgba(0.55, 0.45, 0.35)
+    steel = Rgba(0.75, 0.1, 0.1)
+    wood = Rgba(0.55, 0.45, 0.35)
     along_y = RollPitchYaw(0.5 * math.pi, 0.0, 0.0).ToRotationMatrix()
     meshcat.SetObject("perch/wire", Cylinder(0.008, _WIRE_SPAN), steel)
     meshcat.SetTransform("perch/wire", RigidTransform(along_y, [x, 0.0, z]))

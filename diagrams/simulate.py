@@ -16,6 +16,7 @@ from glider.physics.state import ELEVATOR, NUM_STATES, POSE_NAMES, POSITION, VEL
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress
 from glider.simulation.flown_flights import FlownFlight, Perches, closest_pass, hooked
+from glider.systems.kalman_filter import ExtendedKalmanFilter
 
 _CONFIG = {"integration_scheme": "runge_kutta5", "max_step_size": 0.02}
 
@@ -96,16 +97,18 @@ def simulate_flights(
 def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draws the noise of a diagram's motion capture for some flights, (count, R, 4).
 
-    Where a filter gets what is captured, the deviations are those that it was given;
-    otherwise those of `MotionCapture`.
+    Where an `ExtendedKalmanFilter` gets what is captured, the deviations are those
+    that it was given; otherwise those of `MotionCapture`.
     """
     if not diagram.HasSubsystemNamed("motion_capture"):
         raise InputError("Noise is drawn for a motion capture; the diagram has none.")
     rate = diagram.GetSubsystemByName("motion_capture").rate
     std = MotionCapture().std
     if diagram.HasSubsystemNamed("estimator"):
-        given = diagram.GetSubsystemByName("estimator").ekf.noise
-        std[: len(given)] = np.sqrt(np.diag(given))
+        estimator = diagram.GetSubsystemByName("estimator")
+        if isinstance(estimator, ExtendedKalmanFilter):
+            given = np.diag(estimator.ekf.noise)
+            std[: len(given)] = np.sqrt(given)
     return rng.normal(size=(count, tape_rows(rate), 4)) * std
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from glider.physics.parameters import GliderParameters
 
-ASPECT_RATIO = 4.0
+_ASPECT_RATIO = 4.0
 """Span over chord of the wing; the parameters give only its area."""
 
 COLORS: dict[str, tuple[float, ...]] = {
@@ -118,7 +118,7 @@ def make_urdf(
         *hue, opacity = color
         dark = (*(0.5 * c for c in hue), opacity)
         colors = {"wing": tuple(color), "boom": dark, "elevator": tuple(color)}
-    chord = math.sqrt(parameters.wing_area / ASPECT_RATIO)
+    chord = math.sqrt(parameters.wing_area / _ASPECT_RATIO)
     elevator_chord = 2.0 * parameters.elevator_offset
     if elevator_chord <= 0.0:
         elevator_chord = math.sqrt(parameters.elevator_area / _ELEVATOR_ASPECT_RATIO)
@@ -130,7 +130,7 @@ def make_urdf(
         wing_x=parameters.wing_offset,
         wing_z=0.01,
         chord=chord,
-        span=ASPECT_RATIO * chord,
+        span=_ASPECT_RATIO * chord,
         nose=nose,
         length=nose - hinge,
         hinge=hinge,

@@ -1,9 +1,17 @@
 """Parts that the diagrams share: a glider with its servo, and its logs."""
 
 import math
+from collections.abc import Sequence
+from typing import Literal
 
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import (
     LogVectorOutput,
     MatrixGain,
@@ -13,8 +21,9 @@ from pydrake.systems.primitives import (
 
 from diagrams.overlays import AddOverlays
 from diagrams.scene import AddScene
+from glider.errors import expect
 from glider.physics.model import GliderModel
-from glider.physics.state import POSE_NAMES, STATE_NAMES
+from glider.physics.state import NUM_STATES, POSE_NAMES, STATE_NAMES
 from glider.systems.elevator_servo import ElevatorServo
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
@@ -45,6 +54,44 @@ def add_glider(builder: DiagramBuilder, model: GliderModel) -> tuple[System, Sys
     add_log(builder, rate, "rate_log")
     add_log(builder, glider.GetOutputPort("forces"), "force_log")
     return glider, servo
+
+
+def check_controller(system: System) -> tuple[int, OutputPort]:
+    """Returns the number of states that a controller wants, and its command.
+
+    Raises:
+        InputError: its first ports are not a state and one command.
+    """
+    name = system.get_name() or type(system).__name__
+    needed = f"{NUM_STATES} or more, the state ({', '.join(STATE_NAMES)})"
+    wanted = system.get_input_port(0).size() if system.num_input_ports() else 0
+    what = f"Controller '{name}': the size of its first input"
+    expect(wanted >= NUM_STATES, what, wanted, needed)
+    commands = system.get_output_port(0).size() if system.num_output_ports() else 0
+    what = f"Controller '{name}': the size of its first output"
+    expect(commands == 1, what, commands, "1, the elevator's rate")
+    return wanted, system.get_output_port(0)
+
+
+def check_port(
+    system: System, side: Literal["input", "output"], port: str, sizes: Sequence[int]
+) -> InputPort | OutputPort:
+    """Returns a port of a filter.
+
+    Raises:
+        InputError: there is none of the name, or it is of none of the sizes.
+    """
+    is_input = side == "input"
+    count = system.num_input_ports() if is_input else system.num_output_ports()
+    get = system.get_input_port if is_input else system.get_output_port
+    ports = {found.get_name(): found for found in map(get, range(count))}
+    name = system.get_name() or type(system).__name__
+    what = f"Filter '{name}': the list of its {side}s"
+    expect(port in ports, what, list(ports), f"one named '{port}'")
+    size = ports[port].size()
+    what = f"Filter '{name}': the size of its {side} '{port}'"
+    expect(size in sizes, what, size, " or ".join(map(str, sizes)))
+    return ports[port]
 
 
 def hold_command(
@@ -106,7 +153,8 @@ def finish(
 ) -> Diagram:
     """Adds the scene, if there is a Meshcat, and builds the diagram.
 
-    `diagrams.page.serve_page(meshcat, Legend(...))` shows it with legend and clock.
+    `serve_page(meshcat, Legend(...))` of `diagrams.programs.page` shows it with legend
+    and clock.
     """
     if meshcat is not None:
         state, forces = (glider.GetOutputPort(name) for name in ("state", "forces"))

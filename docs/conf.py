@@ -67,6 +67,10 @@ myst_substitutions = {
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {"members": True, "exclude-members": "__init__, __new__"}
+napoleon_custom_sections = [
+    ("Input ports", "params_style"),
+    ("Output ports", "params_style"),
+]
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 

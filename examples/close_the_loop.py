@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagrams import program
+from diagrams.programs import program
 from glider import Result, close_the_loop
 
 

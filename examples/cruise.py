@@ -23,7 +23,8 @@ from pydrake.systems.framework import OutputPortSelection
 from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximation
 from scipy.optimize import least_squares
 
-from diagrams import closed_loop, playback, program, simulate_flights
+from diagrams import closed_loop, playback, simulate_flights
+from diagrams.programs import program
 from glider import GliderModel, GliderPlant, InputError, Perches
 
 LARGEST_ACCELERATION = 1e-8

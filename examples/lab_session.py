@@ -19,8 +19,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagrams import program
-from diagrams.lab import fly_session
+from diagrams.programs import fly_session, program
 from glider import GliderModel
 
 

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
-from diagrams import program
+from diagrams.programs import program
 from glider import GliderModel, PerchingProblem, reach
 
 HEIGHT, SPEED, PITCH = (-0.8, 0.8), (4.5, 9.5), (-0.4, 0.4)

@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from diagrams import playback, program
+from diagrams import playback
+from diagrams.programs import program
 from glider import Campaign, CampaignPlan, GliderModel, InputError, effects, throws
 
 LATE = 0.0012

@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams import closed_loop, open_loop, playback, program, simulate_flights
+from diagrams import closed_loop, open_loop, playback, simulate_flights
+from diagrams.programs import program
 from glider import GliderModel, Perches, PerchingProblem, Plan, plan, tracking_regulator
 
 AFTER = 0.1

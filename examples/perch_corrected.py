@@ -18,7 +18,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from diagrams import closed_loop, playback, program, simulate_flights
+from diagrams import closed_loop, playback, simulate_flights
+from diagrams.programs import program
 from glider import (
     GliderModel,
     Perches,

@@ -35,7 +35,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from diagrams import closed_loop, playback, program, simulate_flights
+from diagrams import closed_loop, playback, simulate_flights
+from diagrams.programs import program
 from glider import (
     GliderModel,
     InputError,

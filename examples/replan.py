@@ -28,8 +28,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams import closed_loop, estimated_loop, playback, program, simulate_flights
+from diagrams import closed_loop, estimated_loop, playback, simulate_flights
+from diagrams.programs import program
 from glider import (
+    ExtendedKalmanFilter,
     GliderModel,
     ModelPredictiveController,
     MppiController,
@@ -136,8 +138,8 @@ def race(
     plans = []  # What MPC reports after each of its plans.
     controllers = {
         "TVLQR": tracking_regulator(model, planned),
-        "MPPI": MppiController.from_plan(
-            model, planned, replanning, command_rate=COMMAND_RATE, seed=seed
+        "MPPI": MppiController(
+            model, replanning, planned, command_rate=COMMAND_RATE, seed=seed
         ),
         "MPC": ModelPredictiveController(model, replanning, COMMAND_RATE, plans.append),
     }
@@ -151,7 +153,10 @@ def race(
             loop = closed_loop(truth, controller, planned=model, command_rate=rate)
         else:
             ekf, prior = perching_filter(model, planned.states[0], unsure)
-            loop = estimated_loop(truth, controller, ekf, prior, command_rate=rate)
+            estimator = ExtendedKalmanFilter(ekf, prior)
+            loop = estimated_loop(
+                truth, controller, estimator, planned=model, command_rate=rate
+            )
             noise = np.random.default_rng(seed)
         flights[name] = simulate_flights(
             loop,

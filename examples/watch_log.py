@@ -13,7 +13,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagrams import playback, program
+from diagrams import playback
+from diagrams.programs import program
 from glider import Campaign, GliderModel, close_the_loop, load_campaign, refly
 
 

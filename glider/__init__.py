@@ -17,10 +17,7 @@ if TYPE_CHECKING:
     from glider.campaign.importing.campaign_import import import_campaign
     from glider.campaign.logs import Campaign
     from glider.campaign.reader import load_campaign
-    from glider.control.mpc import ModelPredictiveController
-    from glider.control.mppi import MppiController
     from glider.control.tvlqr import tracking_policy
-    from glider.control.tvlqr_drake import tracking_regulator
     from glider.errors import InputError
     from glider.estimation.perching import perching_filter
     from glider.physics.model import GliderModel
@@ -36,6 +33,13 @@ if TYPE_CHECKING:
     from glider.simulation.fly import fly
     from glider.sysid.pipeline import close_the_loop
     from glider.sysid.result import Result
+    from glider.systems.elevator_servo import ElevatorServo
+    from glider.systems.kalman_filter import ExtendedKalmanFilter
+    from glider.systems.mpc import ModelPredictiveController
+    from glider.systems.mppi import MppiController
+    from glider.systems.noise import SampledNoise
+    from glider.systems.observer import ExtraStates
     from glider.systems.plant import GliderPlant
+    from glider.systems.regulator import tracking_regulator
 else:
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -6,9 +6,8 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from types import ModuleType
 
-from diagrams.lab import command as lab
-from diagrams.station import command as fly
 from glider.commands import (
     check_funnel,
     close_the_loop,
@@ -27,18 +26,24 @@ from glider.errors import (
     print_warning,
 )
 
-COMMANDS = {
+_COMMANDS: dict[str, tuple[ModuleType | None, str]] = {
     "close-the-loop": (close_the_loop, "find what the model lacks, from flight logs"),
     "compare": (compare, "show what changed between the reports of two campaigns"),
     "next-throw": (next_throw, "propose the most informative next throws"),
     "import": (import_logs, "convert logs of other software into a campaign"),
-    "fly": (fly, "fly throws live, with a real or a simulated glider"),
-    "lab": (lab, "run a session in the lab, with the loop closed between throws"),
+    "fly": (None, "fly throws live, with a real or a simulated glider"),
+    "lab": (None, "run a session in the lab, with the loop closed between throws"),
     "check-funnel": (check_funnel, "check a saved funnel in exact arithmetic"),
     "samples": (samples, "list the campaigns that ship with this package"),
     "doctor": (doctor, "check this installation"),
 }
-"""Their modules and what they do, in the order of the help."""
+"""Their modules and what they do, in the order of the help; a command of `diagrams` has
+none here, but an entry point in pyproject.toml."""
+
+_MISSING = (
+    "the package diagrams is not installed, or registers no commands here: install "
+    "drake-glider again (make setup, or pip install .)"
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -122,7 +127,17 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(
         required=True, metavar="COMMAND", parser_class=CommandParser
     )
-    for name, (command, words) in COMMANDS.items():
+    registered = _registered()
+    for name, (own, words) in _COMMANDS.items():
+        command = own or registered.get(name)
+        if command is None:
+            # With another prefix, options of the command are arguments like any.
+            subparser = commands.add_parser(
+                name, help=_MISSING, add_help=False, prefix_chars="\0"
+            )
+            subparser.add_argument("ignored", nargs="*")
+            subparser.set_defaults(run=_refuse)
+            continue
         subparser = commands.add_parser(
             name,
             help=words,
@@ -133,6 +148,26 @@ def make_parser() -> argparse.ArgumentParser:
         command.add_arguments(subparser)
         subparser.set_defaults(run=command.run)
     return parser
+
+
+def _registered() -> dict[str, ModuleType]:
+    """Returns the commands that the installed package registers, by their names."""
+    try:
+        points = importlib.metadata.distribution("drake-glider").entry_points
+    except importlib.metadata.PackageNotFoundError:
+        return {}
+    found = {}
+    for point in points.select(group="glider.commands"):
+        try:
+            found[point.name] = point.load()
+        except ModuleNotFoundError as error:
+            if (error.name or "").split(".")[0] != "diagrams":
+                raise
+    return found
+
+
+def _refuse(args: argparse.Namespace) -> int:
+    raise InputError(f"{_MISSING}.")
 
 
 if __name__ == "__main__":

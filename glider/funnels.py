@@ -22,6 +22,7 @@ flight. SolverError: there is no funnel.
 from glider.physics.confidence import ConfidenceSet, describe_set, make_confidence
 from glider.report.check_funnel import describe_proof
 from glider.report.plots.tube import tube_outline, tube_radii
+from glider.systems.funnel_monitor import FunnelMonitor, funnel_regulator
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import (
     Funnel,
@@ -30,7 +31,6 @@ from glider.verification.funnel.funnel import (
     save_funnel,
 )
 from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
-from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.phases import make_phases, rest_for
 from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import (

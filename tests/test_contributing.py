@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams import program
+from diagrams.programs import program
 from glider.compiled.user_effects import check_user_effects
 from glider.physics.model import GliderModel
 from glider.report.plots.as_file import draw

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from diagrams import program
+from diagrams.programs import program
 from glider.errors import InputError, os_error_line, show
 from glider.physics.parameters import check_parameters
 from glider.planning.problem import PerchingProblem

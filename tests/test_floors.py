@@ -19,7 +19,8 @@ FLOORS = [
     "glider.physics",
     "glider.compiled",
     "glider.campaign",
-    "glider.systems",
+    "glider.systems.template",
+    "glider.systems.plant",
     "glider.sysid.constants",
     "glider.sysid.report",
     "glider.sysid.result",
@@ -38,6 +39,7 @@ FLOORS = [
     "glider.verification.proof",
     "glider.verification.trials",
     "glider.verification",
+    "glider.systems",
     "glider.propagation",
     "glider.experiments",
     "glider.report.plots",
@@ -47,11 +49,14 @@ FLOORS = [
     "glider.throws",
     "glider",
     "glider.commands",
-    "diagrams",
-    "diagrams.station",
-    "diagrams.station.drivers",
-    "diagrams.lab",
     "glider.__main__",
+    "diagrams",
+    "diagrams.programs.page",
+    "diagrams.programs.program",
+    "diagrams.programs.station",
+    "diagrams.programs.station.drivers",
+    "diagrams.programs.lab",
+    "diagrams.programs",
     "examples",
     "examples.article",
     "tests",
@@ -159,11 +164,38 @@ def test_the_library_imports_no_diagram():
     guilty = [
         module
         for module in sources
-        if is_within(module, "glider") and module != "glider.__main__"
+        if is_within(module, "glider")
         for target in imports_of(module, sources)
         if is_within(target, "diagrams")
     ]
     assert guilty == []
+
+
+def systems_elsewhere(sources: Sources) -> list[str]:
+    """Returns modules of the library beside glider.systems that import Drake's."""
+    found = []
+    for module, (_, text) in sources.items():
+        names = set()
+        for node in ast.walk(parsed(text)):
+            if isinstance(node, ast.Import):
+                names |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                names.add(node.module)
+        uses = any(is_within(name, "pydrake.systems") for name in names)
+        ours = is_within(module, "glider") and not is_within(module, "glider.systems")
+        if uses and ours:
+            found.append(module)
+    return found
+
+
+def test_drake_systems_are_in_one_place():
+    assert systems_elsewhere(read_sources(ROOT)) == []
+
+
+def test_a_drake_system_elsewhere_is_caught(tmp_path):
+    text = "def f():\n    from pydrake.systems.framework import LeafSystem\n"
+    sources = make_tree(tmp_path, glider_control_own=text, glider_systems_own=text)
+    assert systems_elsewhere(sources) == ["glider.control.own"]
 
 
 def make_tree(root, **files):
@@ -208,13 +240,13 @@ def test_downward_and_sideways_imports_are_allowed(tmp_path):
 def test_a_circle_is_caught(tmp_path):
     sources = make_tree(
         tmp_path,
-        glider_systems_plant="from glider.systems import observer\n",
-        glider_systems_observer="def f():\n    import glider.systems.plant\n",
+        glider_planning_plan="from glider.planning import guess\n",
+        glider_planning_guess="def f():\n    import glider.planning.plan\n",
     )
     assert find_faults(sources) == []
     assert set(find_circle(sources)) == {
-        "glider.systems.plant",
-        "glider.systems.observer",
+        "glider.planning.plan",
+        "glider.planning.guess",
     }
 
 

@@ -12,7 +12,8 @@ from sphinx.application import Sphinx
 _CODE = re.compile(r"(``[^`]+``|`[^`]+`)")
 _MARKUP = re.compile(r"[|*]|(?<=\w)_(?!\w)")
 _SECTION = re.compile(
-    r"(Args|Attributes|Examples?|Notes?|Raises|References|Returns|Yields|Warns|Source):"
+    r"(Args|Attributes|Examples?|Input ports|Notes?|Output ports|Raises|References|"
+    r"Returns|Yields|Warns|Source):"
 )
 
 

@@ -40,8 +40,8 @@ from basis_study import (
     refinements,
     validate,
 )
-from diagrams import program
 from diagrams.playback import GREEN, RED, Track
+from diagrams.programs import program
 
 
 def run(

@@ -13,7 +13,13 @@ from filter_study import (
     watch_cruise,
     watch_perch,
 )
-from glider import Perches, Plan, perching_filter, tracking_regulator
+from glider import (
+    ExtendedKalmanFilter,
+    Perches,
+    Plan,
+    perching_filter,
+    tracking_regulator,
+)
 from glider.control.tvlqr import TrackingPolicy
 from glider.paths import models_path
 from glider.physics.model import GliderModel
@@ -54,9 +60,8 @@ def fly_on_estimate(
         rng: draws the noise of motion capture, as the filter is given it.
         progress: called with the launch that is flown.
     """
-    filtering = estimated_loop(
-        model, tracking_regulator(model, plan), *perching_filter(model, plan.states[0])
-    )
+    estimator = ExtendedKalmanFilter(*perching_filter(model, plan.states[0]))
+    filtering = estimated_loop(model, tracking_regulator(model, plan), estimator)
     seeing = closed_loop(model, tracking_regulator(model, plan), all_states=True)
     duration = plan.duration + AFTER
     return EstimatedPerches(

@@ -30,7 +30,8 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams import playback, program
+from diagrams import playback
+from diagrams.programs import program
 from filter_consistency import Consistency, watch_perches
 from filter_figures import Knowledge, save_knowledge_figure
 from filter_flights import (

@@ -32,7 +32,8 @@ from typing import Any
 import numpy as np
 
 import learning
-from diagrams import playback, program
+from diagrams import playback
+from diagrams.programs import program
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
 from learning import Identify, Round, learn

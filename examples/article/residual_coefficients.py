@@ -21,8 +21,8 @@ import sys
 from collections.abc import Sequence
 
 from coefficient_figures import save_residual_figure
-from diagrams import program
 from diagrams.playback import GREEN, GREY, RED, Track
+from diagrams.programs import program
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.physics.model import GliderModel

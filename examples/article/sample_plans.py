@@ -18,7 +18,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams import playback, program
+from diagrams import playback
+from diagrams.programs import program
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from sampled import Comparison, compare

@@ -7,14 +7,14 @@ import numpy as np
 
 from diagrams.loops import closed_loop, open_loop
 from diagrams.simulate import simulate_flights
-from glider.control.mppi import MppiController, replanning_cost, sequence_of
-from glider.control.tvlqr_drake import tracking_regulator
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.dircol import Progress, plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Perches
+from glider.systems.mppi import MppiController
+from glider.systems.regulator import tracking_regulator
 
 COMMAND_RATE = 50.0
 """Rate of the commands, held between [Hz]."""
@@ -115,12 +115,13 @@ def compare(
     planned = plan(model, problem, progress=lambda text: say(f"plan: {text}"))
     if replanning is None:
         replanning = PerchingProblem.load(models_path("problems", "replanning.yaml"))
-    cost = replanning_cost(model, replanning, COMMAND_RATE)
-    sequence = sequence_of(planned, cost.step, cost.steps) if warm else None
     tracking = tracking_regulator(model, planned)
     duration = planned.duration + AFTER
     flights, seconds = [], 0.0
-    controller = MppiController(cost, sequence, seed=seed)
+    first = planned if warm else None
+    controller = MppiController(
+        model, replanning, first, command_rate=COMMAND_RATE, seed=seed
+    )
     for diagram in (
         open_loop(truth, planned),
         closed_loop(truth, tracking, planned=model, command_rate=COMMAND_RATE),

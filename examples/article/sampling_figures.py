@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from axes import few_ticks, legend_beside, log_scale
-from diagrams.program import plot_perches
+from diagrams.programs.program import plot_perches
 from glider.report.plots.style import BLUE, GREEN, RED, STYLE
 from sampled import Comparison
 from searches import Searches

@@ -34,7 +34,7 @@ from pydrake.systems.analysis import RegionOfAttraction, RegionOfAttractionOptio
 from pydrake.systems.primitives import SymbolicVectorSystem
 from scipy.integrate import solve_ivp
 
-from diagrams import program
+from diagrams.programs import program
 
 SIZE = 2.0
 """Scale of y = x / SIZE, in which all polynomials are; y is about 1 on the limit cycle:

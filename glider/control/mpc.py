@@ -1,12 +1,8 @@
-"""Model-predictive control by direct collocation, as a Drake System."""
+"""Model-predictive control by direct collocation: a new plan from each state."""
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, LeafSystem, State
 
 from glider.control.mppi import COMMAND_RATE
 from glider.errors import expect
@@ -17,26 +13,29 @@ from glider.planning.problem import PerchingProblem
 from glider.planning.structured import CollocatedFlight, solve_structured
 from glider.planning.transcription import check_plannable
 
-RATE_COST = 0.1
+_RATE_COST = 0.1
 """Weight of the elevator's squared rate [1/(rad²/s)] beside the goal's weights of
 models/problems/replanning.yaml."""
 
-SPACING = 0.022
+_SPACING = 0.022
 """Time between knots [s], as the article's plan has them."""
 
-FEWEST = 5
+_FEWEST = 5
 """Knots of the shortest plan."""
 
 LAST = 0.04
 """Rest of a plan that is not planned again but flown to its end [s]."""
 
-ITERATIONS, TOLERANCE = 25, 1e-4
-"""Of a plan that is flown for one command; iterations bound its time."""
+_ITERATIONS = 25
+"""Most iterations of a plan that is flown for one command: they bound its time."""
+
+_TOLERANCE = 1e-4
+"""Tolerance of such a plan."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReplanResult:
-    """State of the controller: its last plan, and statistics of planning."""
+    """The last plan that was found, and statistics of planning."""
 
     flight: CollocatedFlight  #: The last plan that was found.
     begin: float  #: When its time began [s].
@@ -56,32 +55,18 @@ class ReplanResult:
         return float(np.interp(middle, times, self.flight.knots[:, -1]))
 
 
-class ModelPredictiveController(LeafSystem):
-    """Plans again from each measured state and applies the plan's first command.
+class Replanner:
+    """Plans from any state to the wire, warm from the last plan.
 
-    state -> [ ModelPredictiveController ] -> elevator_rate, timing
-
-    At each command it plans from the measured state to the wire, by the solver of
-    `glider.planning.structured`, warm from the last plan, and holds the plan's mean
-    command until the next. The end is free in time, and no constraint: the cost draws
-    to it, so that there is a plan from everywhere. Where a solve fails the last plan
-    goes on, and so does the rest of a plan that is all but over. A simulation may begin
-    at any time: the first plan counts from the knot that is nearest to its launch.
-
-    The abstract state is a `ReplanResult`, so that a context determines
-    all future commands. It is updated at each period, and by a forced event: a station
-    whose commands have a clock of their own runs it without a Simulator.
+    The end is free in time, and no constraint: the cost draws to it, so that there is
+    a plan from everywhere. Where a solve fails the last plan goes on, and so does the
+    rest of a plan that is all but over.
 
     Args:
-        model: the glider that is planned with; its effects' own states are fed back.
+        model: the glider that is planned with.
         problem: whose launch, goal, weights and limits; its rate_cost is replaced
             where it is zero, because a plan of no cost is not unique.
-        command_rate: of updates [Hz].
-        watch: called with the state after each plan.
-
-    Output ports:
-        elevator_rate: the command [rad/s].
-        timing: (4,) plans, failures, seconds of the last and of the slowest.
+        command_rate: of plans [Hz].
 
     Raises:
         InputError: the glider or the problem cannot be planned for.
@@ -92,74 +77,55 @@ class ModelPredictiveController(LeafSystem):
         model: GliderModel,
         problem: PerchingProblem,
         command_rate: float = COMMAND_RATE,
-        watch: Callable[[ReplanResult], None] | None = None,
     ) -> None:
-        """Plans once from the launch; declares ports, state and periodic update."""
-        super().__init__()
         good = np.isfinite(command_rate) and command_rate > 0.0
         what = "ModelPredictiveController: the command rate"
         expect(good, what, command_rate, "a positive number of Hz")
         check_plannable(model, problem)
-        self.set_name("mpc")
-        self._model, self._period, self._watch = model, 1.0 / command_rate, watch
-        rate_cost = problem.rate_cost or RATE_COST
+        rate_cost = problem.rate_cost or _RATE_COST
+        self.period = 1.0 / command_rate  #: Time between plans [s].
+        self._model = model
         self._problem = dataclasses.replace(problem, rate_cost=rate_cost)
-        self._state = self.DeclareVectorInputPort("state", model.num_states)
-        first = ReplanResult(flight=self._plan_first(), begin=0.0)
-        index = self.DeclareAbstractState(AbstractValue.Make(first))
-        self.DeclareInitializationUnrestrictedUpdateEvent(self._begin)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(self._period, 0.0, self._update)
-        self.DeclareForcedUnrestrictedUpdateEvent(self._update)
-        ticket = {self.abstract_state_ticket(index)}
-        self.DeclareVectorOutputPort("elevator_rate", 1, self._calc_rate, ticket)
-        self.DeclareVectorOutputPort("timing", 4, self._calc_timing, ticket)
 
-    def _plan_first(self) -> CollocatedFlight:
+    def plan_first(self) -> ReplanResult:
+        """Returns the plan from the problem's launch, which begins at time 0."""
         line = straight_line(self._model, self._problem)
-        knots = max(FEWEST, round(line.states.end_time() / SPACING))
+        knots = max(_FEWEST, round(line.states.end_time() / _SPACING))
         flight = solve_structured(
             self._model, self._problem, knots, line, arrive=False, name="the first plan"
         )
         what = "ModelPredictiveController: the first plan's status"
         expect(flight.solved, what, flight.status, "a launch with a plan")
-        return flight
+        return ReplanResult(flight=flight, begin=0.0)
 
-    def _begin(self, context: Context, state: State) -> None:
-        now, known = context.get_time(), context.get_abstract_state(0).get_value()
-        if known.plans:  # A flight goes on.
-            return
-        here = self._state.Eval(context)[POSITION]
-        away = np.linalg.norm(known.flight.knots[:, POSITION] - here, axis=1)
-        begin = now - float(known.flight.times[np.argmin(away)])
-        known = dataclasses.replace(known, begin=begin, time=now)
-        state.get_mutable_abstract_state(0).set_value(known)
-
-    def _update(self, context: Context, state: State) -> None:
-        now, known = context.get_time(), context.get_abstract_state(0).get_value()
-        known = self.plan_again(known, now, self._state.Eval(context))
-        state.get_mutable_abstract_state(0).set_value(known)
+    def begin(self, first: ReplanResult, now: float, state: np.ndarray) -> ReplanResult:
+        """Lets the first plan count from its knot nearest to a state (n,) [s]."""
+        away = first.flight.knots[:, POSITION] - state[POSITION]
+        nearest = np.argmin(np.linalg.norm(away, axis=1))
+        begin = now - float(first.flight.times[nearest])
+        return dataclasses.replace(first, begin=begin, time=now)
 
     def plan_again(
         self, known: ReplanResult, now: float, state: np.ndarray
     ) -> ReplanResult:
-        """The next state, by a plan from the measured state (n,) at `now` [s]."""
-        elapsed, known = now - known.begin, dataclasses.replace(known, time=now)
+        """Returns what is known after a plan from a state (n,) at `now` [s]."""
+        known = dataclasses.replace(known, time=now)
+        elapsed = now - known.begin
         rest = known.flight.times[-1] - elapsed
         if rest < LAST:
             return known
-        near = dataclasses.replace(
-            self._problem, duration_limits=[0.5 * rest, 1.5 * rest + self._period]
-        )
+        longest = 1.5 * rest + self.period
+        near = dataclasses.replace(self._problem, duration_limits=[0.5 * rest, longest])
         flight = solve_structured(
             self._model,
             near,
-            max(FEWEST, 1 + round(rest / SPACING)),
+            max(_FEWEST, 1 + round(rest / _SPACING)),
             known.flight,
             launch=state,
             arrive=False,
             elapsed=elapsed,
-            tolerance=TOLERANCE,
-            iterations=ITERATIONS,
+            tolerance=_TOLERANCE,
+            iterations=_ITERATIONS,
             name="the last plan",
         )
         again = dataclasses.replace(
@@ -172,16 +138,4 @@ class ModelPredictiveController(LeafSystem):
         )
         if flight.solved:
             again = dataclasses.replace(again, flight=flight, begin=now)
-        if self._watch is not None:
-            self._watch(again)
         return again
-
-    def _calc_rate(self, context: Context, output: Any) -> None:
-        known = context.get_abstract_state(0).get_value()
-        output.SetFromVector([known.command(known.time, self._period)])
-
-    def _calc_timing(self, context: Context, output: Any) -> None:
-        known = context.get_abstract_state(0).get_value()
-        output.SetFromVector(
-            [known.plans, known.failures, known.seconds, known.slowest]
-        )

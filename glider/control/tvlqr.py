@@ -191,7 +191,7 @@ def tracking_policy(
     weights: TrackingWeights | None = None,
     step: float = STEP,
 ) -> TrackingPolicy:
-    """Computes the tracking feedback of `glider.control.tvlqr_drake` in milliseconds.
+    """Computes the tracking feedback of `glider.systems.regulator` in milliseconds.
 
     Jacobians along the plan by complex steps, then one Runge-Kutta pass of the
     Riccati equations on a fixed grid (`compiled.riccati`).

@@ -24,7 +24,7 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, POSE_NAMES, STATE_NAMES
 
-STEP = 0.01
+_STEP = 0.01
 """Longest Runge-Kutta step of a prediction [s]."""
 
 WIND_NAMES = ("wind_x", "wind_z")
@@ -73,7 +73,8 @@ class Ekf:
     @property
     def measured_names(self) -> tuple[str, ...]:
         """Names of what is measured: the pose, then the states from the elevator on."""
-        return (*POSE_NAMES, *self.names[len(POSE_NAMES) : len(self.noise)])
+        others = self.names[len(POSE_NAMES) : len(self.noise)]
+        return (*POSE_NAMES, *others)
 
 
 def make_ekf(
@@ -84,7 +85,7 @@ def make_ekf(
     noise: ArrayLike,
     slow: tuple[SlowState, ...] = (),
     known: tuple[str, ...] = (),
-    step: float = STEP,
+    step: float = _STEP,
 ) -> Ekf:
     """Makes a filter.
 
@@ -108,22 +109,29 @@ def make_ekf(
     for name, value in (("rate", rate), ("step", step)):
         good = math.isfinite(value) and value > 0.0
         expect(good, f"make_ekf: '{name}'", value, "a positive number")
-    n, places = model.num_states, _places(model)
-    process, noise = _checked_process(process, n), _checked_noise(noise, n)
+    n = model.num_states
+    places = _places(model)
+    process = _checked_process(process, n)
+    noise = _checked_noise(noise, n)
     names = (*(s.name for s in slow), *known)
     for name in names:
         needed = f"one of {', '.join(places)}"
         expect(name in places, "make_ekf: a slow state or known input", name, needed)
-    what, needed = "make_ekf: the list of slow and known", "each name only once"
+    what = "make_ekf: the list of slow and known"
+    needed = "each name only once"
     expect(len(set(names)) == len(names), what, names, needed)
     for s in slow:
-        numbers = (s.std, s.walk, s.decay, 0.0 if s.mean is None else s.mean)
-        good = all(map(math.isfinite, numbers)) and min(numbers[:2]) >= 0.0
+        mean = 0.0 if s.mean is None else s.mean
+        numbers = (s.std, s.walk, s.decay, mean)
+        good = all(map(math.isfinite, numbers))
+        good = good and s.std >= 0.0 and s.walk >= 0.0
         what = f"make_ekf: slow state '{s.name}' (std, walk, decay, mean)"
         expect(good, what, numbers, "finite numbers, std and walk not negative")
     z = stacked(n, model.numbers)
-    taken = np.array([*range(n), *(places[s.name] for s in slow)])
+    slow_places = [places[s.name] for s in slow]
+    taken = np.array([*range(n), *slow_places])
     acting, seen = _depend(model, z, taken)
+    known_places = [places[name] for name in known]
     period = 1.0 / rate
     step = min(step, model.longest_step())
     count = math.ceil(period / step - 1e-9)
@@ -144,7 +152,7 @@ def make_ekf(
             decay=np.array([s.decay for s in slow], dtype=float),
             acting=acting,
             seen=seen,
-            entry=np.array([n, *(places[name] for name in known)]),
+            entry=np.array([n, *known_places]),
         ),
     )
 
@@ -152,8 +160,10 @@ def make_ekf(
 def _places(model: GliderModel) -> dict[str, int]:
     """Indices in z of all that may be a slow state or a known input."""
     names = [*WIND_NAMES, *PARAMETER_NAMES]
-    names += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
-    return {name: model.num_states + 1 + i for i, name in enumerate(names)}
+    for kind in model.kinds:
+        names += [f"{kind.kind}.{c.name}" for c in kind.coefficients]
+    first = model.num_states + 1
+    return {name: place for place, name in enumerate(names, start=first)}
 
 
 def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:
@@ -161,17 +171,22 @@ def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:
 
     A NaN reaches all that is computed from it.
     """
-    n, chain, field = model.num_states, model.chain, model.residual_field
+    n = model.num_states
+    chain = model.chain
+    field = model.residual_field
     moving = slice(STATE_NAMES.index("xdot"), NUM_STATES)
-    acting, seen = [], []
+    acting = []
+    seen = []
     for k, place in enumerate(places):
         y = z.copy()
         y[moving] += 1.0  # In motion: nothing is divided by zero.
         y[place] = np.nan
-        if np.any(np.isnan(chain.derivatives_of(0.0, y, n, field))):
+        rates = chain.derivatives_of(0.0, y, n, field)
+        if np.any(np.isnan(rates)):
             acting.append(k)
         theta = chain.theta_of(y[n + NUM_INPUTS :], field)
-        if np.any(np.isnan(chain.measure(y[:n], theta))):
+        pose = chain.measure(y[:n], theta)
+        if np.any(np.isnan(pose)):
             seen.append(k)
     return np.array(acting), np.array(seen)
 
@@ -187,7 +202,8 @@ def _numbers(values: ArrayLike) -> np.ndarray:
 def _checked_process(process: ArrayLike, n: int) -> np.ndarray:
     values = _numbers(process)
     good = values.ndim == 1 and len(values) in (NUM_STATES, n)
-    good = good and bool(np.all(np.isfinite(values) & (values >= 0.0)))
+    good = good and bool(np.isfinite(values).all())
+    good = good and bool(np.min(values) >= 0.0)
     needed = f"{n} finite numbers, none negative"
     expect(good, "make_ekf: 'process'", process, needed)
     return np.append(values, np.zeros(n - len(values)))
@@ -197,8 +213,10 @@ def _checked_noise(noise: ArrayLike, n: int) -> np.ndarray:
     values = _numbers(noise)
     values = np.diag(values) if values.ndim == 1 else values
     rows = len(values) if values.ndim else 0
-    good = values.shape == (rows, rows) and len(POSE_NAMES) <= rows <= n
-    good = good and bool(np.isfinite(values).all()) and np.allclose(values, values.T)
+    good = values.shape == (rows, rows)
+    good = good and len(POSE_NAMES) <= rows <= n
+    good = good and bool(np.isfinite(values).all())
+    good = good and np.allclose(values, values.T)
     good = good and bool(np.min(np.linalg.eigvalsh(values)) > 0.0)
     needed = f"positive variances (M,) or a covariance (M, M) with M from 3 to {n}"
     expect(good, "make_ekf: 'noise'", noise, needed)

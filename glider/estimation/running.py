@@ -44,9 +44,11 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
     Raises:
         InputError: what is given does not fit the filter, or is no number.
     """
-    n, full = ekf.num_states, ekf.model.initial_state(state)
+    n = ekf.num_states
+    full = ekf.model.initial_state(state)
     sizes = f"({NUM_STATES},) or ({n},)"
-    finite = full.shape == (n,) and np.all(np.isfinite(full))
+    finite = full.shape == (n,)
+    finite = finite and bool(np.isfinite(full).all())
     expect(finite, "make_prior: the state", full, f"{sizes} finite numbers")
     given = np.asarray(std, dtype=float)
     fits = given.shape in ((NUM_STATES,), (n,))
@@ -54,20 +56,25 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
     spread = np.zeros(len(ekf.names))
     spread[: len(given)] = given
     spread[n:] = [s.std for s in ekf.slow]
-    good = np.all(np.isfinite(spread) & (spread >= 0.0))
-    expect(good, "make_prior: the deviations", spread, "finite numbers, none negative")
+    good = np.isfinite(spread) & (spread >= 0.0)
+    needed = "finite numbers, none negative"
+    expect(good.all(), "make_prior: the deviations", spread, needed)
     places = ekf.estimated.places[ekf.num_states :]
     means = [
         ekf.z[place] if s.mean is None else s.mean
         for s, place in zip(ekf.slow, places, strict=True)
     ]
-    return Belief(mean=np.append(full, means), covariance=np.diag(spread**2))
+    mean = np.append(full, means)
+    return Belief(mean=mean, covariance=np.diag(spread**2))
 
 
 def check_belief(ekf: Ekf, prior: Belief, source: str) -> None:
     """Raises InputError where a belief is of another filter's x̄."""
-    size, shapes = len(ekf.names), (prior.mean.shape, prior.covariance.shape)
-    good = (shapes[0][-1:], shapes[1][-2:]) == ((size,), (size, size))
+    size = len(ekf.names)
+    shapes = (prior.mean.shape, prior.covariance.shape)
+    mean, covariance = shapes
+    good = mean[-1:] == (size,)
+    good = good and covariance[-2:] == (size, size)
     what = f"{source}: the shape of the prior's mean and covariance"
     expect(good, what, shapes, f"({size},) and ({size}, {size})")
 
@@ -98,9 +105,13 @@ def run_ekf(
     period = ekf.period if period is None else period
     inputs = np.ascontiguousarray(inputs, dtype=float)
     measured = np.ascontiguousarray(measured, dtype=float)
-    rows, size, model = len(ekf.noise), len(ekf.names), ekf.model
-    good = measured.ndim == 3 and inputs.shape[:-1] == measured.shape[:-1]
-    good = good and (inputs.shape[2], measured.shape[2]) == (ekf.num_inputs, rows)
+    rows = len(ekf.noise)
+    size = len(ekf.names)
+    model = ekf.model
+    good = measured.ndim == inputs.ndim == 3
+    good = good and inputs.shape[:-1] == measured.shape[:-1]
+    good = good and inputs.shape[2] == ekf.num_inputs
+    good = good and measured.shape[2] == rows
     needed = f"(B, K, {ekf.num_inputs}) and (B, K, {rows})"
     shapes = inputs.shape, measured.shape
     expect(good, "run_ekf: the shape of inputs and measurements", shapes, needed)
@@ -113,7 +124,8 @@ def run_ekf(
         innovation_covariances=np.empty((batch, samples, rows, rows)),
         nis=np.empty((batch, samples)),
     )
-    found.means[:, 0], found.covariances[:, 0] = prior.mean, prior.covariance
+    found.means[:, 0] = prior.mean
+    found.covariances[:, 0] = prior.covariance
     LOOPS.over(model.kinds, model.has_field).ekf_run(
         time,
         ekf.z.copy(),
@@ -155,16 +167,22 @@ def predict_mean(
     Raises:
         InputError: what is given does not fit the filter.
     """
-    shapes, size = (np.shape(mean), np.shape(inputs)), len(ekf.names)
-    good, needed = ((size,), (ekf.num_inputs,)), f"({size},) and ({ekf.num_inputs},)"
+    shapes = (np.shape(mean), np.shape(inputs))
+    size = len(ekf.names)
+    good = ((size,), (ekf.num_inputs,))
+    needed = f"({size},) and ({ekf.num_inputs},)"
     what = "predict_mean: the shape of mean and inputs"
     expect(shapes == good, what, shapes, needed)
-    z, model = ekf.z.copy(), ekf.model
-    z[ekf.estimated.places], z[ekf.estimated.entry] = mean, inputs
+    z = ekf.z.copy()
+    model = ekf.model
+    z[ekf.estimated.places] = mean
+    z[ekf.estimated.entry] = inputs
     steps = max(math.ceil(duration / ekf.step - 1e-9), 1)
     value = np.empty(size)
-    slopes = np.empty((size, size) if differentiate else (0, 0))
-    loop, step = LOOPS.over(model.kinds, model.has_field).ekf_advance, duration / steps
+    columns = size if differentiate else 0
+    slopes = np.empty((columns, columns))
+    loop = LOOPS.over(model.kinds, model.has_field).ekf_advance
+    step = duration / steps
     field = model.residual_field
     loop(time, z, ekf.estimated, step, steps, field, value, slopes)
     return value, slopes

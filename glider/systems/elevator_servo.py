@@ -8,6 +8,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import limited_rate
 from glider.physics.state import ELEVATOR, NUM_STATES
+from glider.systems.template import float_class
 
 
 @TemplateSystem.define("ElevatorServo_", T_list=[float, AutoDiffXd])
@@ -15,16 +16,20 @@ def ElevatorServo_(T):
     class Impl(LeafSystem_[T]):
         """A servo that keeps its rate limit and slows down before its stops.
 
-        command -> [               ]
-        state ---> [ ElevatorServo ] -> elevator_rate
-
         See `limited_rate` for the formula. Where the glider's own actuator lags
         (effect servo_lag), the elevator can overshoot a stop by what the lag
         still moves it.
 
+        Input ports:
+            command (1): rate that is asked for [rad/s].
+            state (n): state of the glider; its elevator angle is used [rad].
+
+        Output ports:
+            elevator_rate (1): rate within the limits [rad/s].
+
         Args:
             parameters: whose elevator_limits and elevator_rate_limit to keep.
-            num_states: width of `state`; its elevator angle is used.
+            num_states: size n of `state`.
         """
 
         def _construct(self, parameters=None, num_states=NUM_STATES, converter=None):
@@ -50,4 +55,4 @@ def ElevatorServo_(T):
     return Impl
 
 
-ElevatorServo = ElevatorServo_[None]  # The float instantiation.
+ElevatorServo = float_class(ElevatorServo_)

@@ -8,6 +8,7 @@ from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from glider.errors import expect
+from glider.systems.template import float_class
 
 
 @TemplateSystem.define("SampledNoise_", T_list=[float, AutoDiffXd])
@@ -15,18 +16,22 @@ def SampledNoise_(T):
     class Impl(LeafSystem_[T]):
         """Adds one row of a noise tape to each sample of a signal.
 
-        signal -> [ SampledNoise ] -> measured = signal + tape[k]
-
         A hold or a periodic log behind it samples at the times k / rate. The noise
         changes halfway between these, so that the order of simultaneous events does
         not matter, and is constant between events, as integrators require. After the
         tape's end its last row stays.
 
+        Input ports:
+            signal (n): anything, such as a state or a pose with the elevator.
+
+        Output ports:
+            measured (n): signal + tape[k].
+
         Numeric parameter 0 holds the tape (rows * size,), zero by default; each
         flight sets its own (`set_tape`).
 
         Args:
-            size: of the signal.
+            size: of the signal, n.
             rate: of the samples [Hz].
             rows: length of the tape.
         """
@@ -36,7 +41,9 @@ def SampledNoise_(T):
             good = math.isfinite(rate) and rate > 0.0
             expect(good, "SampledNoise: 'rate'", rate, "a positive number of Hz")
             expect(rows >= 1, "SampledNoise: 'rows'", rows, "at least 1")
-            self.size, self.rate, self.rows = size, float(rate), rows
+            self.size = size
+            self.rate = float(rate)
+            self.rows = rows
             self._signal = self.DeclareVectorInputPort("signal", size)
             self.DeclareNumericParameter(BasicVector_[T](np.zeros(rows * size)))
             self.DeclareDiscreteState(1)
@@ -74,4 +81,4 @@ def SampledNoise_(T):
     return Impl
 
 
-SampledNoise = SampledNoise_[None]  # The float instantiation.
+SampledNoise = float_class(SampledNoise_)

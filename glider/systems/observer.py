@@ -7,6 +7,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
+from glider.systems.template import float_class
 
 
 @TemplateSystem.define("ExtraStates_", T_list=[float, AutoDiffXd])
@@ -14,12 +15,16 @@ def ExtraStates_(T):
     class Impl(LeafSystem_[T]):
         """Runs a model's effect states beside a flight, without correction.
 
-        measured ------> [             ]
-        elevator_rate -> [ ExtraStates ] -> state = (measured, effect states)
-
         A regulator of a model with servo_lag, say, uses the lagged rate, which
         is not measured. The initial values of these states decay (a stable lag), so
         that integrating the model's own formulas is enough.
+
+        Input ports:
+            measured (7): state without the effects' own.
+            elevator_rate (1): rate of the servo [rad/s].
+
+        Output ports:
+            state (n): what is measured, then the effects' own states.
 
         Args:
             model: the planner's.
@@ -71,4 +76,4 @@ def ExtraStates_(T):
     return Impl
 
 
-ExtraStates = ExtraStates_[None]  # The float instantiation.
+ExtraStates = float_class(ExtraStates_)

@@ -1,18 +1,4 @@
-"""The glider as a Drake System: a shell of ports and context round the dynamics.
-
-Input ports:
-    elevator_rate: commanded rate of the elevator [rad/s].
-    wind: velocity of the air, world (x, z) [m/s]; may be left open.
-
-Output ports:
-    state: STATE_NAMES, then the effects' own states (`state_names`).
-    forces: FORCE_NAMES, directly from state, elevator_rate and wind.
-    pose: what the sensors show, POSE_NAMES.
-
-Numeric parameter 0 holds the parameters in the order of PARAMETER_NAMES
-and numeric parameter 1 the effects' coefficients, one effect after the
-other, so that a caller can change them or differentiate by them.
-"""
+"""The glider as a Drake System: a shell of ports and context round the dynamics."""
 
 from functools import partial
 
@@ -28,8 +14,9 @@ from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel, as_model
 from glider.physics.parameters import Parameters, Theta
 from glider.physics.state import POSE_NAMES
+from glider.systems.template import float_class
 
-FORCE_NAMES = ("wing", "elevator", "force_x", "force_z", "moment")
+_FORCE_NAMES = ("wing", "elevator", "force_x", "force_z", "moment")
 """Force of each plate along its normal [N], total force without weight in the
 world [N], total moment about +y and the center of mass [N m]."""
 
@@ -39,19 +26,31 @@ def GliderPlant_(T):
     class Impl(LeafSystem_[T]):
         """A planar glider with its effects.
 
-        elevator_rate -> [             ] -> state
-        wind ----------> [ GliderPlant ] -> forces
-                         [             ] -> pose
+        It turns its elevator at any rate: the limits of rate and travel are those of
+        an `ElevatorServo` in front of it.
+
+        Input ports:
+            elevator_rate (1): rate of the elevator [rad/s].
+            wind (2): velocity of the air, world (x, z) [m/s]; may be left open.
+
+        Output ports:
+            state (n): x, z [m], pitch, elevator [rad] and their rates, without the
+                elevator's [m/s, rad/s]; then the effects' own states (`state_names`).
+            forces (5): force of wing and elevator along their normals, total force
+                without weight in the world (x, z) [N], total moment about +y and the
+                center of mass [N m].
+            pose (3): x, z [m] and pitch [rad] as the sensors show them.
+
+        Numeric parameter 0 holds the parameters in the order of PARAMETER_NAMES and
+        numeric parameter 1 the effects' coefficients, one effect after the other, so
+        that a caller can change them or differentiate by them.
 
         Args:
             model: the glider, or the path of its file; the default is that of
                 GliderParameters.
-            fast: whether the AutoDiffXd twin takes value and Jacobian from
-                compiled code (about a quarter of the time; the first call
-                compiles, later sessions read it from disk). Where a formula
-                does not compile, it takes the plain way.
-
-        Its ports and numeric parameters are those of the module's docstring.
+            fast: whether the AutoDiffXd twin takes value and Jacobian from compiled
+                code, in about a quarter of the time; the first call compiles. Where a
+                formula does not compile, it takes the plain way.
         """
 
         def _construct(self, model=None, fast=True, converter=None):
@@ -98,7 +97,8 @@ def GliderPlant_(T):
 
         def _calc_forces(self, context, output):
             t, x, u, wind_x, wind_z, theta = self._arguments(context)
-            chain, c = self._chain, theta.c
+            chain = self._chain
+            c = theta.c
             rate = chain.actuator_terms(u, x, c)
             flow, terms = chain.meet_air(t, x, rate, wind_x, wind_z, theta)
             output.SetFromVector(np.array(chain.wrench(flow, terms, x, c)[:5]))
@@ -117,7 +117,7 @@ def GliderPlant_(T):
     return Impl
 
 
-GliderPlant = GliderPlant_[None]  # The float instantiation.
+GliderPlant = float_class(GliderPlant_)
 
 
 def _joined(gradient, rows, below):
@@ -138,7 +138,7 @@ def _declare(plant, vector):
     plant.DeclareNumericParameter(vector(np.array(theta.p)))
     plant.DeclareNumericParameter(vector(theta.c))
     plant.DeclareStateOutputPort("state", state)
-    plant.DeclareVectorOutputPort("forces", len(FORCE_NAMES), plant._calc_forces)
+    plant.DeclareVectorOutputPort("forces", len(_FORCE_NAMES), plant._calc_forces)
     plant.DeclareVectorOutputPort(
         "pose",
         len(POSE_NAMES),
@@ -167,7 +167,8 @@ def _calc_numbers(plant, context, value):
 
 def _fast_rates(plant, context):
     """Returns the derivatives by one chain rule, None if that cannot be."""
-    inputs, n = _scalars(plant, context), len(plant.state_names)
+    inputs = _scalars(plant, context)
+    n = len(plant.state_names)
     z, numbers_gradient = plant._numbers.Eval(context)
     z = z.copy()
     z[: len(inputs)] = [scalar.value() for scalar in inputs]

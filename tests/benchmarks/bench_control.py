@@ -14,9 +14,9 @@ from pydrake.systems.controllers import FiniteHorizonLinearQuadraticRegulator
 from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.control.tvlqr import tracking_policy
-from glider.control.tvlqr_drake import regulator_arguments, tracking_regulator
 from glider.simulation.fly import AFTER, fly
 from glider.systems.plant import GliderPlant
+from glider.systems.regulator import regulator_arguments, tracking_regulator
 from tests.helpers.drake_gains import policy_of, tracking_gains
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.station.bus import Bus, free_address
-from diagrams.station.controllers import make_guidance
-from diagrams.station.realtime import run_station, simulated_glider
-from diagrams.station.scenario import CONTROLLERS, Scenario, Simulation
-from diagrams.station.session import Session
-from diagrams.station.station import Station
-from diagrams.station.throw import Throw
+from diagrams.programs.station.bus import Bus, free_address
+from diagrams.programs.station.controllers import make_guidance
+from diagrams.programs.station.realtime import run_station, simulated_glider
+from diagrams.programs.station.scenario import CONTROLLERS, Scenario, Simulation
+from diagrams.programs.station.session import Session
+from diagrams.programs.station.station import Station
+from diagrams.programs.station.throw import Throw
 from glider.physics.model import GliderModel
 from tests.benchmarks.tables import line_of
 

@@ -71,7 +71,8 @@ def test_a_shown_program_has_its_options(case):
         path = Path(spec.origin)
     else:
         path = ROOT / first
-    code = path.read_text("utf-8") + (ROOT / "diagrams" / "program.py").read_text()
+    shared = ROOT / "diagrams" / "programs" / "program.py"
+    code = path.read_text("utf-8") + shared.read_text("utf-8")
     for option in re.findall(r"(?<= )--[a-z-]+", " ".join(["", *words])):
         assert f'"{option}"' in code
 

@@ -1,6 +1,7 @@
 """The command line: what it writes, prints and returns."""
 
 import functools
+import importlib.metadata
 import json
 import os
 import shutil
@@ -8,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -239,3 +241,65 @@ def test_a_glider_that_takes_no_commands_is_not_traced(capsys, monkeypatch, tmp_
     save_campaign(folder, draw_throws(0, 3)[0])
     assert main(["next-throw", str(folder), "--out", str(tmp_path / "out")]) == 2
     assert "a servo that can be commanded" in capsys.readouterr().err
+
+
+# --------------------------------------------------------- commands of `diagrams`
+
+
+def registered_in_pyproject():
+    settings = tomllib.loads(
+        (Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8")
+    )
+    return settings["project"]["entry-points"]["glider.commands"]
+
+
+def test_the_commands_of_diagrams_are_registered():
+    points = importlib.metadata.distribution("drake-glider").entry_points
+    installed = points.select(group="glider.commands")
+    assert {p.name: p.value for p in installed} == registered_in_pyproject()
+    assert set(registered_in_pyproject()) == {"fly", "lab"}
+
+
+class Spoilt:
+    """An installation whose entry points are others."""
+
+    def __init__(self, points):
+        self.entry_points = importlib.metadata.EntryPoints(points)
+
+
+def point(name, value):
+    return importlib.metadata.EntryPoint(name, value, "glider.commands")
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [],  # Set up before there were any.
+        [point("fly", "diagrams.old.fly"), point("lab", "diagrams.old.lab")],
+    ],
+    ids=["none", "moved"],
+)
+@pytest.mark.parametrize("arguments", [["fly"], ["lab", "out", "--headless"]])
+def test_an_installation_without_them_says_what_to_do(
+    points, arguments, monkeypatch, capsys
+):
+    monkeypatch.setattr(importlib.metadata, "distribution", lambda name: Spoilt(points))
+    assert main(arguments) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: the package diagrams is not installed, or")
+    assert line.endswith("(make setup, or pip install .).")
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "fly the package diagrams is not installed" in shown
+    assert "lab the package diagrams is not installed" in shown
+
+
+def test_a_tree_that_is_not_installed_still_has_its_own_commands(monkeypatch, capsys):
+    def fail(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "distribution", fail)
+    assert main(["samples"]) == 0
+    assert main(["lab", "out"]) == 2
+    assert "is not installed" in capsys.readouterr().err

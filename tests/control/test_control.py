@@ -16,13 +16,13 @@ from glider.control.tvlqr import (
     tracking_policy,
     weight_matrix,
 )
-from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning import dircol
 from glider.planning.plan import Plan
 from glider.simulation.fly import fly
 from glider.systems.plant import GliderPlant
+from glider.systems.regulator import tracking_regulator
 from tests.helpers.drake_gains import TABLE_STEP, policy_of, tracking_gains
 from tests.helpers.flights import (
     LAGGING,

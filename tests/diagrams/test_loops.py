@@ -4,16 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import Gain, MatrixGain
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource, Gain, MatrixGain
 
-from diagrams.__main__ import save_pictures
-from diagrams.loops import closed_loop, open_loop
-from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
+from diagrams.loops import closed_loop, estimated_loop, open_loop
 from diagrams.playback import track_of
 from diagrams.simulate import draw_capture, reset, simulate_flights
 from diagrams.wiring import LONGEST, tape_rows
@@ -21,7 +18,6 @@ from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
-from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.physics.effects import DYNAMIC_STALL
@@ -32,6 +28,7 @@ from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER, fly
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
+from glider.systems.regulator import tracking_regulator
 from tests.helpers.flights import (
     LAGGING,
     NO_HOOK,
@@ -51,6 +48,10 @@ CAPTURE = {"elevator_angle", "markers", "motion_capture", "capture_log", "comman
 def regulator(lagging=False):
     """A System fits into one diagram: each needs its own."""
     return tracking_regulator(LAGGING if lagging else NOMINAL, plan_of(lagging))
+
+
+def names_of(diagram):
+    return {system.get_name() for system in diagram.GetSystems()}
 
 
 def launches(count):
@@ -104,7 +105,7 @@ def diagram(request):
 )
 def test_the_names_promised_are_there(name, systems, request):
     diagram = request.getfixturevalue(name)
-    assert set(names_of(diagram)) == systems
+    assert names_of(diagram) == systems
     outputs = {
         diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())
     }
@@ -125,9 +126,12 @@ def test_every_input_is_connected_but_the_wind(diagram):
 
 
 def test_the_servo_is_what_the_glider_gets(diagram):
-    assert ("servo", "glider", "elevator_rate") in edges_of(diagram)
-    sources = {source for source, target, _ in edges_of(diagram) if target == "glider"}
-    assert sources == {"servo"}
+    sources = {
+        (system.get_name(), system.get_output_port(port).get_name())
+        for (target, _), (system, port) in diagram.connection_map().items()
+        if target.get_name() == "glider"
+    }
+    assert sources == {("servo", "elevator_rate")}
 
 
 def test_its_autodiff_twin_has_its_slopes(diagram):
@@ -155,7 +159,7 @@ def test_its_autodiff_twin_has_its_slopes(diagram):
 def test_a_meshcat_shows_the_flight():
     meshcat = Meshcat(port=0)
     diagram = open_loop(NOMINAL, plan_of(), meshcat=meshcat)
-    assert {"glider_scene_graph", "glider_visualizer"} <= set(names_of(diagram))
+    assert {"glider_scene_graph", "glider_visualizer"} <= names_of(diagram)
     simulate_flights(diagram, launches(1), 0.05)
     assert meshcat.HasPath("/drake/glider")
 
@@ -340,10 +344,99 @@ def test_what_does_not_fit_is_refused(options, message):
         closed_loop(truth, MatrixGain(np.ones((1, 8))), **others)
 
 
-def test_a_controller_of_six_numbers_is_refused():
-    """It would get the first six of seven states."""
-    with pytest.raises(InputError, match=r"has 6 numbers; expected 7 .*pitchdot"):
-        closed_loop(NOMINAL, MatrixGain(np.ones((1, 6))))
+class OwnController(LeafSystem):
+    """A user's controller: gains about the plan."""
+
+    def __init__(self, states=7, commands=1):
+        super().__init__()
+        self._state = self.DeclareVectorInputPort("x", states)
+        self.DeclareVectorOutputPort("u", commands, self._calc)
+
+    def _calc(self, context, output):
+        time = min(context.get_time(), plan_of().duration)
+        offset, gain = policy().sample(np.array([time]))
+        output.SetFromVector(offset - gain @ self._state.Eval(context))
+
+
+class OwnFilter(LeafSystem):
+    """A user's filter: the model's flight, drawn to each pose by constant gains."""
+
+    def __init__(self, missing=None, poses=3, states=7, ticks=True):
+        super().__init__()
+        self._plant = GliderPlant(NOMINAL)
+        self._flown = self._plant.CreateDefaultContext()
+        self._ports = {
+            name: self.DeclareVectorInputPort(name, size)
+            for name, size in (("measured", poses), ("elevator_rate", 1))
+            if name != missing
+        }
+        start = np.resize(PROBLEM.launch, states)
+        held = self.DeclareDiscreteState(start)
+        if ticks:
+            self.DeclarePeriodicDiscreteUpdateEvent(1 / 240, 0.0, self._step)
+        if missing != "state":
+            self.DeclareStateOutputPort("state", held)
+
+    def _step(self, context, into):
+        state = context.get_discrete_state_vector().CopyToVector()
+        rate = self._ports["elevator_rate"].Eval(context)
+        self._plant.GetInputPort("elevator_rate").FixValue(self._flown, rate)
+        self._flown.SetContinuousState(state)
+        state += self._plant.EvalTimeDerivatives(self._flown).CopyToVector() / 240
+        away = self._ports["measured"].Eval(context) - state[:3]
+        state[:3] += 0.3 * away
+        state[4:] += 10.0 * away
+        into.set_value(state)
+
+
+def test_a_users_controller_and_filter_fly_to_the_wire():
+    loop = estimated_loop(NOMINAL, OwnController(), OwnFilter(), command_rate=50.0)
+    assert loop.GetSubsystemByName("motion_capture").rate == 240.0
+    noise = np.random.default_rng(0)
+    seeing = closed_loop(NOMINAL, OwnController(), command_rate=50.0)
+    duration = plan_of().duration + AFTER
+    [flight] = simulate_flights(loop, launches(1), duration, capture_noise=noise)
+    [other] = simulate_flights(seeing, launches(1), duration)
+    assert flight.perched and other.perched
+    assert np.max(np.abs(flight.states[-1] - other.states[-1])) > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("filter_options", "message"),
+    [
+        ({"missing": "measured"}, r"its inputs is \['elevator_rate'\]; .*'measured'"),
+        ({"missing": "elevator_rate"}, "expected one named 'elevator_rate'"),
+        ({"missing": "state"}, r"its outputs is \[\]; expected one named 'state'"),
+        ({"poses": 2}, "input 'measured' is 2; expected 3 or 4"),
+        ({"states": 6}, "output 'state' is 6; expected 7"),
+        ({"ticks": False}, "no periodic discrete update; expected one"),
+    ],
+)
+def test_a_filter_with_other_ports_is_refused(filter_options, message):
+    with pytest.raises(InputError, match=message):
+        estimated_loop(NOMINAL, OwnController(), OwnFilter(**filter_options))
+
+
+def test_a_filter_without_a_clock_is_given_a_rate():
+    loop = estimated_loop(
+        NOMINAL, OwnController(), OwnFilter(ticks=False), capture_rate=100.0
+    )
+    assert loop.GetSubsystemByName("motion_capture").rate == 100.0
+
+
+@pytest.mark.parametrize(
+    ("controller", "message"),
+    [
+        # It would get the first six of seven states.
+        (OwnController(states=6), r"first input is 6; expected 7 or more.*pitchdot"),
+        (OwnController(commands=2), "first output is 2; expected 1"),
+        (ConstantVectorSource([0.0]), "first input is 0; expected 7"),
+    ],
+)
+def test_a_controller_with_other_ports_is_refused(controller, message):
+    for wire in (closed_loop, lambda *given: estimated_loop(*given, OwnFilter())):
+        with pytest.raises(InputError, match=message):
+            wire(NOMINAL, controller)
 
 
 def test_noise_for_a_diagram_without_is_refused(plain):
@@ -458,32 +551,3 @@ def test_a_tape_that_does_not_fit_is_refused(shape):
 def test_a_sampler_that_cannot_be_is_refused(rate, rows):
     with pytest.raises(InputError, match="SampledNoise: 'r"):
         SampledNoise(1, rate, rows)
-
-
-# ---------------------------------------------------------------------- pictures
-
-
-def test_signals_go_from_left_to_right(sampled):
-    column = columns_of(names_of(sampled), edges_of(sampled), "glider")
-    chain = ["measured_state", "feedback_noise", "observer", "regulator"]
-    chain += ["command_hold", "servo", "glider"]
-    assert [column[name] for name in chain] == list(range(7))
-    assert column["state_log"] == 7
-
-
-def test_a_picture_shows_every_system_and_connection(sampled):
-    ax = Figure().add_subplot()
-    draw_diagram(sampled, ax)
-    texts = [text.get_text() for text in ax.texts]
-    assert set(names_of(sampled)) <= set(texts)
-    arrows = [text for text in ax.texts if text.get_text() == ""]
-    assert len(arrows) == len(edges_of(sampled))
-
-
-def test_the_command_writes_the_pictures(replay, tmp_path):
-    files = save_pictures({"open_loop": replay}, tmp_path / "new")
-    assert {file.name for file in files} >= {"open_loop.dot", "open_loop.svg"}
-    assert "elevator_rate" in (tmp_path / "new/open_loop.dot").read_text()
-    first = (tmp_path / "new/open_loop.svg").read_bytes()
-    save_pictures({"open_loop": replay}, tmp_path / "new")
-    assert (tmp_path / "new/open_loop.svg").read_bytes() == first

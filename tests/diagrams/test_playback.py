@@ -10,16 +10,8 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import DiagramBuilder
 
 from diagrams.overlays import ARROW_SCALE, arrow_paths, trail_path
-from diagrams.page import write_html
-from diagrams.playback import (
-    RED,
-    MakePlayback,
-    Track,
-    legend_of,
-    play,
-    stage_of,
-    track_of,
-)
+from diagrams.playback import RED, MakePlayback, Track, play, stage_of, track_of
+from diagrams.programs.page import legend_of, write_html
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 from glider.planning.problem import PerchingProblem

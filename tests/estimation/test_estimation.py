@@ -5,14 +5,7 @@ import functools
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import (
-    ConstantVectorSource,
-    MatrixGain,
-    TrajectorySource,
-)
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.systems.primitives import MatrixGain
 
 from diagrams.loops import estimated_loop
 from diagrams.simulate import simulate_flights
@@ -25,12 +18,10 @@ from filter_consistency import (
     watch_perches,
 )
 from filter_flights import fly_on_estimate
-from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import SlowState, make_ekf
 from glider.estimation.perching import CAPTURE, LAUNCH_STD, PROCESS, perching_filter
 from glider.estimation.running import Belief, make_prior, predict_mean, run_ekf
-from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.effects import (
     GROUND_EFFECT,
     MARKER_OFFSET,
@@ -40,6 +31,8 @@ from glider.physics.effects import (
 )
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Parameters, Theta
+from glider.systems.kalman_filter import ExtendedKalmanFilter
+from glider.systems.regulator import tracking_regulator
 from noisy_flights import draw_starts, fly_watched, information_bound
 from tests.helpers.flights import NOMINAL, PROBLEM, QUICK, plan_of, policy
 from tests.helpers.physics import random_states
@@ -354,127 +347,11 @@ def test_the_bound_is_the_inverse_of_the_information():
     np.testing.assert_allclose(bound[-1, 7:, 7:], expected, rtol=1e-5)
 
 
-# ------------------------------------------------------------------ as a System
-
-
 def path_of(ekf, mean, inputs):
     """Yields x̄ behind each sample of a flight without noise."""
     for row in inputs:
         mean, _ = predict_mean(ekf, mean, row, ekf.period)
         yield mean
-
-
-def line(samples, period):
-    """Returns a source that passes through samples (K, m), one a period from 0."""
-    times = period * np.arange(len(samples))
-    return TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, samples.T))
-
-
-def test_the_system_is_the_loop_step_by_step():
-    """And between samples it is the loop's prediction; inputs vary all the time."""
-    ekf, rng, samples = rich_ekf(), np.random.default_rng(0), 12
-    prior = make_prior(ekf, LAUNCH, [0.02] * 7)
-    rates = 3.0 * rng.normal(size=(samples + 2, 1))
-    wind = 0.3 * rng.normal(size=(samples + 2, 1))
-    means = 0.5 * (rates[:-1] + rates[1:])
-    inputs = np.hstack([means, wind[1:]])
-    measured = np.empty((samples, 4))
-    for k, mean in enumerate(path_of(ekf, prior.mean, inputs[:samples])):
-        measured[k] = mean[:4] + 0.01 * rng.normal(size=4)
-    expected = run_ekf(ekf, prior, inputs[None, :samples], measured[None])
-
-    builder = DiagramBuilder()
-    estimator = builder.AddSystem(ExtendedKalmanFilter(ekf, prior))
-    seen = np.vstack([np.zeros((1, 4)), measured, np.zeros((1, 4))])
-    for name, values in (("measured", seen), ("elevator_rate", rates), ("known", wind)):
-        source = builder.AddSystem(line(values, ekf.period))
-        builder.Connect(source.get_output_port(), estimator.GetInputPort(name))
-    simulator = Simulator(builder.Build())
-    context = estimator.GetMyContextFromRoot(simulator.get_context())
-
-    def read(name):
-        return estimator.GetOutputPort(name).Eval(context)
-
-    np.testing.assert_array_equal(read("estimate"), prior.mean)
-    for k in range(samples):
-        simulator.AdvanceTo((k + 0.5) * ekf.period)
-        mean_rate = 0.75 * rates[k] + 0.25 * rates[k + 1]
-        held = np.append(mean_rate, wind[k])
-        now = k * ekf.period
-        ahead, _ = predict_mean(ekf, expected.means[0, k], held, 0.5 * ekf.period, now)
-        np.testing.assert_allclose(read("state"), ahead[:8], rtol=1e-8, atol=1e-9)
-        simulator.AdvanceTo((k + 1.0 + 1e-9) * ekf.period)
-        for name, value in (
-            ("estimate", expected.means[0, k + 1]),
-            ("covariance", expected.covariances[0, k + 1].ravel()),
-            ("innovation", expected.innovations[0, k]),
-            ("innovation_covariance", expected.innovation_covariances[0, k].ravel()),
-        ):
-            np.testing.assert_allclose(read(name), value, rtol=1e-6, atol=1e-9)
-
-
-@pytest.mark.parametrize("begin", [2.0, 2.01])
-def test_a_flight_at_any_time_is_filtered_alike(begin):
-    """On the clock's ticks; between them the first sample comes sooner."""
-    ekf = make_ekf(GliderModel(), rate=40.0, process=PROCESS[:7], noise=NOISE)
-    prior, measured = make_prior(ekf, LAUNCH, [0.02] * 7), np.array(LAUNCH[:4]) + 0.05
-
-    def outputs(begin, duration):
-        builder = DiagramBuilder()
-        estimator = builder.AddSystem(ExtendedKalmanFilter(ekf, prior))
-        for name, values in (("measured", measured), ("elevator_rate", [0.3])):
-            source = builder.AddSystem(ConstantVectorSource(values))
-            builder.Connect(source.get_output_port(), estimator.GetInputPort(name))
-        simulator = Simulator(builder.Build())
-        simulator.get_mutable_context().SetTime(begin)
-        context = estimator.GetMyContextFromRoot(simulator.get_context())
-        names = "state", "estimate", "covariance"
-        before = estimator.GetOutputPort("state").Eval(context)
-        np.testing.assert_array_equal(before, prior.mean)
-        simulator.Initialize()
-        simulator.AdvanceTo(begin + duration)
-        simulator.Initialize()  # As who goes on with a context does.
-        return [estimator.GetOutputPort(name).Eval(context) for name in names]
-
-    duration = 3.5 * ekf.period
-    if begin == 2.0:
-        for found, expected in zip(
-            outputs(begin, duration), outputs(0.0, duration), strict=True
-        ):
-            np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
-        return
-    first = ekf.period - 0.01
-    _, mean, covariance = outputs(begin, first + 0.2 * ekf.period)
-    rates, shown = [[[0.3]]], measured[None, None]
-    expected = run_ekf(ekf, prior, rates, shown, period=first)
-    np.testing.assert_allclose(mean, expected.means[0, 1], rtol=1e-9, atol=1e-12)
-    size = expected.covariances[0, 1].ravel()
-    np.testing.assert_allclose(covariance, size, rtol=1e-9, atol=1e-14)
-
-
-def test_without_its_known_inputs_they_are_the_model_s():
-    """No wind blows, but the effect's own wind and its coefficients stay."""
-    ekf = make_ekf(
-        GliderModel(effects=EFFECTS),
-        rate=40.0,
-        process=PROCESS,
-        noise=NOISE,
-        known=("ground_effect.strength", "wind_z"),
-    )
-    strength = EFFECTS[2].values[0]
-    prior = make_prior(ekf, LAUNCH, [0.02] * 7)
-    builder = DiagramBuilder()
-    estimator = builder.AddSystem(ExtendedKalmanFilter(ekf, prior))
-    for name, size in (("measured", 4), ("elevator_rate", 1)):
-        source = builder.AddSystem(ConstantVectorSource(np.full(size, 0.1)))
-        builder.Connect(source.get_output_port(), estimator.GetInputPort(name))
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(1.5 * ekf.period)
-    context = estimator.GetMyContextFromRoot(simulator.get_context())
-    found = run_ekf(ekf, prior, [[[0.1, strength, 0.0]]], np.full((1, 1, 4), 0.1))
-    np.testing.assert_allclose(
-        estimator.GetOutputPort("estimate").Eval(context), found.means[0, 1], atol=1e-9
-    )
 
 
 def test_a_quick_servo_is_estimated_as_none():
@@ -503,7 +380,8 @@ def test_the_pose_alone_is_enough_to_perch():
     ekf, prior = perching_filter(NOMINAL, LAUNCH, elevator=False)
     assert ekf.measured_names == ("x", "z", "pitch")
     regulator = tracking_regulator(GliderModel(), plan_of())
-    loop = estimated_loop(NOMINAL, regulator, ekf, prior, command_rate=50.0)
+    estimator = ExtendedKalmanFilter(ekf, prior)
+    loop = estimated_loop(NOMINAL, regulator, estimator, command_rate=50.0)
     # At launch the filter knows no more than its prior: nor does the regulator.
     context = loop.CreateDefaultContext()
     glider, regulator, believed = (
@@ -576,7 +454,9 @@ def test_what_does_not_fit_the_filter_is_refused():
         ExtendedKalmanFilter(ekf, Belief(mean=np.zeros(7), covariance=np.eye(7)))
     full = make_ekf(NOMINAL, rate=120.0, process=PROCESS, noise=[1e-4] * 7)
     gain = MatrixGain(np.zeros((1, 7)))
-    with pytest.raises(InputError, match="motion capture"):
-        estimated_loop(NOMINAL, gain, full, make_prior(full, LAUNCH, [0.1] * 7))
-    with pytest.raises(InputError, match="wants 8 states"):
-        estimated_loop(NOMINAL, MatrixGain(np.zeros((1, 8))), ekf, prior)
+    estimator = ExtendedKalmanFilter(full, make_prior(full, LAUNCH, [0.1] * 7))
+    with pytest.raises(InputError, match="input 'measured' is 7; expected 3 or 4"):
+        estimated_loop(NOMINAL, gain, estimator)
+    gain = MatrixGain(np.zeros((1, 8)))
+    with pytest.raises(InputError, match="output 'state' is 7; expected 8"):
+        estimated_loop(NOMINAL, gain, ExtendedKalmanFilter(ekf, prior))

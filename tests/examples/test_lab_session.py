@@ -2,8 +2,15 @@
 
 import pytest
 
-from diagrams.lab import simulated
-from diagrams.lab.state import CORRECTED, NOMINAL, State, Throw, Trace, TracedEffect
+from diagrams.programs.lab import simulated
+from diagrams.programs.lab.state import (
+    CORRECTED,
+    NOMINAL,
+    State,
+    Throw,
+    Trace,
+    TracedEffect,
+)
 from examples import lab_session
 from glider.errors import InputError
 from tests.helpers.examples import run_main

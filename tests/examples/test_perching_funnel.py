@@ -6,7 +6,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from diagrams.program import run
+from diagrams.programs.program import run
 from examples import perching_funnel
 from examples.perching_funnel import FunnelTrials, study_funnel
 from glider.paths import models_path

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from diagrams import program
+from diagrams.programs import program
 from tests.helpers.examples import known_story, story_name
 
 FOLDER = Path(__file__).parents[2] / "examples"

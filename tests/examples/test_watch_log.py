@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagrams.program import run
+from diagrams.programs.program import run
 from examples import watch_log
 from glider.campaign.reader import load_campaign
 from tests.helpers.examples import run_main

@@ -7,9 +7,9 @@ from pydrake.systems.controllers import (
 )
 
 from glider.control.tvlqr import TrackingPolicy, TrackingWeights, aligned_count
-from glider.control.tvlqr_drake import regulator_arguments
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
+from glider.systems.regulator import regulator_arguments
 
 TABLE_STEP = 0.001
 """Time between the rows of a table made of Drake's gains [s]."""

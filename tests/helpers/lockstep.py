@@ -5,12 +5,12 @@ import functools
 
 from pydrake.lcm import DrakeLcm
 
-from diagrams.station.bus import COMMAND, Bus
-from diagrams.station.controllers import Guidance, make_guidance
-from diagrams.station.scenario import Scenario, Simulation
-from diagrams.station.session import Session
-from diagrams.station.simulated import SimulatedGlider
-from diagrams.station.station import Station
+from diagrams.programs.station.bus import COMMAND, Bus
+from diagrams.programs.station.controllers import Guidance, make_guidance
+from diagrams.programs.station.scenario import Scenario, Simulation
+from diagrams.programs.station.session import Session
+from diagrams.programs.station.simulated import SimulatedGlider
+from diagrams.programs.station.station import Station
 
 LATEST = 1e-3
 """Longest step of the time [s]."""

@@ -4,16 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
 
 from glider.compiled.runge_kutta import BLOCK
-from glider.control.mppi import (
-    SETTINGS,
-    MppiController,
-    replanning_cost,
-    sequence_of,
-    shifted,
-)
+from glider.control.mppi import SETTINGS, replanning_cost, sequence_of, shifted
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects import GROUND_EFFECT, SERVO_LAG
@@ -268,63 +261,6 @@ def test_a_search_returns_the_plan_of_its_mean(method):
     assert found.seconds > 0.0
 
 
-# ----------------------------------------------------------------- the controller
-
-
-def small_controller(seed=0, **options):
-    cost = replanning_cost(GliderModel(), REPLANNING, steps=20)
-    settings = dataclasses.replace(SETTINGS, samples=40)
-    return MppiController(cost, settings=settings, seed=seed, **options)
-
-
-def outputs_of(controller, state, times):
-    simulator = Simulator(controller)
-    context = simulator.get_mutable_context()
-    controller.GetInputPort("state").FixValue(context, state)
-    found = []
-    for time in times:
-        simulator.AdvanceTo(time)
-        context = simulator.get_context()
-        found.append(controller.GetOutputPort("elevator_rate").Eval(context)[0])
-    return np.array(found)
-
-
-def test_commands_follow_from_the_seed_and_are_held():
-    times = [0.001, 0.015, 0.021, 0.039, 0.041]
-    first = outputs_of(small_controller(), LAUNCH, times)
-    np.testing.assert_array_equal(first[[0, 2]], first[[1, 3]])
-    assert len(np.unique(first)) == 3
-    np.testing.assert_array_equal(outputs_of(small_controller(), LAUNCH, times), first)
-    assert not np.any(outputs_of(small_controller(seed=1), LAUNCH, times) == first)
-
-
-def test_the_first_command_is_that_of_one_step_of_mppi():
-    """From the measured state, about the sequence that was given."""
-    controller = small_controller(sequence=np.linspace(1.0, 2.0, 20))
-    cost = replanning_cost(GliderModel(), REPLANNING, steps=20)
-    settings = dataclasses.replace(SETTINGS, samples=40)
-    state = LAUNCH + np.array([0.5, -0.1, 0.1, 0.2, -1.0, 0.3, 0.5])
-    rng = np.random.default_rng([0, 0])
-    expected, _, _ = mppi_step(cost, state, np.linspace(1.0, 2.0, 20), rng, settings)
-    [found] = outputs_of(controller, state, [0.001])
-    assert found == expected[0]
-    rng = np.random.default_rng([0, 1])
-    expected, _, _ = mppi_step(cost, state, shifted(expected), rng, settings)
-    assert outputs_of(controller, state, [0.021]) == expected[0]
-
-
-def test_a_later_start_begins_with_the_command_of_that_time():
-    sequence = np.arange(1.0, 81.0)
-    cost = replanning_cost(GliderModel(), REPLANNING, steps=len(sequence))
-    controller = MppiController(cost, sequence)
-    for k in range(len(sequence)):
-        context = controller.CreateDefaultContext()
-        context.SetTime(k * cost.step)
-        controller.ExecuteInitializationEvents(context)
-        held = context.get_discrete_state_vector().CopyToVector()[:-1]
-        assert shifted(held)[0] == (k + 1.0 if k < len(sequence) - 1 else 0.0)
-
-
 def test_a_plan_becomes_a_sequence(article_plan):
     sequence = sequence_of(article_plan, 0.02, 60)
     duration = article_plan.duration
@@ -350,7 +286,6 @@ def test_a_plan_becomes_a_sequence(article_plan):
         (lambda: article_cost(order=2), "'order' is 2"),
         (lambda: article_cost().to_go(LAUNCH, np.zeros((2, 7))), r"\[2, 7\]"),
         (lambda: article_cost().to_go(LAUNCH[:6], np.zeros((2, 75))), r"\[6\]"),
-        (lambda: small_controller(sequence=np.zeros(3)), r"\[3\]; expected \(20,\)"),
     ],
 )
 def test_what_cannot_be_is_refused(make, words):

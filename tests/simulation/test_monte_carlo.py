@@ -11,13 +11,13 @@ from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.compiled.runge_kutta import BLOCK
 from glider.control.tvlqr import tracking_policy
-from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.physics.effects import DYNAMIC_STALL, WIND
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import CHUNK, fly, full_starts, make_clock, sweep
+from glider.systems.regulator import tracking_regulator
 from tests.helpers.flights import (
     LAGGING,
     NO_HOOK,

@@ -11,14 +11,15 @@ from pydrake.systems.primitives import LogVectorOutput
 from diagrams.loops import estimated_loop
 from diagrams.wiring import tape_rows
 from examples.perching_funnel import estimate_figures
-from glider.control.tvlqr_drake import policy_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
 from glider.paths import models_path
+from glider.systems.funnel_monitor import FunnelMonitor, funnel_regulator
+from glider.systems.kalman_filter import ExtendedKalmanFilter
+from glider.systems.regulator import policy_regulator
 from glider.verification.funnel.funnel import funnel_policy, load_funnel
-from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.trials.estimated import fly_estimated, study_estimates
 from glider.verification.trials.falsify import boundary_states, fly_from
 
@@ -54,7 +55,8 @@ def watched(funnel, launch, draws):
         mean=launch[0] - UNKNOWN * (launch[0] - funnel.center(0.0)),
         covariance=UNKNOWN**2 / 9.0 * np.linalg.inv(funnel.shape(0.0)),
     )
-    loop = estimated_loop(model, funnel_regulator(funnel), ekf, prior)
+    estimator = ExtendedKalmanFilter(ekf, prior)
+    loop = estimated_loop(model, funnel_regulator(funnel), estimator)
     builder, logs = DiagramBuilder(), {}
     builder.AddSystem(loop)
     for name in ("state", "estimate"):

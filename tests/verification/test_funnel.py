@@ -12,10 +12,10 @@ from glider.errors import InputError
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.systems.funnel_monitor import FunnelMonitor
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import load_funnel, save_funnel
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.monitor import FunnelMonitor
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.purpose import hook_faults
 from glider.verification.trials.falsify import boundary_states, falsify_funnel

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import basis_model
-from diagrams.program import run
+from diagrams.programs.program import run
 from tests.helpers.examples import run_main
 
 pytestmark = pytest.mark.nightly

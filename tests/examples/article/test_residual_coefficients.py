@@ -7,7 +7,7 @@ import pytest
 
 import residual_coefficients
 from coefficients import basis_values
-from diagrams.program import run
+from diagrams.programs.program import run
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.physics.effects.field import COEFFICIENTS

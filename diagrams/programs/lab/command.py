@@ -1,0 +1,132 @@
+"""The command `lab`: a session in the lab, with the loop closed between throws."""
+
+import argparse
+import contextlib
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from glider.commands.parsing import CommandParser, check_seed
+from glider.errors import InputError, expect
+
+if TYPE_CHECKING:
+    from diagrams.programs.lab.session import LabSession
+
+DESCRIPTION = """\
+Watches the folder of a session: each throw that comes is checked, flown again by the
+nominal and by the corrected model, and traced in the background with all before it. A
+page in the browser shows the last throw, all throws and what was excluded, the effects
+against the number of throws, the verdict, the perches and the next throw to make.
+"""
+
+EPILOG = """\
+The folder is a campaign, as `glider fly --log FOLDER` writes it live, or it holds a
+MAP.yaml and takes that other software exports (glider import --guess proposes the
+map). All that the session finds is in FOLDER/lab: report/ is that of close-the-loop,
+and a session that was ended goes on where it was, at the same address. The page is
+served on this computer only, to those who have the address with its token.
+
+examples:
+  glider lab out/session
+  glider lab out/session --simulate head_wind             # launch from the page
+  glider lab out/session --simulate head_wind --headless
+  glider fly --simulate head_wind --model out/session/lab/report/model.yaml
+
+exit code: 0 when the session was completed, 1 if launches or the trace failed, 2 when
+the input cannot be used.
+"""
+
+
+def add_arguments(parser: CommandParser) -> None:
+    """Adds its arguments to a parser."""
+    parser.add_argument("folder", type=Path, help="folder that throws come into")
+    words = "launch a simulated glider: a model file, or a name in models/truths"
+    parser.add_argument("--simulate", metavar="TRUTH", help=words)
+    words = "scenario of the station, for its bus, or of simulated launches"
+    parser.add_path("--scenario", "YAML", words)
+    words = "simulated launches before the correction, and after (default: 10)"
+    parser.add_number("--throws", words, 10)
+    words = "no page: complete what there is, or the simulated session, and end"
+    parser.add_switch("--headless", words)
+    parser.add_number("--port", "of the page (default: any free one)", 0)
+    parser.add_seed("of simulated launches and noise")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs it; returns the exit code."""
+    check_seed(args.seed)
+    expect(args.throws >= 3, "--throws", args.throws, "at least 3")
+    expect(0 <= args.port < 1 << 16, "--port", args.port, "from 0 to 65535")
+    from diagrams.programs.lab.link import StationLink
+    from diagrams.programs.lab.session import LabSession
+    from diagrams.programs.station.bus import free_address
+    from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
+
+    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
+    launches = None
+    bus = scenario.address
+    if args.simulate is not None:
+        from diagrams.programs.lab.launches import Launches
+
+        simulation = scenario.simulation or Simulation()
+        simulation = dataclasses.replace(simulation, truth=args.simulate)
+        _ = dataclasses.replace(scenario, simulation=simulation).truth  # It is there.
+        bus = scenario.bus or free_address()
+        args.folder.mkdir(parents=True, exist_ok=True)
+        launches = Launches(
+            folder=args.folder,
+            truth=args.simulate,
+            scenario=args.scenario,
+            seed=args.seed,
+            count=args.throws,
+            bus=None if args.headless else bus,
+        )
+    link = None
+    if not args.headless:
+        try:
+            link = StationLink(bus)
+        except RuntimeError as error:  # As without any network.
+            _show(
+                f"No bus {bus}: the page has no Stop, and shows no station ({error})."
+            )
+    session = LabSession(args.folder, _show, launches, link)
+    try:
+        if not args.headless:
+            from diagrams.programs.lab.server import serve
+
+            serve(session, args.port, _show)
+            return 0
+        if launches is None:
+            return _complete(session)
+        from diagrams.programs.lab.simulated import run_simulated
+
+        return 0 if run_simulated(session, launches, args.throws, _show) else 1
+    finally:
+        session.close()
+
+
+def _complete(session: "LabSession") -> int:
+    """Traces what there is; returns the exit code.
+
+    Raises:
+        InputError: nothing there can be traced.
+    """
+    from diagrams.programs.lab.folder import MAP, SETTINGS
+
+    session.finish()
+    state = session.state
+    watched = session.watched
+    if state.flights:
+        return 0 if state.answer else 1
+    if watched.is_open:
+        found = f"neither {SETTINGS} nor {MAP}"
+        expected = f"{SETTINGS} and flights, or {MAP} and takes"
+        raise InputError(f"{watched.path}: has {found}; expected {expected}.")
+    faults = [throw.fault for throw in state.throws if throw.fault]
+    reasons = [*state.notes, *faults, f"{watched.path}: no throws; expected some."]
+    raise InputError(reasons[0])
+
+
+def _show(line: str) -> None:
+    with contextlib.suppress(OSError):  # A terminal that is gone ends no session.
+        print(line, flush=True)

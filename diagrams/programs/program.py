@@ -1,0 +1,330 @@
+"""Steps that all examples take: options, progress, key figures, a page to look at.
+
+def main(arguments=None):
+    parser = make_parser(__doc__)
+    add_launches(parser, 20)
+    args = read_options(parser, arguments, figure="paths, as PNG")
+    with working("plan (compiles once)") as progress:
+        flown = fly(args.launches, args.seed, progress)
+    write_json(args, flown.key_figures())
+    write_figure(args, save_perch_figure, flown.plan, flown.flights)
+    show(args, tracks, title)
+
+if __name__ == "__main__":
+    sys.exit(run(main))
+"""
+
+import argparse
+import contextlib
+import json
+import math
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureCanvasBase
+from pydrake.geometry import Meshcat
+from rich.console import Console
+
+from diagrams.playback import Track, play, stage_of
+from diagrams.programs.page import legend_of, open_meshcat, serve_page, write_html
+from glider.errors import (
+    INTERRUPTED,
+    INTERRUPTED_CODE,
+    InputError,
+    os_error_line,
+    print_warning,
+)
+from glider.files.writing import write_text
+from glider.physics.parameters import GliderParameters
+from glider.planning.dircol import PlanningError
+from glider.planning.plan import Plan
+from glider.planning.problem import Hook
+from glider.progress import Progress as Progress
+from glider.progress import silent as silent
+from glider.simulation.flown_flights import FlownFlight
+
+# ------------------------------------------------------------------------ options
+
+
+def make_parser(words: str | None) -> argparse.ArgumentParser:
+    """Returns a parser whose help begins with an example's docstring."""
+    return argparse.ArgumentParser(
+        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+
+
+def add_count(
+    parser: argparse.ArgumentParser,
+    name: str,
+    default: int | None,
+    words: str,
+    *,
+    least: int = 1,
+    metavar: str | None = None,
+) -> None:
+    """Adds an option for an integer of at least `least`; `words` are its help."""
+    parser.add_argument(
+        name, metavar=metavar, type=_whole_number(least), default=default, help=words
+    )
+
+
+def add_file(parser: argparse.ArgumentParser, name: str, words: str) -> None:
+    """Adds an option for the name of a file; `words` are its help."""
+    parser.add_argument(name, metavar="FILE", type=Path, help=words)
+
+
+def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) -> None:
+    """Adds --launches, by default `count` and not below `least`, and --seed."""
+    launches = "how many to fly (default: %(default)s)"
+    add_count(parser, "--launches", count, launches, least=least, metavar="N")
+    seed = "of all random numbers (default: %(default)s)"
+    add_count(parser, "--seed", 0, seed, least=0, metavar="N")
+
+
+def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
+    """Adds --truth, the glider that flies; `GliderModel.load` reads it."""
+    parser.add_argument(
+        "--truth",
+        default=default,
+        help="model file, or a name in models/truths (default: %(default)s)",
+    )
+
+
+def add_campaign(parser: argparse.ArgumentParser) -> None:
+    """Adds a folder of flight logs, by default the first of the samples."""
+    words = "folder of flight logs, or the name of a sample (default: %(default)s)"
+    sample = Path("attached_lift")
+    parser.add_argument("campaign", nargs="?", type=Path, default=sample, help=words)
+
+
+def _add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds --json, --html, --rate and --headless."""
+    add_file(parser, "--json", "where to write the key figures")
+    page = "where to write the animation, a page that needs no server"
+    add_file(parser, "--html", page)
+    parser.add_argument(
+        "--rate",
+        metavar="R",
+        type=_rate,
+        default=0.25,
+        help="of the animation: 1 is real time, 0.25 (the default) four times slower",
+    )
+    parser.add_argument(
+        "--headless",
+        action="store_true",
+        help="do not serve Meshcat and wait for a viewer",
+    )
+
+
+def read_options(
+    parser: argparse.ArgumentParser,
+    arguments: Sequence[str] | None,
+    *,
+    figure: str | None = None,
+) -> argparse.Namespace:
+    """Adds --json, --html, --rate and --headless; reads all and checks the files.
+
+    Args:
+        parser: with an example's own options.
+        arguments: of the command line; None for those of the process.
+        figure: help of --figure, which an example without a picture lacks.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    if figure is not None:
+        add_file(parser, "--figure", figure)
+    _add_options(parser)
+    args = parser.parse_args(arguments)
+    check_files(args.json, args.html, figure=args.figure if figure else None)
+    return args
+
+
+def _rate(text: str) -> float:
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return rate
+
+
+def _whole_number(least: int) -> Callable[[str], int]:
+    """Returns a `type` of argparse for integers of at least `least`."""
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise argparse.ArgumentTypeError(
+                f"{text} is not an integer of at least {least}"
+            )
+        return int(text)
+
+    return read
+
+
+def check_files(*files: Path | None, figure: Path | None = None) -> None:
+    """Raises InputError where a file cannot be written: before the work.
+
+    Args:
+        files: to be written; None is none.
+        figure: one more, a picture in a format that Matplotlib writes.
+    """
+    for file in (*files, figure):
+        if file is None:
+            continue
+        if not file.parent.is_dir():
+            raise InputError(f"{file}: the folder {file.parent} does not exist.")
+        if file.is_dir():
+            raise InputError(f"{file}: is a folder; expected the name of a file.")
+        if not os.access(file if file.exists() else file.parent, os.W_OK):
+            raise InputError(f"{file}: cannot be written; permission is denied.")
+    formats = FigureCanvasBase.get_supported_filetypes()
+    if figure is not None and figure.suffix.lower().removeprefix(".") not in formats:
+        raise InputError(
+            f"{figure}: '{figure.suffix}' is no format of pictures; expected one of "
+            f"{', '.join(sorted(formats))}."
+        )
+
+
+# ---------------------------------------------------------------- while it is done
+
+
+@contextlib.contextmanager
+def working(words: str) -> Iterator[Progress]:
+    """Shows on the terminal what is being done, `words` first, and yields a Progress.
+
+    On stderr, so that stdout holds results only.
+    """
+    with Console(stderr=True).status(words) as status:
+        yield status.update
+
+
+# --------------------------------------------------------------------- and after it
+
+
+def write_json(args: argparse.Namespace, figures: Mapping[str, object]) -> None:
+    """Writes key figures where --json says."""
+    if args.json:
+        write_text(args.json, json.dumps(figures, indent=2) + "\n")
+
+
+def write_figure(
+    args: argparse.Namespace, save: Callable[..., None], *shown: object
+) -> None:
+    """Draws where --figure says, by `save(file, *shown)`."""
+    if args.figure:
+        save(args.figure, *shown)
+
+
+def plot_perches(
+    ax: Axes,
+    plan: Plan,
+    flown: Iterable[FlownFlight],
+    replayed: Iterable[FlownFlight] = (),
+    wire: tuple[float, float] = (0.0, 0.0),
+    color: str = "#0072B2",
+) -> None:
+    """Draws paths to the wire in the vertical plane, one scale on both axes.
+
+    Args:
+        ax: to draw into.
+        plan: that the flights follow.
+        flown: flights with feedback.
+        replayed: flights without.
+        wire: (x, z) [m]; a ring shows the reach of the article's hook.
+        color: of the flights with feedback.
+    """
+    groups = (
+        (replayed, "#D55E00", "without feedback"),
+        (flown, color, "with feedback"),
+    )
+    for flights, shade, words in groups:
+        paths = [flight.states[:, :2].T for flight in flights]
+        for k, path in enumerate(paths):
+            label = f"{len(paths)} flights {words}" if k == 0 else None
+            ax.plot(*path, color=shade, lw=0.8, alpha=0.5, label=label)
+    ax.plot(*plan.states[:, :2].T, color="k", lw=1.8, ls=(0, (4, 2)), label="plan")
+    angle = np.linspace(0.0, 2.0 * np.pi, 60)
+    reach = Hook().reach
+    ring = np.array(wire)[:, None] + reach * np.array([np.cos(angle), np.sin(angle)])
+    ax.plot(*ring, color="k", lw=1.0, label=f"{100 * reach:.0f} cm of the wire")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set(xlabel="x [m]", ylabel="z [m]")
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+
+
+def start_meshcat(args: argparse.Namespace) -> Meshcat | None:
+    """Returns a Meshcat; None if it is not viewed (headless and no --html)."""
+    return None if args.headless and not args.html else open_meshcat()
+
+
+def finish(
+    args: argparse.Namespace,
+    meshcat: Meshcat | None,
+    tracks: Sequence[Track] = (),
+    title: str = "",
+) -> None:
+    """Writes the page of --html and, unless headless, waits while people look.
+
+    Args:
+        args: as of `read_options`.
+        meshcat: of `start_meshcat`.
+        tracks: for the legend of the page.
+        title: of the page.
+    """
+    if meshcat is None:
+        return
+    legend = legend_of(tracks, title, args.rate)
+    if args.html:
+        write_html(args.html, meshcat, legend)
+        print(f"Animation: {args.html}")
+    if not args.headless:
+        print(f"Meshcat: {serve_page(meshcat, legend)} (Enter to end)", flush=True)
+        sys.stdin.readline()
+
+
+def show(
+    args: argparse.Namespace,
+    tracks: Sequence[Track],
+    title: str,
+    *,
+    parameters: GliderParameters | None = None,
+    has_wire: bool = True,
+) -> None:
+    """Plays tracks in Meshcat as the options say.
+
+    Args:
+        args: as of `read_options`.
+        tracks: as in `play`; the first one's whole flight is in view.
+        title: of the page.
+        parameters: as in `play`.
+        has_wire: whether the flights go to a wire.
+    """
+    meshcat = start_meshcat(args)
+    if meshcat is not None:
+        stage = stage_of(tracks[0]) if has_wire else stage_of(tracks[0], wire=None)
+        play(tracks, meshcat, rate=args.rate, parameters=parameters, stage=stage)
+    finish(args, meshcat, tracks, title)
+
+
+def run(main: Callable[[], None]) -> int:
+    """Runs a program and returns its exit code; a user's fault is one sentence."""
+    warnings.showwarning = print_warning
+    try:
+        main()
+    except (InputError, PlanningError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {os_error_line(error)}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(INTERRUPTED, file=sys.stderr)
+        return INTERRUPTED_CODE
+    return 0

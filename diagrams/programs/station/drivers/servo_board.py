@@ -1,0 +1,200 @@
+"""A servo board (Pololu Maestro's protocol), over a serial line or UDP.
+
+    python -m diagrams.programs.station.drivers.servo_board --serial /dev/ttyACM0
+    python -m diagrams.programs.station.drivers.servo_board --udp 192.168.1.40:5005
+
+It turns rates from the bus into angles, within the glider's travel and rate, and the
+elevator to neutral where no command comes in time. Each packet is Maestro's Set Target:
+0x84, channel, and the pulse in quarters of a microsecond, low and high seven bits.
+A board that hears nothing must go to neutral itself: set its serial timeout to 0.1 s.
+"""
+
+import argparse
+import contextlib
+import socket
+import sys
+import termios
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from diagrams.programs.program import run
+from diagrams.programs.station.bus import COMMAND, COMMAND_FIELDS, OPERATOR, Bus
+from diagrams.programs.station.operators import REPEAT
+from diagrams.programs.station.processes import Ending, hasten
+from diagrams.programs.station.scenario import Scenario, load_scenario
+from diagrams.programs.station.wire import Wire
+from glider.errors import InputError, expect
+
+PERIOD = 0.005
+"""Time between two packets [s]: an analog servo takes one each 20 ms."""
+
+
+PULSES = 500.0, 2500.0
+"""Shortest and longest pulse that servos are made for [µs]."""
+
+AGAIN = 1.0
+"""Time after which a line that is down is opened again [s]."""
+
+
+class ServoBoard:
+    """Sends the angle of a wire as pulses.
+
+    Args:
+        wire: of the elevator.
+        send: puts a packet on the line.
+        channel: of the servo on the board.
+        center: pulse at the angle 0 [µs].
+        gain: pulse for an angle [µs/rad]; negative where the servo is mounted so.
+
+    Raises:
+        InputError: pulses over the elevator's travel are not those of a servo.
+    """
+
+    def __init__(
+        self,
+        wire: Wire,
+        send: Callable[[bytes], object],
+        channel: int = 0,
+        center: float = 1500.0,
+        gain: float = 600.0,
+    ) -> None:
+        self._wire, self._send, self._channel = wire, send, channel
+        self._center, self._gain = center, gain
+        ends = [center + gain * angle for angle in (wire.servo.low, wire.servo.high)]
+        low, high = PULSES
+        good = gain != 0.0 and all(low <= pulse <= high for pulse in ends)
+        expected = f"{low:g} to {high:g} µs, both within (--center, --gain)"
+        expect(good, "the pulse at the ends of the elevator's travel", ends, expected)
+
+    def take(self, sender: float, rate: float, angle: float, now: float) -> None:
+        """Takes a command of the bus [rad/s], and the angle of its sender [rad]."""
+        self._wire.obey(sender, rate, now, angle)
+
+    def update(self, now: float) -> None:
+        """Sends the angle of this moment."""
+        target = round(4.0 * (self._center + self._gain * self._wire.advance(now)))
+        self._send(bytes([0x84, self._channel, target & 0x7F, target >> 7]))
+
+
+class SerialLine:
+    """Writes to a serial port.
+
+    What the port does not take is dropped, and one that was unplugged opened again.
+
+    Args:
+        port: such as /dev/ttyACM0.
+    """
+
+    def __init__(self, port: str) -> None:
+        self._port, self._again = port, 0.0
+        self._line: Any = None
+        self._open()
+
+    def _open(self) -> None:
+        try:
+            import serial
+        except ImportError:
+            raise InputError(
+                f"{self._port}: a serial line needs pyserial, which is not installed; "
+                "pip install 'drake-glider[lab]' installs it."
+            ) from None
+
+        self._line = serial.Serial(self._port, 115200, write_timeout=0.02)
+
+    def __call__(self, data: bytes) -> None:
+        """Writes a packet, if it can."""
+        import serial
+
+        try:
+            if self._line is None and time.monotonic() > self._again:
+                self._open()
+            if self._line is not None:
+                self._line.write(data)
+        except serial.SerialTimeoutException:
+            # What waits there is older than the next packet.
+            with contextlib.suppress(OSError, termios.error):
+                self._line.reset_output_buffer()
+        except (OSError, termios.error) as error:
+            print(f"{self._port}: {error}; it is tried again.", file=sys.stderr)
+            self._line, self._again = None, time.monotonic() + AGAIN
+
+
+def open_line(serial_port: str | None, udp: str | None) -> Callable[[bytes], object]:
+    """Opens what sends packets over a serial port or to host:port."""
+    if serial_port is not None:
+        return SerialLine(serial_port)
+    host, _, port = (udp or "").rpartition(":")
+    expect(host and port.isdecimal(), "--udp", udp, "host:port")
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sender.connect((host, int(port)))
+
+    def send(data: bytes) -> None:
+        with contextlib.suppress(OSError):  # The board is not there (yet).
+            sender.send(data)
+
+    return send
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Drives a servo until it is ended; then it is neutral."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    line = parser.add_mutually_exclusive_group(required=True)
+    line.add_argument("--serial", metavar="PORT", help="such as /dev/ttyACM0")
+    line.add_argument("--udp", metavar="HOST:PORT", help="address of the board")
+    parser.add_argument("--scenario", metavar="YAML", help="bus, servo and glider")
+    parser.add_argument("--bus", help="address of LCM (default: the scenario's)")
+    parser.add_argument("--channel", type=int, default=0, help="of the servo")
+    words = "pulse at the angle 0 [µs] (default: %(default)s)"
+    parser.add_argument("--center", type=float, default=1500.0, help=words)
+    words = "pulse for an angle [µs/rad] (default: %(default)s)"
+    parser.add_argument("--gain", type=float, default=600.0, help=words)
+    args = parser.parse_args(arguments)
+    expect(0 <= args.channel < 128, "--channel", args.channel, "a number from 0 to 127")
+    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
+    servo = scenario.servo
+    limits = scenario.load_model().parameters.servo
+    wire = Wire(limits, servo.neutral, servo.timeout, scenario.command_step)
+    try:
+        send = open_line(args.serial, args.udp)
+    except OSError as error:
+        raise InputError(
+            f"{args.serial or args.udp}: cannot be opened ({error})."
+        ) from None
+    board = ServoBoard(wire, send, args.channel, args.center, args.gain)
+    bus = Bus(args.bus or scenario.address)
+
+    def hear(stamp: float, values: Sequence[float], names: Sequence[str]) -> None:
+        if len(values) == len(COMMAND_FIELDS):
+            board.take(values[0], values[2], values[3], time.monotonic())
+
+    def hear_operator(
+        stamp: float, values: Sequence[float], names: Sequence[str]
+    ) -> None:
+        wire.operate(values, names, time.monotonic())
+
+    bus.listen(COMMAND, hear)
+    bus.listen(OPERATOR, hear_operator)
+    hasten()
+    print(f"Commands from {args.bus or scenario.address} to the servo.", flush=True)
+    due = said = time.monotonic()
+    with Ending() as ending:
+        try:
+            while not ending:
+                bus.rest_until(due)
+                now = time.monotonic()
+                if now >= due:
+                    board.update(now)
+                    due = max(due + PERIOD, now)
+                if now > said + REPEAT:
+                    wire.kills.repeat(bus, now)
+                    said = now
+        finally:
+            wire.reset()
+            board.update(time.monotonic())
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

@@ -1,0 +1,56 @@
+"""Kills and arms: an operator's last word reaches every servo on the bus.
+
+A kill holds until its sender arms again, and the sender repeats it as long as it holds.
+Another operator's arm counts only where the sender of the kill is silent, as one that
+has died. A servo that is killed says so, so that a station started later knows it.
+"""
+
+import math
+from collections.abc import Sequence
+
+from diagrams.programs.station.bus import OPERATOR, Bus
+
+KILL = "kill"
+ARM = "arm"
+_KILLED = "killed"
+
+REPEAT = 0.2
+"""Time between two repetitions of a kill [s]."""
+
+_SILENT = 1.0
+"""Silence after which the sender of a kill may be gone [s]."""
+
+
+class Kills:
+    """The kills that hold, by their senders."""
+
+    def __init__(self) -> None:
+        self._heard: dict[float, float] = {}  # When they were repeated last [s].
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._heard)
+
+    def __contains__(self, sender: float) -> bool:
+        """Whether there is one by a sender."""
+        return sender in self._heard
+
+    def hear(self, values: Sequence[float], names: Sequence[str], now: float) -> None:
+        """Takes a message: a sender, and for its name KILL, _KILLED or ARM."""
+        for value, name in zip(values, names, strict=False):
+            sender = value if math.isfinite(value) else 0.0
+            if name == KILL:
+                self._heard[sender] = now
+            elif name == _KILLED:
+                self._heard.setdefault(sender, -math.inf)
+            elif name == ARM:
+                self._heard = {
+                    other: heard
+                    for other, heard in self._heard.items()
+                    if other != sender and now < heard + _SILENT
+                }
+
+    def repeat(self, bus: Bus, now: float) -> None:
+        """Says as a servo that it was killed."""
+        for sender in self._heard:
+            bus.say(OPERATOR, now, (sender,), (_KILLED,))

@@ -1,0 +1,172 @@
+"""What the servo was asked, and what poses before free flight show."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagrams.programs.station.scenario import Release
+from glider.physics.state import ELEVATOR, NUM_STATES, PITCH, POSITION, VELOCITY
+
+NO_COMMANDS = np.full((32, 3), (-1e12, 0.0, 0.0))
+"""Rows of a tape before there were any: time [s], angle [rad] and rate [rad/s]. As many
+as commands of 200 Hz in 160 ms: poses that old are not flown on."""
+
+
+class CommandTape:
+    """What the servo was asked, by the time at which it acts."""
+
+    def __init__(self) -> None:
+        #: Time [s], angle so far [rad], and rate from then on [rad/s].
+        self.rows = NO_COMMANDS
+
+    def add(self, time: float, rate: float) -> None:
+        """Appends a rate [rad/s] that begins at a time [s]."""
+        angle = turned(self.rows.tolist(), time)
+        self.rows = np.vstack([self.rows[1:], (time, angle, rate)])
+
+    def since(self, begin: float) -> np.ndarray:
+        """The rows, one behind the other, with times counted from one [s]."""
+        return (self.rows - (begin, 0.0, 0.0)).ravel()
+
+
+Rows = Sequence[Sequence[float]]
+
+
+def turned(rows: Rows, time: float) -> float:
+    """Angle at a time [rad], by the rows of a tape."""
+    for since, angle, rate in reversed(rows):  # The time is among the latest.
+        if since <= time:
+            return angle + rate * (time - since)
+    return rows[0][1]
+
+
+def mean_rate(rows: Rows, begin: float, end: float) -> float:
+    """Mean rate between two times [rad/s]."""
+    if end <= begin:
+        return 0.0
+    angle = turned(rows, end) - turned(rows, begin)
+    return angle / (end - begin)
+
+
+def pieces(rows: Rows, begin: float, end: float) -> list[tuple[float, float, float]]:
+    """Begin, end [s] and rate [rad/s] of what is held between two times, in order.
+
+    None where the end is not later.
+    """
+    found = []
+    for since, _, rate in reversed(rows):
+        if end <= begin:
+            break
+        if since < end:
+            found.append((max(since, begin), end, rate))
+            end = since
+    return found[::-1]
+
+
+class _PoseHistory:
+    """The last poses in the hand, and the motion that they show."""
+
+    COUNT = 6
+    """Frames of a parabola: at 120 Hz and 0.4 mm it shows accelerations to 2 m/s²."""
+
+    def __init__(self) -> None:
+        self._rows: deque[np.ndarray] = deque(maxlen=self.COUNT)
+
+    def __len__(self) -> int:
+        """Number of poses."""
+        return len(self._rows)
+
+    def add(self, time: float, pose: np.ndarray) -> None:
+        """Appends a pose (4,) of a time [s]."""
+        self._rows.append(np.array([time, *pose]))
+
+    def clear(self) -> None:
+        """Forgets all."""
+        self._rows.clear()
+
+    @property
+    def shows_elevator(self) -> bool:
+        """Whether the elevator was seen in most of them."""
+        seen = [math.isfinite(row[1 + ELEVATOR]) for row in self._rows]
+        return 2 * sum(seen) > len(seen)
+
+    @property
+    def state(self) -> np.ndarray:
+        """(7,) at the last pose; its velocities are those of the last three.
+
+        An elevator that was not seen is NaN.
+        """
+        rows = np.array(self._rows)
+        last = rows[-1]
+        moved = last - rows[-3:][0]
+        slopes = moved[1:4] / max(moved[0], 1e-6)
+        return np.concatenate([last[1:], slopes])
+
+    def motion(self) -> tuple[float, float]:
+        """Speed [m/s], and acceleration along the path [m/s²], of all poses."""
+        rows = np.array(self._rows)
+        times = rows[:, 0] - rows[-1, 0]
+        powers = np.stack([np.ones_like(times), times, 0.5 * times**2], axis=1)
+        _, velocity, acceleration = np.linalg.lstsq(powers, rows[:, 1:3], rcond=None)[0]
+        speed = math.hypot(*velocity)
+        return speed, float(acceleration @ velocity) / max(speed, 1e-6)
+
+
+class ReleaseDetector:
+    """Sees from poses when the glider leaves the hand or the catapult.
+
+    While it is pushed it accelerates along its path; free, it does not. It counts
+    only near the planned launch, and after a rest.
+
+    Args:
+        limits: speed, acceleration and place of a release.
+        launch: planned place (2,) [m].
+    """
+
+    def __init__(self, limits: Release, launch: np.ndarray) -> None:
+        self._limits = limits
+        self._launch = launch
+        self.poses = _PoseHistory()
+        self.pushed = False
+
+    def add(self, time: float, pose: np.ndarray) -> bool:
+        """Takes a pose (4,); returns whether the glider is free now."""
+        self.poses.add(time, pose)
+        if len(self.poses) < _PoseHistory.COUNT:
+            return False
+        limits = self._limits
+        speed, acceleration = self.poses.motion()
+        self.pushed = self.pushed or acceleration > limits.acceleration
+        near = math.hypot(*(pose[POSITION] - self._launch)) < limits.radius
+        free = self.pushed and acceleration < limits.acceleration
+        return free and near and speed > limits.speed
+
+    def find_fault(self, state: np.ndarray, planned: np.ndarray) -> str:
+        """Why a release at a state (7,) is no start of a plan, "" if it is one."""
+        limits = self._limits
+        away = state[:NUM_STATES] - planned[:NUM_STATES]
+        speed = math.hypot(*away[VELOCITY])
+        pitch = float(away[PITCH])
+        if speed > limits.off_speed:
+            return f"released with a velocity {speed:.1f} m/s off the plan"
+        if abs(pitch) > limits.off_pitch:
+            return f"released with a pitch {pitch:.2f} rad off the plan"
+        return ""
+
+    @property
+    def rests(self) -> bool:
+        """Whether the last poses show no motion."""
+        if len(self.poses) < _PoseHistory.COUNT:
+            return False
+        return self.poses.motion()[0] < _REST
+
+    def reset(self) -> None:
+        """Waits for the next throw."""
+        self.poses.clear()
+        self.pushed = False
+
+
+_REST = 0.3
+"""Speed of a glider that is held still [m/s]."""
