@@ -24,7 +24,6 @@ from scipy.special import log_softmax
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
 from glider.experiments.explanations import Explanation
-from glider.experiments.funnel_throws import Kept, keep
 from glider.experiments.throws import Range, Throw, is_safe, log_of, missed
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.filtering import whiten
@@ -113,17 +112,6 @@ class Forecast:
             )
 
         return in_parallel(check, zip(throws, logs, strict=True))
-
-    def kept(self, throws: Sequence[Throw]) -> list[Kept]:
-        """Cuts throws to how long every explanation keeps them in a funnel."""
-        if self.place.funnel is None:
-            return [Kept(throw=throw, level=0.0) for throw in throws]
-        models = [(model.theta, field_of(model)) for model in self._models]
-
-        def cut(throw: Throw) -> Kept:
-            return keep(throw, self.place, self.task.layout, models)
-
-        return in_parallel(cut, throws)
 
     def predicted(self, throws: Sequence[Throw]) -> list[Grams | None]:
         """Grams of throws; None for those that leave the limits."""

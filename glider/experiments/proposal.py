@@ -20,13 +20,6 @@ from glider.compiled.theta import layout_of
 from glider.errors import InputError, expect
 from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
-from glider.experiments.funnel_throws import SHORTEST, check_frame, check_launch
-from glider.experiments.known_funnel import (
-    KnownFunnel,
-    check_vehicle,
-    checked,
-    known_funnel,
-)
 from glider.experiments.throw_limits import ThrowLimits, limits_flown
 from glider.experiments.throw_search import end_scatter, search
 from glider.experiments.throws import Range, Throw, flown_throw, range_of
@@ -34,7 +27,6 @@ from glider.progress import Progress, Step, silent
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
-from glider.verification.funnel.funnel import Funnel
 
 _TRIED, _LIKE_FLOWN = 64, 12
 """Gliders with drawn parameters that proposed throws are tried on, and flown flights
@@ -55,10 +47,7 @@ class Proposal:
     #: Of each throw, (explanations, n, 3) predicted poses.
     paths: tuple[np.ndarray, ...]
     flown: tuple[np.ndarray, ...]  #: Poses (n, 3) of the flights so far.
-    place: Range  #: Where they are flown, and the funnel that they keep inside.
-    #: Largest level of the funnel's sets that each throw reaches by any explanation, 0
-    #: at the nominal flight, 1 on the boundary; empty without one.
-    levels: tuple[float, ...]
+    place: Range  #: Where they are flown.
     #: Probability that the most probable explanation is the right one.
     chance_now: float
     chance_then: float  #: After the throws.
@@ -97,7 +86,6 @@ def next_throw(
     *,
     launches: int = 3,
     limits: ThrowLimits | None = None,
-    funnel: Path | str | Funnel | KnownFunnel | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Proposal:
@@ -108,17 +96,14 @@ def next_throw(
         findings: of the analysis, see `findings_of` and `load_findings`.
         launches: how many throws to propose.
         limits: of the throws; what they leave open is as flown.
-        funnel: that every throw keeps inside until its tape ends, or its file.
         seed: of the search.
         progress: called with a line of text as the work goes on.
 
     Raises:
-        InputError: there is no servo to command, an argument cannot be used, the
-            funnel's certificate does not hold, or no throw keeps within the limits and
-            inside the funnel.
+        InputError: there is no servo to command, an argument cannot be used, or no
+            throw keeps within the limits.
     """
     expect(launches >= 1, "the number of launches", launches, "at least 1")
-    known = None if funnel is None else known_funnel(funnel)
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(
             Path(campaign), flights=findings.flights, grades=findings.grades
@@ -128,10 +113,6 @@ def next_throw(
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress(Step("reading the flights", 0.0))
         campaign, task, noise = read_task(campaign, findings)
-        if known:
-            check_vehicle(known, campaign, task.vehicle)
-            progress("checking the funnel")
-            known = checked(known)
         progress("fitting the explanations")
         explanations = explain(task, noise, findings)
         return propose(
@@ -141,7 +122,6 @@ def next_throw(
             explanations,
             launches=launches,
             limits=limits,
-            funnel=known,
             seed=seed,
             progress=progress,
         )
@@ -188,26 +168,14 @@ def propose(
     *,
     launches: int = 3,
     limits: ThrowLimits | None = None,
-    funnel: KnownFunnel | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Proposal:
-    """Proposes throws, given the explanations of a campaign; see `next_throw`.
-
-    The funnel's sets are taken as given; the proposal records whether they were
-    `checked`.
-    """
+    """Proposes throws, given the explanations of a campaign; see `next_throw`."""
     begin = time.perf_counter()
     travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
-    if funnel:
-        check_vehicle(funnel, campaign, task.vehicle)
-        limits = funnel.with_launch(limits)
-    place = range_of(
-        campaign, task.records, limits_flown(task.records, travel, rate, limits), funnel
-    )
-    if funnel:
-        check_frame(funnel, place, SHORTEST)
-        check_launch(funnel, place)
+    limits = limits_flown(task.records, travel, rate, limits)
+    place = range_of(campaign, task.records, limits)
     everything = Forecast(
         campaign=campaign,
         task=task,
@@ -237,7 +205,6 @@ def propose(
         paths=tuple(np.array([r.pose for r in own]) for own in logs),
         flown=tuple(r.pose for r in task.records),
         place=place,
-        levels=tuple(k.level for k in everything.kept(throws)) if funnel else (),
         chance_now=now,
         chance_then=chance,
         chance_same_kind=everything.chance(everything.futures(usual_throws)),

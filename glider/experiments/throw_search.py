@@ -1,9 +1,9 @@
 """The search for throws that together leave least uncertain.
 
 Throws are drawn within the limits, predicted, and drawn again about the best
-(cross-entropy method). `glider.experiments.throws` and, inside a funnel,
-`glider.experiments.funnel_throws` draw them. What they leave uncertain is which
-explanation is right and, to first order, where flights like those flown end.
+(cross-entropy method); `glider.experiments.throws` makes them. What they leave
+uncertain is which explanation is right and, to first order, where flights like those
+flown end.
 """
 
 import dataclasses
@@ -15,12 +15,6 @@ from glider.compiled.parallel import in_parallel
 from glider.errors import InputError
 from glider.experiments.explanations import Explanation, with_probabilities
 from glider.experiments.forecast import Forecast, Grams, added
-from glider.experiments.funnel_throws import (
-    check_frame,
-    draw_sizes,
-    shortest,
-    throw_in_funnel,
-)
 from glider.experiments.throws import GENES, Throw, throw_of
 from glider.progress import Progress, Step
 from glider.sysid.likelihood.directions import slopes
@@ -33,8 +27,8 @@ _FIRST, DRAWN, ELITES = 144, 48, 8
 """Throws of a round that is drawn uniformly, of which many leave the limits; of the
 others; and those that the next round is drawn about."""
 
-ROUNDS, ROUNDS_IN_FUNNEL = 4, 8
-"""Rounds; few draws keep inside a funnel for long."""
+ROUNDS = 4
+"""Rounds of drawing throws."""
 
 SEARCHED = 3
 """Explanations that the search distinguishes; the proposal weighs all."""
@@ -108,23 +102,18 @@ def search(
     """Finds the throws that together leave least uncertain.
 
     Raises:
-        InputError: no throw keeps within the limits and inside the funnel.
+        InputError: no throw keeps within the limits.
     """
     few = with_probabilities(everything.explanations[:SEARCHED])
     searched = dataclasses.replace(everything, explanations=few)
-    place, known = everything.place, everything.place.funnel
-    rounds, make = ROUNDS, throw_of
-    if known:
-        rounds, make = ROUNDS_IN_FUNNEL, throw_in_funnel
-    nearest, is_any_kept = np.inf, False
     genes: list[np.ndarray] = []
     throws: list[Throw] = []
     grams: list[Grams] = []
     alone: list[float] = []
     chosen: list[int] = []
-    for round_ in range(rounds):
-        words = f"searching for throws, round {round_ + 1} of {rounds}"
-        progress(Step(words, round_ / rounds))
+    for round_ in range(ROUNDS):
+        words = f"searching for throws, round {round_ + 1} of {ROUNDS}"
+        progress(Step(words, round_ / ROUNDS))
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
             elites = [*chosen, *np.argsort(alone)[:ELITES]]
@@ -133,13 +122,7 @@ def search(
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
             drawn = rng.random((_FIRST, GENES))
-            if known:
-                drawn = np.hstack([drawn, draw_sizes(rng, _FIRST)])
-        kept = everything.kept([make(g, place) for g in drawn])
-        nearest = min(nearest, *(k.level for k in kept))
-        drawn = drawn[[k.throw is not None for k in kept]]
-        new = [k.throw for k in kept if k.throw is not None]
-        is_any_kept = is_any_kept or bool(new)
+        new = [throw_of(own, everything.place) for own in drawn]
         predicted = searched.predicted(new)
         good = [k for k, own in enumerate(predicted) if own is not None]
         genes += [drawn[k] for k in good]
@@ -158,15 +141,6 @@ def search(
         promising = [k for k in promising if k not in bad]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
-    if known and not is_any_kept:
-        raise InputError(
-            f"{known.name}: no throw that was tried keeps inside the funnel for "
-            f"{shortest(place):.3g} s, the best comes to level {nearest:.3g}, where 1 "
-            "is its boundary; expected smaller launch errors (missed_height, "
-            "missed_speed, missed_pitch in the limits) or a wider funnel."
-        )
-    if known:
-        check_frame(known, place, known.duration)
     raise InputError(
         "No throw that was tried keeps within the limits; expected wider limits of the "
         "launch or of the flight (floor, pitch, speed)."

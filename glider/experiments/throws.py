@@ -8,7 +8,6 @@ import numpy as np
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.theta import Layout, layout_for, theta_of
-from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.model import GliderModel
@@ -68,24 +67,19 @@ class Range:
     """Where throws are flown and how they are logged."""
 
     limits: ThrowLimits  #: Of launch, flight and elevator; none open.
-    x: float  #: Of the release; the funnel's if there is one [m].
+    x: float  #: Of the release [m].
     rest: float  #: Angle of the elevator before the first command [rad].
     #: Of the elevator, as flown flights show them [rad]; None for none.
     stops: tuple[float, float] | None
     duration: float  #: Of a flight [s].
     pose_rate: float  #: Of the log [Hz].
     command_rate: float  #: Of the commands [Hz].
-    funnel: KnownFunnel | None = None  #: That throws keep inside, if any.
 
 
 def range_of(
-    campaign: Campaign,
-    records: Sequence[Record],
-    limits: ThrowLimits,
-    funnel: KnownFunnel | None = None,
+    campaign: Campaign, records: Sequence[Record], limits: ThrowLimits
 ) -> Range:
-    """The range of a campaign's throws, released at x of the funnel if there is one."""
-    x = funnel.x if funnel else np.median([r.nodes[0, 0] for r in records])
+    """Returns the range of a campaign's throws."""
     rests = np.array(
         [r.rest for r in records if not r.is_cut] or [records[0].usual_rest]
     )
@@ -94,13 +88,12 @@ def range_of(
         rest = usual
     return Range(
         limits=limits,
-        x=float(x),
+        x=float(np.median([r.nodes[0, 0] for r in records])),
         rest=rest,
         stops=records[0].limits,
         duration=float(np.median([r.time[-1] for r in records])),
         pose_rate=campaign.pose_rate,
         command_rate=campaign.command_rate or USUAL_COMMAND_RATE,
-        funnel=funnel,
     )
 
 
