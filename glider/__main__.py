@@ -82,7 +82,7 @@ def _not_installed(module: str) -> str:
         f"{module} is not installed for {sys.executable}; use the Python of the "
         "environment that drake-glider is installed in (.venv/bin/python after make "
         "setup), or install it here with pip install . "
-        "(python -m glider doctor lists what is missing)."
+        "(python -m glider doctor checks an installation)."
     )
 
 
