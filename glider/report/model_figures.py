@@ -18,7 +18,7 @@ from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.report import PERFECT, Curve
 from glider.sysid.result import ResidualTable, Result
 
-WIDE = 60.0  # Width of a panel that stands alone in its row [rem].
+_WIDE = 60.0  # Width of a panel that stands alone in its row [rem].
 _LEAST_PERCENT = 1e-3  # Evidence that is drawn as none.
 BAND = 2.0  # Standard errors on either side of a curve.
 
@@ -29,7 +29,7 @@ RESIDUALS = {
 }
 """Columns of a residual, with their units."""
 
-COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$ [m]"}
+_COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$ [m]"}
 """Coefficient to its symbol; that of the moment is without a chord."""
 
 _ERROR_PANELS = (
@@ -87,14 +87,14 @@ def _error_panel(
     names = {float(i): name for i, name in enumerate(fields.values())}
     return spec.Panel(
         f"{title} [{unit.name}]",
-        [*grouped_bars(values, LABELS, unit), dashed],
+        [*_grouped_bars(values, LABELS, unit), dashed],
         x=spec.Axis(range=(-0.6, len(fields) - 0.4), ticks=names),
         y=spec.Axis(is_log=True, range=(0.4 * low, 4.0 * high)),
         share=len(fields) + 0.6,
     )
 
 
-def grouped_bars(
+def _grouped_bars(
     values: dict[str, np.ndarray], labels: dict[str, str], unit: Unit
 ) -> list[spec.Bars]:
     """Bars of several keys side by side, one group at each whole number."""
@@ -168,7 +168,7 @@ def evidence_figure(result: Result) -> spec.Figure | None:
         height=80 + 21 * len(names),
     )
     shown = {key: label for key, label in keys.items() if key in groups}
-    return spec.Figure(keys=shown, panels=[panel], columns=1, least_width=WIDE)
+    return spec.Figure(keys=shown, panels=[panel], columns=1, least_width=_WIDE)
 
 
 def curves_figure(result: Result) -> spec.Figure | None:
@@ -184,15 +184,15 @@ def curves_figure(result: Result) -> spec.Figure | None:
     for curve in result.curves:
         alpha, rest = np.degrees(curve.alpha), curve.lack - curve.named
         marks = [
-            *lack_marks("lack", curve),
+            *_lack_marks("lack", curve),
             spec.Line("named", alpha, curve.named, hover=_AT),
             spec.Line("rest", alpha, rest, hover=_AT),
         ]
-        panels.append(term_panel(curve.term, marks, "alpha"))
+        panels.append(_term_panel(curve.term, marks, "alpha"))
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
-def term_panel(
+def _term_panel(
     term: str, marks: list[spec.Line | spec.Band], variable: str
 ) -> spec.Panel:
     """Panel of a term of forces over a variable."""
@@ -203,7 +203,7 @@ def term_panel(
     )
 
 
-def lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
+def _lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
     """Curve of what a plate lacks with its band."""
     alpha, half = np.degrees(curve.alpha), BAND * curve.std
     return [
@@ -250,7 +250,7 @@ def _carried_panels(
             line = spec.Line("rest", scaled, value, width=width, is_solid=True)
             lines.setdefault(term, []).append(line)
     panels = [
-        term_panel(term, [*own], variable)
+        _term_panel(term, [*own], variable)
         for term, own in lines.items()
         if any(np.any(line.y != 0.0) for line in own)
     ]
@@ -262,7 +262,7 @@ def _carried_panels(
     return panels
 
 
-def residual_tables(result: Result) -> dict[str, ResidualTable]:
+def _residual_tables(result: Result) -> dict[str, ResidualTable]:
     """Residuals of the model before and of the corrected one."""
     return {
         error_table.baseline(result): result.residual_before,
@@ -272,11 +272,11 @@ def residual_tables(result: Result) -> dict[str, ResidualTable]:
 
 def coefficients_figure(result: Result) -> spec.Figure:
     """Force and moment coefficients, flight by flight, before and after."""
-    tables = residual_tables(result)
+    tables = _residual_tables(result)
     panels = []
     for model, table in tables.items():
         lines = _flight_lines(table)
-        for name, symbol in COEFFICIENTS.items():
+        for name, symbol in _COEFFICIENTS.items():
             both = [(t.coefficients[name], t.modelled[name]) for t in tables.values()]
             span = binning.bounds(np.concatenate(sum(both, ())))
             panel = spec.Panel(
@@ -300,7 +300,7 @@ def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
     lines: dict[str, list[np.ndarray]] = {n: [] for n in ("alpha", "flight")}
     for number in np.unique(table.flight):
         rows, gap = table.flight == number, [math.nan]
-        for name in COEFFICIENTS:
+        for name in _COEFFICIENTS:
             place, middle = binning.binned_quantiles(
                 degrees[rows], table.coefficients[name][rows], bins=12, fewest=2
             )
@@ -336,10 +336,10 @@ def _coefficient_marks(
 
 def residual_figure(result: Result) -> spec.Figure | None:
     """Residuals against the variables that matter, before and after."""
-    variables = residual_variables(result)
+    variables = _residual_variables(result)
     if not variables:
         return None
-    tables = residual_tables(result)
+    tables = _residual_tables(result)
     pairs = itertools.product(range(len(RESIDUALS)), variables)
     return spec.Figure(
         keys={m: LABELS[m] for m in tables},
@@ -349,12 +349,12 @@ def residual_figure(result: Result) -> spec.Figure | None:
     )
 
 
-def residual_variables(result: Result) -> list[str]:
+def _residual_variables(result: Result) -> list[str]:
     """Up to three variables, those of the strongest effects first."""
     wanted = [name for e in result.effects for name in e.depends_on]
     if len(set(wanted)) < 2:
         wanted += ["alpha", "V"]
-    tables = residual_tables(result).values()
+    tables = _residual_tables(result).values()
     there = [n for n in dict.fromkeys(wanted) if all(_varies(t, n) for t in tables)]
     return there[: max(2, min(3, len(there)))]
 

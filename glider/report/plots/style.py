@@ -30,8 +30,6 @@ INKS = {
     "chosen": (BLUE, _LIGHT_BLUE),
     "confused": ("#8CC3E6", "#2F6E96"),
     "other": ("#B5B5B5", "#5F6873"),
-    "first": (ORANGE, _LIGHT_ORANGE),
-    "second": (BLUE, _LIGHT_BLUE),
 }
 """Entry of a legend to its colour on a light and on a dark ground."""
 
