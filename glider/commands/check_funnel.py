@@ -68,9 +68,6 @@ launch's, --hold and --hook to the others; --latency is their common one, and
 --least-level is of each. Whenever the
 first command acts, the flight must be inside one of them.
 
---feedback-of is for rival explanations, whose models close-the-loop writes: it requires
-that the funnel's commands, which are held, are those of another one's feedback.
-
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
 """
@@ -97,8 +94,6 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument("--least-level", metavar="P", help=words)
     words = "funnels after a launch funnel, for a clock of any phase (after its name)"
     parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
-    words = "funnel of another glider, whose feedback of held commands must be its own"
-    parser.add_path("--feedback-of", "NPZ", words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
@@ -152,7 +147,6 @@ def run(args: argparse.Namespace) -> int:
     level, flights = _checked_options(args)
     least_inlet = _least_inlet(args.least_inlet)
     files = [(path, *read_file(path)) for path in (args.funnel, *(args.phases or ()))]
-    other = args.feedback_of and (args.feedback_of, *read_file(args.feedback_of))
 
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np
@@ -166,7 +160,6 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.trials.falsify import falsify_funnel
 
     funnel, *rests = (funnel_of(*file) for file in files)
-    feedback_of = funnel_of(*other) if other else None
     seed = args.seed or 0
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
@@ -199,7 +192,6 @@ def run(args: argparse.Namespace) -> int:
             "model": model,
             "covariance": covariance,
             "least_level": least_level,
-            "feedback_of": feedback_of,
         }
         checked = _check(args, (funnel, *rests), least_inlet, given, follow)
         if confidence and checked.holds and not (rests or funnel.settings.period):
@@ -210,7 +202,7 @@ def run(args: argparse.Namespace) -> int:
         if loop and checked.holds:
             rng, say = np.random.default_rng(seed), follow("flights")
             flown = fly_loop(funnel, loop, flights, rng, say, rests=rests)
-    _print_outcome(args, checked, feedback_of, trial, flown)
+    _print_outcome(args, checked, trial, flown)
     if args.write_proof and checked.is_proven:
         with working(is_even=True) as progress:
             write_proof(
@@ -302,7 +294,7 @@ def _prove_latency(args, funnels, progress):
     return prove_latency(found, args.command_error or 0.0, progress=progress)
 
 
-def _print_outcome(args, checked, feedback_of, trial, flown):
+def _print_outcome(args, checked, trial, flown):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
     from glider.report import check_funnel as words
@@ -316,7 +308,6 @@ def _print_outcome(args, checked, feedback_of, trial, flown):
         report, *others = (words.check_report(*part, covariance) for part in parts)
         report |= {
             "model_compared": args.model is not None,
-            "feedback_of": feedback_of and feedback_of.sha256,
             "set_compared": None not in (covariance, funnel.gliders),
         }
         if rests:
@@ -334,9 +325,6 @@ def _print_outcome(args, checked, feedback_of, trial, flown):
         if rests:
             print(f"{path}:")
         print(words.describe_check(*part, args.model, covariance))
-    if feedback_of and checked.holds:
-        other = f"{args.feedback_of}, funnel {feedback_of.sha256[:16]}"
-        print(f"Its commands are those of the feedback of {other}.")
     if rests:
         print(words.describe_phases(checked))
     if latency:
@@ -355,17 +343,11 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.write_proof and not args.prove:
         words = "--write-proof has no effect without --prove; expected both."
         raise InputError(words)
-    of_one = "feedback-of", "resume", "write-proof"
-    for name in of_one if args.phases else ():
+    for name in ("resume", "write-proof") if args.phases else ():
         if getattr(args, name.replace("-", "_")) is not None:
             raise InputError(
                 f"--{name} is of one funnel; expected it without --phases."
             )
-    if args.feedback_of and (args.latency or args.predict):
-        raise InputError(
-            "--feedback-of is not for a predictor, which knows one glider; expected it "
-            "without --latency and --predict."
-        )
     latency, words = args.latency or 0.0, "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)
     level = _level("--confidence", args.confidence)
@@ -440,9 +422,7 @@ def _flown_loop(args, funnel, rests, gliders):
     from glider.verification.trials.as_flown import FlownLoop
 
     period, latency = (rests or [funnel])[0].settings.period, LATENCY
-    if args.feedback_of:
-        latency = 0.0
-    elif period:
+    if period:
         latency = first_commands(funnel, rests)[0] if rests else 0.5 * period
     latency = latency if args.latency is None else args.latency
     predicts = args.predict or (period > 0.0 and latency > 0.0)
