@@ -289,11 +289,6 @@ def _times(name, factor):
     return change
 
 
-def _earlier(arrays, notes):
-    notes["format"] = "drake-glider funnel 2"
-    del arrays["push_weights"]
-
-
 FORGED = {
     "a wind that is no number": (_set("wind", float("nan")), "wind' is nan"),
     "an infinite wind": (_set("wind", float("inf")), "wind' is inf"),
@@ -320,7 +315,6 @@ FORGED = {
     "negative weights": (_times("push_weights", -1.0), "'push_weights' is negative"),
     "weights that are no numbers": (_times("push_weights", np.nan), "infinite or NaN"),
     "half of the weights": (_times("push_weights", 0.5), "does not prove that V falls"),
-    "an earlier format": (_earlier, "the wind is zero"),
 }
 
 
