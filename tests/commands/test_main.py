@@ -128,7 +128,7 @@ def test_what_was_found_is_printed_even_where_it_cannot_be_kept(
     assert "only wind was tried and so on" in " ".join(said.out.split())
 
 
-@pytest.mark.parametrize("command", ["samples", "--help", "--print-completion=bash"])
+@pytest.mark.parametrize("command", ["samples", "--help"])
 @pytest.mark.parametrize("lines", [0, 1])
 def test_output_that_is_read_no_further_is_no_error(command, lines):
     """As by `| head -1`."""
