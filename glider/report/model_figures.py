@@ -18,8 +18,6 @@ from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.report import PERFECT, Curve
 from glider.sysid.result import ResidualTable, Result
 
-_WIDE = 60.0  # Width of a panel that stands alone in its row [rem].
-_LEAST_PERCENT = 1e-3  # Evidence that is drawn as none.
 BAND = 2.0  # Standard errors on either side of a curve.
 
 RESIDUALS = {
@@ -121,56 +119,6 @@ def _short(value: float) -> str:
     return f"{value:#.2g}".removesuffix(".")
 
 
-def evidence_figure(result: Result) -> spec.Figure | None:
-    """Evidence of each kind when tried alone, the best on top."""
-    if not result.candidates:
-        return None
-    kinds = {e.kind for e in result.effects}
-    confused = {k for e in result.effects for k in e.indistinguishable_from}
-    found = {k: v if math.isfinite(v) else 0.0 for k, v in result.candidates.items()}
-    best = max(*found.values(), 1e-9)
-    ranked = sorted(found, key=lambda kind: found[kind])
-    percent = np.array([max(100.0 * found[kind] / best, 0.0) for kind in ranked])
-    texts = [f"{share:.2g} %".replace("1e+02", "100") for share in percent]
-    names = [k.replace("_", " ") for k in ranked]
-    keys = {
-        "chosen": "in the corrected model",
-        "confused": "indistinguishable from it",
-        "other": "not taken",
-    }
-    groups: dict[str, list[int]] = {}
-    for place, kind in enumerate(ranked):
-        key = "confused" if kind in confused else "other"
-        groups.setdefault("chosen" if kind in kinds else key, []).append(place)
-    bars = [
-        spec.Bars(
-            key=key,
-            places=np.array(places, dtype=float),
-            values=np.maximum(percent, _LEAST_PERCENT)[places],
-            texts=[texts[p] for p in places],
-            hover="%{hovertext}",
-            names=[f"{names[p]}: {texts[p]}" for p in places],
-            width=0.72,
-            is_across=True,
-        )
-        for key in keys
-        if (places := groups.get(key))
-    ]
-    panel = spec.Panel(
-        title="",
-        marks=bars,
-        x=spec.Axis(
-            "evidence when tried alone [% of the best]",
-            (_LEAST_PERCENT, 300.0),
-            is_log=True,
-        ),
-        y=spec.Axis(range=(-0.6, len(names) - 0.4), ticks=dict(enumerate(names))),
-        height=80 + 21 * len(names),
-    )
-    shown = {key: label for key, label in keys.items() if key in groups}
-    return spec.Figure(keys=shown, panels=[panel], columns=1, least_width=_WIDE)
-
-
 def curves_figure(result: Result) -> spec.Figure | None:
     """Terms that the plate lacks, over the angle of attack."""
     if not result.curves:
@@ -182,7 +130,8 @@ def curves_figure(result: Result) -> spec.Figure | None:
     }
     panels = []
     for curve in result.curves:
-        alpha, rest = np.degrees(curve.alpha), curve.lack - curve.named
+        alpha = np.degrees(curve.alpha)
+        rest = curve.lack - curve.named
         marks = [
             *_lack_marks("lack", curve),
             spec.Line("named", alpha, curve.named, hover=_AT),
@@ -205,7 +154,8 @@ def _term_panel(
 
 def _lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
     """Curve of what a plate lacks with its band."""
-    alpha, half = np.degrees(curve.alpha), BAND * curve.std
+    alpha = np.degrees(curve.alpha)
+    half = BAND * curve.std
     return [
         spec.Band(key, alpha, curve.lack - half, curve.lack + half),
         spec.Line(
@@ -237,7 +187,8 @@ def _carried_panels(
     variable, *others = part.variables
     columns = [FIELD_VARIABLES.index(name) for name in part.variables]
     values = np.column_stack([flown[name] for name in part.variables])
-    low, high = values.min(axis=0), values.max(axis=0)
+    low = values.min(axis=0)
+    high = values.max(axis=0)
     place = np.linspace(low[0], high[0], 121)
     slices = np.linspace(low[1:], high[1:], 3 if others else 1)
     lines: dict[str, list[spec.Line]] = {}
@@ -299,7 +250,8 @@ def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
     degrees = np.degrees(table.variables["alpha"])
     lines: dict[str, list[np.ndarray]] = {n: [] for n in ("alpha", "flight")}
     for number in np.unique(table.flight):
-        rows, gap = table.flight == number, [math.nan]
+        rows = table.flight == number
+        gap = [math.nan]
         for name in _COEFFICIENTS:
             place, middle = binning.binned_quantiles(
                 degrees[rows], table.coefficients[name][rows], bins=12, fewest=2
@@ -313,7 +265,8 @@ def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
 def _coefficient_marks(
     table: ResidualTable, lines: dict[str, np.ndarray], name: str, model: str
 ) -> list[spec.Line | spec.Band]:
-    degrees, measured = np.degrees(table.variables["alpha"]), table.coefficients[name]
+    degrees = np.degrees(table.variables["alpha"])
+    measured = table.coefficients[name]
     place, rows = binning.binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
     over, modelled = binning.binned_quantiles(degrees, table.modelled[name])
     hover = f"{LABELS[model]}, median<br>{_AT}"
@@ -371,9 +324,11 @@ def residual_panel(
     """Residuals of models against a variable, with their binned medians."""
     name, unit = list(RESIDUALS.items())[column]
     label, factor = VARIABLES[variable]
-    clouds, medians = [], []
+    clouds = []
+    medians = []
     for model, table in tables.items():
-        x, y = table.variables[variable] * factor, table.residual[:, column]
+        x = table.variables[variable] * factor
+        y = table.residual[:, column]
         # The same rows in all panels: a page holds each column once.
         rows = binning.thin(np.sum(table.residual, axis=1), table.flight)
         time = table.variables["t"]

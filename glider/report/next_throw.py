@@ -25,10 +25,10 @@ from glider.report.wording import TEMPLATES
 from glider.sysid.report import Estimate
 from glider.systems.command_tape import tape_text
 
-SURE = 0.99
+_SURE = 0.99
 """Probability of the best explanation among the listed ones above which it is alone."""
 
-SMALL = 1.0 / 3.0
+_SMALL = 1.0 / 3.0
 """Scatter by the coefficients over that by the air below which the air dominates: they
 then add less than 6 % to it."""
 
@@ -44,12 +44,12 @@ _LINES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))  # Of the explanations 
 
 def is_one_left(proposal: Proposal) -> bool:
     """Checks whether the flights leave one explanation alone."""
-    return proposal.chance_now > SURE * (1.0 - proposal.missing)
+    return proposal.chance_now > _SURE * (1.0 - proposal.missing)
 
 
 def is_done(proposal: Proposal) -> bool:
     """Checks whether more flights would show nothing more."""
-    is_known = proposal.ending_now < SMALL * proposal.ending_air
+    is_known = proposal.ending_now < _SMALL * proposal.ending_air
     is_explained = not proposal.explanations[0].model.blocks
     return is_one_left(proposal) and is_known and is_explained
 
@@ -225,7 +225,8 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
 
 def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
     """Draws a throw: its paths by each explanation, its tape, how the paths differ."""
-    throw, paths = p.throws[number], p.paths[number]
+    throw = p.throws[number]
+    paths = p.paths[number]
     color = _COLORS[number % len(_COLORS)]
     for e, path in enumerate(paths):
         style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}

@@ -54,16 +54,8 @@ def seen(picture, key):
         Line(key="corrected", x=X, y=X, width=4.0),
         Points(key="corrected", x=X, y=X, size=20.0),
         Bars(key="corrected", places=X, values=X, texts=("", "", ""), hover=""),
-        Bars(
-            key="corrected",
-            places=X,
-            values=X,
-            texts=("", "", ""),
-            hover="",
-            is_across=True,
-        ),
     ],
-    ids=("line", "points", "bars", "bars across"),
+    ids=("line", "points", "bars"),
 )
 def test_a_mark_is_seen_in_its_color(mark):
     picture = picture_of(mark)
@@ -105,7 +97,7 @@ def drawn_texts(picture):
 @pytest.mark.parametrize("name", ["flight_$x$.csv", r"a\b$ 1 $", "<b>&amp;"])
 def test_names_of_files_are_no_formulas(name):
     """They are drawn letter by letter, in the legend and above a panel."""
-    figure = Figure(keys={"own": name}, panels=[Panel(title=name, marks=[])])
+    figure = Figure(keys={"measured": name}, panels=[Panel(title=name, marks=[])])
     texts = [text.get_text() for text in drawn_texts(draw(figure))]
     shown = [text.replace(r"\$", "$") for text in texts if not is_math_text(text)]
     assert shown.count(name) == 2

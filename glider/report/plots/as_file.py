@@ -18,21 +18,21 @@ from matplotlib.ticker import NullLocator
 from glider.report.plots import figure as spec
 from glider.report.plots.style import COLORS, STYLE
 
-WIDTH, DPI = 720.0, 110.0  # Of a picture in points, and its dots per inch.
+_WIDTH, _DPI = 720.0, 110.0  # Of a picture in points, and its dots per inch.
 _PIXEL = 72.0 / 92.0  # Height of a page's pixel in points.
 _LETTER = 5.2  # Width of a letter in points.
 _LINE = 13.0  # Height of a line of text in points.
 _SPACE = 10.0  # Space beside panels in points.
 
 
-def to_png(figure: spec.Figure, dpi: float = DPI, width: float = WIDTH) -> bytes:
+def to_png(figure: spec.Figure, dpi: float = _DPI, width: float = _WIDTH) -> bytes:
     """Draws a figure as a PNG file."""
     buffer = io.BytesIO()
     draw(figure, width).savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
 
 
-def draw(figure: spec.Figure, width: float = WIDTH) -> Figure:
+def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
     """Draws the shown panels of a figure, row by row, below its legend."""
     panels = figure.shown
     columns = min(figure.columns, len(panels))
@@ -178,22 +178,11 @@ def _draw_mark(mark: spec.Mark, axes: Axes, color: str) -> None:
             axes.plot(
                 mark.x, mark.y, "o", color=color, alpha=mark.opacity, ms=size, mew=0.0
             )
-            for x, y, label in zip(mark.x, mark.y, mark.labels, strict=False):
-                if label and math.isfinite(y):
-                    axes.annotate(
-                        _plain(label),
-                        (x, y),
-                        (0.0, 5.0),
-                        textcoords="offset points",
-                        ha="center",
-                        size=8.0,
-                    )
 
 
 def _draw_bars(mark: spec.Bars, axes: Axes, color: str) -> None:
     """Draws bars from the lower limit of their axis, with their texts."""
-    low, _ = axes.get_xlim() if mark.is_across else axes.get_ylim()
+    low, _ = axes.get_ylim()
     values = np.where(np.isfinite(mark.values), mark.values, low)
-    draw = axes.barh if mark.is_across else axes.bar
-    bars = draw(mark.places, np.maximum(values, low), mark.width, color=color)
-    axes.bar_label(bars, mark.texts, padding=2.0, size=8.5 if mark.is_across else 7.0)
+    bars = axes.bar(mark.places, np.maximum(values, low), mark.width, color=color)
+    axes.bar_label(bars, mark.texts, padding=2.0, size=7.0)
