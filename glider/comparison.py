@@ -29,19 +29,19 @@ from glider.sysid.report import Estimate, Report, Spread, read_report
 FALSE_ALARM = 0.01
 """Probability that any change is reported between campaigns of one glider."""
 
-EFFECTS = "effects"
-_GROUPS = (EFFECTS, "from flight to flight", "vehicle")
+_EFFECTS = "effects"
+_GROUPS = (_EFFECTS, "from flight to flight", "vehicle")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class SavedReport(Report):
+class _SavedReport(Report):
     """A report as it was saved."""
 
     path: Path  #: Of its report.json.
     given: GliderParameters | None  #: Specified ones, where a model.yaml has them.
 
 
-def load_report(path: Path) -> SavedReport:
+def load_report(path: Path) -> _SavedReport:
     """Reads a report: its folder, or its report.json.
 
     Raises:
@@ -55,11 +55,11 @@ def load_report(path: Path) -> SavedReport:
         with contextlib.suppress(InputError):
             text = read_text(model, "a glider model")
             given = parse_model(text, str(model))[0].parameters
-    return SavedReport(**vars(report), path=file, given=given)
+    return _SavedReport(**vars(report), path=file, given=given)
 
 
 @dataclasses.dataclass(frozen=True)
-class Difference:
+class _Difference:
     """A number in two reports."""
 
     group: str  #: "effects", "from flight to flight" or "vehicle".
@@ -113,24 +113,24 @@ class Difference:
 class Comparison:
     """Two reports and what differs between them."""
 
-    first: SavedReport
-    second: SavedReport
-    differences: tuple[Difference, ...]  #: Of all numbers that either has.
+    first: _SavedReport
+    second: _SavedReport
+    differences: tuple[_Difference, ...]  #: Of all numbers that either has.
     z_significant: float  #: Threshold above which a change counts.
     notes: tuple[str, ...]  #: On how far the two may be compared.
 
     @property
     def lacks_effects(self) -> bool:
         """Whether one report has an effect that the other lacks."""
-        effects = [d for d in self.differences if d.group == EFFECTS]
+        effects = [d for d in self.differences if d.group == _EFFECTS]
         return any(d.first is None or d.second is None for d in effects)
 
-    def is_significant(self, difference: Difference) -> bool:
+    def is_significant(self, difference: _Difference) -> bool:
         """Whether a number changed by more than its standard errors allow."""
         return abs(difference.z) > self.z_significant  # False for NaN.
 
 
-def compare(first: SavedReport, second: SavedReport) -> Comparison:
+def compare(first: _SavedReport, second: _SavedReport) -> Comparison:
     """Compares two reports."""
     a = _values(first)
     b = _values(second)
@@ -138,8 +138,8 @@ def compare(first: SavedReport, second: SavedReport) -> Comparison:
     kinds = list(dict.fromkeys(key[:2] for key in keys))
     differences = []
     for key in sorted(keys, key=lambda key: kinds.index(key[:2])):
-        note = _absence(key[1], first, second) if key[0] == EFFECTS else ""
-        found = Difference(*key, a.get(key), b.get(key), note)
+        note = _absence(key[1], first, second) if key[0] == _EFFECTS else ""
+        found = _Difference(*key, a.get(key), b.get(key), note)
         if len(set(found.units)) > 1:
             note = f"units differ: {' and '.join(found.units)}"
             found = dataclasses.replace(found, note=note)
@@ -248,13 +248,13 @@ def print_comparison(comparison: Comparison, console: Console) -> None:
     )
 
 
-def _heading(difference: Difference) -> str:
-    if difference.group == EFFECTS:
+def _heading(difference: _Difference) -> str:
+    if difference.group == _EFFECTS:
         return difference.kind
     return difference.group
 
 
-def _cells(difference: Difference, is_changed: bool) -> list[str]:
+def _cells(difference: _Difference, is_changed: bool) -> list[str]:
     name = name_of(difference.name or difference.kind)
     unit = "" if difference.unit == "-" else f" [{difference.unit}]"
     cells = [f"  {name}{unit}"]
@@ -301,7 +301,7 @@ def to_json(comparison: Comparison) -> str:
     )
 
 
-def _report(report: SavedReport) -> dict[str, Any]:
+def _report(report: _SavedReport) -> dict[str, Any]:
     return {
         "file": str(report.path),
         "campaign": report.campaign,

@@ -27,8 +27,13 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs the checks; returns the exit code."""
-    checks = (versions, cache, compiler, solver)
-    failed = [check.__name__ for check in checks if not _print_outcome(check)]
+    checks = {
+        "versions": versions,
+        "cache": _cache,
+        "compiler": _compiler,
+        "solver": _solver,
+    }
+    failed = [name for name in checks if not _print_outcome(name, checks[name])]
     if failed:
         print(f"\n{len(failed)} of {len(checks)} fail; {_REINSTALL}.")
         return 1
@@ -36,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _print_outcome(check: Callable[[], str]) -> bool:
+def _print_outcome(name: str, check: Callable[[], str]) -> bool:
     """Runs a check and prints what it found; returns whether it passed."""
     state = "works"
     try:
@@ -44,7 +49,7 @@ def _print_outcome(check: Callable[[], str]) -> bool:
     except Exception as error:  # Whatever is wrong with a library.
         state = "fails"
         found = " ".join(str(error).split())[:200] or type(error).__name__
-    print(f"{state}  {check.__name__:8}  {found}", flush=True)
+    print(f"{state}  {name:8}  {found}", flush=True)
     return state == "works"
 
 
@@ -62,7 +67,7 @@ def versions() -> str:
     return ", ".join(found)
 
 
-def cache() -> str:
+def _cache() -> str:
     """Checks that compiled code can be kept."""
     from glider.files.writing import check_writable
     from glider.paths import cache_folder
@@ -72,7 +77,7 @@ def cache() -> str:
     return str(folder)
 
 
-def compiler() -> str:
+def _compiler() -> str:
     """Compiles a function."""
     import numba
 
@@ -80,7 +85,7 @@ def compiler() -> str:
     return "compiles a function"
 
 
-def solver() -> str:
+def _solver() -> str:
     """Solves a small problem with Drake."""
     from pydrake.solvers import IpoptSolver, MathematicalProgram
 

@@ -108,7 +108,8 @@ def next_throw(
         campaign = load_campaign(
             Path(campaign), flights=findings.flights, grades=findings.grades
         )
-    known_name, what = findings.campaign, f"{campaign.path}: the report's campaign"
+    known_name = findings.campaign
+    what = f"{campaign.path}: the report's campaign"
     expect(known_name in (None, campaign.name), what, known_name, f"'{campaign.name}'")
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress(Step("reading the flights", 0.0))
@@ -129,7 +130,8 @@ def next_throw(
 
 def check_servo(campaign: Campaign) -> None:
     """Raises InputError where a campaign's glider takes no commands."""
-    found, what = campaign.elevator, f"{campaign.path}: its elevator"
+    found = campaign.elevator
+    what = f"{campaign.path}: its elevator"
     expect(found == "servo", what, found, "a servo that can be commanded")
 
 
@@ -173,7 +175,8 @@ def propose(
 ) -> Proposal:
     """Proposes throws, given the explanations of a campaign; see `next_throw`."""
     begin = time.perf_counter()
-    travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
+    travel = campaign.elevator_limits
+    rate = campaign.elevator_rate_limit
     limits = limits_flown(task.records, travel, rate, limits)
     place = range_of(campaign, task.records, limits)
     everything = Forecast(
@@ -191,13 +194,15 @@ def propose(
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
     futures = everything.futures(then)
-    usual = present_kind(everything, likely)
+    usual = _present_kind(everything, likely)
     usual_throws = times(usual, len(throws))
-    now, chance = float(everything.probabilities.max()), everything.chance(futures)
+    now = float(everything.probabilities.max())
+    chance = everything.chance(futures)
     if len(explanations) > 1:
         progress("trying the throws on drawn gliders")
         chance = min(chance, max(now, everything.tried(throws, rng, _TRIED)))
-    before, after = everything.covariance(), everything.covariance(then)
+    before = everything.covariance()
+    after = everything.covariance(then)
     return Proposal(
         campaign=campaign.name,
         explanations=everything.explanations,
@@ -208,7 +213,7 @@ def propose(
         chance_now=now,
         chance_then=chance,
         chance_same_kind=everything.chance(everything.futures(usual_throws)),
-        equivalent=equivalent_count(everything, usual, chance),
+        equivalent=_equivalent_count(everything, usual, chance),
         distances=everything.distances(futures),
         ending_air=scatter.air,
         ending_now=scatter.by_parameters(before),
@@ -222,7 +227,8 @@ def propose(
 def _stds(
     task: Task, explanation: Explanation, before: np.ndarray, after: np.ndarray
 ) -> dict[str, tuple[float, float, str]]:
-    model, layout = explanation.model, task.layout
+    model = explanation.model
+    layout = task.layout
     units = {}
     for slot in model.free:
         coefficient = layout.coefficients.get(slot)
@@ -234,7 +240,7 @@ def _stds(
     return {name: (now, then, unit) for (name, unit), (now, then) in pairs}
 
 
-def present_kind(forecast: Forecast, flights: Task) -> Grams:
+def _present_kind(forecast: Forecast, flights: Task) -> Grams:
     """Grams of a throw of the present kind, the mean of flown ones.
 
     Raises:
@@ -252,7 +258,7 @@ def present_kind(forecast: Forecast, flights: Task) -> Grams:
     return times(added(found), 1.0 / len(found))
 
 
-def equivalent_count(forecast: Forecast, one: Grams, chance: float) -> int | None:
+def _equivalent_count(forecast: Forecast, one: Grams, chance: float) -> int | None:
     """Number of throws of one kind that reach a chance; None above MOST_THROWS."""
 
     def reaches(count: int) -> bool:
