@@ -637,9 +637,30 @@ def save_funnel_figure(path: Path, studies: dict[str, FunnelStudy]) -> None:
     figure.savefig(path, dpi=120)
 
 
+def tube_radii(
+    funnel: funnels.Funnel, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns unit normals of the path in the plane (K, 2) and radii (K,) [m].
+
+    A radius is how far a state of the funnel may be from the path, across it.
+    """
+    place = np.linalg.inv(funnel.shape(times))[:, :2, :2]
+    along = funnel.nominal.path(times, 1)[:, :2]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return normals, np.sqrt(np.einsum("ki,kij,kj->k", normals, place, normals))
+
+
+def tube_outline(funnel: funnels.Funnel) -> np.ndarray:
+    """Returns the tube's edge as a polygon (2 T, 2) of x, z [m]."""
+    normals, radii = tube_radii(funnel, funnel.nominal.times)
+    centers, across = funnel.nominal.states[:, :2], radii[:, None] * normals
+    return np.concatenate([centers + across, (centers - across)[::-1]])
+
+
 def draw_band(ax: Axes, funnel: funnels.Funnel, color: str) -> None:
     """Draws the positions that a funnel allows."""
-    outline = funnels.tube_outline(funnel)
+    outline = tube_outline(funnel)
     ax.fill(*outline.T, color=color, alpha=0.25, lw=0.0, label="funnel, projected")
     ax.plot(*funnel.nominal.states[:, :2].T, color=color, lw=1.5)
     ax.set_aspect("equal", adjustable="datalim")
@@ -686,7 +707,7 @@ def draw_tube(
     """
     nominal = funnel.nominal
     times = np.linspace(nominal.times[0], nominal.times[-1], rings)
-    normals, radii = funnels.tube_radii(funnel, times)
+    normals, radii = tube_radii(funnel, times)
     centers = funnel.center(times)[:, :2]
     angles = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
     across = radii[:, None] * np.cos(angles)

@@ -49,10 +49,6 @@ _MISSING = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     parser = make_parser()
-    if "_ARGCOMPLETE" in os.environ:  # The TAB key was pressed.
-        import argcomplete
-
-        argcomplete.autocomplete(parser, always_complete_options=False)
     try:
         try:
             args = parser.parse_args(arguments)
@@ -87,7 +83,7 @@ def _not_installed(module: str) -> str:
         f"{module} is not installed for {sys.executable}; use the Python of the "
         "environment that drake-glider is installed in (.venv/bin/python after make "
         "setup), or install it here with pip install . "
-        "(python -m glider doctor lists what is missing)."
+        "(python -m glider doctor checks an installation)."
     )
 
 
@@ -102,28 +98,11 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-class _PrintCompletion(argparse.Action):
-    """Prints a shell's commands that set up completion."""
-
-    def __call__(self, parser, namespace, values, option_string=None):
-        import argcomplete
-
-        print(argcomplete.shellcode([parser.prog], shell=values))
-        parser.exit()
-
-
 def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="glider", description="A toolkit for a perching glider, built on Drake."
     )
     parser.add_argument("--version", action=_Version, nargs=0)
-    parser.add_argument(
-        "--print-completion",
-        action=_PrintCompletion,
-        choices=("bash", "zsh", "fish"),
-        help="print what makes the TAB key complete commands, samples and effects: "
-        'put eval "$(glider --print-completion bash)" into ~/.bashrc',
-    )
     commands = parser.add_subparsers(
         required=True, metavar="COMMAND", parser_class=CommandParser
     )

@@ -11,17 +11,15 @@ can be made too. Verdict, FlightProof, describe_proof, remainder_status: what ch
 proof show. falsify_funnel, Falsification: flights from the boundary that
 try to leave; fly_loop, FlownLoop, FlownTrial: the same of held and late commands in
 wind. fly_inside: flights from inside. study_estimates, EstimatedFlights:
-flights on a filter's estimate. tube_outline, tube_radii: the positions that a funnel
-allows, to draw. FunnelMonitor: a Drake System that reports the margin of a state.
-funnel_regulator: the funnel's own feedback as a Drake System; funnel_policy: as a
-policy, of which another glider's funnel can be made. make_phases, phase_faults,
-rest_for: funnels for any phase between launch and clock, made, checked and chosen in
-flight. SolverError: there is no funnel.
+flights on a filter's estimate. FunnelMonitor: a Drake System that reports the margin
+of a state. funnel_regulator: the funnel's own feedback as a Drake System;
+funnel_policy: as a policy, of which another glider's funnel can be made. make_phases,
+phase_faults, rest_for: funnels for any phase between launch and clock, made, checked
+and chosen in flight. SolverError: there is no funnel.
 """
 
 from glider.physics.confidence import ConfidenceSet, describe_set, make_confidence
 from glider.report.check_funnel import describe_proof
-from glider.report.plots.tube import tube_outline, tube_radii
 from glider.systems.funnel_monitor import FunnelMonitor, funnel_regulator
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import (

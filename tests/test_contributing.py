@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from diagrams.programs import program
 from glider.compiled.user_effects import check_user_effects
@@ -192,7 +193,7 @@ def test_the_figure_of_the_recipe_is_drawn():
     pose = np.array([[-3.5, 0.1, 0.0], [-3.4, 0.2, 0.0]])
     flight = types.SimpleNamespace(time=np.array([0.0, 0.1]), measured=pose)
     specified = names["held_out_height"](types.SimpleNamespace(held_out=[flight]))
-    texts = {text.text for text in draw(specified).texts}
+    texts = {text.get_text() for text in draw(specified).findobj(Text)}
     assert {"height", "time [s]", "z [m]", "measured"} <= texts
     [line] = specified.panels[0].marks
     assert list(line.y) == [0.1, 0.2]

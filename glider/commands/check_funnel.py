@@ -12,17 +12,17 @@ from glider.commands.parsing import CommandParser, check_seed
 from glider.errors import InputError, expect
 from glider.progress import Step
 
-LEVEL = 0.95
+_LEVEL = 0.95
 """Default probability with which the true glider is among those that are flown: that of
 `glider.physics.confidence`, which takes a second to import."""
 
-FLIGHTS = 9000
+_FLIGHTS = 9000
 """Flights before the climb: 21,000 with it."""
 
-HOLD, LATENCY = 0.02, 0.01
+_HOLD, _LATENCY = 0.02, 0.01
 """Defaults of --as-flown [s]."""
 
-MOST_FLIGHTS = 1_000_000
+_MOST_FLIGHTS = 1_000_000
 """Flights that fit the memory of any machine."""
 
 DESCRIPTION = """\
@@ -68,9 +68,6 @@ launch's, --hold and --hook to the others; --latency is their common one, and
 --least-level is of each. Whenever the
 first command acts, the flight must be inside one of them.
 
---feedback-of is for rival explanations, whose models close-the-loop writes: it requires
-that the funnel's commands, which are held, are those of another one's feedback.
-
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
 """
@@ -92,13 +89,11 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
     words = (
         "the funnel's set must contain the model's set of this probability; needs a "
-        f"--model with a covariance (default: {LEVEL} of a funnel that has a set)"
+        f"--model with a covariance (default: {_LEVEL} of a funnel that has a set)"
     )
     parser.add_argument("--least-level", metavar="P", help=words)
     words = "funnels after a launch funnel, for a clock of any phase (after its name)"
     parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
-    words = "funnel of another glider, whose feedback of held commands must be its own"
-    parser.add_path("--feedback-of", "NPZ", words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
@@ -107,13 +102,15 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_path("--resume", "FILE", words)
     words = "with --prove: write the proof to FILE, for tools/verify_proof.py"
     parser.add_path("--write-proof", "FILE", words)
-    words = f"fly gliders that the data allow with this probability (default: {LEVEL})"
-    parser.add_argument("--confidence", metavar="P", nargs="?", const=LEVEL, help=words)
+    words = f"fly gliders that the data allow with this probability (default: {_LEVEL})"
+    parser.add_argument(
+        "--confidence", metavar="P", nargs="?", const=_LEVEL, help=words
+    )
     words = "with --confidence: a box of intervals instead of an ellipsoid"
     parser.add_switch("--box", words)
     words = (
         "with --confidence or --as-flown: flights before the climb, which adds as many "
-        f"and a fifth more (default: {FLIGHTS})"
+        f"and a fifth more (default: {_FLIGHTS})"
     )
     parser.add_number("--flights", words)
     words = (
@@ -125,12 +122,17 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_switch("--as-flown", words)
     both = "--as-flown or --prove"
     for name, option, words, default in (
-        ("--hold", both, "time that a command is held [s]", f"the funnel's, or {HOLD}"),
+        (
+            "--hold",
+            both,
+            "time that a command is held [s]",
+            f"the funnel's, or {_HOLD}",
+        ),
         (
             "--latency",
             "--as-flown, --phases or --prove",
             "time from a state to its command [s]",
-            f"as flown the funnel's, half of its hold, or {LATENCY}; none to prove",
+            f"as flown the funnel's, half of its hold, or {_LATENCY}; none to prove",
         ),
         ("--command-error", both, "largest other error of the command [rad/s]", "0"),
         ("--wind", both, "largest wind beyond the model's own [m/s]", "0"),
@@ -152,7 +154,6 @@ def run(args: argparse.Namespace) -> int:
     level, flights = _checked_options(args)
     least_inlet = _least_inlet(args.least_inlet)
     files = [(path, *read_file(path)) for path in (args.funnel, *(args.phases or ()))]
-    other = args.feedback_of and (args.feedback_of, *read_file(args.feedback_of))
 
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np
@@ -166,7 +167,6 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.trials.falsify import falsify_funnel
 
     funnel, *rests = (funnel_of(*file) for file in files)
-    feedback_of = funnel_of(*other) if other else None
     seed = args.seed or 0
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
@@ -199,18 +199,19 @@ def run(args: argparse.Namespace) -> int:
             "model": model,
             "covariance": covariance,
             "least_level": least_level,
-            "feedback_of": feedback_of,
         }
         checked = _check(args, (funnel, *rests), least_inlet, given, follow)
         if confidence and checked.holds and not (rests or funnel.settings.period):
-            rng, say = np.random.default_rng(seed), follow("gliders")
+            rng = np.random.default_rng(seed)
+            say = follow("gliders")
             trial = falsify_funnel(
                 funnel, flights, rng, confidence=confidence, progress=say
             )
         if loop and checked.holds:
-            rng, say = np.random.default_rng(seed), follow("flights")
+            rng = np.random.default_rng(seed)
+            say = follow("flights")
             flown = fly_loop(funnel, loop, flights, rng, say, rests=rests)
-    _print_outcome(args, checked, feedback_of, trial, flown)
+    _print_outcome(args, checked, trial, flown)
     if args.write_proof and checked.is_proven:
         with working(is_even=True) as progress:
             write_proof(
@@ -241,9 +242,11 @@ def _check(args, funnels, least_inlet, given, follow):
         )
     (first, *rests), inlet = funnels, {"least_inlet": least_inlet}
     pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
-    period, problem = args.hold if args.prove else None, given["problem"]
+    period = args.hold if args.prove else None
+    problem = given["problem"]
     end = {"hook": args.hook, "period": period}
-    needs, faults = [inlet | end], []
+    needs = [inlet | end]
+    faults = []
     if rests:
         needs = [inlet | {"problem": None}]
         needs += [end | {"from_launch": False}] * len(rests)
@@ -302,7 +305,7 @@ def _prove_latency(args, funnels, progress):
     return prove_latency(found, args.command_error or 0.0, progress=progress)
 
 
-def _print_outcome(args, checked, feedback_of, trial, flown):
+def _print_outcome(args, checked, trial, flown):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
     from glider.report import check_funnel as words
@@ -316,7 +319,6 @@ def _print_outcome(args, checked, feedback_of, trial, flown):
         report, *others = (words.check_report(*part, covariance) for part in parts)
         report |= {
             "model_compared": args.model is not None,
-            "feedback_of": feedback_of and feedback_of.sha256,
             "set_compared": None not in (covariance, funnel.gliders),
         }
         if rests:
@@ -334,9 +336,6 @@ def _print_outcome(args, checked, feedback_of, trial, flown):
         if rests:
             print(f"{path}:")
         print(words.describe_check(*part, args.model, covariance))
-    if feedback_of and checked.holds:
-        other = f"{args.feedback_of}, funnel {feedback_of.sha256[:16]}"
-        print(f"Its commands are those of the feedback of {other}.")
     if rests:
         print(words.describe_phases(checked))
     if latency:
@@ -355,18 +354,13 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     if args.write_proof and not args.prove:
         words = "--write-proof has no effect without --prove; expected both."
         raise InputError(words)
-    of_one = "feedback-of", "resume", "write-proof"
-    for name in of_one if args.phases else ():
+    for name in ("resume", "write-proof") if args.phases else ():
         if getattr(args, name.replace("-", "_")) is not None:
             raise InputError(
                 f"--{name} is of one funnel; expected it without --phases."
             )
-    if args.feedback_of and (args.latency or args.predict):
-        raise InputError(
-            "--feedback-of is not for a predictor, which knows one glider; expected it "
-            "without --latency and --predict."
-        )
-    latency, words = args.latency or 0.0, "0 or more, and less than the period"
+    latency = args.latency or 0.0
+    words = "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)
     level = _level("--confidence", args.confidence)
     names = ("hold", "command_error", "wind")
@@ -391,9 +385,9 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
             if not is_given and value is not None:
                 words = f"--{name} has no effect without {option}; expected both."
                 raise InputError(words)
-    flights = FLIGHTS if args.flights is None else args.flights
-    expected = f"a number from 1 to {MOST_FLIGHTS:,}"
-    expect(1 <= flights <= MOST_FLIGHTS, "--flights", flights, expected)
+    flights = _FLIGHTS if args.flights is None else args.flights
+    expected = f"a number from 1 to {_MOST_FLIGHTS:,}"
+    expect(1 <= flights <= _MOST_FLIGHTS, "--flights", flights, expected)
     check_seed(args.seed or 0)
     return level, flights
 
@@ -401,7 +395,8 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
 def _least_pushes(args: argparse.Namespace) -> tuple[float, float]:
     """Command error and wind that --prove requires; checks --hold."""
     for name in ("hold", "command_error", "wind"):
-        option, value = f"--{name.replace('_', '-')}", getattr(args, name) or 0.0
+        option = f"--{name.replace('_', '-')}"
+        value = getattr(args, name) or 0.0
         expect(0.0 <= value < math.inf, option, value, "zero or a positive number")
     return args.command_error or 0.0, args.wind or 0.0
 
@@ -428,7 +423,7 @@ def _level(option: str, text: str | None) -> float | None:
         level = float(text)
     except ValueError:
         level = math.nan
-    expected = f"a probability between 0 and 1, such as {LEVEL:g}"
+    expected = f"a probability between 0 and 1, such as {_LEVEL:g}"
     expect(0.0 < level < 1.0, option, text, expected)
     return level
 
@@ -439,14 +434,13 @@ def _flown_loop(args, funnel, rests, gliders):
     from glider.verification.proof.phases import first_commands
     from glider.verification.trials.as_flown import FlownLoop
 
-    period, latency = (rests or [funnel])[0].settings.period, LATENCY
-    if args.feedback_of:
-        latency = 0.0
-    elif period:
+    period = (rests or [funnel])[0].settings.period
+    latency = _LATENCY
+    if period:
         latency = first_commands(funnel, rests)[0] if rests else 0.5 * period
     latency = latency if args.latency is None else args.latency
     predicts = args.predict or (period > 0.0 and latency > 0.0)
-    hold = args.hold if args.hold is not None else period or HOLD
+    hold = args.hold if args.hold is not None else period or _HOLD
     return FlownLoop(
         hold=Hold(period=hold, latency=latency, predicts=predicts),
         wind=args.wind or 0.0,

@@ -24,33 +24,17 @@ def add_arguments(parser: CommandParser) -> None:
             metavar=letter,
             help="folder that close-the-loop wrote, or its report.json",
         )
-    parser.add_out("comparison.html and comparison.json", "out/A_B")
-    parser.add_json("comparison.json, no tables")
+    parser.add_json("all numbers as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    from glider.comparison.differences import compare, load_report
-    from glider.files.writing import check_writable, replace_files
+    from glider.comparison import compare, load_report, print_comparison, to_json
 
-    first, second = load_report(args.first), load_report(args.second)
-    folder = args.out or Path("out") / f"{first.campaign}_{second.campaign}"
-    check_writable(folder)
-
-    from glider.comparison.as_text import print_comparison, to_json
-    from glider.comparison.comparison_page import to_html
-
-    comparison = compare(first, second)
-    text = to_json(comparison)
-    files = {
-        "comparison.html": to_html(comparison).encode(),
-        "comparison.json": f"{text}\n".encode(),
-    }
-    replace_files(folder, files, last="comparison.json")
+    comparison = compare(load_report(args.first), load_report(args.second))
     if args.json:
-        print(text)
+        print(to_json(comparison))
     else:
         with output() as console:
             print_comparison(comparison, console)
-        print(f"Page: {folder / 'comparison.html'}")
     return 0

@@ -21,18 +21,10 @@ Throws stay within what was flown: launch, floor, speed; --limits FILE.yaml has 
   speed: 9.0                  # m/s at most; elevator [rad], elevator_rate [rad/s]
   missed_speed: 0.2           # m/s, launch error (2σ); missed_height, missed_pitch
 
-With --funnel they also keep inside the sets of a funnel of the campaign's vehicle, by
-every explanation and with launch errors, until their tape ends: then, and at any moment
-before, the funnel's feedback may take over. Open limits of the launch are then the
-funnel's. Its certificate is checked first, exactly at each of its times (seconds), as
-by check-funnel; that no flight leaves it is not proven here: check-funnel FILE.npz
---prove does that (minutes).
-
 examples:
   glider close-the-loop throws --out out/throws
   glider next-throw throws --report out/throws --launches 3
-  glider next-throw throws --report out/throws --limits launcher.yaml \\
-      --funnel models/funnels/drawn_hook.npz
+  glider next-throw throws --report out/throws --limits launcher.yaml
 
 exit code: 0 when it ran, 2 when the input cannot be used.
 """
@@ -45,8 +37,6 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_path("--report", "DIR", words)
     parser.add_number("--launches", "how many throws to propose (default: 3)", 3)
     parser.add_path("--limits", "FILE.yaml", "limits of the throws")
-    words = "funnel that every throw keeps inside (default: none)"
-    parser.add_path("--funnel", "FILE.npz", words)
     files = "commands_N.csv, next_throw.json and next_throw.png"
     parser.add_out(files, "out/CAMPAIGN/next_throw")
     parser.add_seed("of the search")
@@ -61,15 +51,10 @@ def run(args: argparse.Namespace) -> int:
 
     with working() as progress:
         from glider.experiments.explanations import findings_of, load_findings
-        from glider.experiments.known_funnel import checked, known_funnel
         from glider.experiments.proposal import check_servo, next_throw
         from glider.experiments.throw_limits import load_limits
 
         limits = load_limits(args.limits) if args.limits else None
-        funnel = None
-        if args.funnel:
-            progress("checking the funnel")
-            funnel = checked(known_funnel(args.funnel))
         campaign = args.campaign
         if args.report:
             findings = load_findings(args.report)
@@ -85,7 +70,6 @@ def run(args: argparse.Namespace) -> int:
             findings,
             launches=args.launches,
             limits=limits,
-            funnel=funnel,
             seed=args.seed,
             progress=progress,
         )

@@ -1,33 +1,10 @@
-"""Arguments that several commands have, and what the TAB key proposes for them."""
+"""Arguments that several commands have."""
 
 import argparse
-from collections.abc import Iterable
 from pathlib import Path
 
 from glider.errors import InputError, expect
 from glider.files.writing import check_writable
-
-
-def propose_samples(**typed: object) -> Iterable[str]:
-    """The samples, for the TAB key."""
-    from glider.campaign.samples import sample_names
-
-    return sample_names()
-
-
-def _propose_campaigns(prefix: str, **typed: object) -> Iterable[str]:
-    """Samples, folders and .zip files."""
-    from argcomplete.completers import FilesCompleter
-
-    return [*propose_samples(), *FilesCompleter("zip")(prefix)]
-
-
-def _propose_effects(prefix: str, **typed: object) -> Iterable[str]:
-    """Effects, also after others and a comma, for the TAB key."""
-    from glider.physics.effects import KINDS
-
-    before, comma, _ = prefix.rpartition(",")
-    return [before + comma + kind for kind in KINDS if kind not in before.split(",")]
 
 
 def names(text: str) -> list[str]:
@@ -41,13 +18,11 @@ class CommandParser(argparse.ArgumentParser):
     def add_campaign(self) -> None:
         """Adds the campaign that a command works on."""
         words = "folder of flight logs, its .zip, or a sample"
-        campaign = self.add_argument("campaign", type=Path, help=words)
-        campaign.completer = _propose_campaigns  # type: ignore[attr-defined]
+        self.add_argument("campaign", type=Path, help=words)
 
     def add_effects(self, name: str, words: str) -> None:
         """Adds an option for names of effects."""
-        effects = self.add_argument(name, metavar="NAME,...", type=names, help=words)
-        effects.completer = _propose_effects  # type: ignore[attr-defined]
+        self.add_argument(name, metavar="NAME,...", type=names, help=words)
 
     def add_path(self, name: str, metavar: str, words: str) -> None:
         """Adds an option for a file or folder."""

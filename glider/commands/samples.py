@@ -1,28 +1,24 @@
 """The command `samples`: list the campaigns that ship with this package."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
-from glider.commands.parsing import CommandParser, propose_samples
+from glider.commands.parsing import CommandParser
 from glider.errors import InputError
 
 DESCRIPTION = """\
 Lists the campaigns that ship with this package, with their contents and how to run one.
 With a name and --out, writes that campaign as a folder of CSV files, to look at or to
-start from. With --tables, closes the loop on each and prints a line of results.
+start from.
 """
 
 
 def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
-    name = parser.add_argument("name", nargs="?", help="a sample (default: all)")
-    name.completer = propose_samples  # type: ignore[attr-defined]
+    parser.add_argument("name", nargs="?", help="a sample (default: all)")
     what = parser.add_mutually_exclusive_group()
     words = "write the named sample there, as CSV"
     what.add_argument("--out", type=Path, metavar="DIR", help=words)
-    words = "close the loop on each, or on the named one; takes minutes"
-    what.add_argument("--tables", action="store_true", help=words)
     what.add_argument("--json", action="store_true", help="print the list as JSON")
 
 
@@ -42,9 +38,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"Campaign: {args.out}")
         return 0
     names = sample_names() if args.name is None else (args.name,)
-    if args.tables:
-        _print_results(names)
-        return 0
     samples = [sample for sample in list_samples() if sample.name in names]
     if args.json:
         print(json_text([sample._asdict() for sample in samples]))
@@ -55,23 +48,3 @@ def run(args: argparse.Namespace) -> int:
     print(f"\nTo run one:        glider close-the-loop {names[0]}")
     print(f"To see its files:  glider samples {names[0]} --out mine")
     return 0
-
-
-def _print_results(names: Sequence[str]) -> None:
-    """Closes the loop on samples and prints a line for each, and its effects."""
-    from glider.sysid.pipeline import close_the_loop
-
-    print("                                 held-out position error [mm]")
-    print("sample         verdict           nominal  corrected  effects")
-    for name in names:
-        result = close_the_loop(name)
-        nominal, corrected = (
-            f"{1e3 * errors.position_rms_m:.2f}" if errors else "-"
-            for errors in (result.errors["nominal"], result.errors["corrected"])
-        )
-        effects = ", ".join(effect.kind for effect in result.effects) or "-"
-        print(
-            f"{name:14s} {result.verdict:16s} {nominal:>8s} {corrected:>10s}"
-            f"  {effects}",
-            flush=True,
-        )

@@ -6,7 +6,7 @@ from glider.compiled.kernel import called_code, machine_code
 
 
 @called_code
-def factorize(a):
+def _factorize(a):
     """Writes the Cholesky factor of a (n, n) into its lower half; False: there is none.
 
     By rows, each of which is along the memory.
@@ -26,7 +26,7 @@ def factorize(a):
 
 
 @called_code
-def solve_lower(factor, b):
+def _solve_lower(factor, b):
     """Overwrites b (n,) by L⁻¹ b."""
     for i in range(b.shape[0]):
         for k in range(i):
@@ -35,7 +35,7 @@ def solve_lower(factor, b):
 
 
 @called_code
-def solve_upper(factor, b):
+def _solve_upper(factor, b):
     """Overwrites b (n,) by L⁻ᵀ b."""
     for i in range(b.shape[0] - 1, -1, -1):
         b[i] /= factor[i, i]
@@ -44,7 +44,7 @@ def solve_upper(factor, b):
 
 
 @called_code
-def calc_volume(factor, precision, columns):
+def _calc_volume(factor, precision, columns):
     """Logarithm of the posterior's volume over the prior's, twice."""
     total = 0.0
     for i, column in enumerate(columns):
@@ -53,7 +53,7 @@ def calc_volume(factor, precision, columns):
 
 
 @called_code
-def allows(low, high, columns, steps):
+def _allows(low, high, columns, steps):
     """Whether coefficients are physical."""
     for i, column in enumerate(columns):
         if steps[i] < low[column] or steps[i] > high[column]:
@@ -80,43 +80,48 @@ def extended(gram, at, precision, low, high, own, more, ends, gains):
         ends: (s,) where each set ends in `more`.
         gains: (s,), written.
     """
-    n, last = own.shape[0], gram.shape[0] - 1
+    n = own.shape[0]
+    last = gram.shape[0] - 1
     gains[:] = -np.inf
     factor = np.empty((n, n))
     for i in range(n):
         for j in range(i + 1):
             factor[i, j] = gram[at[own[i]], at[own[j]]]
         factor[i, i] += precision[own[i]]
-    if not factorize(factor):
+    if not _factorize(factor):
         return
     error = np.empty(n)  # L⁻¹ b, of the columns that are in all sets.
     for i in range(n):
         error[i] = gram[at[own[i]], last]
-    solve_lower(factor, error)
+    _solve_lower(factor, error)
     alone = error.copy()  # Their coefficients without any other.
-    solve_upper(factor, alone)
-    gain = error @ error + calc_volume(factor, precision, own)
-    begin, steps = 0, np.empty(n)
+    _solve_upper(factor, alone)
+    gain = error @ error + _calc_volume(factor, precision, own)
+    begin = 0
+    steps = np.empty(n)
     for s in range(ends.shape[0]):
         index = more[begin : ends[s]]
-        begin, count = ends[s], index.shape[0]
-        side, a, step = np.empty((count, n)), np.empty((count, count)), np.empty(count)
+        begin = ends[s]
+        count = index.shape[0]
+        side = np.empty((count, n))
+        a = np.empty((count, count))
+        step = np.empty(count)
         for p in range(count):
             for i in range(n):
                 side[p, i] = gram[at[index[p]], at[own[i]]]
-            solve_lower(factor, side[p])
+            _solve_lower(factor, side[p])
             for r in range(p + 1):
                 a[p, r] = gram[at[index[p]], at[index[r]]] - side[p] @ side[r]
             a[p, p] += precision[index[p]]
             step[p] = gram[at[index[p]], last] - side[p] @ error
-        if not factorize(a):
+        if not _factorize(a):
             continue
-        solve_lower(a, step)
-        value = gain + step @ step + calc_volume(a, precision, index)
-        solve_upper(a, step)
+        _solve_lower(a, step)
+        value = gain + step @ step + _calc_volume(a, precision, index)
+        _solve_upper(a, step)
         steps[:] = 0.0
         for p in range(count):
             steps += side[p] * step[p]
-        solve_upper(factor, steps)
-        if allows(low, high, own, alone - steps) and allows(low, high, index, step):
+        _solve_upper(factor, steps)
+        if _allows(low, high, own, alone - steps) and _allows(low, high, index, step):
             gains[s] = 0.5 * value

@@ -36,7 +36,7 @@ from glider.sysid.search.subsets import Members, Scorer
 MOST = 5
 """Largest number of explanations."""
 
-LEAST = 1e-4
+_LEAST = 1e-4
 """Probability below which an explanation is omitted."""
 
 UNKNOWN = 0.02
@@ -177,7 +177,7 @@ def with_probabilities(
     `missing` is the probability that none of them is right.
     """
     ranked = sorted(weighed, key=lambda e: -e.log_evidence)
-    least = ranked[0].log_evidence + np.log(LEAST)
+    least = ranked[0].log_evidence + np.log(_LEAST)
     likely = [e for e in ranked if e.log_evidence > least]
     shares = (1.0 - missing) * softmax([e.log_evidence for e in likely])
     return tuple(

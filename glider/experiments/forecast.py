@@ -24,7 +24,6 @@ from scipy.special import log_softmax
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
 from glider.experiments.explanations import Explanation
-from glider.experiments.funnel_throws import Kept, keep
 from glider.experiments.throws import Range, Throw, is_safe, log_of, missed
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.filtering import whiten
@@ -37,7 +36,7 @@ from glider.sysid.replay.record import Noise, Record, prepare
 Grams = tuple[np.ndarray, ...]
 """By the true explanation: products of the columns X_0, e_0, X_1, e_1, ..., (c, c)."""
 
-DRAWN_FUTURES = 128
+_DRAWN_FUTURES = 128
 """Futures drawn of each explanation, in mirrored pairs."""
 
 
@@ -114,17 +113,6 @@ class Forecast:
 
         return in_parallel(check, zip(throws, logs, strict=True))
 
-    def kept(self, throws: Sequence[Throw]) -> list[Kept]:
-        """Cuts throws to how long every explanation keeps them in a funnel."""
-        if self.place.funnel is None:
-            return [Kept(throw=throw, level=0.0) for throw in throws]
-        models = [(model.theta, field_of(model)) for model in self._models]
-
-        def cut(throw: Throw) -> Kept:
-            return keep(throw, self.place, self.task.layout, models)
-
-        return in_parallel(cut, throws)
-
     def predicted(self, throws: Sequence[Throw]) -> list[Grams | None]:
         """Grams of throws; None for those that leave the limits."""
         logs = self.logs(throws)
@@ -165,8 +153,8 @@ class Forecast:
         width = self._columns[-1].stop + 1
         found = []
         for e in self.explanations:
-            noise = rng.normal(size=(DRAWN_FUTURES // 2, width))
-            numbers = self.numbers(e, rng, DRAWN_FUTURES // 2)
+            noise = rng.normal(size=(_DRAWN_FUTURES // 2, width))
+            numbers = self.numbers(e, rng, _DRAWN_FUTURES // 2)
             found.append((numbers, np.vstack([noise, -noise])))
         return found
 
@@ -174,7 +162,8 @@ class Forecast:
         self, explanation: Explanation, rng: np.random.Generator, pairs: int
     ) -> np.ndarray:
         """Draws departures δ of the true parameters from the fitted, (2 pairs, m)."""
-        precision, model = explanation.precision, explanation.model
+        precision = explanation.precision
+        model = explanation.model
         standard = rng.normal(size=(pairs, len(precision)))
         if not len(precision):
             return np.zeros((2 * pairs, 0))
@@ -194,7 +183,8 @@ class Forecast:
         found = np.empty((len(moved), len(self.explanations)))
         for k, e in enumerate(self.explanations):
             own = self._columns[k]
-            error, known = own.stop, gram[own, own] + e.precision
+            error = own.stop
+            known = gram[own, own] + e.precision
             scale = 1.0 / np.sqrt(np.diag(known))
             side = scale[:, None] * (gram[own, error] + moved[:, own]).T
             fitted = np.linalg.solve(known * scale[:, None] * scale, side)

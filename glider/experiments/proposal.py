@@ -20,13 +20,6 @@ from glider.compiled.theta import layout_of
 from glider.errors import InputError, expect
 from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
-from glider.experiments.funnel_throws import SHORTEST, check_frame, check_launch
-from glider.experiments.known_funnel import (
-    KnownFunnel,
-    check_vehicle,
-    checked,
-    known_funnel,
-)
 from glider.experiments.throw_limits import ThrowLimits, limits_flown
 from glider.experiments.throw_search import end_scatter, search
 from glider.experiments.throws import Range, Throw, flown_throw, range_of
@@ -34,7 +27,6 @@ from glider.progress import Progress, Step, silent
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
-from glider.verification.funnel.funnel import Funnel
 
 _TRIED, _LIKE_FLOWN = 64, 12
 """Gliders with drawn parameters that proposed throws are tried on, and flown flights
@@ -55,10 +47,7 @@ class Proposal:
     #: Of each throw, (explanations, n, 3) predicted poses.
     paths: tuple[np.ndarray, ...]
     flown: tuple[np.ndarray, ...]  #: Poses (n, 3) of the flights so far.
-    place: Range  #: Where they are flown, and the funnel that they keep inside.
-    #: Largest level of the funnel's sets that each throw reaches by any explanation, 0
-    #: at the nominal flight, 1 on the boundary; empty without one.
-    levels: tuple[float, ...]
+    place: Range  #: Where they are flown.
     #: Probability that the most probable explanation is the right one.
     chance_now: float
     chance_then: float  #: After the throws.
@@ -97,7 +86,6 @@ def next_throw(
     *,
     launches: int = 3,
     limits: ThrowLimits | None = None,
-    funnel: Path | str | Funnel | KnownFunnel | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Proposal:
@@ -108,30 +96,24 @@ def next_throw(
         findings: of the analysis, see `findings_of` and `load_findings`.
         launches: how many throws to propose.
         limits: of the throws; what they leave open is as flown.
-        funnel: that every throw keeps inside until its tape ends, or its file.
         seed: of the search.
         progress: called with a line of text as the work goes on.
 
     Raises:
-        InputError: there is no servo to command, an argument cannot be used, the
-            funnel's certificate does not hold, or no throw keeps within the limits and
-            inside the funnel.
+        InputError: there is no servo to command, an argument cannot be used, or no
+            throw keeps within the limits.
     """
     expect(launches >= 1, "the number of launches", launches, "at least 1")
-    known = None if funnel is None else known_funnel(funnel)
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(
             Path(campaign), flights=findings.flights, grades=findings.grades
         )
-    known_name, what = findings.campaign, f"{campaign.path}: the report's campaign"
+    known_name = findings.campaign
+    what = f"{campaign.path}: the report's campaign"
     expect(known_name in (None, campaign.name), what, known_name, f"'{campaign.name}'")
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress(Step("reading the flights", 0.0))
         campaign, task, noise = read_task(campaign, findings)
-        if known:
-            check_vehicle(known, campaign, task.vehicle)
-            progress("checking the funnel")
-            known = checked(known)
         progress("fitting the explanations")
         explanations = explain(task, noise, findings)
         return propose(
@@ -141,7 +123,6 @@ def next_throw(
             explanations,
             launches=launches,
             limits=limits,
-            funnel=known,
             seed=seed,
             progress=progress,
         )
@@ -149,7 +130,8 @@ def next_throw(
 
 def check_servo(campaign: Campaign) -> None:
     """Raises InputError where a campaign's glider takes no commands."""
-    found, what = campaign.elevator, f"{campaign.path}: its elevator"
+    found = campaign.elevator
+    what = f"{campaign.path}: its elevator"
     expect(found == "servo", what, found, "a servo that can be commanded")
 
 
@@ -188,26 +170,15 @@ def propose(
     *,
     launches: int = 3,
     limits: ThrowLimits | None = None,
-    funnel: KnownFunnel | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Proposal:
-    """Proposes throws, given the explanations of a campaign; see `next_throw`.
-
-    The funnel's sets are taken as given; the proposal records whether they were
-    `checked`.
-    """
+    """Proposes throws, given the explanations of a campaign; see `next_throw`."""
     begin = time.perf_counter()
-    travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
-    if funnel:
-        check_vehicle(funnel, campaign, task.vehicle)
-        limits = funnel.with_launch(limits)
-    place = range_of(
-        campaign, task.records, limits_flown(task.records, travel, rate, limits), funnel
-    )
-    if funnel:
-        check_frame(funnel, place, SHORTEST)
-        check_launch(funnel, place)
+    travel = campaign.elevator_limits
+    rate = campaign.elevator_rate_limit
+    limits = limits_flown(task.records, travel, rate, limits)
+    place = range_of(campaign, task.records, limits)
     everything = Forecast(
         campaign=campaign,
         task=task,
@@ -223,13 +194,15 @@ def propose(
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
     futures = everything.futures(then)
-    usual = present_kind(everything, likely)
+    usual = _present_kind(everything, likely)
     usual_throws = times(usual, len(throws))
-    now, chance = float(everything.probabilities.max()), everything.chance(futures)
+    now = float(everything.probabilities.max())
+    chance = everything.chance(futures)
     if len(explanations) > 1:
         progress("trying the throws on drawn gliders")
         chance = min(chance, max(now, everything.tried(throws, rng, _TRIED)))
-    before, after = everything.covariance(), everything.covariance(then)
+    before = everything.covariance()
+    after = everything.covariance(then)
     return Proposal(
         campaign=campaign.name,
         explanations=everything.explanations,
@@ -237,11 +210,10 @@ def propose(
         paths=tuple(np.array([r.pose for r in own]) for own in logs),
         flown=tuple(r.pose for r in task.records),
         place=place,
-        levels=tuple(k.level for k in everything.kept(throws)) if funnel else (),
         chance_now=now,
         chance_then=chance,
         chance_same_kind=everything.chance(everything.futures(usual_throws)),
-        equivalent=equivalent_count(everything, usual, chance),
+        equivalent=_equivalent_count(everything, usual, chance),
         distances=everything.distances(futures),
         ending_air=scatter.air,
         ending_now=scatter.by_parameters(before),
@@ -255,7 +227,8 @@ def propose(
 def _stds(
     task: Task, explanation: Explanation, before: np.ndarray, after: np.ndarray
 ) -> dict[str, tuple[float, float, str]]:
-    model, layout = explanation.model, task.layout
+    model = explanation.model
+    layout = task.layout
     units = {}
     for slot in model.free:
         coefficient = layout.coefficients.get(slot)
@@ -267,7 +240,7 @@ def _stds(
     return {name: (now, then, unit) for (name, unit), (now, then) in pairs}
 
 
-def present_kind(forecast: Forecast, flights: Task) -> Grams:
+def _present_kind(forecast: Forecast, flights: Task) -> Grams:
     """Grams of a throw of the present kind, the mean of flown ones.
 
     Raises:
@@ -285,7 +258,7 @@ def present_kind(forecast: Forecast, flights: Task) -> Grams:
     return times(added(found), 1.0 / len(found))
 
 
-def equivalent_count(forecast: Forecast, one: Grams, chance: float) -> int | None:
+def _equivalent_count(forecast: Forecast, one: Grams, chance: float) -> int | None:
     """Number of throws of one kind that reach a chance; None above MOST_THROWS."""
 
     def reaches(count: int) -> bool:

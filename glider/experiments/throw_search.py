@@ -1,9 +1,9 @@
 """The search for throws that together leave least uncertain.
 
 Throws are drawn within the limits, predicted, and drawn again about the best
-(cross-entropy method). `glider.experiments.throws` and, inside a funnel,
-`glider.experiments.funnel_throws` draw them. What they leave uncertain is which
-explanation is right and, to first order, where flights like those flown end.
+(cross-entropy method); `glider.experiments.throws` makes them. What they leave
+uncertain is which explanation is right and, to first order, where flights like those
+flown end.
 """
 
 import dataclasses
@@ -15,12 +15,6 @@ from glider.compiled.parallel import in_parallel
 from glider.errors import InputError
 from glider.experiments.explanations import Explanation, with_probabilities
 from glider.experiments.forecast import Forecast, Grams, added
-from glider.experiments.funnel_throws import (
-    check_frame,
-    draw_sizes,
-    shortest,
-    throw_in_funnel,
-)
 from glider.experiments.throws import GENES, Throw, throw_of
 from glider.progress import Progress, Step
 from glider.sysid.likelihood.directions import slopes
@@ -29,14 +23,14 @@ from glider.sysid.likelihood.model_fit import linear_flight
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 
-_FIRST, DRAWN, ELITES = 144, 48, 8
+_FIRST, _DRAWN, _ELITES = 144, 48, 8
 """Throws of a round that is drawn uniformly, of which many leave the limits; of the
 others; and those that the next round is drawn about."""
 
-ROUNDS, ROUNDS_IN_FUNNEL = 4, 8
-"""Rounds; few draws keep inside a funnel for long."""
+ROUNDS = 4
+"""Rounds of drawing throws."""
 
-SEARCHED = 3
+_SEARCHED = 3
 """Explanations that the search distinguishes; the proposal weighs all."""
 
 _SPREAD = 0.15
@@ -46,12 +40,12 @@ _PARAMETERS = 0.05
 """Worth of a factor e in the variance of where flights end, in nats of uncertainty
 about the explanations: they come first."""
 
-PROMISING = 32
+_PROMISING = 32
 """Throws, the best by themselves, among which the best combination is chosen."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class EndScatter:
+class _EndScatter:
     """Scatter of the ends of flights from a given launch, to first order."""
 
     #: Standard deviation of the end, by moving air and flight-to-flight variation [m].
@@ -65,7 +59,7 @@ class EndScatter:
         return float(np.sqrt(max(np.trace(moved), 0.0)))
 
 
-def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
+def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
     """Computes the scatter of a task's flights under an explanation.
 
     The filter, given the launch and the last row alone, has it as the variance of its
@@ -78,7 +72,8 @@ def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
         flight = linear_flight(model, directions, record)
         start = start_variances(flight, model.scales)
         start[: flight.by_x.shape[1]] = 0.0
-        variance, rows = 0.0, []
+        variance = 0.0
+        rows = []
         for channel in range(2):
             seen = np.zeros_like(record.seen)
             seen[-1, channel] = True
@@ -92,7 +87,7 @@ def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
         return variance, np.array(rows)
 
     found = in_parallel(scatter, task.records)
-    return EndScatter(
+    return _EndScatter(
         air=float(np.sqrt(max(np.mean([v for v, _ in found]), 0.0))),
         slopes=np.vstack([rows for _, rows in found]) / np.sqrt(len(found)),
     )
@@ -100,7 +95,7 @@ def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
 
 def search(
     everything: Forecast,
-    scatter: EndScatter,
+    scatter: _EndScatter,
     launches: int,
     rng: np.random.Generator,
     progress: Progress,
@@ -108,46 +103,35 @@ def search(
     """Finds the throws that together leave least uncertain.
 
     Raises:
-        InputError: no throw keeps within the limits and inside the funnel.
+        InputError: no throw keeps within the limits.
     """
-    few = with_probabilities(everything.explanations[:SEARCHED])
+    few = with_probabilities(everything.explanations[:_SEARCHED])
     searched = dataclasses.replace(everything, explanations=few)
-    place, known = everything.place, everything.place.funnel
-    rounds, make = ROUNDS, throw_of
-    if known:
-        rounds, make = ROUNDS_IN_FUNNEL, throw_in_funnel
-    nearest, is_any_kept = np.inf, False
     genes: list[np.ndarray] = []
     throws: list[Throw] = []
     grams: list[Grams] = []
     alone: list[float] = []
     chosen: list[int] = []
-    for round_ in range(rounds):
-        words = f"searching for throws, round {round_ + 1} of {rounds}"
-        progress(Step(words, round_ / rounds))
+    for round_ in range(ROUNDS):
+        words = f"searching for throws, round {round_ + 1} of {ROUNDS}"
+        progress(Step(words, round_ / ROUNDS))
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
-            elites = [*chosen, *np.argsort(alone)[:ELITES]]
-            parents = np.array([genes[k] for k in rng.choice(elites, DRAWN)])
+            elites = [*chosen, *np.argsort(alone)[:_ELITES]]
+            parents = np.array([genes[k] for k in rng.choice(elites, _DRAWN)])
             drawn = parents + spread * rng.normal(size=parents.shape)
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
             drawn = rng.random((_FIRST, GENES))
-            if known:
-                drawn = np.hstack([drawn, draw_sizes(rng, _FIRST)])
-        kept = everything.kept([make(g, place) for g in drawn])
-        nearest = min(nearest, *(k.level for k in kept))
-        drawn = drawn[[k.throw is not None for k in kept]]
-        new = [k.throw for k in kept if k.throw is not None]
-        is_any_kept = is_any_kept or bool(new)
+        new = [throw_of(own, everything.place) for own in drawn]
         predicted = searched.predicted(new)
         good = [k for k, own in enumerate(predicted) if own is not None]
         genes += [drawn[k] for k in good]
         throws += [new[k] for k in good]
         grams += [own for own in predicted if own is not None]
         fresh = grams[len(alone) :]
-        alone += in_parallel(lambda g: uncertainty_after(searched, scatter, g), fresh)
-        promising = [int(k) for k in np.argsort(alone)[:PROMISING]]
+        alone += in_parallel(lambda g: _uncertainty_after(searched, scatter, g), fresh)
+        promising = [int(k) for k in np.argsort(alone)[:_PROMISING]]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
     while chosen:  # Less probable explanations must not predict a crash either.
@@ -158,15 +142,6 @@ def search(
         promising = [k for k in promising if k not in bad]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
-    if known and not is_any_kept:
-        raise InputError(
-            f"{known.name}: no throw that was tried keeps inside the funnel for "
-            f"{shortest(place):.3g} s, the best comes to level {nearest:.3g}, where 1 "
-            "is its boundary; expected smaller launch errors (missed_height, "
-            "missed_speed, missed_pitch in the limits) or a wider funnel."
-        )
-    if known:
-        check_frame(known, place, known.duration)
     raise InputError(
         "No throw that was tried keeps within the limits; expected wider limits of the "
         "launch or of the flight (floor, pitch, speed)."
@@ -174,7 +149,7 @@ def search(
 
 
 def choose(
-    forecast: Forecast, scatter: EndScatter, grams: Sequence[Grams], count: int
+    forecast: Forecast, scatter: _EndScatter, grams: Sequence[Grams], count: int
 ) -> list[int]:
     """Chooses the throws that together leave least uncertain, one by one.
 
@@ -186,7 +161,7 @@ def choose(
         so_far = [grams[k] for k in chosen]
         left = [k for k in range(len(grams)) if k not in chosen]
         values = [
-            uncertainty_after(forecast, scatter, added([*so_far, grams[k]]))
+            _uncertainty_after(forecast, scatter, added([*so_far, grams[k]]))
             for k in left
         ]
         if left:
@@ -194,7 +169,7 @@ def choose(
     return chosen
 
 
-def uncertainty_after(forecast: Forecast, scatter: EndScatter, grams: Grams) -> float:
+def _uncertainty_after(forecast: Forecast, scatter: _EndScatter, grams: Grams) -> float:
     """Uncertainty that throws leave: explanations first, then parameters [nats]."""
     moved = scatter.by_parameters(forecast.covariance(grams))
     return forecast.open(forecast.futures(grams)) + 2.0 * _PARAMETERS * np.log(

@@ -8,7 +8,6 @@ import numpy as np
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.theta import Layout, layout_for, theta_of
-from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.model import GliderModel
@@ -18,17 +17,17 @@ from glider.sysid.constants import Z
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals
 
-MOVES = 9
+_MOVES = 9
 """Moves of the elevator in a throw, each to a target and beginning at a time."""
 
-GENES = 4 + 2 * MOVES + 1
+GENES = 4 + 2 * _MOVES + 1
 """Numbers that a throw is made of: launch, targets, times, how fast it moves."""
 
-USED, MARGIN = 0.95, 0.03
+_USED, _MARGIN = 0.95, 0.03
 """Largest commanded rate, as a share of the servo's, and distance of the elevator's
 targets from its stops [rad]."""
 
-USUAL_COMMAND_RATE = 50.0
+_USUAL_COMMAND_RATE = 50.0
 """Rate of commands where a campaign does not report it [Hz]."""
 
 _FINE = 4
@@ -68,39 +67,34 @@ class Range:
     """Where throws are flown and how they are logged."""
 
     limits: ThrowLimits  #: Of launch, flight and elevator; none open.
-    x: float  #: Of the release; the funnel's if there is one [m].
+    x: float  #: Of the release [m].
     rest: float  #: Angle of the elevator before the first command [rad].
     #: Of the elevator, as flown flights show them [rad]; None for none.
     stops: tuple[float, float] | None
     duration: float  #: Of a flight [s].
     pose_rate: float  #: Of the log [Hz].
     command_rate: float  #: Of the commands [Hz].
-    funnel: KnownFunnel | None = None  #: That throws keep inside, if any.
 
 
 def range_of(
-    campaign: Campaign,
-    records: Sequence[Record],
-    limits: ThrowLimits,
-    funnel: KnownFunnel | None = None,
+    campaign: Campaign, records: Sequence[Record], limits: ThrowLimits
 ) -> Range:
-    """The range of a campaign's throws, released at x of the funnel if there is one."""
-    x = funnel.x if funnel else np.median([r.nodes[0, 0] for r in records])
+    """Returns the range of a campaign's throws."""
     rests = np.array(
         [r.rest for r in records if not r.is_cut] or [records[0].usual_rest]
     )
-    rest, usual = float(np.median(rests)), records[0].usual_rest
+    rest = float(np.median(rests))
+    usual = records[0].usual_rest
     if abs(rest - usual) < Z * np.std(rests) / np.sqrt(len(rests)):  # By noise alone.
         rest = usual
     return Range(
         limits=limits,
-        x=float(x),
+        x=float(np.median([r.nodes[0, 0] for r in records])),
         rest=rest,
         stops=records[0].limits,
         duration=float(np.median([r.time[-1] for r in records])),
         pose_rate=campaign.pose_rate,
-        command_rate=campaign.command_rate or USUAL_COMMAND_RATE,
-        funnel=funnel,
+        command_rate=campaign.command_rate or _USUAL_COMMAND_RATE,
     )
 
 
@@ -113,22 +107,22 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
     """
     limits = place.limits
     least, largest = np.array([getattr(limits, name) for name in LAUNCH]).T
-    low, high = np.add(limits.elevator, [MARGIN, -MARGIN])
-    targets = low + genes[4 : 4 + MOVES] * (high - low)
-    begins = np.sort(genes[4 + MOVES : 4 + 2 * MOVES]) * place.duration
-    fastest = USED * limits.elevator_rate * (0.3 + 0.7 * genes[-1])
+    low, high = np.add(limits.elevator, [_MARGIN, -_MARGIN])
+    targets = low + genes[4 : 4 + _MOVES] * (high - low)
+    begins = np.sort(genes[4 + _MOVES : 4 + 2 * _MOVES]) * place.duration
+    fastest = _USED * limits.elevator_rate * (0.3 + 0.7 * genes[-1])
     times = np.arange(int(place.duration * place.command_rate) + 1) / place.command_rate
     moves = np.searchsorted(begins, times, side="right") - 1
     wanted = np.where(moves < 0, place.rest, targets[moves])
     return Throw(
-        launch=launch_state(least + genes[:4] * (largest - least), place),
+        launch=_launch_state(least + genes[:4] * (largest - least), place),
         times=times,
-        commands=tape_towards(wanted, fastest, place),
+        commands=_tape_towards(wanted, fastest, place),
         duration=place.duration,
     )
 
 
-def launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
+def _launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
     """The state (7,) at release by height [m], speed [m/s], climb, pitch [rad]."""
     height, speed, climb, pitch = launch
     state = np.zeros(NUM_STATES)
@@ -138,9 +132,10 @@ def launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
     return state
 
 
-def tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarray:
+def _tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarray:
     """Rates (k,) that take the elevator from rest to an angle at each end [rad/s]."""
-    commands, angle = np.zeros(len(wanted)), place.rest
+    commands = np.zeros(len(wanted))
+    angle = place.rest
     for k, target in enumerate(wanted):
         rate = (target - angle) * place.command_rate
         commands[k] = np.clip(rate, -fastest, fastest)
@@ -180,7 +175,7 @@ def log_of(
     )
 
 
-def perturbed(
+def _perturbed(
     throw: Throw, limits: ThrowLimits, height: float, speed: float, pitch: float
 ) -> Throw:
     """A throw whose launch is off by multiples of the launch errors of the limits."""
@@ -193,7 +188,7 @@ def perturbed(
 
 def missed(throw: Throw, limits: ThrowLimits, rng: np.random.Generator) -> Throw:
     """A throw with a drawn launch error; those of the limits are two σ."""
-    return perturbed(throw, limits, *(0.5 * rng.normal(size=3)))
+    return _perturbed(throw, limits, *(0.5 * rng.normal(size=3)))
 
 
 def fly_throw(
@@ -217,7 +212,7 @@ def launches(throw: Throw, limits: ThrowLimits) -> list[np.ndarray]:
     In the order of -height, -pitch, -speed, height, pitch, speed.
     """
     signed = [sign * unit for sign in (-1.0, 1.0) for unit in np.eye(3)[[0, 2, 1]]]
-    return [throw.launch, *(perturbed(throw, limits, *one).launch for one in signed)]
+    return [throw.launch, *(_perturbed(throw, limits, *one).launch for one in signed)]
 
 
 def is_safe(

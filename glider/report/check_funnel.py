@@ -36,7 +36,7 @@ from glider.verification.proof.purpose import (
 from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
 
-HASH_DIGITS = 16
+_HASH_DIGITS = 16
 """Digits of a hash that are printed; JSON has them all."""
 
 
@@ -233,7 +233,8 @@ def describe_phases(checked: Checked) -> str:
     """Returns the same in sentences, and what is proven of all of them together."""
     least, (launch, *rests) = _least_of(checked), checked.funnels
     times = 1e3 * np.array(first_commands(launch, rests))
-    faults, proven = checked.faults, checked.is_proven
+    faults = checked.faults
+    proven = checked.is_proven
     return _text("phases", len(rests), least, LEVEL, faults, times, proven, launch)
 
 
@@ -258,7 +259,8 @@ def latency_report(checked: Checked) -> dict[str, Any]:
 
 def _least_of(checked):
     """Returns the settings of the last funnel, with the least bounds of all."""
-    funnels, latency = checked.funnels, checked.latency
+    funnels = checked.funnels
+    latency = checked.latency
     error, wind = np.min([own.settings.pushes for own in funnels], axis=0).tolist()
     error = min(error, latency.error_left) if latency and latency.holds else error
     return dataclasses.replace(funnels[-1].settings, command_error=error, wind=wind)
@@ -271,7 +273,8 @@ def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
 
 def describe_trial(funnel: Funnel, trial: Falsification, seed: int) -> str:
     """Returns the outcome of flights of a set in sentences, one a line."""
-    worst, made_for = int(np.argmax(trial.later)), _made_for(funnel, trial)
+    worst = int(np.argmax(trial.later))
+    made_for = _made_for(funnel, trial)
     of_worst = trial.deviations[worst], trial.starts[worst]
     return _text("flights", funnel, trial, seed, made_for, *of_worst)
 
@@ -304,7 +307,7 @@ def _template():
         lstrip_blocks=True,
     )
     environment.globals |= {
-        "digits": HASH_DIGITS,
+        "digits": _HASH_DIGITS,
         "shares": len(SHARES),
         "describe_set": describe_set,
         "describe_level": describe_level,

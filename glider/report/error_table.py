@@ -24,7 +24,7 @@ FIT, CHANNELS = "Fit of free rollouts", ("x", "z", "pitch")
 """Group of rows where more is better, without floor and gain; and the rows."""
 
 
-class ErrorRow(NamedTuple):
+class _ErrorRow(NamedTuple):
     """A row of the table of errors, all of it text in one unit.
 
     `cells` has the error of each model, `floor` what a perfect model would leave,
@@ -52,7 +52,7 @@ _ROWS = (
 """Group, name and field of `Errors`, and its unit where that is always the same."""
 
 
-def error_rows(result: Result) -> list[ErrorRow]:
+def error_rows(result: Result) -> list[_ErrorRow]:
     """Errors of each model, and how much smaller they got."""
     rows = []
     for group, name, field, unit in _ROWS:
@@ -61,7 +61,7 @@ def error_rows(result: Result) -> list[ErrorRow]:
         of_row = unit or unit_beside_floor(result, *values.values())
         before = values.get(baseline(result), math.nan) if group != FIT else math.nan
         rows.append(
-            ErrorRow(
+            _ErrorRow(
                 group=group,
                 name=name,
                 unit=of_row.name,
@@ -98,10 +98,10 @@ STANDS_OUT = 2.5
 """A flight stands out where its error is so many times the median. Of errors like a
 half-normal's, one in eleven would; of RMS over a flight, fewer."""
 
-MOST = 5  # Flights that the table shows, the worst.
+_MOST = 5  # Flights that the table shows, the worst.
 
 
-class FlightRow(NamedTuple):
+class _FlightRow(NamedTuple):
     """A held-out flight's position RMS before and after, as text in one unit.
 
     `times` is the latter over the median of all flights; `planarity` is a sentence,
@@ -117,7 +117,7 @@ class FlightRow(NamedTuple):
     planarity: str
 
 
-def worst_flights(result: Result) -> list[FlightRow]:
+def worst_flights(result: Result) -> list[_FlightRow]:
     """Held-out flights with the largest errors of the corrected model."""
     ranked = rank_flights(result)[::-1]
     after = [position_rms(f, "corrected") for f in ranked]
@@ -126,10 +126,10 @@ def worst_flights(result: Result) -> list[FlightRow]:
     pairs = [
         (position_rms(f, baseline(result)), e)
         for f, e in zip(ranked, after, strict=True)
-    ][:MOST]
+    ][:_MOST]
     unit = unit_beside_floor(result, *(e for pair in pairs for e in pair))
     return [
-        FlightRow(
+        _FlightRow(
             name=flight.name,
             before=unit.digits(old),
             after=unit.digits(new),
@@ -138,7 +138,7 @@ def worst_flights(result: Result) -> list[FlightRow]:
             stands_out=new > STANDS_OUT * median,
             planarity=result.planarity.get(flight.name, ""),
         )
-        for flight, (old, new) in zip(ranked[:MOST], pairs, strict=True)
+        for flight, (old, new) in zip(ranked[:_MOST], pairs, strict=True)
     ]
 
 

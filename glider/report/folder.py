@@ -24,11 +24,8 @@ FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "curves": model_figures.curves_figure,
     "carried": model_figures.carried_figure,
     "coefficients": model_figures.coefficients_figure,
-    "evidence": model_figures.evidence_figure,
-    "folds": flight_figures.folds_figure,
     "held_out": flight_figures.held_out_figure,
     "innovations": flight_figures.innovations_figure,
-    "spreads": flight_figures.spreads_figure,
     "residual": model_figures.residual_figure,
 }
 """Function that makes each figure, by the name of its file."""
@@ -52,13 +49,15 @@ def write_report(result: Result, folder: Path | str) -> None:
     for name, figure in figures.items():
         files[f"figures/{name}.png"] = to_png(figure)
     files["report.html"] = to_html(result, figures).encode()
-    text_of_model = model_text(result.model, origin_of(result), result.covariance)
+    text_of_model = model_text(result.model, _origin_of(result), result.covariance)
     files["model.yaml"] = text_of_model.encode()
     for path in Path(folder).glob("rivals/rival_*.yaml"):
         if path.stem.removeprefix("rival_").isdigit():  # Of an earlier run.
             files[f"rivals/{path.name}"] = None
     for number, rival in enumerate(result.rivals, 1):
-        text = model_text(rival.model, origin_of_rival(result, rival), rival.covariance)
+        text = model_text(
+            rival.model, _origin_of_rival(result, rival), rival.covariance
+        )
         files[f"rivals/rival_{number}.yaml"] = text.encode()
     files["report.json"] = f"{json_text(result.report)}\n".encode()
     replace_files(Path(folder), files, last="report.json")
@@ -90,7 +89,7 @@ def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
     )
 
 
-def origin_of(result: Result) -> Origin:
+def _origin_of(result: Result) -> Origin:
     """Where the corrected model comes from, and how well it is known."""
     errors = {
         f"{effect.kind}.{name}": estimate.std
@@ -108,7 +107,7 @@ def origin_of(result: Result) -> Origin:
     )
 
 
-def origin_of_rival(result: Result, rival: Alternative) -> Origin:
+def _origin_of_rival(result: Result, rival: Alternative) -> Origin:
     """The same of a model that is nearly as likely."""
     errors = {}
     if known := rival.covariance:
@@ -118,4 +117,4 @@ def origin_of_rival(result: Result, rival: Alternative) -> Origin:
         f"a rival of model.yaml: of the explanations that are nearly as likely, its "
         f"probability is {share:.2g}, that of model.yaml {chosen:.2g}"
     )
-    return dataclasses.replace(origin_of(result), standard_errors=errors, notes=[note])
+    return dataclasses.replace(_origin_of(result), standard_errors=errors, notes=[note])

@@ -18,8 +18,6 @@ from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.report import PERFECT, Curve
 from glider.sysid.result import ResidualTable, Result
 
-WIDE = 60.0  # Width of a panel that stands alone in its row [rem].
-_LEAST_PERCENT = 1e-3  # Evidence that is drawn as none.
 BAND = 2.0  # Standard errors on either side of a curve.
 
 RESIDUALS = {
@@ -29,7 +27,7 @@ RESIDUALS = {
 }
 """Columns of a residual, with their units."""
 
-COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$ [m]"}
+_COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$ [m]"}
 """Coefficient to its symbol; that of the moment is without a chord."""
 
 _ERROR_PANELS = (
@@ -87,14 +85,14 @@ def _error_panel(
     names = {float(i): name for i, name in enumerate(fields.values())}
     return spec.Panel(
         f"{title} [{unit.name}]",
-        [*grouped_bars(values, LABELS, unit), dashed],
+        [*_grouped_bars(values, LABELS, unit), dashed],
         x=spec.Axis(range=(-0.6, len(fields) - 0.4), ticks=names),
         y=spec.Axis(is_log=True, range=(0.4 * low, 4.0 * high)),
         share=len(fields) + 0.6,
     )
 
 
-def grouped_bars(
+def _grouped_bars(
     values: dict[str, np.ndarray], labels: dict[str, str], unit: Unit
 ) -> list[spec.Bars]:
     """Bars of several keys side by side, one group at each whole number."""
@@ -121,56 +119,6 @@ def _short(value: float) -> str:
     return f"{value:#.2g}".removesuffix(".")
 
 
-def evidence_figure(result: Result) -> spec.Figure | None:
-    """Evidence of each kind when tried alone, the best on top."""
-    if not result.candidates:
-        return None
-    kinds = {e.kind for e in result.effects}
-    confused = {k for e in result.effects for k in e.indistinguishable_from}
-    found = {k: v if math.isfinite(v) else 0.0 for k, v in result.candidates.items()}
-    best = max(*found.values(), 1e-9)
-    ranked = sorted(found, key=lambda kind: found[kind])
-    percent = np.array([max(100.0 * found[kind] / best, 0.0) for kind in ranked])
-    texts = [f"{share:.2g} %".replace("1e+02", "100") for share in percent]
-    names = [k.replace("_", " ") for k in ranked]
-    keys = {
-        "chosen": "in the corrected model",
-        "confused": "indistinguishable from it",
-        "other": "not taken",
-    }
-    groups: dict[str, list[int]] = {}
-    for place, kind in enumerate(ranked):
-        key = "confused" if kind in confused else "other"
-        groups.setdefault("chosen" if kind in kinds else key, []).append(place)
-    bars = [
-        spec.Bars(
-            key=key,
-            places=np.array(places, dtype=float),
-            values=np.maximum(percent, _LEAST_PERCENT)[places],
-            texts=[texts[p] for p in places],
-            hover="%{hovertext}",
-            names=[f"{names[p]}: {texts[p]}" for p in places],
-            width=0.72,
-            is_across=True,
-        )
-        for key in keys
-        if (places := groups.get(key))
-    ]
-    panel = spec.Panel(
-        title="",
-        marks=bars,
-        x=spec.Axis(
-            "evidence when tried alone [% of the best]",
-            (_LEAST_PERCENT, 300.0),
-            is_log=True,
-        ),
-        y=spec.Axis(range=(-0.6, len(names) - 0.4), ticks=dict(enumerate(names))),
-        height=80 + 21 * len(names),
-    )
-    shown = {key: label for key, label in keys.items() if key in groups}
-    return spec.Figure(keys=shown, panels=[panel], columns=1, least_width=WIDE)
-
-
 def curves_figure(result: Result) -> spec.Figure | None:
     """Terms that the plate lacks, over the angle of attack."""
     if not result.curves:
@@ -182,17 +130,18 @@ def curves_figure(result: Result) -> spec.Figure | None:
     }
     panels = []
     for curve in result.curves:
-        alpha, rest = np.degrees(curve.alpha), curve.lack - curve.named
+        alpha = np.degrees(curve.alpha)
+        rest = curve.lack - curve.named
         marks = [
-            *lack_marks("lack", curve),
+            *_lack_marks("lack", curve),
             spec.Line("named", alpha, curve.named, hover=_AT),
             spec.Line("rest", alpha, rest, hover=_AT),
         ]
-        panels.append(term_panel(curve.term, marks, "alpha"))
+        panels.append(_term_panel(curve.term, marks, "alpha"))
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
-def term_panel(
+def _term_panel(
     term: str, marks: list[spec.Line | spec.Band], variable: str
 ) -> spec.Panel:
     """Panel of a term of forces over a variable."""
@@ -203,9 +152,10 @@ def term_panel(
     )
 
 
-def lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
+def _lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
     """Curve of what a plate lacks with its band."""
-    alpha, half = np.degrees(curve.alpha), BAND * curve.std
+    alpha = np.degrees(curve.alpha)
+    half = BAND * curve.std
     return [
         spec.Band(key, alpha, curve.lack - half, curve.lack + half),
         spec.Line(
@@ -237,7 +187,8 @@ def _carried_panels(
     variable, *others = part.variables
     columns = [FIELD_VARIABLES.index(name) for name in part.variables]
     values = np.column_stack([flown[name] for name in part.variables])
-    low, high = values.min(axis=0), values.max(axis=0)
+    low = values.min(axis=0)
+    high = values.max(axis=0)
     place = np.linspace(low[0], high[0], 121)
     slices = np.linspace(low[1:], high[1:], 3 if others else 1)
     lines: dict[str, list[spec.Line]] = {}
@@ -250,7 +201,7 @@ def _carried_panels(
             line = spec.Line("rest", scaled, value, width=width, is_solid=True)
             lines.setdefault(term, []).append(line)
     panels = [
-        term_panel(term, [*own], variable)
+        _term_panel(term, [*own], variable)
         for term, own in lines.items()
         if any(np.any(line.y != 0.0) for line in own)
     ]
@@ -262,7 +213,7 @@ def _carried_panels(
     return panels
 
 
-def residual_tables(result: Result) -> dict[str, ResidualTable]:
+def _residual_tables(result: Result) -> dict[str, ResidualTable]:
     """Residuals of the model before and of the corrected one."""
     return {
         error_table.baseline(result): result.residual_before,
@@ -272,11 +223,11 @@ def residual_tables(result: Result) -> dict[str, ResidualTable]:
 
 def coefficients_figure(result: Result) -> spec.Figure:
     """Force and moment coefficients, flight by flight, before and after."""
-    tables = residual_tables(result)
+    tables = _residual_tables(result)
     panels = []
     for model, table in tables.items():
         lines = _flight_lines(table)
-        for name, symbol in COEFFICIENTS.items():
+        for name, symbol in _COEFFICIENTS.items():
             both = [(t.coefficients[name], t.modelled[name]) for t in tables.values()]
             span = binning.bounds(np.concatenate(sum(both, ())))
             panel = spec.Panel(
@@ -299,8 +250,9 @@ def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
     degrees = np.degrees(table.variables["alpha"])
     lines: dict[str, list[np.ndarray]] = {n: [] for n in ("alpha", "flight")}
     for number in np.unique(table.flight):
-        rows, gap = table.flight == number, [math.nan]
-        for name in COEFFICIENTS:
+        rows = table.flight == number
+        gap = [math.nan]
+        for name in _COEFFICIENTS:
             place, middle = binning.binned_quantiles(
                 degrees[rows], table.coefficients[name][rows], bins=12, fewest=2
             )
@@ -313,7 +265,8 @@ def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
 def _coefficient_marks(
     table: ResidualTable, lines: dict[str, np.ndarray], name: str, model: str
 ) -> list[spec.Line | spec.Band]:
-    degrees, measured = np.degrees(table.variables["alpha"]), table.coefficients[name]
+    degrees = np.degrees(table.variables["alpha"])
+    measured = table.coefficients[name]
     place, rows = binning.binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
     over, modelled = binning.binned_quantiles(degrees, table.modelled[name])
     hover = f"{LABELS[model]}, median<br>{_AT}"
@@ -336,10 +289,10 @@ def _coefficient_marks(
 
 def residual_figure(result: Result) -> spec.Figure | None:
     """Residuals against the variables that matter, before and after."""
-    variables = residual_variables(result)
+    variables = _residual_variables(result)
     if not variables:
         return None
-    tables = residual_tables(result)
+    tables = _residual_tables(result)
     pairs = itertools.product(range(len(RESIDUALS)), variables)
     return spec.Figure(
         keys={m: LABELS[m] for m in tables},
@@ -349,12 +302,12 @@ def residual_figure(result: Result) -> spec.Figure | None:
     )
 
 
-def residual_variables(result: Result) -> list[str]:
+def _residual_variables(result: Result) -> list[str]:
     """Up to three variables, those of the strongest effects first."""
     wanted = [name for e in result.effects for name in e.depends_on]
     if len(set(wanted)) < 2:
         wanted += ["alpha", "V"]
-    tables = residual_tables(result).values()
+    tables = _residual_tables(result).values()
     there = [n for n in dict.fromkeys(wanted) if all(_varies(t, n) for t in tables)]
     return there[: max(2, min(3, len(there)))]
 
@@ -371,9 +324,11 @@ def residual_panel(
     """Residuals of models against a variable, with their binned medians."""
     name, unit = list(RESIDUALS.items())[column]
     label, factor = VARIABLES[variable]
-    clouds, medians = [], []
+    clouds = []
+    medians = []
     for model, table in tables.items():
-        x, y = table.variables[variable] * factor, table.residual[:, column]
+        x = table.variables[variable] * factor
+        y = table.residual[:, column]
         # The same rows in all panels: a page holds each column once.
         rows = binning.thin(np.sum(table.residual, axis=1), table.flight)
         time = table.variables["t"]

@@ -21,15 +21,14 @@ from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
 from glider.report.numbers import format_estimate, format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
-from glider.report.plots.tube import tube_outline
 from glider.report.wording import TEMPLATES
 from glider.sysid.report import Estimate
 from glider.systems.command_tape import tape_text
 
-SURE = 0.99
+_SURE = 0.99
 """Probability of the best explanation among the listed ones above which it is alone."""
 
-SMALL = 1.0 / 3.0
+_SMALL = 1.0 / 3.0
 """Scatter by the coefficients over that by the air below which the air dominates: they
 then add less than 6 % to it."""
 
@@ -45,12 +44,12 @@ _LINES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))  # Of the explanations 
 
 def is_one_left(proposal: Proposal) -> bool:
     """Checks whether the flights leave one explanation alone."""
-    return proposal.chance_now > SURE * (1.0 - proposal.missing)
+    return proposal.chance_now > _SURE * (1.0 - proposal.missing)
 
 
 def is_done(proposal: Proposal) -> bool:
     """Checks whether more flights would show nothing more."""
-    is_known = proposal.ending_now < SMALL * proposal.ending_air
+    is_known = proposal.ending_now < _SMALL * proposal.ending_air
     is_explained = not proposal.explanations[0].model.blocks
     return is_one_left(proposal) and is_known and is_explained
 
@@ -73,32 +72,20 @@ def sentences(proposal: Proposal) -> list[str]:
             for i, j in itertools.combinations(likely, 2)
             if evidence[i, j] < _INSEPARABLE
         ],
-        funnel=p.place.funnel,
         chance=_chance,
         length=format_length,
-        level=_level,
     )
     return [line for line in text.splitlines() if line]
 
 
 def throw_words(proposal: Proposal, number: int) -> str:
-    """A launch as people set it, and how it keeps inside the funnel, if any."""
+    """Returns a launch as people set it."""
     throw = proposal.throws[number - 1]
     pitch = float(throw.launch[2])
-    words = (
+    return (
         f"release at {throw.launch[1]:.2f} m, {throw.speed:.2f} m/s, flight path "
         f"{_up_or_down(throw.climb)}, nose {_up_or_down(-pitch)}"
     )
-    if proposal.place.funnel is None:
-        return words
-    return (
-        f"{words}; up to level {_level(proposal.levels[number - 1])} of the funnel, "
-        f"its feedback from {throw.duration:.2f} s"
-    )
-
-
-def _level(value: float) -> str:
-    return f"{math.ceil(100.0 * value - 1e-9) / 100.0:.2f}"  # Never less than it is.
 
 
 def _up_or_down(angle: float) -> str:
@@ -136,7 +123,7 @@ def write_proposal(proposal: Proposal, folder: Path) -> None:
 
 def to_json(proposal: Proposal) -> dict[str, Any]:
     """next_throw.json: lists, dicts, strings, numbers, booleans and None."""
-    p, known = proposal, proposal.place.funnel
+    p = proposal
     found: dict[str, Any] = to_builtins(
         {
             "campaign": p.campaign,
@@ -155,19 +142,9 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
                     "speed_m_s": t.speed,
                     "climb_rad": t.climb,
                     "pitch_rad": t.launch[2],
-                    "feedback_from_s": t.duration if known else None,
-                    "funnel_level": p.levels[k - 1] if known else None,
                 }
                 for k, t in enumerate(p.throws, start=1)
             ],
-            "funnel": known
-            and {
-                "file": known.file,
-                "sha256": known.funnel.sha256,
-                "certificate_checked": known.is_checked,
-                "proof_by": known.proof,
-                "relied_on": known.relied_on,
-            },
             "chance": {
                 "now": p.chance_now,
                 "then": p.chance_then,
@@ -228,10 +205,6 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 8.0 if several else 6.0), layout="constrained")
         axes = figure.subplots(len(labels))
-        if p.place.funnel:
-            outline = tube_outline(p.place.funnel.funnel).T
-            style = {"color": "#DDE8F4", "lw": 0.0, "zorder": 0}
-            axes[0].fill(*outline, label="funnel, projected", **style)
         for k, path in enumerate(p.flown):
             label = "flown" if k == 0 else None
             axes[0].plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)
@@ -252,7 +225,8 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
 
 def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
     """Draws a throw: its paths by each explanation, its tape, how the paths differ."""
-    throw, paths = p.throws[number], p.paths[number]
+    throw = p.throws[number]
+    paths = p.paths[number]
     color = _COLORS[number % len(_COLORS)]
     for e, path in enumerate(paths):
         style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}

@@ -7,7 +7,7 @@ from glider.sysid.report import Estimate
 
 MISSING = "–"
 
-DIVERGES = "diverges"
+_DIVERGES = "diverges"
 
 DIVERGED = 1e5  # An error above this [SI] only means that the model diverged.
 
@@ -23,19 +23,19 @@ class Unit:
         """A number [SI] of three digits in this unit, without its name."""
         if math.isnan(value):
             return MISSING
-        return DIVERGES if abs(value) >= DIVERGED else _three_digits(value / self.size)
+        return _DIVERGES if abs(value) >= DIVERGED else _three_digits(value / self.size)
 
     def text(self, value: float) -> str:
         """A number [SI] of three digits with this unit."""
         digits = self.digits(value)
-        if digits in (MISSING, DIVERGES) or self.name in ("", "-"):
+        if digits in (MISSING, _DIVERGES) or self.name in ("", "-"):
             return digits
         return digits + self.name if self.name == "°" else f"{digits} {self.name}"
 
 
 DEGREE = Unit(name="°", size=math.radians(1.0))
-METRE = Unit(name="m")
-CENTIMETRE = Unit(name="cm", size=1e-2)
+_METRE = Unit(name="m")
+_CENTIMETRE = Unit(name="cm", size=1e-2)
 MILLIMETRE = Unit(name="mm", size=1e-3)
 
 
@@ -46,8 +46,8 @@ def length_unit(*values: float) -> Unit:
     """
     sizes = [abs(v) for v in values if 0.0 < abs(v) < DIVERGED] or [1.0]
     if min(sizes) >= 0.0995 or max(sizes) >= 10.0:
-        return METRE
-    return CENTIMETRE if min(sizes) >= 0.00995 else MILLIMETRE
+        return _METRE
+    return _CENTIMETRE if min(sizes) >= 0.00995 else MILLIMETRE
 
 
 def format_length(value: float) -> str:
@@ -72,10 +72,12 @@ def format_estimate(c: Estimate) -> str:
         digits += 1
     if digits > 6:
         power = math.floor(math.log10(max(abs(c.value), c.std)))
-        scale, digits = 10.0**power, max(digits + power, 0)
+        scale = 10.0**power
+        digits = max(digits + power, 0)
         number = f"({c.value / scale:.{digits}f} ± {c.std / scale:.{digits}f})"
         return f"{number}e{power}{unit}"
-    value, std = round(c.value, digits), round(c.std, digits)
+    value = round(c.value, digits)
+    std = round(c.std, digits)
     digits = max(digits, 0)
     return f"{value:.{digits}f} ± {std:.{digits}f}{unit}"
 

@@ -15,10 +15,10 @@ from glider.report.numbers import MISSING
 from glider.report.plots.style import LABELS
 from glider.sysid.result import Result
 
-Writer = Callable[..., None]
+_Writer = Callable[..., None]
 
 
-def writer(console: Console) -> Writer:
+def writer(console: Console) -> _Writer:
     """A function that prints a text, in ASCII where the console can show no more."""
 
     def write(text: str = "", style: str = "", indent: int = 0) -> None:

@@ -102,7 +102,7 @@ def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
     }
 
 
-class CombinationRow(NamedTuple):
+class _CombinationRow(NamedTuple):
     """A set of effects; `behind` is its evidence less that of the best set."""
 
     words: list[str]
@@ -110,7 +110,7 @@ class CombinationRow(NamedTuple):
     is_chosen: bool
 
 
-def combination_rows(result: Result) -> list[CombinationRow]:
+def combination_rows(result: Result) -> list[_CombinationRow]:
     """The best sets of effects that were fitted."""
     tried = {kind for c in result.combinations for kind in c.kinds}
     # A wrong sign is in no set; a variation over flights alone has no evidence.
@@ -118,7 +118,7 @@ def combination_rows(result: Result) -> list[CombinationRow]:
     chosen = tried & effects
     best = result.combinations[0].evidence if result.combinations else math.nan
     return [
-        CombinationRow(
+        _CombinationRow(
             words_of(result, c.kinds),
             numbers.format_evidence(c.evidence - best) if i else "",
             set(c.kinds) == chosen,

@@ -1,6 +1,5 @@
 """The recorded campaigns are complete, and nothing in them tells the answer."""
 
-import dataclasses
 import zipfile
 from pathlib import Path
 
@@ -13,8 +12,6 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.samples import campaign_folder, list_samples, sample_names
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.sysid import pipeline
-from glider.sysid.pipeline import close_the_loop
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 
 
@@ -154,18 +151,3 @@ def test_the_command_lists_and_copies(tmp_path, capsys, fresh_cache):
     assert f"error: {nowhere}: cannot be written" in capsys.readouterr().err
     assert main(["samples", "--out", str(out)]) == 2
     assert main(["samples", "lunar_air"]) == 2
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_results_of_a_sample_are_printed(capsys, monkeypatch):
-    """With its first flights; the loop is closed on all of them elsewhere."""
-    whole = load_campaign("head_wind")
-    few = dataclasses.replace(whole, flights=whole.flights[:10])
-    monkeypatch.setattr(pipeline, "close_the_loop", lambda name: close_the_loop(few))
-    assert main(["samples", "head_wind", "--tables"]) == 0
-    row = capsys.readouterr().out.splitlines()[-1].split()
-    assert row[:2] == ["head_wind", "effect_found"]
-    nominal, corrected = map(float, row[2:4])
-    assert nominal > 100.0 > 10.0 > corrected
-    assert row[4:] == ["wind"]

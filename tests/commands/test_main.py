@@ -1,6 +1,5 @@
 """The command line: what it writes, prints and returns."""
 
-import functools
 import importlib.metadata
 import json
 import os
@@ -16,8 +15,6 @@ import pytest
 
 from glider.__main__ import main
 from glider.campaign.writer import save_campaign
-from glider.experiments import known_funnel
-from glider.paths import models_path
 from tests.helpers.campaigns import campaign_path, first_flights
 from tests.helpers.lifelike import draw_throws
 from tests.report.results import make_result
@@ -133,7 +130,7 @@ def test_what_was_found_is_printed_even_where_it_cannot_be_kept(
     assert "only wind was tried and so on" in " ".join(said.out.split())
 
 
-@pytest.mark.parametrize("command", ["samples", "--help", "--print-completion=bash"])
+@pytest.mark.parametrize("command", ["samples", "--help"])
 @pytest.mark.parametrize("lines", [0, 1])
 def test_output_that_is_read_no_further_is_no_error(command, lines):
     """As by `| head -1`."""
@@ -191,28 +188,6 @@ def test_next_throw_proposes_after_a_report(done, tmp_path, capsys):
     assert (out / "next_throw.png").stat().st_size > 10_000
 
 
-def test_next_throw_keeps_inside_a_funnel(done, tmp_path, capsys, monkeypatch):
-    """Of the nominal glider, which the one of the campaign is not."""
-    few = functools.partial(known_funnel.check_funnel, every=100)
-    monkeypatch.setattr(known_funnel, "check_funnel", few)  # All takes ten seconds.
-    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS_IN_FUNNEL", 1)
-    out, limits = tmp_path / "next", tmp_path / "limits.yaml"
-    limits.write_text("{missed_speed: 0.05, missed_height: 0.01, missed_pitch: 0.01}")
-    funnel = str(models_path("funnels", "drawn_hook.npz"))
-    files = ["--limits", str(limits), "--funnel", funnel, "--out", str(out)]
-    campaign = str(campaign_path("attached_lift"))
-    arguments = ["--report", str(done[1]), "--launches", "1", *files]
-    assert main(["next-throw", campaign, *arguments]) == 0
-    text = " ".join(capsys.readouterr().out.split())
-    assert f"inside the funnel of {funnel}" in text
-    data = json.loads((out / "next_throw.json").read_text())
-    assert "certificate was checked, exactly at 3 of its 201 times" in text
-    assert data["funnel"]["file"] == funnel
-    assert data["funnel"]["certificate_checked"] is True
-    assert 0.0 < data["throws"][0]["funnel_level"] <= 1.0
-    assert data["limits"]["missed_speed"] == 0.05
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -221,7 +196,6 @@ def test_next_throw_keeps_inside_a_funnel(done, tmp_path, capsys, monkeypatch):
         (["{campaign}", "--launches", "0"], "--launches"),
         (["{campaign}", "--seed", "-1"], "--seed"),
         (["{campaign}", "--limits", "nowhere.yaml"], "nowhere.yaml"),
-        (["{campaign}", "--funnel", "nowhere.npz"], "nowhere.npz"),
     ],
 )
 def test_bad_input_of_next_throw_is_reported(arguments, words, capsys, tmp_path):

@@ -5,7 +5,6 @@ import json
 import os
 import pty
 import re
-import shutil
 import struct
 import subprocess
 import sys
@@ -21,7 +20,6 @@ from glider.campaign.importing.campaign_import import import_campaign
 from glider.campaign.logs import POSE_COLUMNS, SERVO_COLUMNS
 from glider.campaign.samples import sample_names
 from glider.commands.output import output
-from glider.physics.effects import KINDS
 from tests.helpers.campaigns import campaign_path, first_flights
 
 ROOT = Path(__file__).parents[2]
@@ -135,45 +133,3 @@ def test_samples_as_json(capsys):
     listed = json.loads(capsys.readouterr().out)
     assert [sample["name"] for sample in listed] == [*sample_names()]
     assert all(sample["flights"] > 0 and sample["holds"] for sample in listed)
-    with pytest.raises(SystemExit):
-        main(["samples", "--json", "--tables"])
-
-
-BASH = """
-eval "$({glider} --print-completion bash)"
-COMP_LINE={line!r} COMP_POINT={point} COMP_TYPE=9
-_python_argcomplete {glider}
-printf '%s\\n' "${{COMPREPLY[@]}}"
-"""
-
-
-@pytest.mark.skipif(not shutil.which("bash"), reason="there is no bash")
-@pytest.mark.parametrize(
-    ("line", "proposed"),
-    [
-        ("", {"close-the-loop", "check-funnel", "samples"}),
-        ("close-the-loop ", {*sample_names(), "docs/"}),
-        ("close-the-loop four", {"four_at_once"}),
-        ("close-the-loop x --effects ", set(KINDS)),
-        ("close-the-loop x --effects wind,servo_l", {"wind,servo_lag"}),
-        ("samples --j", {"--json"}),
-        ("next-throw still", {"still_air"}),
-        ("check-funnel models/funnels/dra", {"models/funnels/drawn.npz"}),
-    ],
-)
-def test_the_tab_key_proposes(line, proposed):
-    glider = Path(sys.executable).with_name("glider")
-    line = f"{glider} {line}"
-    code = BASH.format(glider=glider, line=line, point=len(line))
-    done = subprocess.run(
-        ["bash", "-c", code],
-        check=True,
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    found = {word.strip() for word in done.stdout.splitlines()}
-    assert proposed <= found, done.stderr
-    if len(proposed) == 1:
-        assert found <= proposed | {"models/funnels/drawn_hook.npz"}

@@ -17,8 +17,8 @@ from glider.verification.funnel.settings import LAUNCH_SIZES
 from glider.verification.trials.estimated import study_estimates
 from tests.helpers.examples import run_main
 
-PROVEN = models_path("funnels", "proven")
-OPTIONS = ("--load", str(PROVEN), "--prove", "--samples=80", "--every=200")
+FUNNELS = models_path("funnels")
+OPTIONS = ("--load", str(FUNNELS), "--prove", "--samples=80", "--every=200")
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def found():
         return perching_funnel.run(
             GliderModel.load("head_wind"),
             FunnelTrials(samples=80, every=200, prove=True),
-            load=(PROVEN / "drawn.npz", PROVEN / "head_wind.npz"),
+            load=(FUNNELS / "drawn.npz", FUNNELS / "head_wind.npz"),
             estimate=1,
         )
 
@@ -138,7 +138,7 @@ def test_the_options_reach_the_story(output):
     assert trials == FunnelTrials(samples=80, every=200, prove=True)
     assert seed == 0
     options = output.asked.call_args.kwargs
-    assert options["load"] == (PROVEN / "drawn.npz", PROVEN / "head_wind.npz")
+    assert options["load"] == (FUNNELS / "drawn.npz", FUNNELS / "head_wind.npz")
     assert (options["flights"], options["estimate"]) == (20, 1)
 
 
@@ -210,7 +210,7 @@ def test_a_funnel_that_the_hook_does_not_take_is_reported():
     """One of the article's goal, where the hook's was asked for."""
     trials = FunnelTrials(samples=80, every=1000, hook=True)
     truth, rng = GliderModel.load("head_wind"), np.random.default_rng(0)
-    file = PROVEN / "head_wind.npz"
+    file = FUNNELS / "head_wind.npz"
     study = study_funnel(file, truth, trials, rng, lambda text: None)
     assert any("hook accepts" in fault for fault in study.verdict.faults)
 

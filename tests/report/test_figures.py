@@ -147,44 +147,6 @@ def test_each_curve_has_its_panel(count):
     assert [p.title for p in figure.panels] == ["moment $C_M$ [m]"] * count
 
 
-def test_evidence_is_drawn_strongest_on_top():
-    result = make_result(candidates={"mass": math.nan, "wind": 100.0, "camber": -5.0})
-    (panel,) = FIGURES["evidence"](result).panels
-    assert list(panel.y.ticks.values()) == ["camber", "mass", "wind"]
-    bars = {m.key: m for m in of_kind(panel, Bars)}
-    assert bars["chosen"].values == pytest.approx([100.0])
-    assert bars["chosen"].texts == ["100 %"]  # Nats are those of the effects alone.
-    assert bars["other"].texts == ["0 %", "0 %"]
-
-
-def test_folds_that_get_worse_are_another_color():
-    figure = FIGURES["folds"](make_result())
-    lines = of_kind(figure.panels[0], Line)
-    assert [line.key for line in lines] == ["better", "better", "worse"]
-    np.testing.assert_allclose(lines[0].y, [206.5, 165.2])
-    assert [p.title.partition(", RMS ")[2] for p in figure.panels] == [
-        *("[mm]", "[mm]", "[°]")
-    ]
-
-
-def test_flights_farthest_off_are_named():
-    values = {"a.csv": 0.1, "b.csv": -3.0, "c.csv": math.nan, "d.csv": 2.0, "e": 0.2}
-    spread = dataclasses.replace(
-        make_result().spreads["elevator_trim"], values=values, std=1.0, unit="m/s"
-    )
-    (panel,) = FIGURES["spreads"](make_result(spreads={"wind": spread})).panels
-    (points,) = of_kind(panel, Points)
-    assert points.labels == ["", "b", "", "d", "e"]
-    assert panel.title == "wind [m/s]"
-
-
-def test_spreads_of_angles_are_in_degrees():
-    (panel,) = FIGURES["spreads"](make_result()).panels
-    assert panel.title == "elevator trim [°]"
-    (points,) = of_kind(panel, Points)
-    np.testing.assert_allclose(points.y, np.degrees([0.015, -0.031]))
-
-
 def test_a_page_of_five_hundred_flights_stays_below_five_megabytes():
     time = np.linspace(0.0, 2.0, 480)
     rng = np.random.default_rng(0)

@@ -7,17 +7,8 @@ import numpy as np
 import pytest
 
 from glider.errors import InputError
-from glider.experiments.known_funnel import known_funnel
-from glider.paths import models_path
-from glider.report.next_throw import (
-    draw_proposal,
-    sentences,
-    throw_words,
-    to_json,
-    write_proposal,
-)
+from glider.report.next_throw import sentences, to_json, write_proposal
 from glider.systems.command_tape import load_commands
-from glider.verification.proof.check import check_funnel
 from tests.helpers.late import late_proposal
 
 
@@ -44,71 +35,6 @@ def test_the_folder_holds_commands_picture_and_numbers(tmp_path):
     assert data == to_json(proposal)
     assert data["chance"]["then"] > data["chance"]["now"]
     assert [t["commands"] for t in data["throws"]] == names[:2]
-
-
-def test_a_funnel_is_reported_recorded_and_drawn():
-    without = late_proposal()
-    assert to_json(without)["funnel"] is None
-    assert to_json(without)["throws"][0]["funnel_level"] is None
-    assert "funnel" not in throw_words(without, 1)
-    known = known_funnel(models_path("funnels", "drawn_hook.npz"))
-    proposal = dataclasses.replace(
-        without,
-        place=dataclasses.replace(without.place, funnel=known),
-        levels=(0.8312, 0.4),
-    )
-    data = to_json(proposal)
-    assert data["funnel"] == {
-        "file": known.file,
-        "sha256": known.funnel.sha256,
-        "certificate_checked": False,
-        "proof_by": f"glider check-funnel {known.file} --prove",
-        "relied_on": known.relied_on,
-    }
-    assert data["funnel"]["relied_on"]["remainder"] == "unchecked"
-    assert [t["funnel_level"] for t in data["throws"]] == [0.8312, 0.4]
-    durations = [t.duration for t in proposal.throws]
-    assert [t["feedback_from_s"] for t in data["throws"]] == durations
-    said, inlet, unchecked = (
-        s for s in sentences(proposal) if "nel" in s or "inlet" in s
-    )
-    assert "±0.173 m" in inlet and "of one glider" in inlet
-    assert {said, unchecked} <= set(data["says"])
-    assert f"inside the funnel of {known.file} by" in said
-    assert "up to level 0.84 of 1" in said
-    assert throw_words(proposal, 2).endswith(
-        f"; up to level 0.40 of the funnel, its feedback from {durations[1]:.2f} s"
-    )
-    assert draw_proposal(proposal) != draw_proposal(without)
-
-
-def test_what_was_checked_of_a_funnel_is_reported():
-    known = known_funnel(models_path("funnels", "drawn_hook.npz"))
-    given = known_funnel(known.funnel)
-    verdict = check_funnel(known.funnel, every=100, seed=3)
-    checked = dataclasses.replace(known, verdict=verdict)
-
-    def told(funnel):
-        place = dataclasses.replace(late_proposal().place, funnel=funnel)
-        proposal = dataclasses.replace(late_proposal(), place=place, levels=(0.8, 0.4))
-        return [s for s in sentences(proposal) if "funnel" in s], to_json(proposal)
-
-    (_, said), data = told(checked)
-    assert "was checked, exactly at 3 of its 201 times" in said
-    assert "searched by ascent, up to 0.6" in said
-    assert f"not proven here: `glider check-funnel {known.file} --p" in said
-    assert data["funnel"]["certificate_checked"] is True
-    relied = data["funnel"]["relied_on"]
-    assert (relied["exact_at_times"], relied["remainder"]) == (3, "sampled")
-    assert (relied["seed"], relied["every_flight_proven"]) == (3, False)
-    assert relied["inlet"]["half_widths"]["z"] == pytest.approx(0.173, abs=1e-3)
-    assert relied["set_of_gliders"] is None
-    of_set = known_funnel(models_path("funnels", "head_wind_95.npz"))
-    assert of_set.relied_on["set_of_gliders"].startswith("95 % ellipsoid of wind.x")
-    (inside, said), data = told(given)
-    assert "inside the given funnel by" in inside
-    assert "sets were not checked" in said
-    assert data["funnel"]["file"] is None
 
 
 def test_a_file_in_the_way_is_reported(tmp_path):

@@ -44,8 +44,8 @@ from tests.report.results import (
 SLOW = pytest.mark.slow
 
 FIGURES = {
-    *("errors", "curves", "carried", "coefficients", "evidence", "folds"),
-    *("held_out", "innovations", "spreads", "residual"),
+    *("errors", "curves", "carried", "coefficients"),
+    *("held_out", "innovations", "residual"),
 }
 
 
@@ -120,12 +120,9 @@ def summary(result, width=80, encoding="utf-8"):
 def drawn(result):
     """Returns the names of the figures that there is something to draw of."""
     needs = {
-        "evidence": result.candidates,
         "held_out": result.held_out,
         "curves": result.curves,
         "carried": result.model.field,
-        "folds": result.folds,
-        "spreads": result.spreads,
     }
     return {name for name in FIGURES if needs.get(name, True)}
 

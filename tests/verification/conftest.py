@@ -6,19 +6,20 @@ from glider.paths import models_path
 from glider.verification.funnel import funnel as funnel_file
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof import check
+from tests.helpers.funnels import UNPROVEN
 from tests.verification.clocked import make_clocked
 
 
 @pytest.fixture(scope="session")
 def funnel():
-    """The nominal model's funnel, as it ships."""
-    return load_funnel(models_path("funnels", "drawn.npz"))
+    """The nominal model's funnel, of Taylor polynomials without a remainder."""
+    return load_funnel(UNPROVEN / "drawn.npz")
 
 
 @pytest.fixture(scope="session")
 def proven():
-    """The same with a remainder, of which it is proven that no flight leaves."""
-    return load_funnel(models_path("funnels", "proven", "drawn.npz"))
+    """The same with a remainder, as it ships: it is proven that no flight leaves."""
+    return load_funnel(models_path("funnels", "drawn.npz"))
 
 
 @pytest.fixture(scope="session")

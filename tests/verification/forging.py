@@ -236,10 +236,6 @@ def _huge_bend(arrays, notes):
     arrays["bends"][3] = 1e308
 
 
-def _first_format(arrays, notes):
-    notes["format"] = "drake-glider funnel 1"
-
-
 def _level(value):
     def change(arrays, notes):
         notes["confidence"]["level"] = value
@@ -255,7 +251,6 @@ HELD = {
     "no weights": (_zero("weights", slice(None)), _UNBOUNDED),
     "bounds of 5e-324": (_least_bounds, _UNBOUNDED),
     "a bend of 1e308": (_huge_bend, _UNBOUNDED),
-    "the first format": (_first_format, _UNBOUNDED),
     "a set of 50 %": (_level(0.5), "the 50 % ellipsoid of wind.x ± 0.0004"),
     "a set of nothing": (_level(5e-324), "ellipsoid of nothing, is smaller than the"),
 }
@@ -370,7 +365,6 @@ def _focus(of, beta=1.0):
     """A bound of the remainder beta (1 + eᵀ F e) times the file's, F = of(S)."""
 
     def change(arrays, notes):
-        notes["format"] = "drake-glider funnel 2"
         arrays["beta"] *= beta
         arrays["weights"] *= beta
         arrays["focus"] = of(arrays["S"])
@@ -395,11 +389,11 @@ def _of_the_place(S):
 
 
 def _earlier_format(arrays, notes):
-    notes["format"] = "drake-glider funnel 0"
+    notes["format"] = "drake-glider funnel 3"
 
 
 def _without_focus(arrays, notes):
-    notes["format"] = "drake-glider funnel 2"
+    del arrays["focus"]
 
 
 INVENTED = {
@@ -411,7 +405,7 @@ INVENTED = {
     ),
     "a skew focus": (_focus(lambda S: S + np.triu(S, 1)), "'focus' is not symmetric"),
     "no focus": (_without_focus, "'focus.npy'"),
-    "a format that never was": (_earlier_format, "its format is 'drake-glider funnel"),
+    "an earlier format": (_earlier_format, "its format is 'drake-glider funnel"),
     "a launch in mid-flight": (_late_launch, "the problem's launch has"),
     "4 mm beside the launch": (_beside_the_wire, "The flight starts with z = 0.096"),
     "1 cm beside the wire": (_beside_the_wire_at_the_end, "from the wire"),

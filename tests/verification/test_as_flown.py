@@ -17,6 +17,7 @@ from glider.verification.funnel.funnel import funnel_policy, load_funnel
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, fly_loop
 from glider.verification.trials.falsify import ESCAPE_LEVEL, boundary_states
+from tests.helpers.funnels import UNPROVEN
 from tests.verification.points import sphere_points
 
 COUNT = 60
@@ -220,7 +221,7 @@ def test_a_command_error_out_of_range_is_refused(error):
 @pytest.mark.nightly
 def test_a_glider_with_states_of_its_own_is_flown(proven):
     """The servo's lag is one of them."""
-    slow = load_funnel(models_path("funnels", "strong_servo.npz"))
+    slow = load_funnel(UNPROVEN / "strong_servo.npz")
     assert slow.nominal.model != GliderModel()
     trial = fly_loop(
         slow, FlownLoop(hold=Hold(period=0.005)), 20, np.random.default_rng(0)

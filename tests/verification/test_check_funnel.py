@@ -35,7 +35,7 @@ def test_the_command_line_checks_a_file(funnel, tmp_path, capsys):
 
 
 def test_the_command_line_proves_that_no_flight_leaves(tmp_path, capsys, monkeypatch):
-    proven = load_funnel(models_path("funnels", "proven", "drawn.npz"))
+    proven = load_funnel(models_path("funnels", "drawn.npz"))
     path, noted = tmp_path / "funnel.npz", tmp_path / "proof.jsonl"
     part = proven.between(40, 61)  # The last intervals take longest.
     times = part.nominal.times - part.nominal.times[0]
@@ -89,7 +89,7 @@ def test_the_command_line_asks_whether_the_hook_takes_the_last_set(capsys):
     held = str(models_path("funnels", "head_wind_hook.npz"))
     assert main(["check-funnel", held, *few]) == 0
     assert "at most 2.80 m/s: the hook accepts all of it." in capsys.readouterr().out
-    other = str(models_path("funnels", "proven", "head_wind.npz"))
+    other = str(models_path("funnels", "head_wind.npz"))
     assert main(["check-funnel", other, *few[:2], "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["hook_takes_all"] is False
     assert main(["check-funnel", other, *few]) == 1
@@ -131,7 +131,7 @@ def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys
     words = capsys.readouterr().out
     assert "set of gliders, the 95 % ellipsoid of wind.x ± 0.00084" in words
     assert "is smaller than the model's, the 95 % ellipsoid of wind.x ± 0.25" in words
-    alone = str(models_path("funnels", "proven", "head_wind.npz"))
+    alone = str(models_path("funnels", "head_wind.npz"))
     load_funnel(alone).nominal.model.save(worse, covariance=hardly)
     assert main(["check-funnel", alone, *command[2:], "--model", str(worse)]) == 1
     words = capsys.readouterr().out

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.exact_check import exact_faults
@@ -14,6 +13,7 @@ from glider.verification.trials.falsify import (
     falsify_funnel,
     fly_inside,
 )
+from tests.helpers.funnels import UNPROVEN
 from tests.verification.points import sphere_points
 
 
@@ -34,7 +34,7 @@ def test_flights_leave_a_funnel_that_promises_too_much(funnel):
 
 def test_without_the_servos_limits_in_it_a_funnel_does_not_hold():
     """It was made for a servo of wider travel and a higher rate."""
-    funnel = load_funnel(models_path("funnels", "strong_servo.npz"))
+    funnel = load_funnel(UNPROVEN / "strong_servo.npz")
     shares = (0.37, 0.5)
     own = falsify_funnel(funnel, 200, np.random.default_rng(0), shares=shares)
     assert own.escapes == 0

@@ -30,7 +30,7 @@ ELSEWHERE = {"a launch in mid-flight", "a wind that was not asked for"}
 
 @pytest.fixture(scope="module")
 def source():
-    return models_path("funnels", "proven", "drawn.npz")
+    return models_path("funnels", "drawn.npz")
 
 
 @pytest.fixture(scope="module")
@@ -249,7 +249,7 @@ def test_a_goal_in_words_alone_is_not_the_hooks(tmp_path, capsys):
     def change(arrays, notes):
         notes["settings"]["goal"] = [0.0499, 0.0499, 0.16, 0.39, 0.7, 0.7, 2.0]
 
-    source = models_path("funnels", "proven", "head_wind.npz")
+    source = models_path("funnels", "head_wind.npz")
     forge(source, path, change)
     assert main(["check-funnel", str(path), "--every", "1000", "--hook"]) == 1
     words = capsys.readouterr().out

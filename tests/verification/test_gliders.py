@@ -202,7 +202,7 @@ def test_gliders_that_differ_in_wind_leave_the_rest_of_it():
     """What is left, plus the largest wind by which they differ, is the funnel's."""
     path = models_path("identified", "head_wind.yaml")
     model, covariance = GliderModel.load(path), load_covariance(path)
-    head = load_funnel(models_path("funnels", "proven", "head_wind.npz"))
+    head = load_funnel(models_path("funnels", "head_wind.npz"))
     settings = dataclasses.replace(head.settings, wind=0.01)
     windy = dataclasses.replace(head, settings=settings)
     left = wind_for_set(windy, covariance)
@@ -219,7 +219,7 @@ def test_gliders_that_differ_in_wind_leave_the_rest_of_it():
 
 def test_the_wind_that_is_left_to_a_set_is_stated():
     path = models_path("identified", "head_wind.yaml")
-    head = load_funnel(models_path("funnels", "proven", "head_wind.npz"))
+    head = load_funnel(models_path("funnels", "head_wind.npz"))
     covariance, said = load_covariance(path), {}
     for wind in (0.0, 0.01):
         settings = dataclasses.replace(head.settings, wind=wind)

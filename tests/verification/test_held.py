@@ -564,9 +564,9 @@ def test_held_commands_are_flown_as_their_funnel_has_them(monkeypatch, capsys):
     said = " ".join(capsys.readouterr().out.split())
     words = "held for 20 ms, each computed from the state 10 ms before by a predictor,"
     assert words in said and "0 of 20 flights" in said
-    assert main([*asked, "--feedback-of", source, "--json"]) == 0
+    assert main([*asked, "--json"]) == 0
     flown = json.loads(capsys.readouterr().out)["as_flown"]
-    assert (flown["latency_s"], flown["predicts"]) == (0.0, False)
+    assert (flown["latency_s"], flown["predicts"]) == (0.01, True)
     assert main([*asked, "--hold", "0.01"]) == 2
     assert "the period of commands is 0.01" in capsys.readouterr().err
 

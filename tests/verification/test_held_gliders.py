@@ -5,10 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.__main__ import main
 from glider.control.predictor import Hold, advance, policy_command, rates_of
 from glider.errors import InputError
-from glider.paths import models_path
 from glider.physics.confidence import glider_at
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
@@ -20,12 +18,11 @@ from glider.verification.funnel.clock import (
     command_errors,
     with_held_gains,
 )
-from glider.verification.funnel.funnel import funnel_policy, load_funnel
+from glider.verification.funnel.funnel import funnel_policy
 from glider.verification.funnel.remainder import sample_remainder
-from glider.verification.proof import check, held
+from glider.verification.proof import held
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import centers_reach
-from glider.verification.proof.purpose import feedback_faults
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
 from glider.verification.trials import as_flown
@@ -209,7 +206,6 @@ def test_a_feedback_of_held_commands_is_that_of_its_samples(clocked):
 
 
 def test_another_glider_flies_under_the_same_commands(clocked, heavier):
-    assert feedback_faults(heavier, clocked) == []
     assert held_faults(part(heavier, 2)) == []
     apart = np.abs(heavier.nominal.states - clocked.nominal.states).max(axis=0)
     assert apart[1] > 1e-3  # It falls lower, and is commanded another elevator.
@@ -223,48 +219,9 @@ def test_another_glider_flies_under_the_same_commands(clocked, heavier):
     np.testing.assert_allclose(*commands, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("forged", "words"),
-    [
-        (lambda f: changed(f, "gains", 6, 1.0, 1e-3), "differs by"),
-        (lambda f: changed(f, "inputs", 6, 1.0, 1e-5), "differs by 1e-05 rad/s"),
-        (lambda f: changed(f, "times", slice(6, None), 1.0, 1e-3), "at other times"),
-        (lambda f: changed(f, "times", slice(None), 1.001), "at other times"),
-        (lambda f: f.between(0, 11), "at other times"),
-        (
-            lambda f: dataclasses.replace(
-                f, settings=dataclasses.replace(f.settings, period=0.0)
-            ),
-            "for the same period",
-        ),
-    ],
-)
-def test_other_commands_are_seen(clocked, heavier, forged, words):
-    for pair in ((heavier, forged(clocked)), (forged(heavier), clocked)):
-        [fault] = feedback_faults(*pair)
-        assert words in fault
-
-
 def test_a_policy_is_kept_only_if_it_is_of_held_commands(clocked):
     settings = dataclasses.replace(clocked.settings, elevator_gain=0.0)
     policy = funnel_policy(clocked, held=True)
     other = dataclasses.replace(policy, period=0.01)
     with pytest.raises(InputError, match=r"policy's period of commands is 0\.01"):
         make_funnel(clocked.nominal.model, other, settings)
-
-
-def test_the_command_compares_feedbacks(monkeypatch, capsys):
-    monkeypatch.setattr(check, "held_faults", lambda *a: [])  # It takes half a minute.
-    names = "held_hook.npz", "held_head_wind_hook.npz"
-    own, other = (str(models_path("funnels", name)) for name in names)
-    command = ["check-funnel", own, "--every", "300", "--feedback-of"]
-    assert main([*command, own]) == 0
-    words = f"Its commands are those of the feedback of {own}, funnel "
-    assert words + load_funnel(own).sha256[:16] in capsys.readouterr().out
-    asked = [*command, own, "--prove", "--latency", "0.01"]
-    assert main(asked) == 2
-    said = " ".join(capsys.readouterr().err.split())
-    assert "--feedback-of is not for a predictor" in said
-    assert main([*command, other]) == 1
-    out = capsys.readouterr().out
-    assert "The other feedback" in out and "Its commands are" not in out

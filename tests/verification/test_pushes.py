@@ -282,16 +282,22 @@ def _set(name, value):
     return change
 
 
+def _error(value):
+    """An error of the command that settings and arrays agree on."""
+
+    def change(arrays, notes):
+        notes["settings"]["command_error"] = value
+        arrays["errors"][:] = value
+        arrays["rests"][:] = value
+
+    return change
+
+
 def _times(name, factor):
     def change(arrays, notes):
         arrays[name] *= factor
 
     return change
-
-
-def _earlier(arrays, notes):
-    notes["format"] = "drake-glider funnel 2"
-    del arrays["push_weights"]
 
 
 FORGED = {
@@ -308,19 +314,16 @@ FORGED = {
     ),
     "pushes without a remainder": (_set("remainder", 0.0), "field 'remainder' is 0.0"),
     "a wind twice as strong": (_set("wind", 0.04), "does not prove that V falls"),
-    "an error twice as large": (
+    "an error of the settings alone": (
         _set("command_error", 1.4),
-        "does not prove that V falls",
+        "error is smaller than the settings'",
     ),
-    "an error that no servo follows": (
-        _set("command_error", 13.0),
-        "The servo would meet its limits",
-    ),
+    "an error twice as large": (_error(1.4), "does not prove that V falls"),
+    "an error that no servo follows": (_error(13.0), "The servo would meet its limits"),
     "no weights": (_times("push_weights", 0.0), "the wind is zero"),
     "negative weights": (_times("push_weights", -1.0), "'push_weights' is negative"),
     "weights that are no numbers": (_times("push_weights", np.nan), "infinite or NaN"),
     "half of the weights": (_times("push_weights", 0.5), "does not prove that V falls"),
-    "an earlier format": (_earlier, "the wind is zero"),
 }
 
 
@@ -340,6 +343,8 @@ def test_a_bound_that_was_removed_is_not_claimed(source, tmp_path, capsys):
 
     def change(arrays, notes):
         del notes["settings"]["wind"], notes["settings"]["command_error"]
+        arrays["errors"][:] = 0.0
+        arrays["rests"][:] = 0.0
 
     forge(source, tmp_path / "f.npz", change)
     asked = ["check-funnel", str(tmp_path / "f.npz"), "--hook", "--every", "100"]

@@ -62,7 +62,7 @@ def test_a_bound_is_large_only_where_the_remainder_is(proven):
 
 
 def test_climbing_finds_nearly_all_of_what_many_more_samples_find():
-    funnel = load_funnel(models_path("funnels", "proven", "drawn.npz"))
+    funnel = load_funnel(models_path("funnels", "drawn.npz"))
     at = np.array([20, 150])  # The glider is fast, and slow.
     few, many = (
         sample_remainder(funnel.nominal, funnel.S[at], sphere_points(n, 7, n), at)

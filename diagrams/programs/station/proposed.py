@@ -30,15 +30,13 @@ class _Launch:
     speed_m_s: float
     climb_rad: float
     pitch_rad: float
-    feedback_from_s: float | None
-    funnel_level: float | None
 
 
 def load_launch(commands: Path) -> list[float]:
     """State at release (7,) of a file of commands, from `next_throw.json` beside it.
 
     Raises:
-        InputError: it is of no proposed throw, or of one that needs feedback.
+        InputError: it is of no proposed throw.
     """
     file = commands.parent / _NEXT_THROW
     if not commands.is_file():
@@ -54,10 +52,6 @@ def load_launch(commands: Path) -> list[float]:
     expected = f"commands of a throw in {file}"
     expect(commands.name in named, "the commands", str(commands), expected)
     throw = named[commands.name]
-    feedback = throw.feedback_from_s
-    expect(
-        feedback is None, f"{file}: feedback_from_s", feedback, "none, as a tape has"
-    )
     launch = np.zeros(NUM_STATES)
     launch[:3] = throw.x_m, throw.height_m, throw.pitch_rad
     direction = math.cos(throw.climb_rad), math.sin(throw.climb_rad)

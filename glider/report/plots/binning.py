@@ -26,7 +26,8 @@ def bounds(
         return None
     low, high = np.quantile(values, [quantile, 1.0 - quantile])
     if around is not None:
-        low, high = min(low, around), max(high, around)
+        low = min(low, around)
+        high = max(high, around)
     pad = margin * (high - low) or 0.05 * abs(high) or 1.0
     return float(low - pad), float(high + pad)
 
@@ -51,13 +52,15 @@ def binned_quantiles(
     Bins that hold fewer than so many points are omitted.
     """
     keep = np.isfinite(x) & np.isfinite(y)
-    x, y = x[keep], y[keep]
+    x = x[keep]
+    y = y[keep]
     if x.size < fewest:
         return np.zeros(0), np.zeros((len(quantiles), 0))
     low, high = np.quantile(x, [0.005, 0.995])
     index = np.digitize(x, np.linspace(low, high, bins + 1)[1:-1])
     count = np.bincount(index, minlength=bins)
-    full, first = count >= fewest, np.cumsum(count) - count
+    full = count >= fewest
+    first = np.cumsum(count) - count
     # Linear between the values of a bin in their order.
     place = first[full] + np.outer(quantiles, count[full] - 1)
     below = np.floor(place).astype(int)

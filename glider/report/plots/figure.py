@@ -82,7 +82,6 @@ class Points:
     size: float = 7.0  #: In pixels.
     opacity: float = 1.0
     names: Sequence[str] = ()  #: For `hover`.
-    labels: Sequence[str] = ()  #: Beside the points.
     flight: np.ndarray | None = None  #: (n,) index into the flights to pick from.
     time: np.ndarray | None = None  #: (n,) of each point [s], for the same.
 
@@ -96,9 +95,7 @@ class Bars:
     values: np.ndarray  #: (n,)
     texts: Sequence[str]  #: At their ends.
     hover: str
-    names: Sequence[str] = ()  #: For `hover`.
     width: float = 0.8  #: In units of the axis.
-    is_across: bool = False  #: Horizontal.
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,31 +7,25 @@ import math
 from typing import Any
 
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E08A00", "#009E73", "#D55E00"
-PURPLE, GREY = "#CC79A7", "#8A8A8A"
+PURPLE, _GREY = "#CC79A7", "#8A8A8A"
 """Colours of the palette; its red is called vermilion."""
 
 _LIGHT_BLUE, _LIGHT_ORANGE, _LIGHT_RED = "#56B4E9", "#F0A72E", "#FF8A50"
 
 INKS = {
     "measured": ("#000000", "#F2F4F6"),
-    "nominal": (GREY, "#9AA3AC"),
+    "nominal": (_GREY, "#9AA3AC"),
     "refitted": (ORANGE, _LIGHT_ORANGE),
     "calibrated": (PURPLE, "#E39CC2"),
     "corrected": (BLUE, _LIGHT_BLUE),
     "floor": ("#1B1F24", "#E6E9ED"),
     "soft": ("#5B6570", "#A7B0BA"),
-    "fitted": (GREY, "#7C858F"),
+    "fitted": (_GREY, "#7C858F"),
     "lack": (BLUE, _LIGHT_BLUE),
     "named": (GREEN, "#2FC79B"),
     "rest": (RED, _LIGHT_RED),
-    "better": (BLUE, _LIGHT_BLUE),
     "worse": (RED, _LIGHT_RED),
-    "own": (BLUE, _LIGHT_BLUE),
-    "chosen": (BLUE, _LIGHT_BLUE),
     "confused": ("#8CC3E6", "#2F6E96"),
-    "other": ("#B5B5B5", "#5F6873"),
-    "first": (ORANGE, _LIGHT_ORANGE),
-    "second": (BLUE, _LIGHT_BLUE),
 }
 """Entry of a legend to its colour on a light and on a dark ground."""
 
@@ -100,11 +94,11 @@ VARIABLES = {
 }
 """Variable to its axis label and the factor from SI."""
 
-FRAME, GRID = "#444444", "#E4E4E4"  # Colours of axes.
+_FRAME, _GRID = "#444444", "#E4E4E4"  # Colours of axes.
 
 STYLE: Any = {
     "axes.axisbelow": True,
-    "axes.edgecolor": FRAME,
+    "axes.edgecolor": _FRAME,
     "axes.grid": True,
     "axes.linewidth": 0.8,
     "axes.spines.right": False,
@@ -113,14 +107,14 @@ STYLE: Any = {
     "axes.labelsize": 9.5,
     "font.family": "DejaVu Sans",  # Comes with matplotlib.
     "font.size": 9.5,
-    "grid.color": GRID,
+    "grid.color": _GRID,
     "grid.linewidth": 0.6,
     "legend.fontsize": 9,
     "legend.frameon": False,
     "text.usetex": False,
-    "xtick.color": FRAME,
+    "xtick.color": _FRAME,
     "xtick.labelsize": 8.5,
-    "ytick.color": FRAME,
+    "ytick.color": _FRAME,
     "ytick.labelsize": 8.5,
 }
 """Settings for `matplotlib.rc_context`, round the making of a picture."""

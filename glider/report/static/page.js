@@ -32,13 +32,11 @@ function drawFigures({ figures, columns }, signal) {
       const edge = { type: "scatter", mode: "lines", x: column(x), hoverinfo: "skip", line: { width: 0, color: color(key) } };
       return [{ ...edge, y: column(low) }, { ...edge, y: column(high), fill: "tonexty", fillcolor: color(`${key}/0.17`) }];
     },
-    Bars: ({ key, places, values, texts, names, hover, width, is_across }) => {
-      const [x, y] = is_across ? ["y", "x"] : ["x", "y"];
+    Bars: ({ key, places, values, texts, hover, width }) => {
       // Numbers of many narrow bars have space only when upright.
-      const isUpright = !is_across && isNarrow && texts.length > 11 * width;
+      const isUpright = isNarrow && texts.length > 11 * width;
       return [{
-        type: "bar", width, orientation: is_across ? "h" : "v", cliponaxis: false,
-        [x]: column(places), [y]: column(values), text: texts, hovertext: names,
+        type: "bar", width, cliponaxis: false, x: column(places), y: column(values), text: texts,
         textposition: "outside", textangle: isUpright ? -90 : 0,
         marker: { color: color(key) }, hovertemplate: `${hover}<extra></extra>`,
       }];
@@ -54,11 +52,10 @@ function drawFigures({ figures, columns }, signal) {
       }];
     },
     Points: (mark) => {
-      const { key, size, names, labels } = mark;
+      const { key, size, names } = mark;
       return [{
         ...scatter(mark), mode: "markers", marker: { color: color(key), size },
         ...(names.length ? { hovertext: names } : {}),
-        ...(labels.some(Boolean) ? { mode: "markers+text", text: labels, textposition: "top center" } : {}),
       }];
     },
   };

@@ -14,13 +14,11 @@ A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `
                        polynomial
     beta    (T, n)     β of the bounds |R| <= β (1 + eᵀ F e) of the Taylor remainder of
                        each rate [m/s², rad/s²]
-    focus   (T, n, n)  F, symmetric, straight lines between the times; not in files of
-                       an earlier format, where it is zero
+    focus   (T, n, n)  F, symmetric, straight lines between the times
     weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
-    push_weights       (T, 2) λ of the bounds `errors` and `wind`, in the notes;
-                       not in files of earlier formats, where these are zero
+    push_weights       (T, 2) λ of the bounds `errors` and `wind`, in the notes
     errors  (T,)       largest error of the command u₀ - K e, straight lines between
-                       the times [rad/s]; not in files of earlier formats
+                       the times [rad/s]
     rests   (T,)       the same of u₀ - K e + eᵀ M e
     bends   (T, n, n)  M of held commands, symmetric, straight lines between the times
     grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, as the check
@@ -46,14 +44,6 @@ from glider.files import schema
 from glider.verification.funnel.settings import FunnelSettings
 
 FORMAT = "drake-glider funnel 4"
-
-EARLIER = {
-    "drake-glider funnel 1": ("focus", "push_weights", "errors", "rests", "bends"),
-    "drake-glider funnel 2": ("push_weights", "errors", "rests", "bends"),
-    "drake-glider funnel 3": ("errors", "rests", "bends"),
-}
-"""Formats that are still read, and the arrays that they lack: zeros; `errors` and
-`rests` are the `command_error` of the notes."""
 
 MOST_BYTES = 30_000_000
 """Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
@@ -128,10 +118,7 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
             shapes = _shapes(count[0], len(notes.state_names))
             if 8 * sum(map(math.prod, shapes.values())) > MOST_BYTES:
                 raise ValueError(f"its arrays are larger than {MOST_BYTES:,} bytes")
-            arrays = {k: np.zeros(shapes.pop(k)) for k in EARLIER.get(notes.format, ())}
-            for name in arrays.keys() & {"errors", "rests"}:
-                arrays[name] += notes.settings.command_error
-            arrays |= {k: _read_array(archive, k, shapes[k]) for k in shapes}
+            arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes}
         _check(arrays, notes)
         return notes, arrays, hashlib.sha256(content).hexdigest()
     except InputError:
@@ -173,7 +160,7 @@ def _read_notes(archive, source):
     if shape or dtype.kind != "U" or dtype.itemsize > MOST_BYTES:
         raise ValueError("'notes' is not a text")
     data = schema.parse_json(str(_read(archive, "notes")), source)
-    if isinstance(data, dict) and data.get("format") not in (FORMAT, *EARLIER):
+    if isinstance(data, dict) and data.get("format") != FORMAT:
         raise ValueError(f"its format is {show(data.get('format'))}, not '{FORMAT}'")
     return schema.convert(data, Notes, source)
 
@@ -199,7 +186,8 @@ def _read_array(archive, name, shape):
 
 def _check(arrays: dict[str, np.ndarray], notes: Notes) -> None:
     """Raises ValueError unless times increase, S is symmetric and bounds are >= 0."""
-    times, states = arrays["times"], arrays["states"]
+    times = arrays["times"]
+    states = arrays["states"]
     if len(times) < 2 or times[0] != 0.0 or not np.all(np.diff(times) >= 0.0):
         raise ValueError("'times' must increase from 0")
     samples = np.flatnonzero(np.diff(times) == 0.0)

@@ -91,7 +91,6 @@ def check_funnel(
     least_inlet: Mapping[str, float] | None = None,
     least_pushes: tuple[float, float] = (0.0, 0.0),
     period: float | None = None,
-    feedback_of: Funnel | None = None,
     seed: int | None = None,
 ) -> Verdict:
     """Checks a funnel.
@@ -110,8 +109,6 @@ def check_funnel(
         least_inlet: least half-widths of the inlet, of states that deviate alone.
         least_pushes: command error [rad/s] and wind [m/s] that it must account for.
         period: time that its commands must be held [s]; any if None.
-        feedback_of: another glider's funnel, whose feedback must be its own; any if
-            None.
         seed: of the points where ascents start; one that no file can know if None.
     """
     last = len(funnel.nominal.times) - 1
@@ -123,7 +120,6 @@ def check_funnel(
         faults = purpose.set_faults(funnel, covariance, least_level)
     faults += purpose.inlet_faults(funnel, least_inlet or {})
     faults += purpose.push_faults(funnel, least_pushes, period)
-    faults += purpose.feedback_faults(funnel, feedback_of) if feedback_of else []
     faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
     faults += purpose.hook_faults(funnel, problem) if hook and problem else []
     faults += _defect_faults(funnel, growth) + gliders_faults(funnel)

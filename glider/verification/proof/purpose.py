@@ -169,37 +169,6 @@ def push_faults(
     return faults
 
 
-def feedback_faults(funnel: Funnel, other: Funnel) -> list[str]:
-    """Returns why another funnel's feedback would not give a funnel's held commands.
-
-    They are compared where they are computed, on the funnel's sets.
-    """
-    own, its = funnel.nominal, other.nominal
-    at, there = own.samples, its.samples
-    if own.model.state_names != its.model.state_names:
-        return ["The other feedback is of a glider with other states."]
-    if not 0.0 < funnel.settings.period == other.settings.period:
-        return ["The feedbacks do not hold their commands for the same period."]
-    if len(at) != len(there) or np.any(
-        np.abs(own.times[at] - its.times[there]) > PLACE_TOLERANCE
-    ):
-        return ["The other feedback computes its commands at other times."]
-    apart = its.gains[there] - own.gains[at]
-    try:
-        extents = np.sqrt(np.diagonal(np.linalg.inv(funnel.S[at]), axis1=1, axis2=2))
-    except np.linalg.LinAlgError:
-        return ["The set is not an ellipsoid somewhere."]
-    if gliders := funnel.gliders:
-        extents = extents + gliders.confidence.reach(gliders.shifts[at])
-    between = np.sum(its.gains[there] * (own.states[at] - its.states[there]), axis=1)
-    off = np.abs(its.inputs[there] - between - own.inputs[at])
-    off += np.sum(np.abs(apart) * extents, axis=1)
-    worst = int(np.argmax(off))
-    words = f"The other feedback's command differs by {off[worst]:.3g} rad/s at"
-    fault = f"{words} {own.times[at][worst]:.4f} s."
-    return unmet((bool(off[worst] <= PLACE_TOLERANCE), fault))
-
-
 def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     """Returns where a funnel's first set is not about a problem's launch."""
     nominal = funnel.nominal
