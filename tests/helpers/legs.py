@@ -9,7 +9,7 @@ import pytest
 TESTS = Path(__file__).parents[1]
 
 FOLDERS = (
-    *("campaign", "commands", "comparison", "compiled", "docs", "experiments"),
+    *("campaign", "commands", "compiled", "docs", "experiments"),
     *("files", "helpers", "report", "sysid"),
 )
 """Of tests in which Drake has no part, reading, tracing, reports, commands; and of the
