@@ -223,7 +223,7 @@ def estimated_loop(
     if rows < len(CAPTURED):
         capture = _first_of(builder, "pose_capture", capture, rows)
     estimator = builder.AddNamedSystem("estimator", ExtendedKalmanFilter(ekf, prior))
-    believed = ElevatorServo(ekf.model.parameters, ekf.num_states)
+    believed = ElevatorServo(ekf.model)
     builder.AddNamedSystem("believed_servo", believed)
     builder.AddNamedSystem("regulator", regulator)
     state = estimator.GetOutputPort("state")

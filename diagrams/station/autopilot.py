@@ -14,7 +14,6 @@ LcmPublisherSystem looks for messages at its publish times, and keeps only the l
 `Bus` takes 0.5 and 0.8, and at 5 ms it loses one frame of eleven.
 """
 
-import itertools
 import math
 from collections.abc import Sequence
 
@@ -31,7 +30,7 @@ from pydrake.systems.framework import (
 )
 
 from diagrams.station.scenario import Filter, Sensors
-from diagrams.station.tracker import NO_COMMANDS, CommandTape, mean_rate, pieces
+from diagrams.station.tracker import NO_COMMANDS, CommandTape, mean_rates
 from glider.campaign.motion_capture import MotionCapture
 from glider.estimation.ekf import Ekf
 from glider.estimation.perching import perching_filter
@@ -75,6 +74,7 @@ class PoseTracker(LeafSystem):
             self._filters[seen], belief = perching_filter(
                 model, start, elevator=seen, capture=capture
             )
+        self._servo = model.parameters.servo
         self._measures_elevator = sensors.elevator
         self._frame, self._count = 1.0 / sensors.rate, len(belief.mean)
         self._pose = self.DeclareVectorInputPort("pose", 1 + ELEVATOR + 1)
@@ -107,12 +107,13 @@ class PoseTracker(LeafSystem):
         begin, tape = float(held[-4]), self._tape(context)
         count = max(round((time - begin) / self._frame), 1)
         # The last sample is the pose; those before it are not seen.
-        times = [begin + (time - begin) * k / count for k in range(count)] + [time]
-        rates = [[[mean_rate(tape, a, b)] for a, b in itertools.pairwise(times)]]
+        times = np.linspace(begin, time, count + 1)
+        rates = mean_rates(tape, times, self._servo)
         shown = np.full((1, count, len(measured)), math.nan)
         shown[0, -1] = measured
         period = (time - begin) / count
-        found = run_ekf(self._filters[seen], belief, rates, shown, period=period)
+        inputs = rates[None, :, None]
+        found = run_ekf(self._filters[seen], belief, inputs, shown, period=period)
         belief = Belief(mean=found.means[0, -1], covariance=found.covariances[0, -1])
         x, z, pitch = found.innovations[0, -1, :3].tolist()
         away = math.hypot(x, z), abs(pitch)
@@ -121,12 +122,18 @@ class PoseTracker(LeafSystem):
     def _calc_state(self, context: Context, output: BasicVector) -> None:
         held, now = _held(context), context.get_time()
         mean, ekf = held[: self._count], self._filters[False]
-        for begin, end, rate in pieces(self._tape(context), held[-4], now):
-            mean, _ = predict_mean(ekf, mean, [rate], end - begin)
+        tape, begin = self._tape(context), held[-4]
+        switches = tape[:, 0]
+        inside = switches[(switches > begin) & (switches < now)]
+        times = np.concatenate([[begin], inside, [now]])
+        if now > begin:
+            rates = mean_rates(tape, times, self._servo)
+            for span, rate in zip(np.diff(times), rates, strict=True):
+                mean, _ = predict_mean(ekf, mean, [rate], span)
         output.SetFromVector(mean)
 
-    def _tape(self, context: Context) -> list[list[float]]:
-        return self._commanded.Eval(context).reshape(NO_COMMANDS.shape).tolist()
+    def _tape(self, context: Context) -> np.ndarray:
+        return self._commanded.Eval(context).reshape(NO_COMMANDS.shape)
 
 
 def _packed(belief: Belief, time: float, surprise: Sequence[float]) -> np.ndarray:

@@ -151,7 +151,7 @@ def levels(
     rest = float(throw.launch[ELEVATOR])
     here, middle = (
         replayed_path(
-            replay, throw.times, throw.commands, query, start=rest, limits=place.stops
+            replay, throw.times, throw.commands, query, place.servo, start=rest
         )
         for query in (times, 0.5 * (times[1:] + times[:-1]))
     )

@@ -1,10 +1,6 @@
-"""The elevator's path under a tape of rate commands, solved exactly.
+"""When the held commands of a log began: rows show them later, a clock may give them.
 
-This replays a log through the actuator of `glider.physics.effects.signals`: a pure
-delay T and a first-order lag τ between held commands and the elevator's rate,
-    τ ṙ(t) = u(t - T) - r(t),   φ̇ = r,
-whose solution between two commands is a straight line and an exponential. The
-servo rests before the first command, and the elevator stops at its travel.
+`glider.physics.servo` turns the elevator along them.
 """
 
 import numpy as np
@@ -23,49 +19,6 @@ def latest_command(begins: np.ndarray, times: np.ndarray) -> np.ndarray:
     return np.searchsorted(begins, times + 1e-9, side="right") - 1
 
 
-def elevator_path(
-    switch_times: np.ndarray,
-    commands: np.ndarray,
-    query: np.ndarray,
-    delay: float = 0.0,
-    time_constant: float = 0.0,
-    start: float = 0.0,
-    limits: tuple[float, float] | None = None,
-) -> np.ndarray:
-    """Returns the elevator's angle at the query times [rad].
-
-    Args:
-        switch_times: (k,) when each command begins [s], increasing.
-        commands: (k,) elevator rates, each held until the next [rad/s].
-        query: (m,) times, increasing or not [s].
-        delay: T [s].
-        time_constant: τ [s]; 0 for none.
-        start: angle before the first command [rad].
-        limits: travel of the elevator [rad], or None.
-    """
-    begin = switch_times + delay
-    tau = max(time_constant, 1e-9)
-    low, high = limits if limits is not None else (-np.inf, np.inf)
-    spans, held = np.diff(begin), commands.tolist()
-    steps = zip(held, spans.tolist(), np.exp(-spans / tau).tolist(), strict=False)
-    found, angle, rate = [(start, 0.0)], start, 0.0
-    for command, span, decay in steps:  # All but the last, which has no end.
-        excess = rate - command
-        angle += command * span + excess * tau * (1.0 - decay)
-        angle = min(max(angle, low), high)
-        rate = command + excess * decay
-        found.append((angle, rate))
-    angles, rates = np.array(found).T
-    index = np.searchsorted(begin, query, side="right") - 1
-    before = index < 0
-    index = np.maximum(index, 0)
-    span = np.maximum(query - begin[index], 0.0)
-    excess = rates[index] - commands[index]
-    path = angles[index] + commands[index] * span
-    path = path + excess * tau * (1.0 - np.exp(-span / tau))
-    return np.where(before, start, np.clip(path, low, high))
-
-
 def command_steps(
     time: np.ndarray,
     command: np.ndarray,
@@ -78,8 +31,7 @@ def command_steps(
     knowledge, half a row before on the average. Where the commands come from a
     clock, its phase is the one that fits most of the rows that changed, or that of a
     clock that started with the log if it fits about as many; it must fit many more
-    than by chance. Not all: a servo that slows down before its stops changes commands
-    between the ticks too. Where the clock's rate is unknown, it is the integer in Hz
+    than by chance. Where the clock's rate is unknown, it is the integer in Hz
     that fits best, within 2 Hz of the rate of changes, some of which do not show; it is
     infinite where the commands switched at the rows, made of the angles there.
     `since` (n,) is when the command of each row was given, if the log has it [s].
@@ -97,7 +49,6 @@ def command_steps(
         phase, period = clock
         ticks = phase + period * _ticks(after, phase, period)
         is_tick = ticks > before + _SAME
-        is_tick &= ~_on_ramps(before, after, 0.999 * period)
         switches = np.where(is_tick, ticks, switches)
     return np.concatenate([time[:1], switches]), commands
 
@@ -150,15 +101,3 @@ def _find_clock(
     if shares[best] <= min(0.5 * (1.0 + by_chance), 1.0 - _SIMILAR):
         return None
     return float(phases[best, 0]), period
-
-
-def _on_ramps(before: np.ndarray, after: np.ndarray, period: float) -> np.ndarray:
-    """Returns which changes are samples of a rate that changes all the time, (k,).
-
-    Three changes or more that follow each other sooner than a clock's period [s] are no
-    commands of the clock: so does a servo that slows down before a stop. `before` and
-    `after` (k,) are the times of the rows beside each change [s].
-    """
-    soon = np.pad(after[1:] - before[:-1] < period, 1)
-    runs = soon[1:-1] & (soon[:-2] | soon[2:])
-    return np.append(runs, False) | np.append(False, runs)
