@@ -10,7 +10,7 @@ from diagrams.wiring import LONGEST, tape_rows
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
-from glider.physics.actuator_replay import latest_command
+from glider.physics.held_commands import latest_command
 from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress

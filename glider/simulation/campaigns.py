@@ -15,8 +15,8 @@ from glider.campaign.turning import signs_of, turn
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import log_path, roll_out
 from glider.compiled.theta import OFFSET, Layout, layout_for, theta_of
-from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import NO_FIELD, Field
+from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo
 

@@ -28,7 +28,7 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import flight_csv
 from glider.errors import InputError
 from glider.files import schema
-from glider.physics.actuator_replay import command_steps
+from glider.physics.held_commands import command_steps
 from glider.physics.model import GliderModel
 from glider.physics.servo import elevator_path
 from tests.campaign.importing import foreign

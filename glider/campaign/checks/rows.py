@@ -21,7 +21,7 @@ from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.planarity import body_axes
 from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
-from glider.physics.actuator_replay import command_steps, hides_command
+from glider.physics.held_commands import command_steps, hides_command
 from glider.physics.servo import elevator_path
 
 _AGAIN = "repeat the pose before while the glider moves"

@@ -19,7 +19,7 @@ from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
 from glider.campaign.logs import Campaign, ServoLog
 from glider.errors import InputError
-from glider.physics.actuator_replay import command_steps, latest_command
+from glider.physics.held_commands import command_steps, latest_command
 from glider.physics.parameters import MAX_ANGLE
 from glider.physics.servo import elevator_path
 

@@ -12,7 +12,7 @@ from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import LIBRARY_LAYOUT, Layout
-from glider.physics.actuator_replay import command_steps
+from glider.physics.held_commands import command_steps
 from glider.physics.servo import NO_LIMITS, Servo, elevator_path
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.

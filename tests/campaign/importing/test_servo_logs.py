@@ -18,7 +18,7 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.compiled.theta import SERVO_LOG
 from glider.errors import InputError
-from glider.physics.actuator_replay import command_steps
+from glider.physics.held_commands import command_steps
 from glider.physics.servo import elevator_path
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.record import measure_noise, prepare

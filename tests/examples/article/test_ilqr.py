@@ -9,7 +9,6 @@ from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.physics.servo import Servo, rate_bounds
 from ilqr import ARTICLE, DivergedError, IlqrSettings, goal_cost, goal_problem, ilqr
 from ilqr_kernels import linearize_steps
 from tapes import fly_tapes
@@ -243,20 +242,3 @@ def test_a_guess_that_does_not_fit_or_diverges_is_refused():
         ilqr(HEAVY, REGULAR, UNLIMITED, tolerance=0.0)
     with pytest.raises(DivergedError):
         ilqr(HEAVY, REGULAR, UNLIMITED, guess=np.full(75, 1e9))
-
-
-@pytest.mark.parametrize("elevator", [-0.9, -0.5, -0.45, 0.0, 0.8, 0.9, 0.95, 1.4])
-def test_a_rate_within_its_bounds_keeps_the_stops(elevator):
-    """When its time is over the stop is met, or as near as the rate limit allows."""
-    servo, time = Servo(low=-0.5, high=0.9, rate=10.0), 0.02
-    low, high = rate_bounds(elevator, servo, time)
-    assert -10.0 <= low <= high <= 10.0
-    ends = elevator + time * np.array([low, high])
-    if servo.low <= elevator <= servo.high:
-        assert low <= 0.0 <= high
-        assert ends[0] == pytest.approx(max(servo.low, elevator - 0.2))
-        assert ends[1] == pytest.approx(min(servo.high, elevator + 0.2))
-    else:
-        beyond = elevator - np.clip(elevator, servo.low, servo.high)
-        nearer = elevator - np.clip(beyond, -0.2, 0.2)
-        assert ends[0 if beyond < 0.0 else 1] == pytest.approx(nearer)

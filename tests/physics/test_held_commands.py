@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from glider.physics.actuator_replay import command_steps, hides_command
+from glider.physics.held_commands import command_steps, hides_command
 
 
 def logged(time, switches, commands):

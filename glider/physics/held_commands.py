@@ -31,21 +31,31 @@ def command_steps(
     knowledge, half a row before on the average. Where the commands come from a
     clock, its phase is the one that fits most of the rows that changed, or that of a
     clock that started with the log if it fits about as many; it must fit many more
-    than by chance. Where the clock's rate is unknown, it is the integer in Hz
-    that fits best, within 2 Hz of the rate of changes, some of which do not show; it is
-    infinite where the commands switched at the rows, made of the angles there.
-    `since` (n,) is when the command of each row was given, if the log has it [s].
-    Returns switch times (k,) [s], the first at the log's start, and commands [rad/s].
+    than by chance.
+
+    Args:
+        time: (n,) of the log's rows [s].
+        command: (n,) in force at the rows [rad/s].
+        command_rate: of the clock [Hz]; infinite where commands switched at the rows.
+            None where it is unknown: then it is the integer that fits best, within
+            2 Hz of the rate of changes, some of which do not show.
+        since: (n,) when the command of each row was given, if the log has it [s].
+
+    Returns:
+        switch times (k,) [s], the first at the log's start, and commands [rad/s].
     """
     rows = np.flatnonzero(np.diff(command)) + 1
     commands = np.concatenate([command[:1], command[rows]])
     if command_rate == np.inf:
         return time[np.concatenate([[0], rows])], commands
-    after, before = time[rows], time[rows - 1]
+    after = time[rows]
+    before = time[rows - 1]
     if since is not None:
-        return np.append(time[:1], np.clip(since[rows], before, after)), commands
+        switches = np.clip(since[rows], before, after)
+        return np.append(time[:1], switches), commands
     switches = 0.5 * (before + after)
-    if (clock := _find_clock(time, rows, command_rate)) is not None:
+    clock = _find_clock(time, rows, command_rate)
+    if clock is not None:
         phase, period = clock
         ticks = phase + period * _ticks(after, phase, period)
         is_tick = ticks > before + _SAME
@@ -61,10 +71,13 @@ def hides_command(
     The arguments are those of `command_steps`. None does where no clock is found.
     """
     rows = np.flatnonzero(np.diff(command)) + 1
-    clock = None if command_rate == np.inf else _find_clock(time, rows, command_rate)
+    clock = None
+    if command_rate != np.inf:
+        clock = _find_clock(time, rows, command_rate)
     if clock is None:
         return np.zeros(len(time) - 1, dtype=bool)
-    return np.diff(_ticks(time, *clock)) > 1.0
+    ticks = _ticks(time, *clock)
+    return np.diff(ticks) > 1.0
 
 
 def _ticks(
@@ -78,26 +91,36 @@ def _find_clock(
     time: np.ndarray, rows: np.ndarray, command_rate: float | None
 ) -> tuple[float, float] | None:
     """Finds phase and period [s] of the clock that made commands switch before rows."""
-    after, before = time[rows], time[rows - 1]
-    rates = [] if command_rate is None or not len(rows) else [command_rate]
+    after = time[rows]
+    before = time[rows - 1]
+    rates: list[float] = []
+    if command_rate is not None and len(rows):
+        rates = [command_rate]
     if command_rate is None and len(rows) > 10:
         usual = round((len(rows) - 1) / np.ptp(after))
         rates = [usual + k for k in (0, 1, -1, 2, -2) if usual + k > 0]
     if not rates:
         return None
-    periods = np.repeat(1.0 / np.array(rates), 1 + len(rows))[:, None]
+    # The phases that are tried: from the log's start, and a tick at each change.
+    tried = 1 + len(rows)
+    periods = np.repeat(1.0 / np.array(rates), tried)[:, None]
     latest = [np.sort(after % (1.0 / rate))[::-1] for rate in rates]
-    phases = np.insert(latest, 0, time[0], axis=1).reshape(-1, 1)
+    phases = np.insert(latest, 0, time[0], axis=1)
+    phases = phases.reshape(-1, 1)
     ticks = phases + periods * _ticks(after, phases, periods)
     # A tick at a row shows there.
     shares = np.mean(ticks > before + _SAME, axis=1)
     best = int(np.argmax(shares))
-    spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(rows))
-    own = best - best % (1 + len(rows))  # The same rate, from the log's start.
-    if shares[own] >= shares[best] - max(_SIMILAR, 2.0 * spread):
+    share = shares[best]
+    spread = np.sqrt(share * (1.0 - share) / len(rows))
+    own = best - best % tried  # The same rate, from the log's start.
+    similar = share - max(_SIMILAR, 2.0 * spread)
+    if shares[own] >= similar:
         best = own
     period = float(periods[best, 0])
-    by_chance = float(np.median(after - before)) / period
-    if shares[best] <= min(0.5 * (1.0 + by_chance), 1.0 - _SIMILAR):
+    step = float(np.median(after - before))
+    by_chance = step / period
+    least = min(0.5 * (1.0 + by_chance), 1.0 - _SIMILAR)
+    if shares[best] <= least:
         return None
     return float(phases[best, 0]), period
