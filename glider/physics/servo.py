@@ -128,29 +128,44 @@ def elevator_path(
     """
     begin = switch_times + delay
     spans = np.diff(begin)
-    angle = start = min(max(start, servo.low), servo.high)
-    pieces = []
-    for command, span in zip(commands.tolist(), [*spans.tolist(), 0.0], strict=True):
-        rate, steady = _held_rate(command, angle, servo)
-        pieces.append((angle, rate, steady))
+    start = min(max(start, servo.low), servo.high)
+    # Of each command: the angle where it begins, the rate, and how long that is steady.
+    rates = np.clip(commands, -servo.rate, servo.rate)
+    turns = np.cumsum(rates[:-1] * spans)
+    angles = start + np.append(0.0, turns)
+    steady_times = np.full(len(rates), np.inf)
+    # Sums are right until a command meets a stop. The last command has no end.
+    ahead = angles[1:] + STOPPING_TIME * rates[:-1]
+    meets_stop = (ahead < servo.low) | (ahead > servo.high)
+    first = int(np.argmax(np.append(meets_stop, True)))
+    angle = float(angles[first])
+    left = [*spans[first:].tolist(), 0.0]
+    for k, span in enumerate(left, first):
+        rate, steady = _held_rate(float(commands[k]), angle, servo)
+        angles[k] = angle
+        rates[k] = rate
+        steady_times[k] = steady
         angle = float(_turned_angle(angle, rate, steady, span))
-    angles, rates, slow_times = np.array(pieces).T
     index = np.searchsorted(begin, query, side="right") - 1
     is_before = index < 0
     index = np.maximum(index, 0)
     since = np.maximum(query - begin[index], 0.0)
-    steady = np.minimum(slow_times[index], since)
+    steady = np.minimum(steady_times[index], since)
     slowing = since - steady
-    turning = steady + STOPPING_TIME * -np.expm1(-slowing / STOPPING_TIME)
+    slowed = -np.expm1(-slowing / STOPPING_TIME)
+    turning = steady + STOPPING_TIME * slowed
     path = angles[index] + rates[index] * turning
     if time_constant > _SHORTEST:
-        until = np.minimum(slow_times[:-1], spans)
+        until = np.minimum(steady_times[:-1], spans)
         gained = _lagged(rates[:-1], until, spans - until, time_constant)
         kept = np.exp(-spans / time_constant)
+        # The elevator's own rate where each command begins.
         lagged = [0.0]
-        for gain, share in zip(gained.tolist(), kept.tolist(), strict=True):
+        shares = zip(gained.tolist(), kept.tolist(), strict=True)
+        for gain, share in shares:
             lagged.append(lagged[-1] * share + gain)
-        own = np.array(lagged)[index] * np.exp(-since / time_constant)
+        fading = np.exp(-since / time_constant)
+        own = np.array(lagged)[index] * fading
         own += _lagged(rates[index], steady, slowing, time_constant)
         path -= time_constant * own
     return np.where(is_before, start, path)
@@ -166,7 +181,11 @@ def _lagged(
     """
     slow = max(time_constant, STOPPING_TIME)
     quick = min(time_constant, STOPPING_TIME)
-    apart = np.maximum(slowing * (1.0 / quick - 1.0 / slow), 1e-12)
-    of_steady = -np.expm1(-steady / time_constant) * np.exp(-slowing / time_constant)
-    of_slowing = slowing / time_constant * np.exp(-slowing / slow)
-    return rate * (of_steady - of_slowing * np.expm1(-apart) / apart)
+    gap = 1.0 / quick - 1.0 / slow
+    apart = np.maximum(slowing * gap, 1e-12)
+    faded = np.exp(-slowing / time_constant)
+    of_steady = -np.expm1(-steady / time_constant) * faded
+    # (exp(-t / T) - exp(-t / τ)) T / (T - τ), also where both are equal.
+    grown = slowing / time_constant * np.exp(-slowing / slow)
+    of_slowing = -np.expm1(-apart) / apart * grown
+    return rate * (of_steady + of_slowing)
