@@ -19,6 +19,7 @@ from glider.paths import models_path
 from glider.physics.effects import GROUND_EFFECT, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
+from glider.physics.servo import STOPPING_TIME
 from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step, mppi_update
 from sampling_planners import CemSettings, cem, cem_update, mppi
@@ -56,7 +57,8 @@ def fly_by_hand(model, start, commands, step, order, limits):
         if limits is not None:
             low, high, fastest = limits
             u = np.clip(u, -fastest, fastest)
-            u = np.clip(u, (low - elevator) / step, (high - elevator) / step)
+            ahead = step + STOPPING_TIME  # A command that the servo follows.
+            u = np.clip(u, (low - elevator) / ahead, (high - elevator) / ahead)
         elevator += step * u
         k1 = slope(x, u)
         if order == 1:

@@ -75,9 +75,9 @@ def calc_travel(
     sums = _sums(flights, masks, servo, np.unique(delays), np.unique(lags))
     best, gain = _find_best(sums)
     changes = float(np.sum(sums, axis=0)[(3, *best)])
-    one = np.arange(len(sums))
-    others = [_find_best(sums[one != k])[1] for k in one]
-    spread = np.std(others) * np.sqrt(len(one) - 1.0)
+    parts = np.arange(len(sums))
+    others = [_find_best(sums[parts != k])[1] for k in parts]
+    spread = np.std(others) * np.sqrt(len(parts) - 1.0)
     error = math.hypot(spread, _SCATTER / math.sqrt(len(flights)))
     is_known = changes > _MIN_CHANGES and (second < len(_LAGS) - 1 or abs(gain) > 1.0)
     return abs(gain), float(error) if is_known else np.inf
