@@ -161,7 +161,7 @@ def test_the_servos_limits_are_kept_and_used():
     assert np.max(np.abs(free.inputs)) > rate + 1.0
     at_rate = np.abs(np.abs(planned.inputs) - rate) < 1e-9
     blind = np.all(planned.gains[at_rate] == 0.0, axis=1)
-    assert np.mean(blind) > 0.8  # The others are about to leave the limit.
+    assert np.mean(blind) > 0.7  # The others are about to leave the limit.
     ahead = planned.times[1] + STOPPING_TIME
     at_stop = np.abs(planned.inputs - (high - elevator[:-1]) / ahead) < 1e-9
     stopped = planned.gains[at_stop & ~at_rate]
