@@ -217,11 +217,11 @@ def estimated_loop(
     capture = builder.GetSubsystemByName("motion_capture").GetOutputPort("measured")
     if measured.size() < len(_CAPTURED):
         capture = _first_of(builder, "pose_capture", capture, measured.size())
-    parameters = (planned or truth).parameters
     builder.AddNamedSystem("estimator", filter)
-    believed = builder.AddNamedSystem(
-        "believed_servo", ElevatorServo(parameters, wanted)
-    )
+    own = planned or truth
+    if own.num_states != wanted:  # The filter's glider has other actuators.
+        own = GliderModel(parameters=own.parameters)
+    believed = builder.AddNamedSystem("believed_servo", ElevatorServo(own, wanted))
     builder.AddNamedSystem("regulator", regulator)
     builder.Connect(capture, measured)
     builder.Connect(state, regulator.get_input_port(0))

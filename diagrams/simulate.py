@@ -10,9 +10,8 @@ from diagrams.wiring import LONGEST, tape_rows
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
-from glider.physics.actuator_replay import latest_command
-from glider.physics.servo import limited_rates
-from glider.physics.state import ELEVATOR, NUM_STATES, POSE_NAMES, POSITION, VELOCITY
+from glider.physics.held_commands import latest_command
+from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress
 from glider.simulation.flown_flights import FlownFlight, Perches, closest_pass, hooked
@@ -177,20 +176,19 @@ def _collect(
     diagram: Diagram, context: Context, problem: PerchingProblem, name: str
 ) -> FlownFlight:
     times, states = _read(diagram, context, "state_log")
-    _, rates = _read(diagram, context, "rate_log")
     _, forces = _read(diagram, context, "force_log")
     log = None
     if diagram.HasSubsystemNamed("capture_log"):
         log = capture_of(diagram, context, name)
-    return hooked(times, states, rates[:, 0], problem, forces=forces[:, :2], log=log)
+    return hooked(times, states, problem, forces=forces[:, :2], log=log)
 
 
 def capture_of(diagram: Diagram, context: Context, name: str) -> Flight:
     """Returns the flight that motion capture has logged, for a campaign.
 
-    A row's command is in force from its time on, after the servo's limits: what the
-    glider got. The logs hold values before the updates at their times, so that it is
-    the command of the integrator's next step.
+    A row's command is in force from its time on, within the servo's rate limit. The
+    logs hold values before the updates at their times, so that it is the command of
+    the integrator's next step.
 
     Args:
         diagram: with a motion capture.
@@ -199,17 +197,16 @@ def capture_of(diagram: Diagram, context: Context, name: str) -> Flight:
     """
     times, capture = _read(diagram, context, "capture_log")
     steps, commands = _read(diagram, context, "command_log")
-    _, states = _read(diagram, context, "state_log")
     step = latest_command(steps, times)
     held = commands[np.minimum(step + 1, len(steps) - 1), 0]
-    servo = diagram.GetSubsystemByName("glider").model.parameters.servo
+    fastest = diagram.GetSubsystemByName("glider").model.parameters.servo.rate
     pose = len(POSE_NAMES)
     return Flight(
         name=name,
         time=times,
         pose=capture[:, :pose],
         elevator=capture[:, pose],
-        command=limited_rates(held, states[step, ELEVATOR], servo),
+        command=np.clip(held, -fastest, fastest),
     )
 
 

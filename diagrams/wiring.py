@@ -41,9 +41,7 @@ def add_glider(builder: DiagramBuilder, model: GliderModel) -> tuple[System, Sys
     """
     glider = builder.AddNamedSystem("glider", GliderPlant(model))
     state = glider.GetOutputPort("state")
-    servo = builder.AddNamedSystem(
-        "servo", ElevatorServo(model.parameters, state.size())
-    )
+    servo = builder.AddNamedSystem("servo", ElevatorServo(model))
     rate = servo.GetOutputPort("elevator_rate")
     builder.Connect(state, servo.GetInputPort("state"))
     builder.Connect(rate, glider.GetInputPort("elevator_rate"))

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from glider.control.tvlqr import aligned_count
-from glider.physics.actuator_replay import latest_command
+from glider.physics.held_commands import latest_command
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.plan import Plan
 

@@ -9,7 +9,7 @@ from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import BLOCK, advance, advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
-from glider.physics.servo import Servo, rate_bounds
+from glider.physics.servo import STOPPING_TIME, Servo, rate_bounds
 
 
 def slope_held(t, node, x, data, rate):
@@ -194,7 +194,7 @@ def ilqr_backward(damping, step, states, inputs, jacobian, costs, servo, feed, g
             push = min(max(push, low - inputs[k]), high - inputs[k])
             gain[:] = 0.0
             if abs(inputs[k] + push) < servo.rate:  # A stop moves with the elevator.
-                gain[3] = -1.0 / step
+                gain[3] = -1.0 / (step + STOPPING_TIME)
 
         first += push * slope[n]
         second += 0.5 * push * push * total[n, n]

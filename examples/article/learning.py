@@ -60,7 +60,7 @@ class LoggedFlight:
     """(N + 1, 7) with noise, when the commands begin and when the last ends."""
 
     rates: np.ndarray
-    """(N,) elevator-rate commands after the servo's limits [rad/s]."""
+    """(N,) elevator-rate commands, within the rate limit [rad/s]."""
 
     step: float
     """Time that each command is held [s]."""

@@ -10,7 +10,6 @@ from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief, run_ekf
 from glider.physics.chain import NUM_INPUTS
 from glider.physics.servo import limited_rates
-from glider.physics.state import ELEVATOR
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -72,7 +71,8 @@ def fly_watched(
     good = good and gain.shape[1] <= ekf.num_inputs
     needed = f"({samples}, f, {n}) with f at most {ekf.num_inputs}"
     expect(good, "fly_watched: the gain's shape", gain.shape, needed)
-    servo = ekf.model.parameters.servo
+    model = ekf.model
+    servo = model.parameters.servo
     shocks, errors = np.zeros((batch, samples, size)), np.zeros((batch, samples, rows))
     if rng is not None:
         if is_shaken:
@@ -86,7 +86,8 @@ def fly_watched(
     for k in range(samples):
         now = states[:, k]
         held[:, k, : gain.shape[1]] -= now[:, :n] @ gain[k].T
-        held[:, k, 0] = limited_rates(held[:, k, 0], now[:, ELEVATOR], servo)
+        angles = model.chain.demanded_angle(now.T, model.numbers.c)
+        held[:, k, 0] = limited_rates(held[:, k, 0], angles, servo)
         z[ekf.estimated.places], z[ekf.estimated.entry] = now.T, held[:, k].T
         _advance(ekf, k * ekf.period, z)
         z[ekf.estimated.places] += shocks[:, k].T

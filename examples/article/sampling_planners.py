@@ -13,7 +13,6 @@ import numpy as np
 
 from glider.errors import expect
 from glider.physics.servo import rate_bounds
-from glider.physics.state import ELEVATOR
 from glider.planning.plan import Plan
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
 from tapes import held_plan
@@ -163,9 +162,11 @@ def within_limits(
     cost: SequenceCost, start: np.ndarray, commands: np.ndarray
 ) -> np.ndarray:
     """Returns a sequence (N,) as the glider gets it, servo limits kept [rad/s]."""
-    given, elevator = np.empty(len(commands)), start[ELEVATOR]
+    model = cost.model
+    given = np.empty(len(commands))
+    angle = model.chain.demanded_angle(start, model.numbers.c)
     for k, command in enumerate(commands):
-        low, high = rate_bounds(elevator, cost.servo, cost.step)
+        low, high = rate_bounds(angle, cost.servo, cost.step)
         given[k] = min(max(command, low), high)
-        elevator += given[k] * cost.step
+        angle += given[k] * cost.step
     return given

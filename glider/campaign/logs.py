@@ -16,6 +16,7 @@ import numpy as np
 
 from glider.errors import InputError, expect, show
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
+from glider.physics.servo import NO_LIMITS, Servo
 
 POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
@@ -140,6 +141,17 @@ class Campaign:
     def switch_rate(self) -> float | None:
         """Rate at which commands switch, as `command_steps` takes it [Hz]."""
         return self.command_rate if self.servo.command == "logged" else math.inf
+
+    @property
+    def limits(self) -> Servo:
+        """Limits of the servo; infinite where they are not known.
+
+        The rates of a measured angle are what a servo has made of its commands.
+        """
+        if self.servo.command == "reconstructed":
+            return NO_LIMITS
+        low, high = self.elevator_limits or (-math.inf, math.inf)
+        return Servo(low, high, self.elevator_rate_limit or math.inf)
 
     @property
     def gravity(self) -> float:

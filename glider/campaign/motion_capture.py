@@ -8,7 +8,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from glider.campaign.logs import Flight
 from glider.errors import InputError, expect
-from glider.physics.actuator_replay import latest_command
+from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES, POSE_NAMES
 

@@ -4,10 +4,10 @@ import numpy as np
 
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import advance, put
-from glider.physics.actuator_replay import elevator_path
-from glider.physics.chain import actuator_rates, actuator_terms
+from glider.physics.chain import actuator_rates, actuator_terms, demanded_angle
 from glider.physics.compose import initial_extra
 from glider.physics.effects import SERVO_LAG, Replay
+from glider.physics.servo import NO_LIMITS, Servo, elevator_path, limited_rate
 
 STEP = 0.00025
 """Longest step of an actuator [s]."""
@@ -15,23 +15,24 @@ STEP = 0.00025
 
 def slope_of_actuators(t, node, y, data, rate):
     """Writes the rates of the elevator's angle and of the actuators' own states."""
-    command, c, x = data
+    command, servo, c, x = data
     x[3] = y[0]
     for i in range(1, y.shape[0]):
         x[6 + i] = y[i]
-    rates = (actuator_terms(command, x, c), *actuator_rates(command, x, c))
+    demanded = limited_rate(command, demanded_angle(x, c), servo)
+    rates = (actuator_terms(demanded, x, c), *actuator_rates(demanded, x, c))
     for i in range(len(rates)):
         rate[i] = rates[i]
 
 
-def actuator_path(times, commands, c, limits, states):
-    """Turns an elevator through actuators along held commands, between its stops.
+def actuator_path(times, commands, c, servo, states):
+    """Turns an elevator through servo and actuators along held commands.
 
     Args:
         times: (K + 1,) [s].
         commands: (K,) held over each interval [rad/s].
         c: coefficients of the actuators.
-        limits: travel of the elevator [rad].
+        servo: its limits.
         states: (K + 1, 1 + m) the elevator's angle and the actuators' own states;
             the first row is given, the others are written.
     """
@@ -41,8 +42,8 @@ def actuator_path(times, commands, c, limits, states):
     work = np.empty((3, size))
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        advance(slope_of_actuators, times[k], y, step, 4, (commands[k], c, x), work)
-        y[0] = min(max(y[0], limits[0]), limits[1])
+        data = (commands[k], servo, c, x)
+        advance(slope_of_actuators, times[k], y, step, 4, data, work)
         put(y, states[k + 1])
 
 
@@ -54,11 +55,11 @@ def replayed_path(
     switch_times: np.ndarray,
     commands: np.ndarray,
     query: np.ndarray,
+    servo: Servo = NO_LIMITS,
     *,
     start: float = 0.0,
-    limits: tuple[float, float] | None = None,
 ) -> np.ndarray:
-    """Returns the angle of an elevator behind its actuators at some times [rad].
+    """Returns the angle of an elevator behind servo and actuators at some times [rad].
 
     Exact for delay and lag; with further actuators, by fine Runge-Kutta steps.
 
@@ -67,12 +68,21 @@ def replayed_path(
         switch_times: (k,) when each command begins [s], increasing.
         commands: (k,) elevator rates, each held until the next [rad/s].
         query: (m,) times [s].
-        start: angle before the first command [rad].
-        limits: travel of the elevator [rad], or None.
+        servo: its limits.
+        start: angle before the first command [rad]; clipped into the travel.
     """
     actuators, delay, lag = replay.actuators, replay.delay, replay.time_constant
+    start = min(max(start, servo.low), servo.high)
     if not actuators:
-        return elevator_path(switch_times, commands, query, delay, lag, start, limits)
+        return elevator_path(
+            switch_times,
+            commands,
+            query,
+            servo,
+            delay=delay,
+            time_constant=lag,
+            start=start,
+        )
     if lag > 0.0:
         actuators = ((SERVO_LAG, (lag,)), *actuators)
     kinds, begins = tuple(kind for kind, _ in actuators), switch_times + delay
@@ -82,8 +92,7 @@ def replayed_path(
     times = np.union1d(even, begins)
     held = commands[np.searchsorted(begins, times[:-1], side="right") - 1]
     rest = initial_extra(kinds, None, 0.0, c)
-    stops = (-np.inf, np.inf) if limits is None else limits
     states = np.empty((len(times), 1 + len(rest)))
     states[0] = [start, *rest]
-    LOOPS.over(kinds).actuator_path(times, held, c, stops, states)
+    LOOPS.over(kinds).actuator_path(times, held, c, servo, states)
     return np.interp(query, times, states[:, 0])

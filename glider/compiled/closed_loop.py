@@ -7,6 +7,7 @@ import numpy as np
 from glider.compiled.kernel import Family
 from glider.compiled.rollouts import slopes
 from glider.compiled.runge_kutta import BLOCK, advance_block, put
+from glider.physics.chain import demanded_angle
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 
@@ -54,7 +55,8 @@ def slopes_guided(t, node, work, data):
     if feedback.hold == 0:
         feed_back(2 * k + node, feedback, error, work)
     for j in range(BLOCK):
-        work[n, 0, j] = limited_rate(work[n, 1, j], work[3, 0, j], servo)
+        angle = demanded_angle(work[:, 0, j], theta.c)
+        work[n, 0, j] = limited_rate(work[n, 1, j], angle, servo)
     slopes(t, node, work, theta)
 
 

@@ -43,7 +43,7 @@ _STEP = inspect.getsource(runge_kutta)
 _HEAD = """\
 import numpy as np
 from glider.physics.effects.field import Field
-from glider.physics.servo import limited_rate, rate_bounds
+from glider.physics.servo import STOPPING_TIME, limited_rate, rate_bounds
 """
 
 _KERNEL = inspect.getsource(sys.modules[__name__])

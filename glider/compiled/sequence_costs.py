@@ -8,6 +8,7 @@ from glider.compiled import rollouts as tapes
 from glider.compiled.kernel import Family
 from glider.compiled.rollouts import rollouts
 from glider.compiled.runge_kutta import BLOCK, put
+from glider.physics.chain import demanded_angle
 from glider.physics.servo import rate_bounds
 
 
@@ -64,8 +65,7 @@ def sampled_costs(
         step: [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
         laps: equal steps of the integrator to one of them.
-        servo: its limits; the glider gets commands that keep them, as far as no
-            effect delays them.
+        servo: its limits; the glider gets commands that it follows.
         cost: of a flight, see `FlightCost`.
         theta: the glider's numbers.
         to_go: (B, N + 1), written.
@@ -81,11 +81,11 @@ def sampled_costs(
     for first in range(0, batch, BLOCK):
         count = min(BLOCK, batch - first)
         for j in range(BLOCK):  # What is left of the last block repeats a glider.
-            elevator = start[3]
+            angle = demanded_angle(start, theta.c)
             for k in range(steps):
-                low, high = rate_bounds(elevator, servo, step)
+                low, high = rate_bounds(angle, servo, step)
                 rate = min(max(command[first + min(j, count - 1), k], low), high)
-                elevator += rate * step
+                angle += rate * step
                 given[j, k] = rate
         rollouts(starts, given, step, order, laps, theta, path)
         for j in range(count):

@@ -19,7 +19,6 @@ from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Theta
 from glider.physics.servo import limited_rates
-from glider.physics.state import ELEVATOR
 
 STEP = 0.0025
 """Longest Runge-Kutta step [s]; half as long changes commands by less than 1e-4 of the
@@ -63,11 +62,11 @@ def rates_of(
     The wind (B, 2) is that beyond the model's own [m/s]; theta has other numbers than
     the model's own.
     """
-    rate = limited_rates(command, states[:, ELEVATOR], model.parameters.servo)
+    numbers = theta or model.numbers
+    angle = model.chain.demanded_angle(states.T, numbers.c)
+    rate = limited_rates(command, angle, model.parameters.servo)
     air = (0.0, 0.0) if wind is None else (wind[:, 0], wind[:, 1])
-    found = model.chain.derivatives(
-        0.0, list(states.T), rate, *air, theta or model.numbers
-    )
+    found = model.chain.derivatives(0.0, list(states.T), rate, *air, numbers)
     rates = np.empty_like(states)
     for column, value in zip(rates.T, found, strict=True):
         column[:] = value

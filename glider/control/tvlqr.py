@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_splin
 from glider.compiled.jacobian import stacked
 from glider.compiled.riccati import LOOPS
 from glider.errors import expect
-from glider.physics.actuator_replay import latest_command
+from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan

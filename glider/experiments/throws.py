@@ -11,6 +11,7 @@ from glider.compiled.theta import Layout, layout_for, theta_of
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.model import GliderModel
+from glider.physics.servo import Servo
 from glider.physics.state import ELEVATOR, NUM_STATES, PITCH, POSITION, VELOCITY
 from glider.simulation.campaigns import fly_commands, fly_path, measured
 from glider.sysid.constants import Z
@@ -69,8 +70,7 @@ class Range:
     limits: ThrowLimits  #: Of launch, flight and elevator; none open.
     x: float  #: Of the release [m].
     rest: float  #: Angle of the elevator before the first command [rad].
-    #: Of the elevator, as flown flights show them [rad]; None for none.
-    stops: tuple[float, float] | None
+    servo: Servo  #: Its limits, as flown flights show them.
     duration: float  #: Of a flight [s].
     pose_rate: float  #: Of the log [Hz].
     command_rate: float  #: Of the commands [Hz].
@@ -91,7 +91,7 @@ def range_of(
         limits=limits,
         x=float(np.median([r.nodes[0, 0] for r in records])),
         rest=rest,
-        stops=records[0].limits,
+        servo=records[0].servo,
         duration=float(np.median([r.time[-1] for r in records])),
         pose_rate=campaign.pose_rate,
         command_rate=campaign.command_rate or _USUAL_COMMAND_RATE,
@@ -168,7 +168,7 @@ def log_of(
         throw.times,
         throw.commands,
         np.arange(rows) / place.pose_rate,
-        limits=place.stops,
+        servo=place.servo,
         rest=float(throw.launch[ELEVATOR]),
         field=field,
         fine=_FINE,

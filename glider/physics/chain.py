@@ -28,6 +28,11 @@ def actuator_rates(rate, x, c):
     return ()
 
 
+def pending_terms(x, c):
+    """Angle by which the actuators still turn the elevator, unasked [rad]."""
+    return 0.0
+
+
 def air_terms(motion, x, c):
     """Velocity of the air beyond the input wind, world (x, z) [m/s]."""
     return 0.0, 0.0
@@ -66,6 +71,14 @@ def residual_terms(flow, field):
 def effect_rates(flow, xdd, zdd, x, c):
     """Rates of the states of effects that are not actuators."""
     return ()
+
+
+def demanded_angle(x, c):
+    """Returns the angle ψ that the servo has turned to [rad]: the elevator follows.
+
+    Its rate is the servo's, whatever the actuators are: see `glider.physics.servo`.
+    """
+    return x[3] + pending_terms(x, c)
 
 
 def motion_of(t, x, rate):

@@ -52,7 +52,8 @@ def _slices(effects: tuple[EffectKind, ...], sizes: list[int]) -> dict[str, slic
 def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
     """Returns Python text that defines the `*_terms` functions of these effects.
 
-    The text calls formula `i` as `formula_i` and its state rate as `rate_i`. With
+    The text calls formula `i` as `formula_i`, its state rate as `rate_i` and what is
+    pending as `pending_i`. With
     `skip_absent` it omits at run time the formulas whose sizes, the coefficients that
     are not mere shapes, are all at their defaults, and state rates at defaults that no
     search for the effect starts from. That saves a kernel with the whole library most
@@ -61,9 +62,9 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
     """
     coefficients, states = coefficient_slices(effects), state_slices(effects)
 
-    def call(name: str, i: int, first: str) -> str:
+    def call(name: str, i: int, *first: str) -> str:
         own, mine = states[effects[i].kind], coefficients[effects[i].kind]
-        arguments = [first]
+        arguments = [*first]
         arguments += [f"x[{NUM_STATES + j}]" for j in range(own.start, own.stop)]
         arguments += [f"c[{j}]" for j in range(mine.start, mine.stop)]
         return f"{name}_{i}({', '.join(arguments)})"
@@ -112,6 +113,11 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
     actuators = [i for i, effect in enumerate(effects) if effect.stage == "actuator"]
     steps = {i: f"    rate = {call('formula', i, 'rate')}" for i in actuators}
     lines += ["def actuator_terms(rate, x, c):", *steps.values(), "    return rate\n"]
+    pending = [call("pending", i) for i in actuators if effects[i].pending is not None]
+    lines += [
+        "def pending_terms(x, c):",
+        f"    return {' + '.join(pending) or '0.0'}\n",
+    ]
     others = [i for i in range(len(effects)) if i not in steps]
     for hook, given, members in (
         ("actuator_rates", "rate", actuators),
@@ -148,6 +154,8 @@ def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
         names[f"formula_{i}"] = effect.formula
         if effect.state_rate is not None:
             names[f"rate_{i}"] = effect.state_rate
+        if effect.pending is not None:
+            names[f"pending_{i}"] = effect.pending
     return names
 
 

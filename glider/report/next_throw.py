@@ -19,6 +19,7 @@ from rich.table import Table
 from glider.experiments.proposal import MOST_THROWS, Proposal
 from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
+from glider.physics.servo import elevator_path
 from glider.report.numbers import format_estimate, format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
 from glider.report.wording import TEMPLATES
@@ -237,7 +238,6 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
             axes[2].plot(np.arange(len(path)) / p.place.pose_rate, apart, **style)
     axes[0].plot(*paths[0, 0, :2], "o", color=color, ms=4)
     times = np.append(throw.times, throw.end)
-    turned = np.append(0.0, np.cumsum(throw.commands * np.diff(times)))
-    low, high = p.place.limits.elevator
-    angles = np.clip(p.place.rest + turned, low, high)
+    tape = throw.times, throw.commands
+    angles = elevator_path(*tape, times, p.place.servo, start=p.place.rest)
     axes[1].plot(times, np.degrees(angles), color=color, lw=1.6)

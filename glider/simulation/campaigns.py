@@ -15,8 +15,8 @@ from glider.campaign.turning import signs_of, turn
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import log_path, roll_out
 from glider.compiled.theta import OFFSET, Layout, layout_for, theta_of
-from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import NO_FIELD, Field
+from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo
 
@@ -87,7 +87,7 @@ def _fly(
         switches,
         commands,
         time,
-        limits=(servo.low, servo.high),
+        servo=servo,
         field=model.residual_field,
         name=name,
     )
@@ -112,7 +112,7 @@ def fly_commands(
     commands: np.ndarray,
     time: np.ndarray,
     *,
-    limits: tuple[float, float] | None,
+    servo: Servo,
     rest: float = 0.0,
     field: Field = NO_FIELD,
     fine: int = FINE,
@@ -127,7 +127,7 @@ def fly_commands(
         switches: (k,) when each command begins, the first at 0 [s].
         commands: (k,) elevator rates, each held until the next [rad/s].
         time: (n,) of the log's rows, from 0, equal steps [s].
-        limits: stops of the elevator [rad]; None for none.
+        servo: limits of the servo.
         rest: where it stands before the first command [rad].
         field: the residual field.
         fine: integration steps between two rows.
@@ -135,7 +135,7 @@ def fly_commands(
     """
     replay = layout.replay(theta)
     path = functools.partial(
-        replayed_path, replay, switches, commands, start=rest, limits=limits
+        replayed_path, replay, switches, commands, servo=servo, start=rest
     )
     rows = len(time)
     fine_rate = fine * (rows - 1) / time[-1]

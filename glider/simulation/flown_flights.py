@@ -8,7 +8,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
-from glider.physics.actuator_replay import latest_command
 from glider.physics.state import PITCH, POSITION, VELOCITY
 from glider.planning.problem import Hook, PerchingProblem
 
@@ -64,7 +63,6 @@ class FlownFlight:
 
     times: np.ndarray  #: (K,) of the integrator's steps [s].
     states: np.ndarray  #: (K, n) of the glider.
-    rates: np.ndarray  #: (K,) elevator rate that the servo gives the glider [rad/s].
     miss: float  #: Least distance of the center of mass from the wire [m].
     arrival: np.ndarray  #: (n,) state there.
     hook: Hook  #: At the glider.
@@ -92,7 +90,6 @@ class FlownFlight:
 def hooked(
     times: np.ndarray,
     states: np.ndarray,
-    rates: np.ndarray,
     problem: PerchingProblem,
     *,
     forces: np.ndarray | None = None,
@@ -110,7 +107,6 @@ def hooked(
         ended = [*range(count), min(count, len(times) - 1)]
         times = np.append(times[:count], passed.time)
         states = np.vstack([states[:count], passed.arrival])
-        rates = rates[ended]
         forces = None if forces is None else forces[ended]
         if log is not None:
             kept = log.time <= passed.time
@@ -120,7 +116,6 @@ def hooked(
     return FlownFlight(
         times=times,
         states=states,
-        rates=rates,
         miss=passed.miss,
         arrival=passed.arrival,
         hook=problem.hook,
@@ -225,7 +220,7 @@ class Flights:
     paths: np.ndarray | None = None
     #: (H,) when each command began [s], where commands are held.
     command_times: np.ndarray | None = None
-    #: (B, H) elevator rates that the servo made of them [rad/s], with paths.
+    #: (B, H) elevator rates, within the rate limit [rad/s], with paths.
     commands: np.ndarray | None = None
 
     @property
@@ -236,13 +231,11 @@ class Flights:
     def flight(self, b: int) -> FlownFlight:
         """Returns one of them, with its end at the wire where the hook takes it.
 
-        The paths must be there, and commands that were held.
+        The paths must be there.
         """
-        if self.paths is None or self.commands is None or self.command_times is None:
-            raise ValueError("expected flights with paths and held commands")
-        latest = latest_command(self.command_times, self.times)
-        rates = self.commands[b, latest]
-        return hooked(self.times, self.paths[b], rates, self.problem)
+        if self.paths is None:
+            raise ValueError("expected flights with paths")
+        return hooked(self.times, self.paths[b], self.problem)
 
     def __repr__(self) -> str:
         """Returns one line, as a notebook shows it."""

@@ -12,8 +12,7 @@ import numpy as np
 from glider.compiled.closed_loop import Feedback, fly_feedback
 from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
-from glider.physics.servo import limited_rates
-from glider.physics.state import ELEVATOR, NUM_STATES
+from glider.physics.state import NUM_STATES
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Flights
 
@@ -123,8 +122,7 @@ def fly(
             m states and `make_clock(...).commands` commands.
         step: longest step [s]; divided where the effects' own states ask for it.
         after: how long the flights go on after the plan [s].
-        keep_paths: whether to return all states, and the servo's rates for held
-            commands.
+        keep_paths: whether to return all states, and held commands.
 
     Raises:
         InputError: what is given does not fit together.
@@ -159,7 +157,8 @@ def fly(
         begins = states[:, : -1 : clock.hold]
         seen = begins[:, :, : len(known)] + (noise if noise.shape[1] else 0.0)
         wanted = offset - np.sum(gain * seen, axis=2)
-        commands = limited_rates(wanted, begins[:, :, ELEVATOR], model.parameters.servo)
+        fastest = model.parameters.servo.rate
+        commands = np.clip(wanted, -fastest, fastest)
     return Flights(
         times=np.arange(clock.steps + 1) * clock.step,
         miss=miss,

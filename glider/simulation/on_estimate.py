@@ -36,6 +36,7 @@ def fly_on_estimate(
         prediction.
     """
     model, steps = ekf.model, ticks * errors.shape[1]
+    numbers = model.numbers
     offset, gain = policy.sample(np.arange(steps) * ekf.period)
     (batch, n), size = starts.shape, errors.shape[2]
     states, means = np.empty((2, batch, steps + 1, n))
@@ -46,7 +47,8 @@ def fly_on_estimate(
     def step(k, mean, covariance, measured):
         """Returns mean and covariance one prediction later."""
         command = offset[k] - means[:, k] @ gain[k]
-        rates = limited_rates(command, mean[:, ELEVATOR], model.parameters.servo)
+        angle = model.chain.demanded_angle(mean.T, numbers.c)
+        rates = limited_rates(command, angle, model.parameters.servo)
         before = Belief(mean=mean, covariance=covariance)
         time = k * ekf.period
         found = run_ekf(ekf, before, rates[:, None, None], measured, time)
@@ -57,7 +59,7 @@ def fly_on_estimate(
         states[:, k + 1], _ = step(k, states[:, k], certain, nothing)
         measured = nothing
         if (k + 1) % ticks == 0:
-            pose = model.chain.measure(states[:, k + 1].T, model.numbers)
+            pose = model.chain.measure(states[:, k + 1].T, numbers)
             shown = np.column_stack([*pose, states[:, k + 1, ELEVATOR]])
             measured = (shown + errors[:, k // ticks])[:, None]
         means[:, k + 1], covariance = step(k, means[:, k], covariance, measured)

@@ -267,13 +267,13 @@ class Analysis:
 
 def _warnings_of(flights: SmoothedFlights) -> Iterator[str]:
     """Yields sentences about an elevator that is not where it was expected."""
-    records, limits = [*flights.corrected.values()], flights.campaign.elevator_limits
-    stops = records[0].limits
-    if limits is not None and stops is not None and stops != limits:
+    records = [*flights.corrected.values()]
+    known, shown = flights.campaign.limits, records[0].servo
+    if records[0].has_servo and shown != known:
         yield (
-            f"The elevator passes its limits of {limits[0]:.3g} and "
-            f"{limits[1]:.3g} rad: it is assumed to stop at {stops[0]:.3g} and "
-            f"{stops[1]:.3g}."
+            f"The elevator passes its limits of {known.low:.3g} and "
+            f"{known.high:.3g} rad: it is assumed to stop at {shown.low:.3g} and "
+            f"{shown.high:.3g}."
         )
     is_measured = flights.campaign.servo.angle == "measured"
     for record in records:

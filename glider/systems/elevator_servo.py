@@ -5,9 +5,8 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from glider.physics.parameters import GliderParameters
+from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
-from glider.physics.state import ELEVATOR, NUM_STATES
 from glider.systems.template import float_class
 
 
@@ -16,9 +15,8 @@ def ElevatorServo_(T):
     class Impl(LeafSystem_[T]):
         """A servo that keeps its rate limit and slows down before its stops.
 
-        See `limited_rate` for the formula. Where the glider's own actuator lags
-        (effect servo_lag), the elevator can overshoot a stop by what the lag
-        still moves it.
+        See `glider.physics.servo` for the law. The elevator follows through the
+        model's actuators.
 
         Input ports:
             command (1): rate that is asked for [rad/s].
@@ -28,29 +26,31 @@ def ElevatorServo_(T):
             elevator_rate (1): rate within the limits [rad/s].
 
         Args:
-            parameters: whose elevator_limits and elevator_rate_limit to keep.
-            num_states: size n of `state`.
+            model: the glider whose servo it is.
+            num_states: size n of `state`; None: the model's.
         """
 
-        def _construct(self, parameters=None, num_states=NUM_STATES, converter=None):
+        def _construct(self, model=None, num_states=None, converter=None):
             LeafSystem_[T].__init__(self, converter)
             self.set_name("servo")
-            parameters = GliderParameters() if parameters is None else parameters
-            self._parameters = parameters
+            self._model = GliderModel() if model is None else model
+            self._numbers = self._model.numbers
             self._command = self.DeclareVectorInputPort("command", 1)
-            self._state = self.DeclareVectorInputPort("state", num_states)
+            size = self._model.num_states if num_states is None else num_states
+            self._state = self.DeclareVectorInputPort("state", size)
             self.DeclareVectorOutputPort("elevator_rate", 1, self._calc_rate)
 
         def _construct_copy(self, other, converter=None):
             size = other._state.size()
-            Impl._construct(self, other._parameters, size, converter=converter)
+            Impl._construct(self, other._model, size, converter=converter)
 
         def _calc_rate(self, context, output):
             command = self._command.Eval(context)[0]
-            elevator = self._state.Eval(context)[ELEVATOR]
-            rate = limited_rate(command, elevator, self._parameters.servo)
+            state = self._state.Eval(context)
+            angle = self._model.chain.demanded_angle(state, self._numbers.c)
+            rate = limited_rate(command, angle, self._model.parameters.servo)
             # A limit alone is a float; the sum is a T.
-            output.SetFromVector(np.array([rate + 0.0 * elevator]))
+            output.SetFromVector(np.array([rate + 0.0 * angle]))
 
     return Impl
 

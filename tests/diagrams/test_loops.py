@@ -19,10 +19,11 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
-from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.physics.effects import DYNAMIC_STALL
+from glider.physics.held_commands import command_steps
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
+from glider.physics.servo import elevator_path
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER, fly
@@ -208,9 +209,10 @@ def test_the_forces_are_those_of_the_wing_and_then_the_elevator(sampled):
     [flight] = simulate_flights(sampled, launches(1), 0.3)
     plant = GliderPlant(LAGGING)
     context = plant.CreateDefaultContext()
+    # Behind its lag, the elevator turns at a rate that is a state.
+    plant.GetInputPort("elevator_rate").FixValue(context, [0.0])
     for k in (0, len(flight.times) // 2, -1):
         context.SetContinuousState(flight.states[k])
-        plant.GetInputPort("elevator_rate").FixValue(context, [flight.rates[k]])
         wing, elevator = plant.GetOutputPort("forces").Eval(context)[:2]
         assert flight.forces[k] == pytest.approx([wing, elevator])
         assert abs(wing - elevator) > 0.01
@@ -515,8 +517,31 @@ def test_the_log_replays_to_the_elevator_that_flew(sampled):
     for flight in flown:
         log = flight.log
         tape = command_steps(log.time, log.command, 50.0)
-        path = elevator_path(*tape, log.time, time_constant=lag)
+        servo = LAGGING.parameters.servo
+        path = elevator_path(*tape, log.time, servo, time_constant=lag)
         np.testing.assert_allclose(path, log.elevator, atol=1e-6)
+
+
+def test_a_log_replays_where_the_servo_is_at_its_limits(sampled):
+    """Also behind a lag: it keeps its limits in the plant as in the replay."""
+    rng = np.random.default_rng(1)
+    far = PROBLEM.draw_launches(3, rng, height=0.5, speed=0.8, pitch=0.3)
+    flown = simulate_flights(
+        sampled, far, plan_of().duration + AFTER, problem=NO_HOOK, accuracy=1e-8
+    )
+    servo = LAGGING.parameters.servo
+    [lag] = LAGGING.effects[0].values
+    fastest, room = 0.0, np.inf
+    for flight in flown:
+        log = flight.log
+        tape = command_steps(log.time, log.command, 50.0)
+        path = elevator_path(*tape, log.time, servo, time_constant=lag)
+        np.testing.assert_allclose(path, log.elevator, atol=1e-5)
+        assert servo.low <= log.elevator.min() and log.elevator.max() <= servo.high
+        fastest = max(fastest, np.abs(log.command).max())
+        room = min(room, log.elevator.min() - servo.low)
+        room = min(room, servo.high - log.elevator.max())
+    assert fastest == servo.rate and room < 0.01  # Both limits were at work.
 
 
 def test_each_sample_gets_its_row_of_noise():

@@ -194,7 +194,7 @@ def test_steps_that_are_a_rounding_error_apart_are_shown_as_one():
     """As a simulator logs them at an event; a spline cannot have both."""
     times = np.array([0.0, 0.1, np.nextafter(0.1, 1.0), 0.2])
     states = np.zeros((4, 7))
-    flight = hooked(times, states, np.zeros(4), PerchingProblem(wire=[1.0, 0.0]))
+    flight = hooked(times, states, PerchingProblem(wire=[1.0, 0.0]))
     track = track_of("flown", flight)
     assert len(track.times) == 3
     MakePlayback([track], Meshcat())

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from glider.experiments.throw_limits import ThrowLimits
 from glider.experiments.throws import GENES, Range, throw_of
+from glider.physics.servo import Servo
 from glider.physics.state import STATE_NAMES
 
 LIMITS = ThrowLimits(
@@ -24,7 +25,7 @@ PLACE = Range(
     limits=LIMITS,
     x=-3.5,
     rest=0.02,
-    stops=(-0.4463, 0.9473),
+    servo=Servo(-0.4463, 0.9473, 13.0),
     duration=0.85,
     pose_rate=120.0,
     command_rate=50.0,

@@ -39,7 +39,7 @@ FILES = (
     "examples/test_next_throw.py",
     "examples/test_perch_corrected.py",
     "examples/test_perching_funnel.py",
-    "physics/test_actuator_replay.py",
+    "physics/test_held_commands.py",
     "planning/test_problem.py",
     "simulation/test_refly.py",
     "test_changed.py",

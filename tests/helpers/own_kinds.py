@@ -164,6 +164,11 @@ def _sticky_rate(rate, lagged, gain, time_constant):
 
 
 @scalar
+def _sticky_pending(lagged, gain, time_constant):
+    return gain * time_constant * lagged
+
+
+@scalar
 def _sticky_steady(rate, gain, time_constant):
     return rate
 
@@ -189,6 +194,7 @@ STICKY = EffectKind(
     states=("late_rate",),
     state_rate=_sticky_rate,
     steady_state=_sticky_steady,
+    pending=_sticky_pending,
 )
 """Sticky: r = u + gain (s - u), τ ṡ = u - s: with a gain of one, a servo lag."""
 

@@ -62,11 +62,7 @@ def flown_by_library(effects, start, commands):
 
         def path(query, i=i):
             return replayed_path(
-                replay,
-                switches,
-                commands[:, i],
-                query,
-                limits=model.parameters.elevator_limits,
+                replay, switches, commands[:, i], query, model.parameters.servo
             )
 
         here, middle = path(fine), path(0.5 * (fine[1:] + fine[:-1]))

@@ -9,7 +9,6 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from glider.compiled.jacobian import differentiate
 from glider.compiled.replay import flow_at
 from glider.errors import InputError
-from glider.physics.actuator_replay import elevator_path
 from glider.physics.compose import coefficient_slices, compose, state_slices
 from glider.physics.effects import (
     COMMAND_DELAY,
@@ -26,6 +25,7 @@ from glider.physics.effects.field import make_field
 from glider.physics.formulas import scalar
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Parameters, Theta
+from glider.physics.servo import elevator_path
 from glider.systems.plant import GliderPlant
 from tests.helpers.physics import (
     FIELD,

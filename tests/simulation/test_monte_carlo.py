@@ -79,7 +79,11 @@ def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
     np.testing.assert_allclose(ours.arrivals, arrivals, atol=2e-3)
     assert np.ptp(misses) > 1e-4
     if truth is NOMINAL:  # A limit was at work.
-        assert max(np.max(np.abs(flight.rates)) for flight in drakes) > 12.999
+        turned = [
+            np.abs(np.diff(flight.states[:, 3]) / np.diff(flight.times)).max()
+            for flight in drakes
+        ]
+        assert max(turned) > 12.999
 
 
 def test_a_batch_is_its_flights_one_by_one():

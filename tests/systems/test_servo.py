@@ -1,53 +1,16 @@
-"""The servo keeps its limits, and lets everything else pass."""
+"""The servo as a Drake System is the law of `glider.physics.servo`."""
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
+from glider.physics.effects import SERVO_LAG
+from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import STOPPING_TIME, Servo, limited_rate
 from glider.systems.elevator_servo import ElevatorServo
 
 LOW, HIGH, LIMIT = -0.4463, 0.9473, 13.0
-COMMANDS = st.floats(-100.0, 100.0)
-ANGLES = st.floats(-3.0, 3.0)
-
-
-def servo_rate(command, elevator):
-    return limited_rate(command, elevator, Servo(LOW, HIGH, LIMIT))
-
-
-@given(COMMANDS, ANGLES)
-def test_the_rate_limit_holds_anywhere(command, elevator):
-    assert abs(servo_rate(command, elevator)) <= LIMIT
-
-
-@given(st.floats(-LIMIT, LIMIT), st.floats(LOW + 0.066, HIGH - 0.066))
-def test_within_the_limits_a_command_passes(command, elevator):
-    assert servo_rate(command, elevator) == command
-
-
-@given(COMMANDS, COMMANDS, ANGLES)
-def test_more_command_is_never_less_rate(one, other, elevator):
-    rates = [servo_rate(command, elevator) for command in sorted((one, other))]
-    assert rates[0] <= rates[1]
-
-
-@pytest.mark.parametrize(("command", "stop"), [(20.0, HIGH), (-20.0, LOW)])
-def test_the_elevator_comes_to_its_stop_and_not_beyond(command, stop):
-    elevator, step = 0.0, 0.1 * STOPPING_TIME
-    for _ in range(500):
-        elevator += step * servo_rate(command, elevator)
-        assert LOW <= elevator <= HIGH
-    assert elevator == pytest.approx(stop, abs=1e-6)
-
-
-@pytest.mark.parametrize("command", [-20.0, 0.0, 20.0])
-def test_an_elevator_beyond_a_stop_returns(command):
-    assert servo_rate(command, HIGH + 0.01) < 0.0
-    assert servo_rate(command, LOW - 0.01) > 0.0
 
 
 def evaluate(servo, command, state):
@@ -57,13 +20,20 @@ def evaluate(servo, command, state):
     return servo.GetOutputPort("elevator_rate").Eval(context)
 
 
-def test_the_system_is_the_formula():
-    servo = ElevatorServo(GliderParameters(), 8)
+def test_the_limits_act_before_a_lag():
+    """The elevator stands 0.6 rad from its stop, and the lag takes it there."""
+    servo = ElevatorServo(GliderModel(effects=(SERVO_LAG(time_constant=0.1),)))
     rng = np.random.default_rng(1)
     for state in rng.uniform(-1.0, 1.0, (20, 8)):
+        state[7] = 5.0 * state[7]
         [command] = rng.uniform(-30.0, 30.0, 1)
         rate = evaluate(servo, [command], state)
-        assert rate == [servo_rate(command, state[3])]
+        limits = Servo(LOW, HIGH, LIMIT)
+        expected = limited_rate(command, state[3] + 0.1 * state[7], limits)
+        assert rate == [pytest.approx(expected, abs=1e-12)]
+    state = np.zeros(8)
+    state[[3, 7]] = HIGH - 0.6, 6.0
+    assert evaluate(servo, [10.0], state) == [pytest.approx(0.0, abs=1e-9)]
 
 
 @pytest.mark.parametrize(
@@ -76,7 +46,7 @@ def test_the_system_is_the_formula():
     ],
 )
 def test_its_slopes_are_exact(command, elevator, value, by_command, by_elevator):
-    servo = ElevatorServo(GliderParameters(), 7).ToAutoDiffXd()
+    servo = ElevatorServo().ToAutoDiffXd()
     ad = InitializeAutoDiff([command, 0, 0, 0, elevator, 0, 0, 0]).ravel()
     rate = evaluate(servo, ad[:1], ad[1:])
     assert ExtractValue(rate)[0, 0] == pytest.approx(value)
@@ -87,8 +57,9 @@ def test_its_slopes_are_exact(command, elevator, value, by_command, by_elevator)
 
 def test_a_copy_keeps_its_limits():
     parameters = GliderParameters(elevator_limits=[-0.1, 0.2], elevator_rate_limit=2.0)
-    servo = ElevatorServo(parameters, 9).ToAutoDiffXd().ToScalarType[float]()
-    assert evaluate(servo, [5.0], np.zeros(9)) == [2.0]
-    state = np.zeros(9)
+    model = GliderModel(parameters=parameters)
+    servo = ElevatorServo(model).ToAutoDiffXd().ToScalarType[float]()
+    assert evaluate(servo, [5.0], np.zeros(7)) == [2.0]
+    state = np.zeros(7)
     state[3] = 0.2
     assert evaluate(servo, [5.0], state) == [0.0]

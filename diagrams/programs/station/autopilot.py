@@ -14,7 +14,6 @@ LcmPublisherSystem looks for messages at its publish times, and keeps only the l
 `Bus` takes 0.5 and 0.8, and at 5 ms it loses one frame of eleven.
 """
 
-import itertools
 import math
 from collections.abc import Sequence
 
@@ -32,12 +31,7 @@ from pydrake.systems.framework import (
 )
 
 from diagrams.programs.station.scenario import Filter, Sensors
-from diagrams.programs.station.tracker import (
-    NO_COMMANDS,
-    CommandTape,
-    mean_rate,
-    pieces,
-)
+from diagrams.programs.station.tracker import NO_COMMANDS, CommandTape, mean_rates
 from glider.campaign.motion_capture import MotionCapture
 from glider.estimation.ekf import Ekf
 from glider.estimation.perching import perching_filter
@@ -80,6 +74,7 @@ class PoseTracker(LeafSystem):
             self._filters[seen], belief = perching_filter(
                 model, start, elevator=seen, capture=capture
             )
+        self._servo = model.parameters.servo
         self._measures_elevator = sensors.elevator
         self._frame = 1.0 / sensors.rate
         self._count = len(belief.mean)
@@ -118,15 +113,13 @@ class PoseTracker(LeafSystem):
         span = time - begin
         count = max(round(span / self._frame), 1)
         # The last sample is the pose; those before it are not seen.
-        times = [begin + span * k / count for k in range(count)]
-        times.append(time)
-        tape = self._tape(context)
-        spans = itertools.pairwise(times)
-        rates = [[mean_rate(tape, first, last)] for first, last in spans]
+        times = np.linspace(begin, time, count + 1)
+        rates = mean_rates(self._tape(context), times, self._servo)
         shown = np.full((1, count, len(measured)), math.nan)
         shown[0, -1] = measured
         ekf = self._filters[seen]
-        found = run_ekf(ekf, belief, [rates], shown, period=span / count)
+        inputs = rates[None, :, None]
+        found = run_ekf(ekf, belief, inputs, shown, period=span / count)
         mean = found.means[0, -1]
         belief = Belief(mean=mean, covariance=found.covariances[0, -1])
         innovation = found.innovations[0, -1]
@@ -139,15 +132,20 @@ class PoseTracker(LeafSystem):
         held = _held(context)
         now = context.get_time()
         mean = held[: self._count]
+        begin = held[-4]
         ekf = self._filters[False]
         tape = self._tape(context)
-        for begin, end, rate in pieces(tape, held[-4], now):
-            mean, _ = predict_mean(ekf, mean, [rate], end - begin)
+        switches = tape[:, 0]
+        inside = switches[(switches > begin) & (switches < now)]
+        if now > begin:
+            times = np.concatenate([[begin], inside, [now]])
+            rates = mean_rates(tape, times, self._servo)
+            for span, rate in zip(np.diff(times), rates, strict=True):
+                mean, _ = predict_mean(ekf, mean, [rate], span)
         output.SetFromVector(mean)
 
-    def _tape(self, context: Context) -> list[list[float]]:
-        rows = self._commanded.Eval(context)
-        return rows.reshape(NO_COMMANDS.shape).tolist()
+    def _tape(self, context: Context) -> np.ndarray:
+        return self._commanded.Eval(context).reshape(NO_COMMANDS.shape)
 
 
 def _packed(belief: Belief, time: float, surprise: Sequence[float]) -> np.ndarray:

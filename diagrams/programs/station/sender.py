@@ -38,6 +38,7 @@ class Sender:
         self.step = scenario.command_step
         self._wire = Wire(limits, servo.neutral, servo.timeout, hold=self.step)
         self._latency = servo.latency
+        tape.rest_at(self._wire.angle)
         self._bus = bus
         self._tape = tape
         self._clock = clock
@@ -62,14 +63,14 @@ class Sender:
         """Sends a rate [rad/s], or NaN: to neutral; returns what is to be recorded."""
         now = self._clock()
         self._number += 1
-        mean = self._wire.command(rate, now)
+        held = self._wire.command(rate, now)
         angle = self._wire.angle
         acts = now + self._latency
-        asked = mean if math.isfinite(rate) else math.nan
+        asked = held if math.isfinite(rate) else math.nan
         values = (self.id, self._number, asked, angle)
         self._bus.say(COMMAND, now, values, COMMAND_FIELDS)
         sent = self._clock()
-        self._tape.add(acts, mean)
+        self._tape.add(acts, angle, held)
         on_time = self.due + self.step > now
         self.due = (self.due if on_time else now) + self.step
-        return {"sent": now, "given": sent, "acts": acts, "rate": mean, "angle": angle}
+        return {"sent": now, "given": sent, "acts": acts, "rate": held, "angle": angle}

@@ -135,8 +135,6 @@ class SimulatedGlider:
         varies = truth.is_time_varying
         expect(not varies, "the simulated glider", settings.truth, "one without time")
         self._truth: GliderModel = truth
-        stages = {effect.kind.stage for effect in truth.effects}
-        self._is_ideal = "actuator" not in stages  # The servo is where it is asked.
         self._settings = settings
         self._problem: PerchingProblem = scenario.load_problem()
         self._rng = np.random.default_rng(settings.seed)
@@ -214,13 +212,13 @@ class SimulatedGlider:
         if self._time < self.released < until:
             self._move_held(self.released)
         before, angle = self._wire.angle, self._wire.advance(until)
-        span, self._time = until - self._time, until
+        span = until - self._time
+        self._time = until
         if until <= self.released:
             self._state[ELEVATOR] = angle
         elif until < self._landed:
-            if self._is_ideal:  # The model alone would slow down before a stop.
-                self._state[ELEVATOR] = before
-            self._advance_flight(span, (angle - before) / max(span, 1e-9))
+            held, mean = self._wire.rate, (angle - before) / max(span, 1e-9)
+            self._advance_flight(span, held if self._wire.holds(until) else mean)
         if until > self._landed + REST:
             self._place()
 

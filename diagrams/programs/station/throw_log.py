@@ -193,8 +193,7 @@ def flight_of(path: Path) -> Flight | None:
         return None
     try:
         scenario = schema.parse_yaml(facts["scenario"], str(path))
-        sensors = schema.convert(scenario, Scenario, str(path)).sensors
-        return _flight_of(path, topics, sensors.elevator)
+        return _flight_of(path, topics, schema.convert(scenario, Scenario, str(path)))
     except (KeyError, TypeError) as error:
         raise InputError(
             f"{path}: field {error} is missing; expected a record of the station."
@@ -202,9 +201,10 @@ def flight_of(path: Path) -> Flight | None:
 
 
 def _flight_of(
-    path: Path, topics: Mapping[str, list[dict[str, Any]]], measured: bool
+    path: Path, topics: Mapping[str, list[dict[str, Any]]], scenario: Scenario
 ) -> Flight | None:
-    """The flight of a record's messages; `measured`: the elevator is, too."""
+    """Returns the flight of a record's messages."""
+    measured = scenario.sensors.elevator
     poses = [pose for pose in topics["/pose"] if pose["free"] and not pose["fault"]]
     if measured:
         poses = [pose for pose in poses if pose["shows_elevator"]]
@@ -220,14 +220,18 @@ def _flight_of(
     acts = np.array([command["acts"] for command in topics["/command"]])
     rates = np.array([0.0, *(command["rate"] for command in topics["/command"])])
     known = [command["angle"] for command in topics["/command"]]
-    # Where a command was late, the servo stood at a stop, or went to neutral.
-    rates[1:-1] = np.diff(known) / np.maximum(np.diff(acts), 1e-9)
+    spans = np.maximum(np.diff(acts), 1e-9)
+    means = rates.copy()
+    means[1:-1] = np.diff(known) / spans
+    # Where a command was late, the servo went to neutral.
+    is_late = np.append(False, spans > scenario.servo.timeout)
+    rates[:-1][is_late] = means[:-1][is_late]
     angles = np.array([*known[:1], *known])  # Before the first the elevator rests.
     when = table[:, 1]
     latest = np.searchsorted(acts, when, side="right")
     begins = np.append(when[0], acts)[latest]
     command = rates[latest]
-    commanded = angles[latest] + command * (when - begins)
+    commanded = angles[latest] + means[latest] * (when - begins)
     # Between two rows more than one command may have begun: their mean is held.
     hides = np.flatnonzero(np.diff(latest) > 1)
     is_old = hides[np.diff(latest, prepend=-1)[hides] == 0]

@@ -2,11 +2,11 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
 
 import numpy as np
 
 from diagrams.programs.station.scenario import Release
+from glider.physics.servo import Servo, elevator_path
 from glider.physics.state import ELEVATOR, NUM_STATES, PITCH, POSITION, VELOCITY
 
 NO_COMMANDS = np.full((32, 3), (-1e12, 0.0, 0.0))
@@ -18,12 +18,15 @@ class CommandTape:
     """What the servo was asked, by the time at which it acts."""
 
     def __init__(self) -> None:
-        #: Time [s], angle so far [rad], and rate from then on [rad/s].
+        #: Time [s], demanded angle then [rad], and command from then on [rad/s].
         self.rows = NO_COMMANDS
 
-    def add(self, time: float, rate: float) -> None:
-        """Appends a rate [rad/s] that begins at a time [s]."""
-        angle = turned(self.rows.tolist(), time)
+    def rest_at(self, angle: float) -> None:
+        """Takes the elevator to rest at an angle [rad]."""
+        self.rows = np.add(NO_COMMANDS, (0.0, angle, 0.0))
+
+    def add(self, time: float, angle: float, rate: float) -> None:
+        """Appends a rate [rad/s] that begins at a time [s] and an angle [rad]."""
         self.rows = np.vstack([self.rows[1:], (time, angle, rate)])
 
     def since(self, begin: float) -> np.ndarray:
@@ -31,38 +34,16 @@ class CommandTape:
         return (self.rows - (begin, 0.0, 0.0)).ravel()
 
 
-Rows = Sequence[Sequence[float]]
+def mean_rates(rows: np.ndarray, times: np.ndarray, servo: Servo) -> np.ndarray:
+    """Returns mean demanded rates between times (k + 1,), by the rows of a tape.
 
-
-def turned(rows: Rows, time: float) -> float:
-    """Angle at a time [rad], by the rows of a tape."""
-    for since, angle, rate in reversed(rows):  # The time is among the latest.
-        if since <= time:
-            return angle + rate * (time - since)
-    return rows[0][1]
-
-
-def mean_rate(rows: Rows, begin: float, end: float) -> float:
-    """Mean rate between two times [rad/s]."""
-    if end <= begin:
-        return 0.0
-    angle = turned(rows, end) - turned(rows, begin)
-    return angle / (end - begin)
-
-
-def pieces(rows: Rows, begin: float, end: float) -> list[tuple[float, float, float]]:
-    """Begin, end [s] and rate [rad/s] of what is held between two times, in order.
-
-    None where the end is not later.
+    Rates (k,) [rad/s].
     """
-    found = []
-    for since, _, rate in reversed(rows):
-        if end <= begin:
-            break
-        if since < end:
-            found.append((max(since, begin), end, rate))
-            end = since
-    return found[::-1]
+    first = max(np.searchsorted(rows[:, 0], times[0], side="right") - 1, 0)
+    begins, angles, commands = rows[first:].T
+    start = float(angles[0])
+    path = elevator_path(begins, commands, times, servo, start=start)
+    return np.diff(path) / np.diff(times)
 
 
 class _PoseHistory:

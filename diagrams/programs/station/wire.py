@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 
 from diagrams.programs.station.operators import Kills
-from glider.physics.servo import Servo, rate_bounds
+from glider.physics.servo import Servo, held_angle
 
 JITTER = 0.01  # Angle that commands are off by as they come early or late [rad].
 ANOTHER = 1.0
@@ -18,8 +18,9 @@ ANOTHER = 1.0
 class Wire:
     """Rate and angle of an elevator under commands that may be anything.
 
-    A rate is clipped to the servo's, and the angle to its travel. Without a command
-    for a time, or where it is no number, the elevator turns to neutral and rests there.
+    A rate is clipped to the servo's, and turns the angle by the law of
+    `glider.physics.servo`. Without a command for a time, or where it is no number, the
+    elevator turns to neutral and rests there.
 
     Args:
         servo: travel and rate limit.
@@ -41,20 +42,23 @@ class Wire:
         self._sender: float | None = None
 
     def command(self, rate: float, now: float) -> float:
-        """Takes a rate [rad/s], or NaN: to neutral; returns what becomes of it.
+        """Takes a rate [rad/s], or NaN: to neutral; returns the rate that is held.
 
         To neutral the servo turns at its rate limit and stops there; the mean rate of
         the time `hold` is returned.
         """
         self.advance(now)
         if math.isfinite(rate):
-            low, high = rate_bounds(self.angle, self.servo, self.hold)
             self._until = now + self.timeout
         else:
-            rate, high = (self.neutral - self.angle) / self.hold, self.servo.rate
-            low, self._until = -high, now
-        self.rate = min(max(rate, low), high)
+            rate = (self.neutral - self.angle) / self.hold
+            self._until = now
+        self.rate = min(max(rate, -self.servo.rate), self.servo.rate)
         return self.rate
+
+    def holds(self, now: float) -> bool:
+        """Whether the last command is held until a time [s]."""
+        return now <= self._until
 
     def to_neutral(self, now: float) -> float:
         """Turns to neutral; returns the mean rate of the time `hold` [rad/s]."""
@@ -94,7 +98,7 @@ class Wire:
         span = now - self._time
         self._time = max(now, self._time)
         if 0.0 < span < math.inf:
-            if now <= self._until:
+            if self.holds(now):
                 self._turn(span)
             else:
                 self._turn(max(self._until - (now - span), 0.0))
@@ -107,5 +111,5 @@ class Wire:
         return self.angle
 
     def _turn(self, span: float) -> None:
-        angle = self.angle + self.rate * span
-        self.angle = min(max(angle, self.servo.low), self.servo.high)
+        turned = held_angle(self.rate, self.angle, self.servo, span)
+        self.angle = float(turned)

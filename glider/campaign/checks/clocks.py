@@ -16,6 +16,7 @@ import numpy as np
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
+from glider.physics.servo import NO_LIMITS, Servo, elevator_path
 
 _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator that are tried [s]: command_delay and servo_lag are < 0.3."""
@@ -146,22 +147,16 @@ def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
         )
 
 
-def find_stops(
-    campaign: Campaign, masks: Mapping[str, Masks], noise: float
-) -> tuple[float, float] | None:
-    """Where the elevator stops [rad]: at its limits, or beyond if it went there.
-
-    A servo that lags slides past the limits of its commands. None without limits.
-    """
-    if campaign.elevator_limits is None:
-        return None
+def find_limits(campaign: Campaign, masks: Mapping[str, Masks], noise: float) -> Servo:
+    """Returns the servo's limits: its stops are farther out if the elevator was."""
+    low, high, rate = campaign.limits
     angles = _angles(campaign, masks)
-    lower, upper = campaign.elevator_limits
     lowest, highest = float(np.min(angles)), float(np.max(angles))
-    return (
-        lowest if lowest < lower - NOISES * noise else lower,
-        highest if highest > upper + NOISES * noise else upper,
-    )
+    if lowest < low - NOISES * noise:
+        low = lowest
+    if highest > high + NOISES * noise:
+        high = highest
+    return Servo(low, high, rate)
 
 
 def find_unrelated(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, ...]:
@@ -219,8 +214,10 @@ def _rates(
         return np.empty(0), np.empty((len(delays), 0))
     ends, rate = mean_rates(time, angle)
     rows = known_commands(flight, masks)
-    path, at = integrate_commands(flight)[rows], ends - delays[:, None, None]
-    earlier = np.interp(at, flight.time[rows], path, left=np.nan, right=np.nan)
+    first, last = flight.time[rows][[0, -1]]
+    at = ends - delays[:, None, None]
+    earlier = follow_commands(flight, masks, at)
+    earlier[(at < first) | (at > last)] = np.nan
     return rate, earlier[:, 1] - earlier[:, 0]
 
 
@@ -233,11 +230,23 @@ def mean_rates(
     return ends, np.diff(np.interp(ends, time, angle), axis=0)[0]
 
 
-def integrate_commands(flight: Flight) -> np.ndarray:
-    """The angle by which commands would have moved the elevator (n,) [rad]."""
+def follow_commands(
+    flight: Flight,
+    masks: Mapping[str, Masks],
+    query: np.ndarray,
+    servo: Servo = NO_LIMITS,
+    time_constant: float = 0.0,
+) -> np.ndarray:
+    """Returns angles of an elevator that follows a flight's known commands [rad].
+
+    At times of any shape [s], by a servo with a lag [s]. Each row has a new command.
+    """
     assert flight.command is not None
-    moved = np.cumsum(flight.command[:-1] * np.diff(flight.time))
-    return np.concatenate([[0.0], moved])
+    rows = known_commands(flight, masks)
+    tape = flight.time[rows], flight.command[rows]
+    _, angles = known_angles(flight, masks)
+    start = float(angles[0]) if len(angles) else 0.0
+    return elevator_path(*tape, query, servo, time_constant=time_constant, start=start)
 
 
 def known_angles(
@@ -261,7 +270,8 @@ def known_commands(flight: Flight, masks: Mapping[str, Masks]) -> slice:
 
 def _commanded(flight: Flight, masks: Mapping[str, Masks]) -> float:
     """Travel that known commands ask for [rad]."""
-    return float(np.ptp(integrate_commands(flight)[known_commands(flight, masks)]))
+    path = follow_commands(flight, masks, flight.time)
+    return float(np.ptp(path[known_commands(flight, masks)]))
 
 
 def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:

@@ -21,7 +21,8 @@ from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.planarity import body_axes
 from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
-from glider.physics.actuator_replay import command_steps, elevator_path, hides_command
+from glider.physics.held_commands import command_steps, hides_command
+from glider.physics.servo import elevator_path
 
 _AGAIN = "repeat the pose before while the glider moves"
 _EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen.
@@ -139,8 +140,8 @@ def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
     hides = hides_command(flight.time, flight.command, rate) & (steps > _LOST * usual)
     if hides.any():
         tape = command_steps(flight.time, flight.command, rate, flight.command_time)
-        begin, limits = float(flight.elevator[0]), campaign.elevator_limits
-        ordered = elevator_path(*tape, flight.time, start=begin, limits=limits)
+        begin, servo = float(flight.elevator[0]), campaign.limits
+        ordered = elevator_path(*tape, flight.time, servo, start=begin)
         apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
         rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
         level = np.median(rows, axis=1)  # Of which one may be wrong.
@@ -306,7 +307,7 @@ def _elevator_faults(
     turn = rate * np.minimum(steps[:-1], steps[1:])
     sticks_out[1:-1] = over > _SURELY * np.sqrt(2.0) * noise + turn
     frozen = np.zeros(len(angle), dtype=bool)
-    commanded = np.concatenate([[0.0], np.cumsum(flight.command[:-1] * steps)])
+    commanded = elevator_path(flight.time, flight.command, flight.time)
     angles = np.concatenate([np.asarray(f.elevator) for f in campaign.flights])
     stops = campaign.elevator_limits or (np.min(angles), np.max(angles))
     for first, last in stretches(np.diff(angle, prepend=np.nan) == 0.0):

@@ -13,13 +13,14 @@ import numpy as np
 from glider.campaign.checks.clocks import (
     NOISES,
     claim_scale,
-    integrate_commands,
+    follow_commands,
     known_angles,
     known_commands,
     mean_rates,
 )
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
+from glider.physics.servo import NO_LIMITS, Servo
 
 _DELAYS = np.arange(-0.02, 0.355, 0.02)
 """Delays that are tried [s]: command_delay is < 0.3."""
@@ -41,7 +42,7 @@ def check_travel(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, .
     """Warns of an elevator that turns farther or less than commanded, or refuses it."""
     if campaign.elevator != "servo":
         return ()
-    gain, error = calc_travel(campaign.flights, masks)
+    gain, error = calc_travel(campaign.flights, masks, campaign.limits)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
@@ -51,25 +52,32 @@ def check_travel(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, .
 
 
 def calc_travel(
-    flights: Sequence[Flight], masks: Mapping[str, Masks]
+    flights: Sequence[Flight], masks: Mapping[str, Masks], servo: Servo = NO_LIMITS
 ) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
 
-    Least squares over all flights. The error is that of a jackknife over flights, and
-    what logs scatter by; it is infinite if the lag is too long.
+    Least squares over all flights. The servo keeps its limits, or none if that fits
+    better: those of commands in another unit are others. The error is that of a
+    jackknife over flights, and what logs scatter by; it is infinite if the lag is too
+    long.
     """
     flights = [f for f in flights if len(known_angles(f, masks)[0]) > _FEWEST]
     if not flights:
         return 0.0, np.inf
-    (first, second), _ = _find_best(_sums(flights, masks, _DELAYS, _LAGS))
+    found = []
+    for one in dict.fromkeys([servo, NO_LIMITS]):
+        sums = _sums(flights, masks, one, _DELAYS, _LAGS)
+        at, _ = _find_best(sums)
+        found.append((_unexplained(sums)[at], one, at))
+    _, servo, (first, second) = min(found, key=lambda fit: fit[0])
     lags = np.interp(second + _FINER, np.arange(len(_LAGS)), _LAGS)
     delays = np.interp(first + _FINER, np.arange(len(_DELAYS)), _DELAYS)
-    sums = _sums(flights, masks, np.unique(delays), np.unique(lags))
+    sums = _sums(flights, masks, servo, np.unique(delays), np.unique(lags))
     best, gain = _find_best(sums)
     changes = float(np.sum(sums, axis=0)[(3, *best)])
-    one = np.arange(len(sums))
-    others = [_find_best(sums[one != k])[1] for k in one]
-    spread = np.std(others) * np.sqrt(len(one) - 1.0)
+    parts = np.arange(len(sums))
+    others = [_find_best(sums[parts != k])[1] for k in parts]
+    spread = np.std(others) * np.sqrt(len(parts) - 1.0)
     error = math.hypot(spread, _SCATTER / math.sqrt(len(flights)))
     is_known = changes > _MIN_CHANGES and (second < len(_LAGS) - 1 or abs(gain) > 1.0)
     return abs(gain), float(error) if is_known else np.inf
@@ -77,16 +85,22 @@ def calc_travel(
 
 def _find_best(sums: np.ndarray) -> tuple[tuple[int, int], float]:
     """Rows of the best delay and lag in sums (parts, 4, ...), and the gain."""
-    square, product, power, _ = np.sum(sums, axis=0)
-    explained = product**2 / np.maximum(power, 1e-30)
-    first, second = np.unravel_index(np.argmin(square - explained), square.shape)
+    _, product, power, _ = np.sum(sums, axis=0)
+    first, second = np.unravel_index(np.argmin(_unexplained(sums)), power.shape)
     at = int(first), int(second)
     return at, float(product[at] / max(power[at], 1e-30))
+
+
+def _unexplained(sums: np.ndarray) -> np.ndarray:
+    """Sum of squares (delays, lags) that a servo with the best gain leaves."""
+    square, product, power, _ = np.sum(sums, axis=0)
+    return square - product**2 / np.maximum(power, 1e-30)
 
 
 def _sums(
     flights: Sequence[Flight],
     masks: Mapping[str, Masks],
+    servo: Servo,
     delays: np.ndarray,
     lags: np.ndarray,
 ) -> np.ndarray:
@@ -106,7 +120,9 @@ def _sums(
             continue
         rows = known_commands(flight, masks)
         time = flight.time[rows]
-        path = _follow(time, integrate_commands(flight)[rows], delays, lags)
+        late = time - delays[:, None]
+        paths = [follow_commands(flight, masks, late, servo, lag) for lag in lags]
+        path = np.stack(paths, axis=1)  # (delays, lags, rows)
         place = np.interp(ends, time, np.arange(len(time)))
         before = np.minimum(place.astype(int), len(time) - 2)
         share = place - before
@@ -121,20 +137,3 @@ def _sums(
         starts = np.arange(parts) * len(change) // parts
         found[:] = np.moveaxis(np.add.reduceat(np.stack(terms), starts, axis=-1), -1, 0)
     return sums.reshape(-1, *sums.shape[2:])
-
-
-def _follow(
-    time: np.ndarray, path: np.ndarray, delays: np.ndarray, lags: np.ndarray
-) -> np.ndarray:
-    """Angles (delays, lags, n) of servos that rest before the first command [rad]."""
-    asked = np.interp(time - delays[:, None], time, path)[:, None, :]
-    found = np.zeros((len(delays), len(lags), len(time)))
-    found[..., 0] = asked[..., 0]
-    steps, lags = np.diff(time), np.maximum(lags, 1e-6)
-    kept = np.exp(-steps / lags[:, None])
-    # Exact for what is asked along a straight line within each step.
-    mean = (1.0 - kept) * lags[:, None] / steps
-    gained = asked[..., 1:] * (1.0 - mean) + asked[..., :-1] * (mean - kept)
-    for k in range(len(steps)):
-        found[..., k + 1] = kept[:, k] * found[..., k] + gained[..., k]
-    return found

@@ -20,6 +20,7 @@ from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.selection import ServoLogs, Stream
 from glider.campaign.importing.track import Track, planar_pose
 from glider.errors import InputError
+from glider.physics.servo import elevator_path
 
 _STEP = 0.01  # Between the offsets that are tried [s].
 _FOLLOWS = 0.5
@@ -248,7 +249,7 @@ def _follow_commands(track: Track) -> Offset:
     assert elevator is not None and command is not None
     path = command.values[:, 0]
     if rates is not None:  # They add up to angles.
-        path = np.append(0.0, np.cumsum(path[:-1] * np.diff(command.time)))
+        path = elevator_path(command.time, path, command.time)
     ends, rate = mean_rates(elevator.time, elevator.values[:, 0])
 
     def follow(offset: float) -> float:

@@ -17,7 +17,7 @@ from glider.campaign.checks.rows import find_stale
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
-from glider.physics.actuator_replay import latest_command
+from glider.physics.held_commands import latest_command
 
 MOTOR = "the motor runs"
 """How the note on rows that are cut off for it begins."""

@@ -19,8 +19,9 @@ from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
 from glider.campaign.logs import Campaign, ServoLog
 from glider.errors import InputError
-from glider.physics.actuator_replay import command_steps, elevator_path, latest_command
+from glider.physics.held_commands import command_steps, latest_command
 from glider.physics.parameters import MAX_ANGLE
+from glider.physics.servo import elevator_path
 
 _LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
 _REACH = 1.5  # Ratio to the elevator's limits that commands reach at most.
@@ -169,7 +170,8 @@ def _between_rows(time: np.ndarray, elevator: Stream, tape: Tape) -> np.ndarray:
     rows, angle = elevator.time[used], elevator.values[used, 0]
 
     def path(query: np.ndarray, late: np.ndarray) -> np.ndarray:
-        return elevator_path(*tape, query, late[0], abs(late[1]))
+        lag = abs(late[1])
+        return elevator_path(*tape, query, delay=late[0], time_constant=lag)
 
     late = brute(lambda late: np.std(np.diff(angle - path(rows, late))), _TRIED)
     left = Akima1DInterpolator(rows, angle - path(rows, late))

@@ -205,6 +205,10 @@ class EffectKind:
     rate_by_alphadot: bool = False
     #: The arguments of the formula without states: their values at rest.
     steady_state: Callable | None = None
+    #: ``pending(*states, *coefficients)`` of an actuator with states: the angle by
+    #: which the elevator still turns where no rate comes in [rad]. Its rate is the
+    #: incoming one minus the outgoing. Without a formula none is pending.
+    pending: Callable | None = None
     #: Typical sizes of the states; 1 where not given.
     state_scales: tuple[float, ...] = ()
     #: ``replay(before, *coefficients)`` returns the Replay with this effect, where a
@@ -300,6 +304,10 @@ def _check_form(kind: EffectKind) -> None:
             f"{where}: found only some of states, state_rate and steady_state; "
             "expected all or none."
         )
+    if kind.pending is not None:
+        good = is_actuator and bool(kind.states)
+        needed = "none, as only an actuator with states has one"
+        expect(good, f"{where}: pending", "a formula", needed)
     scales, states = len(kind.state_scales), len(kind.states)
     what = f"{where}: the length of state_scales"
     expect(scales in (0, states), what, scales, f"{states}, one for each state")

@@ -1,8 +1,7 @@
 """Effects of servo and sensors: how the elevator and the log differ from commands.
 
 Formulas of the servo take the incoming rate instead of a Flow and return the outgoing
-one. Replaying a log, `glider.physics.actuator_replay` solves the same equations
-exactly.
+one. Replaying a log, `glider.physics.servo` solves the same equations exactly.
 """
 
 import numpy as np
@@ -27,6 +26,11 @@ def _servo_lag_steady(rate, time_constant):
 
 
 @scalar
+def _servo_lag_pending(lagged, time_constant):
+    return time_constant * lagged
+
+
+@scalar
 def _command_delay(rate, first, second, delay):
     return rate - 12.0 / delay * second
 
@@ -39,6 +43,11 @@ def _command_delay_rate(rate, first, second, delay):
 @scalar
 def _command_delay_steady(rate, delay):
     return rate * delay * delay / 12.0, 0.0 * rate
+
+
+@scalar
+def _command_delay_pending(first, second, delay):
+    return 12.0 / delay * first
 
 
 def _replay_lag(replay, time_constant):
@@ -98,6 +107,7 @@ SERVO_LAG = EffectKind(
     states=("servo_rate",),
     state_rate=_servo_lag_rate,
     steady_state=_servo_lag_steady,
+    pending=_servo_lag_pending,
     replay=_replay_lag,
 )
 """Servo lag: the elevator rate r follows the command u as τ ṙ = u - r. The angle
@@ -118,6 +128,7 @@ COMMAND_DELAY = EffectKind(
     states=("delay_first", "delay_second"),
     state_rate=_command_delay_rate,
     steady_state=_command_delay_steady,
+    pending=_command_delay_pending,
     replay=_replay_delay,
 )
 """Command delay: r(t) = u(t - T). A plant has finitely many states and therefore uses

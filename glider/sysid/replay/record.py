@@ -5,14 +5,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glider.campaign.checks.clocks import find_stops
+from glider.campaign.checks.clocks import find_limits
 from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
 from glider.compiled.theta import LIBRARY_LAYOUT, Layout
-from glider.physics.actuator_replay import command_steps, elevator_path
+from glider.physics.held_commands import command_steps
+from glider.physics.servo import NO_LIMITS, Servo, elevator_path
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.
 _LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
@@ -45,7 +46,8 @@ def measure_noise(
             tape = command_steps(
                 flight.time, flight.command, campaign.switch_rate, flight.command_time
             )
-            error = flight.elevator - elevator_path(*tape, flight.time)
+            path = elevator_path(*tape, flight.time, campaign.limits)
+            error = flight.elevator - path
             times.append(flight.time[seen])
             errors.append(error[seen, None])
     if errors:
@@ -80,7 +82,7 @@ class Record:
     has_servo: bool  #: Whether the elevator was commanded and measured.
     switch_times: np.ndarray  #: (k,) of the commands, on the same clock [s].
     commands: np.ndarray  #: (k,) [rad/s].
-    limits: tuple[float, float] | None  #: Where the elevator stops [rad], or None.
+    servo: Servo  #: Limits of the servo.
     rest: float  #: Where the elevator stood before the first command [rad].
     trim_is_moment: bool  #: Whether a trim makes no force, see `replayed.trimmed`.
     usual_rest: float = 0.0  #: Where elevators of flights like it stand then [rad].
@@ -104,13 +106,14 @@ def prepare(
     masks: Mapping[str, Masks] | None = None,
 ) -> list[Record]:
     """Smooths flights."""
-    masks, stops = masks or {}, None
+    masks = masks or {}
+    servo = NO_LIMITS
     if campaign.elevator == "servo":
-        stops = find_stops(campaign, masks, noise.elevator)
+        servo = find_limits(campaign, masks, noise.elevator)
     settings = dataclasses.replace(campaign, flights=())
     return in_parallel(
         lambda f: _record(
-            f, masks.get(f.name) or no_masks(f), settings, noise, layout, stops
+            f, masks.get(f.name) or no_masks(f), settings, noise, layout, servo
         ),
         flights,
     )
@@ -122,7 +125,7 @@ def _record(
     campaign: Campaign,
     noise: Noise,
     layout: Layout,
-    stops: tuple[float, float] | None,
+    servo: Servo,
 ) -> Record:
     good = np.flatnonzero(mask.usable)
     rows = slice(good[0], good[-1] + 1)
@@ -145,7 +148,8 @@ def _record(
     measured, seen = curves[0, :n].copy(), np.zeros((n, 4), dtype=bool)
     measured[at], seen[at, :3] = pose, True
     pitch_rate, by_gyro = _pitch_rates(flight, good, time, at)
-    elevator, switches, commands, rest = np.zeros(n), np.zeros(1), np.zeros(1), 0.0
+    elevator, rest = np.zeros(n), 0.0
+    switches, commands = np.zeros(1), np.zeros(1)
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.elevator is not None and has_servo:
         switches, commands, rest = _tape(flight, mask, clock, campaign.switch_rate)
@@ -168,7 +172,7 @@ def _record(
         has_servo=has_servo,
         switch_times=switches,
         commands=commands,
-        limits=stops if has_servo else None,
+        servo=servo,
         rest=rest,
         is_cut=has_servo and mask.first > 0,
         trim_is_moment=campaign.elevator == "fixed_per_flight"
@@ -179,7 +183,7 @@ def _record(
 def _tape(
     flight: Flight, mask: Masks, clock: np.ndarray, switch_rate: float | None
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """When commands switch [s], to what [rad/s], and where the elevator was [rad]."""
+    """Returns when commands switch [s], to what [rad/s], and the first angle [rad]."""
     assert flight.command is not None and flight.elevator is not None
     # What was commanded before a gap that hides commands does not count.
     rows = np.arange(mask.first, len(clock))

@@ -17,6 +17,7 @@ from glider.compiled.actuators import replayed_path
 from glider.compiled.theta import OFFSET
 from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
 from glider.physics.effects.field import COEFFICIENTS, of_sensors
+from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.result import ResidualTable
@@ -61,16 +62,19 @@ def _replayed(record: Record, last: bytes) -> Signals:
     middle = 0.5 * (record.time[1:] + record.time[:-1])
     query = np.concatenate([record.time, middle]) - replay.latency
     query = np.concatenate([query, record.time])
-    low, high = (-np.inf, np.inf) if record.limits is None else record.limits
+    low, high, _ = record.servo
 
     def path_from(start: float) -> np.ndarray:
-        tape, begin = (record.switch_times, record.commands), np.clip(start, low, high)
-        return replayed_path(replay, *tape, query, start=begin, limits=record.limits)
+        tape = record.switch_times, record.commands
+        return replayed_path(replay, *tape, query, record.servo, start=start)
 
-    path, persists = path_from(record.rest), np.ones(n, bool)
-    # It may reach a stop between rows.
+    path = path_from(record.rest)
+    persists = np.ones(n, bool)
+    # The servo may slow down between rows, and the elevator lags behind it.
     step = np.abs(np.diff(path[:n])).max(initial=0.0)
-    if path.min() < low + step or path.max() > high - step:
+    ahead = STOPPING_TIME + replay.time_constant
+    room = step + ahead * np.abs(record.commands).max()
+    if path.min() < low + room or path.max() > high - room:
         off = path_from(record.rest + _PERTURBATION) - path
         persists = np.logical_and.accumulate(off[:n] > 0.5 * _PERTURBATION)
     here, middle, logged = np.split(path, [n, 2 * n - 1])

@@ -24,7 +24,6 @@ from glider.errors import InputError
 from glider.physics.confidence import theta_at
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rates
-from glider.physics.state import ELEVATOR
 from glider.simulation.fly import fly
 from glider.verification.dynamics.jets import (
     Dependence,
@@ -72,6 +71,13 @@ class Nominal:
         """ẋ₀ (T, n) by the dynamics."""
         rates = open_loop_rates(self.model, list(self.states.T), self.inputs)
         return np.array([np.broadcast_to(rate, len(self.times)) for rate in rates]).T
+
+    @functools.cached_property
+    def demanded(self) -> np.ndarray:
+        """Slopes (n,) of the servo's demanded angle by the states: it is linear."""
+        chain, c = self.model.chain, self.model.numbers.c
+        n = self.model.num_states
+        return np.array([chain.demanded_angle(unit, c) for unit in np.eye(n)])
 
     @functools.cached_property
     def flows(self) -> np.ndarray:
@@ -172,8 +178,9 @@ def make_nominal(
     gains = policy.sample(flight[0])[1]
     arrays = *flight, gains, np.zeros((*gains.shape, gains.shape[1]))
     nominal = Nominal(model=model, **dict(zip(ARRAYS, arrays, strict=True)))
-    elevator, servo = nominal.states[:, ELEVATOR], model.parameters.servo
-    if np.any(limited_rates(nominal.inputs, elevator, servo) != nominal.inputs):
+    angles = nominal.states @ nominal.demanded
+    rates = limited_rates(nominal.inputs, angles, model.parameters.servo)
+    if np.any(rates != nominal.inputs):
         raise InputError("The plan needs its servo at a limit: no funnel about it.")
     return nominal
 

@@ -1,8 +1,8 @@
 """The servo's limits as bounds |aᵀ e| <= b on deviations; a feedback within them.
 
-The servo follows its command (`glider.physics.servo`) while u = u₀ - K e and the
-elevator's angle φ = φ₀ + e_φ keep
-    |u| <= rate limit  and  low <= φ + τ u <= high,  τ the stopping time.
+The servo follows its command (`glider.physics.servo`) while u = u₀ - K e and its
+demanded angle ψ, which is linear in the states, keep
+    |u| <= rate limit  and  low <= ψ + τ u <= high,  τ the stopping time.
 Inside the funnel both hold, so that its dynamics need no saturation.
 
 The feedback is the steepest descent of V that the servo can follow, with B = ∂f/∂u:
@@ -37,15 +37,16 @@ def servo_bounds(
     limit if it does when it is computed: elsewhere that b is infinite.
     """
     low, high, rate = nominal.model.parameters.servo
-    ahead = nominal.states[:, ELEVATOR] + STOPPING_TIME * nominal.inputs
-    travel = -STOPPING_TIME * nominal.gains
-    travel[:, ELEVATOR] += 1.0
+    demanded = nominal.demanded
+    ahead = nominal.states @ demanded + STOPPING_TIME * nominal.inputs
+    travel = demanded - STOPPING_TIME * nominal.gains
     directions = np.stack([nominal.gains, travel], axis=1)
     rate_left = rate - np.abs(nominal.inputs)
     bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
     bounds = shrink * bounds - error_reach(errors + 0.0 * nominal.inputs)
     if center is not None:
-        travel_of = center.shifts[:, ELEVATOR] + STOPPING_TIME * center.commands
+        shifts = np.einsum("i,kij->kj", demanded, center.shifts)
+        travel_of = shifts + STOPPING_TIME * center.commands
         of_both = np.stack([center.commands, travel_of], axis=1)
         bounds -= center.confidence.reach(of_both)
     if settings.period:

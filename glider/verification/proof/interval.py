@@ -21,7 +21,6 @@ import numpy as np
 from glider.compiled.taylor import ROUNDING, WIDER
 from glider.physics.confidence import ConfidenceSet
 from glider.physics.servo import STOPPING_TIME
-from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import (
     hermite_powers,
     line_powers,
@@ -93,7 +92,7 @@ def make_interval(piece: Funnel) -> Interval:
     which, rows = nonlinear_parts(nominal.model)
     first, last = map(exact, nominal.times)
     step = last - first
-    angles = nominal.states[:, ELEVATOR], nominal.slopes[:, ELEVATOR]
+    path, _ = hermite(nominal.states, nominal.slopes, step)
     outputs = np.array([np.vstack([np.eye(n), -K]) for K in nominal.gains])
     return _interval(
         piece,
@@ -101,7 +100,7 @@ def make_interval(piece: Funnel) -> Interval:
         hermite(piece.S, piece.slopes, step),
         (nominal.open_loop, rows, which),
         outputs,
-        _limits(piece, hermite(*angles, step)[0], centers_reach(piece, step)),
+        _limits(piece, path, centers_reach(piece, step)),
     )
 
 
@@ -119,7 +118,7 @@ def at_time(funnel: Funnel, k: int) -> Interval:
         (line(piece.S), line(piece.slopes)),
         (rates, rows, list(range(n))),
         np.eye(n)[None],
-        _limits(piece, line(piece.nominal.states[:, ELEVATOR])),
+        _limits(piece, line(piece.nominal.states)),
     )
 
 
@@ -167,21 +166,23 @@ def _bearing(beta, weights):
     return joined(*(part[None] for part in parts), axis=1)
 
 
-def _limits(piece, angle, reach=(0.0, 0.0)):
+def _limits(piece, path, reach=(0.0, 0.0)):
     """Returns a and b, of either way of the rate limit and of both stops.
 
     The command may be off by its error, and centers reach some of b. The rate of one
     that is held is that of its sample (`glider.verification.proof.held`).
     """
-    nominal, n = piece.nominal, piece.num_states
+    nominal = piece.nominal
     command, gains, error = map(line, (nominal.inputs, nominal.gains, piece.errors))
     servo = nominal.model.parameters.servo
     low, high, rate, ahead_by, of_rate, of_travel = map(
         exact, [*servo, STOPPING_TIME, *reach]
     )
-    left, ahead = rate - error - of_rate, angle + ahead_by * command
+    demanded = exact(nominal.demanded)
+    left = rate - error - of_rate
+    ahead = demanded @ path + ahead_by * command
     less = ahead_by * error + of_travel
-    travel = exact(np.eye(n)[ELEVATOR]) - ahead_by * gains
+    travel = demanded - ahead_by * gains
     rates = (-gains, left - command), (gains, left + command)
     stops = (travel, high - less - ahead), (-travel, ahead - (low + less))
     return stops if piece.settings.period else rates + stops
@@ -292,7 +293,7 @@ def centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
     X, _ = hermite(gliders.shifts, gliders.slopes, step)
     is_held = piece.settings.period > 0.0
     U = exact(gliders.commands[0]) if is_held else line(-piece.nominal.gains) @ X
-    travel = X[ELEVATOR] + exact(STOPPING_TIME) * U
+    travel = exact(piece.nominal.demanded) @ X + exact(STOPPING_TIME) * U
     return exact_reach(gliders.confidence, U), exact_reach(gliders.confidence, travel)
 
 

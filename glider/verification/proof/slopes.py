@@ -13,7 +13,6 @@ import scipy.linalg
 from glider.compiled.taylor import INPUT, ROUNDING, WIDER
 from glider.physics.confidence import theta_at
 from glider.physics.servo import STOPPING_TIME
-from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.jets import Slope, monomials
 from glider.verification.dynamics.nominal import (
     hermite_powers,
@@ -94,7 +93,8 @@ class NearSets:
         self._slopes, allowed = slopes, part.allowed
         bounds = part.settings.wind, part.settings.command_error, 1.0
         self.pushes = np.array(bounds if allowed.names else bounds[:2])
-        ahead = part.settings.command_error + near[ELEVATOR] / STOPPING_TIME
+        turned = np.abs(nominal.demanded) @ near
+        ahead = part.settings.command_error + turned / STOPPING_TIME
         wider = dataclasses.replace(part, errors=part.errors + ahead)
         interval, place = make_interval(wider), slopes.table.place
         basis, _ = tight_cover(interval)

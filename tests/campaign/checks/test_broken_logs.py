@@ -11,7 +11,7 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.physics.actuator_replay import elevator_path
+from glider.physics.servo import Servo, elevator_path
 from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 
@@ -309,11 +309,11 @@ def test_a_short_gap_is_cut_only_where_it_hides_how_the_elevator_turned(campaign
     assert rows == []
 
 
-def commanded(flight, rate, time, values, **servo):
+def commanded(flight, rate, time, values, **how):
     """Returns the flight, its elevator behind commands that begin at multiples."""
     begins = np.arange(len(values)) / rate
     held = np.searchsorted(begins, time + 1e-9, side="right") - 1
-    elevator = elevator_path(begins, values, time, **servo)
+    elevator = elevator_path(begins, values, time, **how)
     command, pose = values[held], np.zeros((len(time), 3))
     elevator += np.random.default_rng(0).normal(0.0, 5e-4, len(time))
     return dataclasses.replace(
@@ -325,12 +325,13 @@ def test_stops_are_met_from_where_the_elevator_began(campaign):
     """It goes to a stop, whose rest no command says, and a command is hidden later."""
     time, flight = np.arange(103) / 120.0, campaign.flights[ODD]
     limits = (-0.3, 0.3)
+    how = {"start": 0.2, "servo": Servo(*limits, 13.0)}
     rates = np.concatenate([np.full(9, 2.0), np.zeros(9), [-6.0], np.zeros(24)])
-    at_stop = commanded(flight, 50.0, time, rates, start=0.2, limits=limits)
+    at_stop = commanded(flight, 50.0, time, rates, **how)
     place = dataclasses.replace(campaign, elevator_limits=limits)
     assert pieces_with_commands(b.lose(44, 2)(at_stop), place).max() == 1
     rates[18] = 0.0
-    calm = commanded(flight, 50.0, time, rates, start=0.2, limits=limits)
+    calm = commanded(flight, 50.0, time, rates, **how)
     assert not pieces_with_commands(b.lose(44, 2)(calm), place).any()
     assert not pieces_with_commands(b.lose(8, 2)(calm), place).any()
 

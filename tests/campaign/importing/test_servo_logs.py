@@ -18,7 +18,8 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.compiled.theta import SERVO_LOG
 from glider.errors import InputError
-from glider.physics.actuator_replay import command_steps, elevator_path
+from glider.physics.held_commands import command_steps
+from glider.physics.servo import elevator_path
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
@@ -324,13 +325,13 @@ def test_an_elevator_turns_its_corners_between_rows(campaign, delay, lag, late):
     ticks = np.arange(-0.2, 1.2, 0.02)
     tape = ticks, rng.normal(0.0, 4.0, len(ticks))
     rows = ticks + late
-    angle = elevator_path(*tape, rows, delay, lag)
+    angle = elevator_path(*tape, rows, delay=delay, time_constant=lag)
     servo = logged(
         dataclasses.replace(campaign, elevator_limits=None),
         elevator=(rows, angle),
         rate_command=(rows, tape[1]),
     )
-    expected = elevator_path(*tape, TIME, delay, lag)
+    expected = elevator_path(*tape, TIME, delay=delay, time_constant=lag)
     assert np.std(servo.elevator - expected) < 3e-3
 
 

@@ -9,7 +9,7 @@ from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.physics.servo import Servo, rate_bounds
+from glider.physics.servo import STOPPING_TIME
 from ilqr import ARTICLE, DivergedError, IlqrSettings, goal_cost, goal_problem, ilqr
 from ilqr_kernels import linearize_steps
 from tapes import fly_tapes
@@ -155,17 +155,18 @@ def test_the_servos_limits_are_kept_and_used():
     rate = HEAVY.parameters.elevator_rate_limit
     elevator = planned.states[:, 3]
     assert np.max(np.abs(planned.inputs)) == pytest.approx(rate)
-    assert np.max(elevator) == pytest.approx(high)
+    assert high - 0.02 < np.max(elevator) <= high
     assert np.min(elevator) >= low - 1e-12
     assert np.max(free.states[:, 3]) > high + 0.05
     assert np.max(np.abs(free.inputs)) > rate + 1.0
     at_rate = np.abs(np.abs(planned.inputs) - rate) < 1e-9
     blind = np.all(planned.gains[at_rate] == 0.0, axis=1)
-    assert np.mean(blind) > 0.8  # The others are about to leave the limit.
-    at_stop = np.abs(elevator[1:] - high) < 1e-9
+    assert np.mean(blind) > 0.7  # The others are about to leave the limit.
+    ahead = planned.times[1] + STOPPING_TIME
+    at_stop = np.abs(planned.inputs - (high - elevator[:-1]) / ahead) < 1e-9
     stopped = planned.gains[at_stop & ~at_rate]
     assert len(stopped) > 0
-    np.testing.assert_allclose(stopped[:, 3], -1.0 / planned.times[1])
+    np.testing.assert_allclose(stopped[:, 3], -1.0 / ahead)
     np.testing.assert_array_equal(np.delete(stopped, 3, axis=1), 0.0)
     assert goal_cost(FREELY, planned.states[-1]) < 1.0
 
@@ -243,20 +244,3 @@ def test_a_guess_that_does_not_fit_or_diverges_is_refused():
         ilqr(HEAVY, REGULAR, UNLIMITED, tolerance=0.0)
     with pytest.raises(DivergedError):
         ilqr(HEAVY, REGULAR, UNLIMITED, guess=np.full(75, 1e9))
-
-
-@pytest.mark.parametrize("elevator", [-0.9, -0.5, -0.45, 0.0, 0.8, 0.9, 0.95, 1.4])
-def test_a_rate_within_its_bounds_keeps_the_stops(elevator):
-    """When its time is over the stop is met, or as near as the rate limit allows."""
-    servo, time = Servo(low=-0.5, high=0.9, rate=10.0), 0.02
-    low, high = rate_bounds(elevator, servo, time)
-    assert -10.0 <= low <= high <= 10.0
-    ends = elevator + time * np.array([low, high])
-    if servo.low <= elevator <= servo.high:
-        assert low <= 0.0 <= high
-        assert ends[0] == pytest.approx(max(servo.low, elevator - 0.2))
-        assert ends[1] == pytest.approx(min(servo.high, elevator + 0.2))
-    else:
-        beyond = elevator - np.clip(elevator, servo.low, servo.high)
-        nearer = elevator - np.clip(beyond, -0.2, 0.2)
-        assert ends[0 if beyond < 0.0 else 1] == pytest.approx(nearer)

@@ -7,9 +7,11 @@ import pytest
 
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import Masks
+from glider.campaign.logs import ServoLog
 from glider.compiled.theta import OFFSET, theta_of
 from glider.physics.effects import NO_FIELD
 from glider.physics.model import GliderModel
+from glider.physics.servo import NO_LIMITS, Servo
 from glider.sysid.constants import Z
 from glider.sysid.likelihood.filtering import rests, start_variances
 from glider.sysid.likelihood.linear_flight import linearize
@@ -137,7 +139,15 @@ def test_an_elevator_that_passes_a_limit_does_not_stop_there(campaign):
     highest = max(f.elevator.max() for f in campaign.flights)
     lower, _ = campaign.elevator_limits
     passed = dataclasses.replace(campaign, elevator_limits=(lower, highest - 0.1))
-    assert {r.limits for r in records_of(passed)} == {(lower, highest)}
+    rate = campaign.elevator_rate_limit
+    assert {r.servo for r in records_of(passed)} == {Servo(lower, highest, rate)}
     # Noise passes no limit.
     touched = dataclasses.replace(campaign, elevator_limits=(lower, highest - 1e-4))
-    assert {r.limits for r in records_of(touched)} == {touched.elevator_limits}
+    assert {r.servo for r in records_of(touched)} == {touched.limits}
+
+
+def test_a_measured_angles_own_rates_meet_no_limits(campaign):
+    """What moved the elevator is all in them."""
+    log = ServoLog(command="reconstructed")
+    assert campaign.limits.rate == campaign.elevator_rate_limit
+    assert dataclasses.replace(campaign, servo=log).limits == NO_LIMITS

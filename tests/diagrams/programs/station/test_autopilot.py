@@ -43,8 +43,8 @@ def test_commands_are_for_the_state_when_they_act(make_pilot):
     pilot, begin = make_pilot(), 1000.0
     pilot.start(begin, 0.2, LAUNCH)
     assert pilot.begin == begin - 0.2
-    pilot._tape.add(begin + 0.004, 5.0)
-    pilot._tape.add(begin + 0.012, -2.0)
+    pilot._tape.add(begin + 0.004, 0.0, 5.0)
+    pilot._tape.add(begin + 0.012, 0.04, -2.0)
     turned = 5.0 * 0.008 - 2.0 * 0.012
     assert pilot.command(begin + 0.024) == pytest.approx(turned, abs=1e-6)
     assert pilot.read("estimate") == pytest.approx(LAUNCH)
@@ -54,7 +54,7 @@ def test_poses_move_the_estimate_to_where_the_glider_is(make_pilot):
     pilot, begin, state = make_pilot(), 1000.0, LAUNCH
     off = LAUNCH + np.array([0.002, 0.002, 0.01, 0.0, 0.3, 0.3, 0.3])
     pilot.start(begin, 0.0, off)
-    pilot._tape.add(begin, 3.0)
+    pilot._tape.add(begin, 0.0, 3.0)
     surprises = []
     for k in range(1, 21):
         state = flown(state, 1.0 / 120.0, 3.0)

@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 
 from diagrams.programs.station.clocks import AHEAD, WINDOW, CameraClock
 from diagrams.programs.station.scenario import Release
-from diagrams.programs.station.tracker import (
-    CommandTape,
-    ReleaseDetector,
-    mean_rate,
-    pieces,
-)
+from diagrams.programs.station.tracker import CommandTape, ReleaseDetector, mean_rates
 from diagrams.programs.station.wire import Wire
 from glider.physics.parameters import GliderParameters
 
@@ -135,26 +130,16 @@ def test_a_delay_in_flight_does_not_move_the_clock():
 
 def test_the_tape_integrates_what_was_commanded():
     tape = CommandTape()
-    for time, rate in ((0.0, 1.0), (0.02, -2.0), (0.04, 0.0)):
-        tape.add(time, rate)
-    assert mean_rate(tape.rows.tolist(), 0.01, 0.03) == pytest.approx(-0.5)
-    assert mean_rate(tape.rows.tolist(), 0.05, 0.06) == 0.0
-    assert mean_rate(tape.rows.tolist(), 0.0, 0.06) == pytest.approx(-1.0 / 3.0)
-
-
-def test_pieces_of_a_tape_are_what_is_held_and_none_backwards():
-    tape = CommandTape()
-    for time, rate in ((0.0, 1.0), (0.02, -2.0), (0.04, 0.0)):
-        tape.add(time, rate)
-    rows = tape.rows.tolist()
-    assert pieces(rows, 0.01, 0.05) == [
-        (0.01, 0.02, 1.0),
-        (0.02, 0.04, -2.0),
-        (0.04, 0.05, 0.0),
-    ]
-    assert pieces(rows, 0.025, 0.03) == [(0.025, 0.03, -2.0)]
-    assert pieces(rows, -0.2, -0.1) == [(-0.2, -0.1, 0.0)]
-    assert pieces(rows, 0.03, 0.03) == pieces(rows, 0.03, 0.01) == []
+    tape.rest_at(0.9)
+    for time, angle, rate in ((0.0, 0.9, 1.0), (0.02, 0.92, -2.0), (0.04, 0.88, 0.0)):
+        tape.add(time, angle, rate)
+    times = np.array([-0.1, 0.01, 0.03, 0.05, 0.06])
+    rates = mean_rates(tape.rows, times, SERVO)
+    assert rates == pytest.approx([0.01 / 0.11, -0.5, -1.0, 0.0])
+    tape.add(0.06, 0.88, 13.0)  # It comes to its stop.
+    turn = SERVO.high - 0.88
+    [rate] = mean_rates(tape.rows, np.array([0.06, 0.16]), SERVO)
+    assert rate == pytest.approx(10.0 * turn)
 
 
 def thrown(push, seconds=0.5, rate=120.0, lost=(), speed=7.0):

@@ -28,8 +28,9 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import flight_csv
 from glider.errors import InputError
 from glider.files import schema
-from glider.physics.actuator_replay import command_steps, elevator_path
+from glider.physics.held_commands import command_steps
 from glider.physics.model import GliderModel
+from glider.physics.servo import elevator_path
 from tests.campaign.importing import foreign
 from tests.helpers.lockstep import Lockstep
 
@@ -122,7 +123,7 @@ def test_commands_that_are_late_are_logged_when_they_acted(
         tape = flight.time, flight.command, campaign.switch_rate
         with_times = command_steps(*tape, flight.command_time)
         for steps in (with_times, command_steps(*tape)):
-            path = elevator_path(*steps, flight.time, limits=campaign.elevator_limits)
+            path = elevator_path(*steps, flight.time, campaign.limits)
             errors.append(np.std(flight.elevator - path))
     own, rows = np.array(errors[::2]), np.array(errors[1::2])
     noise = MotionCapture().elevator
@@ -136,7 +137,7 @@ def test_a_slow_servo_under_feedback_is_no_wrong_clock(tmp_path):
     campaign = load_campaign(tmp_path / "s")
     found = inspect(campaign)
     assert len(found.campaign.flights) == 4 and found.warnings == ()
-    gain, error = calc_travel(campaign.flights, {})
+    gain, error = calc_travel(campaign.flights, {}, campaign.limits)
     assert abs(gain - 1.0) < 0.03 < 3.0 * error
 
 
