@@ -13,6 +13,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -28,6 +29,9 @@ AFTER = 0.1
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PerchStudy:
     """A plan, flown with and without feedback."""
+
+    problem: PerchingProblem
+    """Problem that the plan solves."""
 
     plan: Plan
     """Plan that was flown."""
@@ -71,7 +75,10 @@ class PerchStudy:
 
 
 def fly(
-    launches: int = 20, seed: int = 0, progress: program.Progress = program.silent
+    launches: int = 20,
+    seed: int = 0,
+    progress: program.Progress = program.silent,
+    problem: PerchingProblem | None = None,
 ) -> PerchStudy:
     """Plans, replays the plan, and flies it from perturbed launches.
 
@@ -79,8 +86,11 @@ def fly(
         launches: number of flights.
         seed: of the launches.
         progress: called with a line of text as the work goes on.
+        problem: what to fly, None for the article's perch.
     """
-    model, problem, rng = GliderModel(), PerchingProblem(), np.random.default_rng(seed)
+    model = GliderModel()
+    problem = PerchingProblem() if problem is None else problem
+    rng = np.random.default_rng(seed)
     starts = problem.draw_launches(launches, rng)
 
     # The problem holds launch, wire, limits and weights; the plan holds states,
@@ -93,11 +103,13 @@ def fly(
     # ... and time-varying LQR about the plan, u = u*(t) - K(t) (x - x*(t)).
     loop = closed_loop(model, tracking_regulator(model, planned))
 
+    options: dict[str, Any] = {"progress": progress, "problem": problem}
     return PerchStudy(
+        problem=problem,
         plan=planned,
-        replayed=simulate_flights(replay, planned.states[:1], duration),
-        blind=simulate_flights(replay, starts, duration, progress=progress),
-        flights=simulate_flights(loop, starts, duration, progress=progress),
+        replayed=simulate_flights(replay, planned.states[:1], duration, **options),
+        blind=simulate_flights(replay, starts, duration, **options),
+        flights=simulate_flights(loop, starts, duration, **options),
     )
 
 
@@ -106,7 +118,8 @@ def save_figure(path: Path, study: PerchStudy) -> None:
     plan = study.plan
     figure = Figure(figsize=(9.5, 5.6), layout="constrained")
     top, bottom = figure.subplots(2, 1, height_ratios=[3, 2])
-    program.plot_perches(top, plan, study.flights, study.blind)
+    obstacles = study.problem.obstacles
+    program.plot_perches(top, plan, study.flights, study.blind, obstacles=obstacles)
     for flight in study.flights:
         elevator = np.degrees(flight.states[:, 3])
         bottom.plot(flight.times, elevator, color="#0072B2", lw=0.7, alpha=0.5)
@@ -120,15 +133,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Flies as the command line says, prints and shows the result."""
     parser = program.make_parser(__doc__)
     program.add_launches(parser, 20)
+    parser.add_argument(
+        "--problem",
+        default="perching",
+        help="problem file, or the name of one in models/problems (perching_pole)",
+    )
     args = program.read_options(parser, arguments, figure="paths, as PNG")
+    problem = PerchingProblem.load(args.problem)
     with program.working("plan (compiles once)") as progress:
-        flown = fly(args.launches, args.seed, progress)
+        flown = fly(args.launches, args.seed, progress, problem)
     print(flown.describe())
     program.write_json(args, flown.key_figures() | {"seed": args.seed})
     program.write_figure(args, save_figure, flown)
     worst = playback.track_of("worst launch", flown.flights.worst)
     planned = playback.track_of("plan", flown.plan, playback.GREY)
-    program.show(args, [worst, planned], "Perch")
+    program.show(args, [worst, planned], "Perch", obstacles=problem.obstacles)
 
 
 if __name__ == "__main__":

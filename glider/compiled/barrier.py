@@ -17,9 +17,9 @@ class Program(NamedTuple):
     minimize   r ∫ u² dt + (x_N - goal)ᵀ diag(w) (x_N - goal), by the trapezoid rule.
 
     Attributes:
-        low: (N (n + 1) + 1,) bounds from below of the knots, one after the other, and
-            of h; -inf where there is none, as where a value is fixed.
-        high: the same from above.
+        bounds: (2, N (n + 1) + 1) of the knots, one after the other, and of h, from
+            below and from above; infinite where there is none, as where a value is
+            fixed.
         rate_cost: r.
         goal: (n,).
         goal_weights: (n,) w.
@@ -27,8 +27,7 @@ class Program(NamedTuple):
         is_held: whether it has to end there; else the cost alone draws it to its goal.
     """
 
-    low: np.ndarray
-    high: np.ndarray
+    bounds: np.ndarray
     rate_cost: float
     goal: np.ndarray
     goal_weights: np.ndarray
@@ -64,8 +63,13 @@ class Scratch(NamedTuple):
             function's.
         cross: (N,) curvature of the cost by a command and h.
         misses: (2,) by which the end leaves its place.
-        back: (N - 1, n + 1) g of `weigh`.
+        pushes: (P, n + 1) slope of the Lagrangian by the points of the path that the
+            inequalities bring in.
+        barrier_pushes: the same with the forces of the barrier after Newton's step.
+        by_middle: (N - 1, n + 1) slope of the Lagrangian by the middles of `weigh`.
+        by_middle_and_step: (N - 1, n + 1) its slope by h.
         change: (N (n + 1) + 1,) Newton's step.
+        shifts: (P, n + 1) that of the points.
         ahead: (N - 1, n) multipliers after it.
         drawn: (2,) multipliers of the place after it.
         moves: (2, N (n + 1) + 1) change of the forces.
@@ -78,8 +82,12 @@ class Scratch(NamedTuple):
     diagonal: np.ndarray
     cross: np.ndarray
     misses: np.ndarray
-    back: np.ndarray
+    pushes: np.ndarray
+    barrier_pushes: np.ndarray
+    by_middle: np.ndarray
+    by_middle_and_step: np.ndarray
     change: np.ndarray
+    shifts: np.ndarray
     ahead: np.ndarray
     drawn: np.ndarray
     moves: np.ndarray
@@ -87,39 +95,52 @@ class Scratch(NamedTuple):
 
 def make_scratch(program: Program, knots: int) -> Scratch:
     """Allocates the arrays that the steps write."""
-    size, n = program.low.size, program.goal.size
+    size = program.bounds.shape[1]
+    n = program.goal.size
+    points = (2 * knots - 1, n + 1)
+    segments = (knots - 1, n + 1)
     return Scratch(
-        bounded=np.isfinite(np.array([program.low, program.high])),
+        bounded=np.isfinite(program.bounds),
         slack=np.ones((2, size)),
         slope=np.empty(size),
         lagrangian=np.empty(size),
         diagonal=np.empty(size),
         cross=np.empty(knots),
         misses=np.empty(2),
-        back=np.empty((knots - 1, n + 1)),
+        pushes=np.zeros(points),
+        barrier_pushes=np.zeros(points),
+        by_middle=np.empty(segments),
+        by_middle_and_step=np.empty(segments),
         change=np.empty(size),
+        shifts=np.empty(points),
         ahead=np.empty((knots - 1, n)),
         drawn=np.empty(2),
         moves=np.empty((2, size)),
     )
 
 
+@called_code
+def _inwards(side):
+    """Returns the sign of the way from a bound, from below or from above, to inside."""
+    return 1.0 - 2.0 * side
+
+
 @machine_code
 def enter(program, barrier, scratch, w, forces):
     """Moves a guess inside its bounds, and gives the bounds the barrier's forces."""
-    bounded = scratch.bounded
-    for i in range(len(w)):
-        low, high = program.low[i], program.high[i]
-        inside = 1e-2 * (high - low)  # Infinite where one side is free.
-        if bounded[0, i]:
-            w[i] = max(w[i], low + min(inside, 1e-2 * max(1.0, abs(low))))
-        if bounded[1, i]:
-            w[i] = min(w[i], high - min(inside, 1e-2 * max(1.0, abs(high))))
+    for i in range(w.shape[0]):
+        low = program.bounds[0, i]
+        high = program.bounds[1, i]
+        width = high - low  # Infinite where one side is free.
+        if scratch.bounded[0, i]:
+            w[i] = max(w[i], low + 1e-2 * min(width, max(1.0, abs(low))))
+        if scratch.bounded[1, i]:
+            w[i] = min(w[i], high - 1e-2 * min(width, max(1.0, abs(high))))
         for side in range(2):
-            if not bounded[side, i]:
+            gap = _inwards(side) * (w[i] - program.bounds[side, i])
+            if not scratch.bounded[side, i]:
                 forces[side, i] = 0.0
             elif not forces[side, i] > 0.0:
-                gap = w[i] - low if side == 0 else high - w[i]
                 forces[side, i] = barrier / gap
 
 
@@ -127,22 +148,25 @@ def enter(program, barrier, scratch, w, forces):
 def weigh_path(program, w, barrier):
     """Returns cost and barrier function of a path; infinite where out of bounds."""
     n = program.goal.shape[0]
-    width, last = n + 1, w.shape[0] - 1
+    width = n + 1
+    last = w.shape[0] - 1
+    end = last - width
     total = 0.0
     for k in range(n, last, width):
         share = 0.5 if k == n or k == last - 1 else 1.0
         total += share * w[k] * w[k]
     cost = program.rate_cost * w[last] * total
     for i in range(n):
-        error = w[last - width + i] - program.goal[i]
+        error = w[end + i] - program.goal[i]
         cost += program.goal_weights[i] * error * error
-    product, logs = 1.0, 0.0
+    product = 1.0
+    logs = 0.0
     for i in range(last + 1):
         for side in range(2):
-            bound = program.low[i] if side == 0 else program.high[i]
+            bound = program.bounds[side, i]
             if np.isinf(bound):
                 continue
-            slack = w[i] - bound if side == 0 else bound - w[i]
+            slack = _inwards(side) * (w[i] - bound)
             if not slack > 0.0:
                 return np.inf
             product *= slack
@@ -156,33 +180,38 @@ def weigh_path(program, w, barrier):
 def lean_on(program, optimum, scratch):
     """Writes slopes and curvature of the cost, and what the end misses.
 
-    The Lagrangian's slope lacks the defects' part then, which `weigh` adds.
+    The Lagrangian's slope lacks the part of defects and inequalities then, which
+    `weigh` adds.
     """
-    w, n = optimum.w, program.goal.shape[0]
-    cost_slope, diagonal, cross = scratch.slope, scratch.diagonal, scratch.cross
-    width, last = n + 1, w.shape[0] - 1
-    for i in range(last + 1):
-        cost_slope[i] = 0.0
-        diagonal[i] = 0.0
-    rate, total = program.rate_cost, 0.0
+    w = optimum.w
+    n = program.goal.shape[0]
+    width = n + 1
+    last = w.shape[0] - 1
+    end = last - width
+    slope = scratch.slope
+    diagonal = scratch.diagonal
+    cross = scratch.cross
+    slope[:] = 0.0
+    diagonal[:] = 0.0
+    total = 0.0
     for k in range(cross.shape[0]):
-        share = 0.5 if k == 0 or k == cross.shape[0] - 1 else 1.0
-        u = w[k * width + n]
-        cross[k] = 2.0 * rate * share * u
-        cost_slope[k * width + n] = cross[k] * w[last]
-        diagonal[k * width + n] = 2.0 * rate * share * w[last]
-        total += share * u * u
-    cost_slope[last] = rate * total
+        at = k * width + n
+        share = 0.5 if k == 0 or at == last - 1 else 1.0
+        weight = 2.0 * program.rate_cost * share
+        cross[k] = weight * w[at]
+        slope[at] = cross[k] * w[last]
+        diagonal[at] = weight * w[last]
+        total += share * w[at] * w[at]
+    slope[last] = program.rate_cost * total
     for i in range(n):
-        at = last - width + i
-        cost_slope[at] = 2.0 * program.goal_weights[i] * (w[at] - program.goal[i])
-        diagonal[at] = 2.0 * program.goal_weights[i]
-    for i in range(last + 1):
-        scratch.lagrangian[i] = cost_slope[i]
+        weight = 2.0 * program.goal_weights[i]
+        slope[end + i] = weight * (w[end + i] - program.goal[i])
+        diagonal[end + i] = weight
+    scratch.lagrangian[:] = slope
     for i in range(2):
-        miss = w[last - width + i] - program.place[i]
+        miss = w[end + i] - program.place[i]
         scratch.misses[i] = miss if program.is_held else 0.0
-        scratch.lagrangian[last - width + i] += optimum.pull[i]
+        scratch.lagrangian[end + i] += optimum.pull[i]
 
 
 @machine_code
@@ -196,55 +225,46 @@ def assess(program, optimum, scratch):
 
     Returns:
         the largest slope of the Lagrangian, the largest product of a bound's force and
-        slack, and the scale of both.
+        slack, and the sum of all forces and multipliers.
     """
-    w, multipliers, _, forces = optimum
-    size, n = w.shape[0], program.goal.shape[0]
-    lagrangian, slack = scratch.lagrangian, scratch.slack
-    dual, touch, size_of = 0.0, 0.0, 0.0
-    for i in range(size):
-        if scratch.bounded[0, i]:
-            slack[0, i] = w[i] - program.low[i]
-        if scratch.bounded[1, i]:
-            slack[1, i] = program.high[i] - w[i]
+    w = optimum.w
+    forces = optimum.forces
+    n = program.goal.shape[0]
+    dual = 0.0
+    touch = 0.0
+    sum_of_all = 0.0
+    for i in range(w.shape[0]):
+        left = scratch.lagrangian[i]
         for side in range(2):
-            size_of += forces[side, i]
-            touch = max(touch, forces[side, i] * slack[side, i])
+            force = forces[side, i]
+            left -= _inwards(side) * force
+            sum_of_all += force
+            if scratch.bounded[side, i]:
+                gap = _inwards(side) * (w[i] - program.bounds[side, i])
+                scratch.slack[side, i] = gap
+                touch = max(touch, force * gap)
         if i >= n:  # The launch is fixed.
-            dual = max(dual, abs(lagrangian[i] - forces[0, i] + forces[1, i]))
-    for k in range(multipliers.shape[0]):
-        for i in range(n):
-            size_of += abs(multipliers[k, i])
-    return dual, touch, max(1.0, 0.01 * size_of / size)
+            dual = max(dual, abs(left))
+    for row in optimum.multipliers:
+        for multiplier in row:
+            sum_of_all += abs(multiplier)
+    return dual, touch, sum_of_all
 
 
 @machine_code
-def lower_barrier(barrier, least, error, scale, scratch, forces):
-    """Returns the barrier's weight, less where its problem is solved well enough.
-
-    Args:
-        barrier: before.
-        least: below which it does not go.
-        error: the larger of the scaled slope and of what the constraints are missed by.
-        scale: of `assess`.
-        scratch: with the slack.
-        forces: of the bounds.
-    """
-    while barrier > least:
-        off = error
-        for i in range(forces.shape[1]):
-            for side in range(2):
-                if scratch.bounded[side, i]:
-                    product = forces[side, i] * scratch.slack[side, i]
-                    off = max(off, abs(product - barrier) / scale)
-        if off >= 10.0 * barrier:
-            break
-        barrier = max(least, min(0.2 * barrier, barrier**1.5))
-    return barrier
+def miss_barrier(barrier, forces, scratch):
+    """Returns the largest difference of a bound's force times slack from the weight."""
+    worst = 0.0
+    for i in range(forces.shape[1]):
+        for side in range(2):
+            if scratch.bounded[side, i]:
+                product = forces[side, i] * scratch.slack[side, i]
+                worst = max(worst, abs(product - barrier))
+    return worst
 
 
 @called_code
-def longest(value, change, keep, longest_yet):
+def _longest(value, change, keep, longest_yet):
     """Returns the share of a change that leaves of a positive value a share keep."""
     return min(longest_yet, -keep * value / change) if change < 0.0 else longest_yet
 
@@ -257,47 +277,55 @@ def add_barrier(barrier, forces, scratch):
             if scratch.bounded[side, i]:
                 gap = scratch.slack[side, i]
                 scratch.diagonal[i] += forces[side, i] / gap
-                scratch.slope[i] -= (1.0 - 2.0 * side) * barrier / gap
+                scratch.slope[i] -= _inwards(side) * barrier / gap
 
 
 @machine_code
-def keep_clear(barrier, forces, scratch):
+def keep_clear(barrier, keep, forces, scratch):
     """Writes the forces' step beside Newton's.
+
+    Args:
+        barrier: its weight.
+        keep: share of a slack or a force that a step may take.
+        forces: of the bounds.
+        scratch: with the step; the forces' is written.
 
     Returns:
         the shares of the step and of the forces' that keep clear of the bounds, and by
         how much the whole step changes the barrier problem's cost, to first order.
     """
-    keep = max(0.99, 1.0 - barrier)
-    share = share_of_forces = 1.0
+    share = 1.0
+    share_of_forces = 1.0
     expected = 0.0
     for i in range(forces.shape[1]):
         change = scratch.change[i]
         expected += scratch.slope[i] * change
         for side in range(2):
             if scratch.bounded[side, i]:
-                gap, force = scratch.slack[side, i], forces[side, i]
-                step = change * (1.0 - 2.0 * side)
+                gap = scratch.slack[side, i]
+                force = forces[side, i]
+                step = _inwards(side) * change
                 move = (barrier - force * step) / gap - force
                 scratch.moves[side, i] = move
-                share = longest(gap, step, keep, share)
-                share_of_forces = longest(force, move, keep, share_of_forces)
+                share = _longest(gap, step, keep, share)
+                share_of_forces = _longest(force, move, keep, share_of_forces)
     return share, share_of_forces, expected
 
 
 @machine_code
 def change_multipliers(program, barrier, share, share_of_forces, optimum, scratch):
     """Takes the multipliers' step, and keeps the forces near the barrier's own."""
-    w, multipliers, pull, forces = optimum
+    forces = optimum.forces
+    multipliers = optimum.multipliers
     for k in range(multipliers.shape[0]):
         for i in range(multipliers.shape[1]):
             multipliers[k, i] += share * (scratch.ahead[k, i] - multipliers[k, i])
     for i in range(2):
-        pull[i] += share * (scratch.drawn[i] - pull[i])
-    for i in range(w.shape[0]):
+        optimum.pull[i] += share * (scratch.drawn[i] - optimum.pull[i])
+    for i in range(forces.shape[1]):
         for side in range(2):
             if scratch.bounded[side, i]:
-                gap = w[i] - program.low[i] if side == 0 else program.high[i] - w[i]
+                gap = _inwards(side) * (optimum.w[i] - program.bounds[side, i])
+                own = barrier / gap
                 force = forces[side, i] + share_of_forces * scratch.moves[side, i]
-                least = barrier / (1e10 * gap)
-                forces[side, i] = min(max(force, least), 1e10 * barrier / gap)
+                forces[side, i] = min(max(force, own / 1e10), 1e10 * own)

@@ -40,14 +40,30 @@ def rates_at(points, theta, rates):
 
 LOOPS = Family((rates_at,), (rates_at,))
 
-ROUGH = ((1e-5, 1.0),)
+
+def rates_along(model: GliderModel, points: np.ndarray) -> np.ndarray:
+    """Returns ẋ (P, n) of a glider at points (P, n + 1) of states and command.
+
+    Raises:
+        UncompilableError: a formula is not of what numba compiles.
+    """
+    rates = np.empty((len(points), model.num_states))
+    loops = LOOPS.over(model.kinds, model.has_field)
+    try:
+        loops.rates_at(np.ascontiguousarray(points), model.numbers, rates)
+    except CompileError as error:
+        raise UncompilableError(str(error)) from None
+    return rates
+
+
+_ROUGH = ((1e-5, 1.0),)
 """Steps of first differences [m, rad, m/s, rad/s], and how much each counts."""
 
-FINE = ((1e-4, 4.0 / 3.0), (2e-4, -1.0 / 3.0))
+_FINE = ((1e-4, 4.0 / 3.0), (2e-4, -1.0 / 3.0))
 """The same of fourth order (Richardson). Of what changes within 0.01 rad, as the
 sharpest stall of the library, they leave 1e-8 of the slope; of all else 1e-11."""
 
-CURVATURE_STEP = 3e-4
+_CURVATURE_STEP = 3e-4
 """Step of second differences. Newton's method needs no exact curvature: its root
 is where the slopes say."""
 
@@ -73,7 +89,7 @@ class Path(NamedTuple):
 
 
 @machine_code
-def place_middles(step, rates, points):
+def _place_middles(step, rates, points):
     """Writes the middles (x_c, u_c) of the cubics between knots.
 
     x_c = (x₀ + x₁)/2 + h (f₀ - f₁)/8 and u_c = (u₀ + u₁)/2.
@@ -93,10 +109,10 @@ def place_middles(step, rates, points):
 
 
 @machine_code
-def find_defects(step, rates, points, defects):
+def _find_defects(step, rates, points, defects):
     """Writes the defects (N - 1, n): x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁).
 
-    They are those of `glider.planning.transcription.hermite_simpson` times 2 h/3.
+    They are those of Drake's DirectCollocationConstraint times 2 h/3.
 
     Returns:
         the sum of all |defect|.
@@ -138,7 +154,7 @@ def add_difference(rates, factor, slopes):
 
 
 @machine_code
-def spread_pairs(points, slopes, step, axes, moved):
+def _spread_pairs(points, slopes, step, axes, moved):
     """Writes points moved along each axis, forth and back, and along each two.
 
     What no slope depends on at any point has no curvature either and is not moved.
@@ -180,14 +196,14 @@ def spread_pairs(points, slopes, step, axes, moved):
 
 
 @machine_code
-def difference_twice(rates, weights, step, axes, number, curvature):
-    """Writes ∂²(wᵀẋ)/∂(x, u)² (P, n + 1, n + 1) from rates at `spread_pairs`.
+def _difference_twice(rates, weights, step, axes, number, curvature):
+    """Writes ∂²(wᵀẋ)/∂(x, u)² (P, n + 1, n + 1) from rates at `_spread_pairs`.
 
     Args:
         rates: at the moved points.
         weights: (P, n) w.
         step: of the differences.
-        axes, number: of `spread_pairs`.
+        axes, number: of `_spread_pairs`.
         curvature: written.
     """
     count, n = weights.shape
@@ -254,31 +270,31 @@ class PathDynamics:
             self._loops.rates_at(points[:knots], self._theta, rates[:knots])
         except CompileError as error:
             raise UncompilableError(str(error)) from None
-        place_middles(step, rates, points)
+        _place_middles(step, rates, points)
         self._loops.rates_at(points[knots:], self._theta, rates[knots:])
-        return find_defects(step, rates, points, self.path.defects)
+        return _find_defects(step, rates, points, self.path.defects)
 
     def linearize(self, fine: bool) -> None:
         """Writes the slopes at the points of `collocate`.
 
         Args:
-            fine: whether by FINE differences; else by ROUGH ones, in half of the time.
+            fine: whether by _FINE differences; else by _ROUGH ones, in half the time.
         """
         points, slopes = self.path.points, self.path.slopes
         count = 2 * points.size
         moved, rates = self._moved[:count], self._rates[:count]
         slopes[:] = 0.0
-        for step, share in FINE if fine else ROUGH:
+        for step, share in _FINE if fine else _ROUGH:
             spread(points, step, moved)
             self._loops.rates_at(moved, self._theta, rates)
             add_difference(rates, 0.5 * share / step, slopes)
 
     def curve(self) -> None:
         """Writes the curvature at the points of `linearize`, by the path's weights."""
-        path, step = self.path, CURVATURE_STEP
-        number, count = spread_pairs(
+        path, step = self.path, _CURVATURE_STEP
+        number, count = _spread_pairs(
             path.points, path.slopes, step, self._axes, self._moved
         )
         rates = self._rates[:count]
         self._loops.rates_at(self._moved[:count], self._theta, rates)
-        difference_twice(rates, path.weights, step, self._axes, number, path.curvature)
+        _difference_twice(rates, path.weights, step, self._axes, number, path.curvature)

@@ -7,6 +7,7 @@ the order of the steps alone, so that of a glider with other effects only its dy
 have to be compiled (`glider.compiled.collocation`).
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,22 +15,23 @@ import numpy as np
 from glider.compiled import barrier as steps
 from glider.compiled.barrier import Optimum, Program, Scratch
 from glider.compiled.collocation import Path, PathDynamics
+from glider.compiled.inequalities import Formula, Inequalities
 from glider.compiled.stages import newton_step, weigh
 from glider.physics.model import GliderModel
 
-PENALTY = 1e6
+_PENALTY = 1e6
 """Penalty on the place at the end, see `newton_step`."""
 
-NEAR = 1e3
+_NEAR = 1e3
 """Errors of optimality, in tolerances, below which slopes have to be fine."""
 
-COARSE = 1e-4
+_COARSE = 1e-4
 """Tolerance above which coarse slopes are enough."""
 
-STIFFEST = 1e10
+_STIFFEST = 1e10
 """Most that is added to the curvature."""
 
-HALVINGS = 25
+_HALVINGS = 25
 """A step is halved at most so often."""
 
 
@@ -101,6 +103,8 @@ def optimize(
     barrier: float,
     tolerance: float,
     iterations: int = 150,
+    formulas: Sequence[Formula] = (),
+    margins: np.ndarray | None = None,
 ) -> Outcome:
     """Finds a flight of least cost near a guess.
 
@@ -112,29 +116,42 @@ def optimize(
         tolerance: largest slope of the Lagrangian, defect and complementarity, where
             the multipliers are of size 100 or less.
         iterations: at most so many.
+        formulas: J inequalities g(x) >= margin that hold at the P points of the path.
+        margins: (J, P) of them, None for zeros.
 
     Raises:
-        UncompilableError: a formula is not of what numba compiles.
+        UncompilableError: a formula of the glider is not of what numba compiles.
     """
     at = Optimum(*(part.copy() for part in guess))
     knots = len(guess.multipliers) + 1
-    dynamics, scratch = PathDynamics(model, knots), steps.make_scratch(program, knots)
+    dynamics = PathDynamics(model, knots)
+    scratch = steps.make_scratch(program, knots)
     path = dynamics.path
-    penalty = PENALTY if program.is_held else 0.0
+    penalty = _PENALTY if program.is_held else 0.0
     steps.enter(program, barrier, scratch, at.w, at.forces)
     missed = _missed(program, dynamics, at.w)
-    known, damping, least = Filter(missed), 0.0, 0.1 * tolerance
+    if margins is None:
+        margins = np.zeros((len(formulas), len(path.points)))
+    limits = Inequalities(formulas, margins, path, barrier)
+    missed += limits.missed
+    known = Filter(missed)
+    damping = 0.0
+    least = 0.1 * tolerance
+    near = -np.inf if tolerance >= _COARSE else _NEAR * tolerance
     fine = False
-    near = -np.inf if tolerance >= COARSE else NEAR * tolerance
     dynamics.linearize(fine)
-    status, error = "out of steps", np.inf
+    status = "out of steps"
     for iteration in range(iterations + 1):
+        limits.linearize()
         while True:
             steps.lean_on(program, at, scratch)
-            weigh(at.w[-1], path, at.multipliers, scratch.back, scratch.lagrangian)
-            dual, touch, scale = steps.assess(program, at, scratch)
+            limits.push(scratch)
+            weigh(at.w[-1], path, at.multipliers, scratch)
+            dual, touch, total = steps.assess(program, at, scratch)
+            total += limits.sum_of_forces
+            scale = max(1.0, 0.01 * total / (at.w.size + limits.count))
             off = max(dual / scale, missed)
-            error = max(off, touch / scale)
+            error = max(off, touch / scale, limits.touch / scale)
             if fine or error > near:
                 break
             fine = True
@@ -143,31 +160,44 @@ def optimize(
             status = "solved"
         if status == "solved" or iteration == iterations:
             break
-        lower = steps.lower_barrier(barrier, least, off, scale, scratch, at.forces)
-        if lower < barrier:
+        while barrier > least:
+            apart = steps.miss_barrier(barrier, at.forces, scratch)
+            apart = max(apart, limits.miss_barrier(barrier))
+            if max(off, apart / scale) >= 10.0 * barrier:
+                break
+            barrier = max(least, min(0.2 * barrier, barrier**1.5))
             known.forget()
-        barrier = lower
         dynamics.curve()
         steps.add_barrier(barrier, at.forces, scratch)
+        limits.curve(barrier, scratch)
         added = _step_down(penalty, damping, path, at, scratch)
         if added is None:
             status = "stuck"
             break
         damping = added or damping
-        share, share_of_forces, expected = steps.keep_clear(barrier, at.forces, scratch)
-        before = missed, steps.weigh_path(program, at.w, barrier)
-        for _ in range(HALVINGS):
+        keep = max(0.99, 1.0 - barrier)
+        shares = steps.keep_clear(barrier, keep, at.forces, scratch)
+        more = limits.keep_clear(barrier, keep, scratch)
+        share = min(shares[0], more[0])
+        share_of_forces = min(shares[1], more[1])
+        expected = shares[2] + more[2]
+        weight = limits.weigh_barrier(barrier)
+        before = missed, steps.weigh_path(program, at.w, barrier) + weight
+        for _ in range(_HALVINGS):
             tried = at.w + share * scratch.change
             missed = _missed(program, dynamics, tried)
-            after = missed, steps.weigh_path(program, tried, barrier)
+            lacking, weight = limits.try_step(share, barrier)
+            missed += lacking
+            after = missed, steps.weigh_path(program, tried, barrier) + weight
             if known.accepts(before, after, share, expected):
                 break
             share *= 0.5
         else:
-            missed, status = before[0], "stuck"
+            status = "stuck"
             break
         at.w[:] = tried
         steps.change_multipliers(program, barrier, share, share_of_forces, at, scratch)
+        limits.take_step(share, share_of_forces, barrier)
         dynamics.linearize(fine)
     return Outcome(
         optimum=at,
@@ -196,23 +226,9 @@ def _step_down(
         what was added to its diagonal, None where nothing helps.
     """
     added = 0.0
-    while added <= STIFFEST:
-        is_minimum = newton_step(
-            at.w[-1],
-            path,
-            at.multipliers,
-            scratch.back,
-            scratch.cross,
-            scratch.diagonal,
-            added,
-            scratch.slope,
-            scratch.misses,
-            penalty,
-            scratch.change,
-            scratch.ahead,
-            scratch.drawn,
-        )
-        if is_minimum:
+    step = at.w[-1]
+    while added <= _STIFFEST:
+        if newton_step(step, path, at.multipliers, scratch, added, penalty):
             return added
         if added == 0.0:
             added = max(1e-4, damping / 3.0)

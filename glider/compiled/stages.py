@@ -2,15 +2,17 @@
 
 A stage's state is s = (x, u, h), with the command at its knot and the length of the
 segments, which all stages share; what is chosen there is the command at the next knot.
+What depends on both has the columns (u₁, x₀, u₀, h, 1); where the multipliers p of the
+place at the end matter, (p₀, p₁) follow.
 """
 
 import numpy as np
 
-from glider.compiled.kernel import called_code, machine_code
+from glider.compiled.kernel import called_code, inlined_code, machine_code
 
 
 @called_code
-def invert(matrix, inverse):
+def _invert(matrix, inverse):
     """Writes the inverse of a matrix (n, n), which is destroyed; pivots by rows."""
     n = matrix.shape[0]
     for i in range(n):
@@ -22,23 +24,32 @@ def invert(matrix, inverse):
             if abs(matrix[i, k]) > abs(matrix[best, k]):
                 best = i
         if best != k:
-            for j in range(n):
-                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
-                inverse[k, j], inverse[best, j] = inverse[best, j], inverse[k, j]
+            _swap_rows(matrix, k, best)
+            _swap_rows(inverse, k, best)
         scale = 1.0 / matrix[k, k]
         for j in range(n):
             matrix[k, j] *= scale
             inverse[k, j] *= scale
         for i in range(n):
             factor = matrix[i, k]
-            if i != k and factor != 0.0:
-                for j in range(n):
-                    matrix[i, j] -= factor * matrix[k, j]
-                    inverse[i, j] -= factor * inverse[k, j]
+            if i == k or factor == 0.0:
+                continue
+            for j in range(n):
+                matrix[i, j] -= factor * matrix[k, j]
+                inverse[i, j] -= factor * inverse[k, j]
 
 
 @called_code
-def multiply(a, b, product):
+def _swap_rows(matrix, a, b):
+    """Swaps two rows of a matrix."""
+    for j in range(matrix.shape[1]):
+        kept = matrix[a, j]
+        matrix[a, j] = matrix[b, j]
+        matrix[b, j] = kept
+
+
+@inlined_code
+def _multiply(a, b, product):
     """Writes a b, with as many columns of a as b has rows; in memory of its own."""
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
@@ -49,69 +60,101 @@ def multiply(a, b, product):
                 product[i, j] += factor * b[m, j]
 
 
-@called_code
-def add_transposed(a, b, total):
-    """Adds aᵀ b to the total, in its shape; a may have more columns."""
+@inlined_code
+def _add_transposed(a, b, total):
+    """Adds aᵀ b to the first columns of the total, of whose rows a may have more."""
     for m in range(a.shape[0]):
         for i in range(total.shape[0]):
             factor = a[m, i]
-            for j in range(total.shape[1]):
+            for j in range(b.shape[1]):
                 total[i, j] += factor * b[m, j]
 
 
-@machine_code
-def weigh(step, path, multipliers, back, gradient):
-    """Adds the multipliers' part to the gradient of the Lagrangian.
+@inlined_code
+def _dot(row, vector):
+    """Returns the product of two vectors of one length."""
+    total = 0.0
+    for j in range(row.shape[0]):
+        total += row[j] * vector[j]
+    return total
 
-    Σ μᵀ (x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁)) by all knots and by h. With
-    g = (∂f_c)ᵀ μ, its curvature is Σ ∂²(wᵀ f) over knots and middles, beside what h
-    brings in; w is -h/6 μ ∓ h²/12 g at the ends of a segment and -2/3 h μ within.
+
+@machine_code
+def weigh(step, path, multipliers, scratch):
+    """Adds what the defects and the inequalities weigh to the Lagrangian's slope.
+
+    The defects weigh Σ μᵀ (x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁)). Let b be the slope of the
+    Lagrangian by a middle's (x_c, u_c): -2/3 h (∂f_c)ᵀ μ, and what the inequalities
+    push there. The curvature by all points is Σ ∂²(wᵀ f), besides what h and the
+    inequalities bring in; w is -h/6 μ ± h/8 b at the ends of a segment and -2/3 h μ
+    within.
 
     Args:
         step: h [s].
-        path: whose weights w are written.
+        path: with slopes; its weights w are written.
         multipliers: (N - 1, n) μ.
-        back: (N - 1, n + 1), written: g.
-        gradient: (N (n + 1) + 1,), added to.
+        scratch: with pushes; b and its slope by h are written, the Lagrangian's slope
+            is added to.
     """
     segments, n = multipliers.shape
-    count, width = segments + 1, n + 1
-    last = count * width
-    rates, slopes, weights = path.rates, path.slopes, path.weights
+    count = segments + 1
+    width = n + 1
+    rates = path.rates
+    slopes = path.slopes
+    weights = path.weights
+    pushes = scratch.pushes
+    gradient = scratch.lagrangian
     for k in range(count):
         for i in range(n):
             weights[k, i] = 0.0
-    for k in range(count - 1):
-        mu, middle = multipliers[k], slopes[count + k]
-        by_step = 0.0
+    by_step = 0.0
+    for k in range(segments):
+        mu = multipliers[k]
+        within = count + k
+        here = k * width
+        ahead = here + width
         for j in range(width):
             total = 0.0
             for i in range(n):
-                total += middle[i, j] * mu[i]
-            back[k, j] = total
-            gradient[k * width + j] -= step / 3.0 * total
-            gradient[(k + 1) * width + j] -= step / 3.0 * total
+                total += slopes[within, i, j] * mu[i]
+            by_middle_and_step = -2.0 / 3.0 * total
+            by_middle = step * by_middle_and_step + pushes[within, j]
+            scratch.by_middle_and_step[k, j] = by_middle_and_step
+            scratch.by_middle[k, j] = by_middle
+            gradient[here + j] += 0.5 * by_middle
+            gradient[ahead + j] += 0.5 * by_middle
         for i in range(n):
-            gradient[k * width + i] -= mu[i]
-            gradient[(k + 1) * width + i] += mu[i]
-            inner = step * step / 12.0 * back[k, i]
-            weights[k, i] -= step / 6.0 * mu[i] + inner
-            weights[k + 1, i] += inner - step / 6.0 * mu[i]
-            weights[count + k, i] = -2.0 / 3.0 * step * mu[i]
-            slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
-            by_step -= mu[i] * slope / 6.0
-            by_step -= step / 12.0 * back[k, i] * (rates[k, i] - rates[k + 1, i])
-        gradient[last] += by_step
+            gradient[here + i] -= mu[i]
+            gradient[ahead + i] += mu[i]
+            outer = step / 6.0 * mu[i]
+            inner = step / 8.0 * scratch.by_middle[k, i]
+            weights[k, i] += inner - outer
+            weights[k + 1, i] -= inner + outer
+            weights[within, i] = -4.0 * outer
+            slope = rates[k, i] + 4.0 * rates[within, i] + rates[k + 1, i]
+            turn = rates[k, i] - rates[k + 1, i]
+            by_step += scratch.by_middle[k, i] * turn / 8.0 - mu[i] * slope / 6.0
+    gradient[count * width] += by_step
     for k in range(count):
         for j in range(width):
-            total = 0.0
+            total = pushes[k, j]
             for i in range(n):
                 total += slopes[k, i, j] * weights[k, i]
             gradient[k * width + j] += total
 
 
+@inlined_code
+def _apply(matrix, vector, product):
+    """Writes the product of a matrix and a vector."""
+    for i in range(matrix.shape[0]):
+        total = 0.0
+        for j in range(matrix.shape[1]):
+            total += matrix[i, j] * vector[j]
+        product[i] = total
+
+
 @called_code
-def link(step, path, k, matrix, asked, by_end, inverse, to_end, to_middle):
+def _link(step, path, k, matrix, asked, by_end, inverse, to_end, to_middle):
     """Writes how a segment's end and its middle follow from its stage.
 
     Args:
@@ -121,281 +164,220 @@ def link(step, path, k, matrix, asked, by_end, inverse, to_end, to_middle):
         matrix, asked: (n, n) and (n, n + 4) scratch.
         by_end: (n, n), written: the middle's states by the end's.
         inverse: (n, n), written: of the defect's slopes by the end's states.
-        to_end: (n, n + 4), written: the end's states by x₀, u₀, h, u₁, and what
-            the defect asks.
+        to_end: (n, n + 4), written: the end's states.
         to_middle: (n + 1, n + 4), written: the middle's states and command.
     """
     n = matrix.shape[0]
-    width, count = n + 1, path.defects.shape[0] + 1
-    rates, slopes, defects = path.rates, path.slopes, path.defects
-    first, end, middle = slopes[k], slopes[k + 1], slopes[count + k]
+    within = path.defects.shape[0] + 1 + k
+    width = n + 1
+    at_step = n + 2
+    at_one = n + 3
+    rates = path.rates
+    first = path.slopes[k]
+    end = path.slopes[k + 1]
+    middle = path.slopes[within]
+    eighth = 0.125 * step
+    sixth = step / 6.0
+    to_middle[:] = 0.0
     for i in range(n):
         for j in range(width):
-            own = 0.5 if i == j else 0.0
-            to_middle[i, j] = own + 0.125 * step * first[i, j]
-        to_middle[i, n + 1] = 0.125 * (rates[k, i] - rates[k + 1, i])
-        to_middle[i, n + 2] = -0.125 * step * end[i, n]
-        to_middle[i, n + 3] = 0.0
-    for j in range(n + 4):
-        to_middle[n, j] = 0.0
-    to_middle[n, n] = 0.5
-    to_middle[n, n + 2] = 0.5
-    # The defect by the same, with the other sign.
-    share = step / 6.0
-    multiply(middle, to_middle, asked)
-    for i in range(n):
-        for j in range(n + 4):
-            asked[i, j] *= 4.0 * share
-        for j in range(width):
-            asked[i, j] += share * first[i, j]
-        asked[i, i] += 1.0
-        slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
-        asked[i, n + 1] += slope / 6.0
-        asked[i, n + 2] += share * end[i, n]
-        asked[i, n + 3] = -defects[k, i]
-    for i in range(n):
+            to_middle[i, 1 + j] = eighth * first[i, j]
         for j in range(n):
-            by_end[i, j] = -0.125 * step * end[i, j]
+            by_end[i, j] = -eighth * end[i, j]
+        to_middle[i, 1 + i] += 0.5
         by_end[i, i] += 0.5
+        to_middle[i, 0] = -eighth * end[i, n]
+        to_middle[i, at_step] = 0.125 * (rates[k, i] - rates[k + 1, i])
+    to_middle[n, 0] = 0.5
+    to_middle[n, width] = 0.5
+    # By the defect, x₁ - h/6 (4 f_c + f₁) is x₀ + h/6 f₀ and what is missed.
+    _multiply(middle, to_middle, asked)
+    _multiply(middle, by_end, matrix)
     for i in range(n):
+        for j in range(asked.shape[1]):
+            asked[i, j] *= 4.0 * sixth
+        for j in range(width):
+            asked[i, 1 + j] += sixth * first[i, j]
         for j in range(n):
-            total = 0.25 * end[i, j]
-            for m in range(n):
-                total += middle[i, m] * by_end[m, j]
-            matrix[i, j] = -4.0 * share * total
+            matrix[i, j] = -sixth * (4.0 * matrix[i, j] + end[i, j])
+        asked[i, 1 + i] += 1.0
         matrix[i, i] += 1.0
-    invert(matrix, inverse)
-    multiply(inverse, asked, to_end)
-    multiply(by_end, to_end, asked)
-    for i in range(n):
-        for j in range(n + 4):
-            to_middle[i, j] += asked[i, j]
+        slope = rates[k, i] + 4.0 * rates[within, i] + rates[k + 1, i]
+        asked[i, 0] += sixth * end[i, n]
+        asked[i, at_step] += slope / 6.0
+        asked[i, at_one] = -path.defects[k, i]
+    _invert(matrix, inverse)
+    _multiply(inverse, asked, to_end)
+    _multiply(by_end, to_end, asked)
+    to_middle[:n] += asked
 
 
 @called_code
-def own_curvature(k, step, slopes, curvature, multipliers, back, own):
-    """Writes the curvature (n + 2, n + 2) of the defects at a knot, by x, u and h."""
-    n = own.shape[0] - 2
-    width, count = n + 1, multipliers.shape[0] + 1
+def _add_knot(k, step, path, multipliers, scratch, added, value):
+    """Adds what a knot itself contributes to the value of its stage."""
+    segments, n = multipliers.shape
+    width = n + 1
+    slopes = path.slopes[k]
+    first = k * width
+    value[n, width] += scratch.cross[k]
+    value[width, n] += scratch.cross[k]
     for j in range(width):
         for i in range(width):
-            own[i, j] = curvature[k, i, j]
-        own[width, j] = 0.0
-    own[width, width] = 0.0
+            value[j, i] += path.curvature[k, j, i]
+        value[j, j] += scratch.diagonal[first + j] + added
+        value[j, n + 2] += scratch.slope[first + j] + scratch.barrier_pushes[k, j]
     for side in range(2):
         m = k - side  # The segment that begins here, then the one that ends here.
-        if m < 0 or m > count - 2:
+        if m < 0 or m >= segments:
             continue
         sign = 1.0 - 2.0 * side
+        by_step = scratch.by_middle_and_step[m]
         for j in range(width):
-            total = -back[m, j] / 3.0
+            crossed = 0.5 * by_step[j]
             for i in range(n):
-                weight = multipliers[m, i] / 6.0 + sign * step / 6.0 * back[m, i]
-                total -= slopes[k, i, j] * weight
-            own[width, j] += total
-    for j in range(width):
-        own[j, width] = own[width, j]
+                inner = scratch.by_middle[m, i] + step * by_step[i]
+                weight = sign * inner / 8.0 - multipliers[m, i] / 6.0
+                crossed += slopes[i, j] * weight
+            value[width, j] += crossed
+            value[j, width] += crossed
+        if side == 0:
+            for i in range(n):
+                turn = path.rates[k, i] - path.rates[k + 1, i]
+                value[width, width] += 0.25 * by_step[i] * turn
 
 
 @machine_code
-def newton_step(
-    step,
-    path,
-    multipliers,
-    back,
-    cross,
-    diagonal,
-    added,
-    gradient,
-    misses,
-    penalty,
-    change,
-    ahead,
-    pull,
-):
+def newton_step(step, path, multipliers, scratch, added, penalty):
     """Solves for Newton's step of the barrier problem by a Riccati recursion.
 
     minimize   ½ dᵀ (H + D) d + qᵀ d   subject to the linear defects, x̃₀ = 0 and
     the place at the end.
 
     H is the curvature of the Lagrangian. The place at the end enters as a penalty,
-    which changes no solution, and by two multipliers found last.
+    which changes no solution, and by two multipliers p, found last.
 
     Args:
-        step, multipliers, back: as in `weigh`.
-        path: with its slopes and its curvature.
-        cross: (N,) curvature of the cost by a command and h.
-        diagonal: (N (n + 1) + 1,) D, with what the cost has on the diagonal.
+        step, path, multipliers: as in `weigh`, with the path's curvature.
+        scratch: with the diagonal D, the slope q and what the place is missed by; its
+            change d, the shifts of the points, and the multipliers `ahead` and `drawn`
+            are written.
         added: to each of D.
-        gradient: (N (n + 1) + 1,) q of cost and barrier alone.
-        misses: (2,) by which the end leaves its place.
-        penalty: on them; 0 where the end is free.
-        change: (N (n + 1) + 1,), written: d.
-        ahead: (N - 1, n), written: new multipliers.
-        pull: (2,), written: multipliers of the place at the end.
+        penalty: on the place; 0 where the end is free.
 
     Returns:
         whether the step is a minimum: the curvature is positive wherever the
         constraints leave freedom.
     """
-    rates, slopes, curvature = path.rates, path.slopes, path.curvature
     segments, n = multipliers.shape
-    count, width, m = segments + 1, n + 1, n + 2
+    count = segments + 1
+    width = n + 1  # Also the place of h in a stage's state.
+    m = n + 2  # Size of that state; (1, p₀, p₁) come after it.
+    last = count * width
     to_end = np.empty((segments, n, m + 2))
     to_middle = np.empty((segments, width, m + 2))
-    inverse, matrix = np.empty((segments, n, n)), np.empty((n, n))
-    by_end, asked = np.empty((segments, n, n)), np.empty((n, m + 2))
-    gains, feeds = np.empty((segments, m)), np.empty((segments, 3))
-    value, cost = np.zeros((m, m)), np.zeros((m, 3))
-    values, costs = np.empty((count, n, m)), np.empty((count, n, 3))
-    total, own = np.empty((m + 1, m + 2)), np.empty((m, m))
-    slope, bent = np.empty((m + 1, 3)), np.empty((width, m + 2))
-    carried = np.empty((m, m + 2))
-    last = count * width
+    by_end = np.empty((segments, n, n))
+    inverse = np.empty((segments, n, n))
+    gains = np.empty((segments, m + 3))
+    values = np.empty((count, n, m + 3))
+    matrix = np.empty((n, n))
+    asked = np.empty((n, m + 2))
+    bent = np.empty((width, m + 2))
+    carried = np.empty((m, m + 4))
+    total = np.empty((m + 1, m + 4))
 
-    own_curvature(segments, step, slopes, curvature, multipliers, back, value)
-    for i in range(width):
-        value[i, i] += diagonal[segments * width + i] + added
-        cost[i, 0] = gradient[segments * width + i]
-    value[n, width] += cross[segments]
-    value[width, n] += cross[segments]
+    value = np.zeros((m, m + 3))
+    _add_knot(segments, step, path, multipliers, scratch, added, value)
     for i in range(2):
         value[i, i] += penalty
-        cost[i, 0] += penalty * misses[i]
-        cost[i, 1 + i] = 1.0
+        value[i, m] += penalty * scratch.misses[i]
+        value[i, m + 1 + i] = 1.0
     for k in range(segments - 1, -1, -1):
-        end, middle = to_end[k], to_middle[k]
-        link(step, path, k, matrix, asked, by_end[k], inverse[k], end, middle)
-        for i in range(n):
-            for j in range(m):
-                values[k + 1, i, j] = value[i, j]
-            for r in range(3):
-                costs[k + 1, i, r] = cost[i, r]
-        # What the next stage's value and the middle's curvature make of this stage.
-        multiply(value, end, carried)
-        for i in range(m):
-            carried[i, n + 1] += value[i, width]
-            carried[i, n + 2] += value[i, n]
-        multiply(curvature[count + k], middle, bent)
-        for i in range(m + 1):
-            for j in range(m + 2):
-                total[i, j] = 0.0
-            for r in range(3):
-                slope[i, r] = 0.0
-        add_transposed(end, carried, total)
-        add_transposed(middle, bent, total)
-        add_transposed(end, cost, slope)
-        for i in range(m + 1):
-            slope[i, 0] += total[i, m + 1]
-        for i in range(2):  # The next command and h go on as they are.
-            row, at = (n, n + 2) if i == 0 else (n + 1, n + 1)
-            for c in range(m + 1):
-                total[at, c] += carried[row, c]
-            slope[at, 0] += carried[row, m + 1]
-            for r in range(3):
-                slope[at, r] += cost[row, r]
-        own_curvature(k, step, slopes, curvature, multipliers, back, own)
+        end = to_end[k]
+        middle = to_middle[k]
+        _link(step, path, k, matrix, asked, by_end[k], inverse[k], end, middle)
+        values[k + 1] = value[:n]
+        _multiply(value, end, carried)
+        for i in range(m):  # The next command and h go on as they are.
+            carried[i, 0] += value[i, n]
+            carried[i, m] += value[i, width]
+            carried[i, m + 1] += value[i, m]
+            carried[i, m + 2] = value[i, m + 1]
+            carried[i, m + 3] = value[i, m + 2]
+        _multiply(path.curvature[count + k], middle, bent)
         for i in range(width):
-            own[i, i] += diagonal[k * width + i] + added
-            slope[i, 0] += gradient[k * width + i]
-        by_step = 0.0
-        for i in range(n):
-            by_step += back[k, i] * (rates[k, i] - rates[k + 1, i])
-        own[width, width] = -by_step / 6.0
-        own[n, width] += cross[k]
-        own[width, n] += cross[k]
-        for i in range(m):
-            for j in range(m):
-                total[i, j] += own[i, j]
+            bent[i, m + 1] += scratch.barrier_pushes[count + k, i]
+        total[:] = 0.0
+        _add_transposed(end, carried, total)
+        for j in range(m + 4):
+            total[0, j] += carried[n, j]
+            total[m, j] += carried[width, j]
+        _add_transposed(middle, bent, total)
+        own = total[1:, 1:]
+        _add_knot(k, step, path, multipliers, scratch, added, own)
         if k == 0:
-            total[width, width] += diagonal[last] + added
-            slope[width, 0] += gradient[last]
-        stiff = total[m, m]
+            own[width, width] += scratch.diagonal[last] + added
+            own[width, m] += scratch.slope[last]
+        stiff = total[0, 0]
         if not stiff > 0.0:
             return False
-        for i in range(m):
-            gains[k, i] = -total[m, i] / stiff
-        for r in range(3):
-            feeds[k, r] = -slope[m, r] / stiff
-        for i in range(m):
-            for j in range(m):
-                value[i, j] = total[i, j] + total[i, m] * gains[k, j]
-            for r in range(3):
-                cost[i, r] = slope[i, r] + total[i, m] * feeds[k, r]
+        for j in range(m + 3):
+            gains[k, j] = -total[0, 1 + j] / stiff
+            for i in range(m):
+                value[i, j] = own[i, j] + total[1 + i, 0] * gains[k, j]
 
     # The first command and h are free, the launch is not.
-    a, b, d = value[n, n], value[n, width], value[width, width]
+    a = value[n, n]
+    b = value[n, width]
+    d = value[width, width]
     determinant = a * d - b * b
     if not (a > 0.0 and determinant > 0.0):
         return False
-    paths = np.empty((3, count, m))
+    states = np.zeros((3, count, m + 3))  # For each of (1, p₀, p₁) alone.
+    stage = np.empty(m + 2)
     for r in range(3):
-        path = paths[r]
-        for i in range(m):
-            path[0, i] = 0.0
-        path[0, n] = (b * cost[width, r] - d * cost[n, r]) / determinant
-        path[0, width] = (b * cost[n, r] - a * cost[width, r]) / determinant
+        by_command = value[n, m + r]
+        by_step = value[width, m + r]
+        states[r, :, m + r] = 1.0
+        states[r, 0, n] = (b * by_step - d * by_command) / determinant
+        states[r, 0, width] = (b * by_command - a * by_step) / determinant
         for k in range(segments):
-            push = feeds[k, r]
-            for i in range(m):
-                push += gains[k, i] * path[k, i]
-            for i in range(n):
-                ends = to_end[k, i, n + 2] * push
-                if r == 0:
-                    ends += to_end[k, i, m + 1]
-                for j in range(m):
-                    ends += to_end[k, i, j] * path[k, j]
-                path[k + 1, i] = ends
-            path[k + 1, n] = push
-            path[k + 1, width] = path[k, width]
-    a, b = paths[1, segments, 0], paths[2, segments, 0]
-    c, d = paths[1, segments, 1], paths[2, segments, 1]
-    left = -misses[0] - paths[0, segments, 0]
-    below = -misses[1] - paths[0, segments, 1]
-    determinant = a * d - b * c
-    if penalty == 0.0:
-        pull[0], pull[1] = 0.0, 0.0
-    elif determinant > 0.0:
-        pull[0] = (d * left - b * below) / determinant
-        pull[1] = (a * below - c * left) / determinant
-    else:
-        return False
-    path = paths[0]
+            here = states[r, k]
+            ahead = states[r, k + 1]
+            stage[0] = _dot(gains[k], here)
+            stage[1:] = here[: m + 1]
+            _apply(to_end[k], stage, ahead)
+            ahead[n] = stage[0]
+            ahead[width] = here[width]
+    pull = scratch.drawn
+    pull[:] = 0.0
+    if penalty > 0.0:
+        ends = states[:, segments]
+        left = -scratch.misses[0] - ends[0, 0]
+        below = -scratch.misses[1] - ends[0, 1]
+        determinant = ends[1, 0] * ends[2, 1] - ends[2, 0] * ends[1, 1]
+        if not determinant > 0.0:
+            return False
+        pull[0] = (ends[2, 1] * left - ends[2, 0] * below) / determinant
+        pull[1] = (ends[1, 0] * below - ends[1, 1] * left) / determinant
+    found = states[0] + pull[0] * states[1] + pull[1] * states[2]
     for k in range(count):
-        for i in range(m):
-            path[k, i] += pull[0] * paths[1, k, i] + pull[1] * paths[2, k, i]
-        for i in range(width):
-            change[k * width + i] = path[k, i]
-    change[last] = path[0, width]
+        scratch.shifts[k] = found[k, :width]
+        scratch.change[k * width : (k + 1) * width] = found[k, :width]
+    scratch.change[last] = found[0, width]
 
     # Each segment's multipliers balance what its end's states weigh.
-    state = np.empty(m + 2)
+    weights = np.empty(width)
+    forces = np.empty(n)
     for k in range(segments):
-        for i in range(m):
-            state[i] = path[k, i]
-        state[n + 2] = path[k + 1, n]
-        state[n + 3] = 1.0
-        for i in range(width):
-            moved = 0.0
-            for j in range(m + 2):
-                moved += to_middle[k, i, j] * state[j]
-            bent[i, 0] = moved
-        for i in range(width):
-            weight = 0.0
-            for j in range(width):
-                weight += curvature[count + k, i, j] * bent[j, 0]
-            bent[i, 1] = weight
+        within = count + k
+        stage[0] = found[k + 1, n]
+        stage[1:] = found[k, : m + 1]
+        _apply(to_middle[k], stage, scratch.shifts[within])
+        _apply(path.curvature[within], scratch.shifts[within], weights)
+        weights += scratch.barrier_pushes[within]
+        _apply(values[k + 1], found[k + 1], forces)
         for i in range(n):
-            force = costs[k + 1, i, 0]
-            force += pull[0] * costs[k + 1, i, 1] + pull[1] * costs[k + 1, i, 2]
-            for j in range(m):
-                force += values[k + 1, i, j] * path[k + 1, j]
-            for j in range(n):
-                force += by_end[k, j, i] * bent[j, 1]
-            bent[i, 2] = force
+            forces[i] += _dot(by_end[k, :, i], weights)
         for i in range(n):
-            weight = 0.0
-            for j in range(n):
-                weight -= inverse[k, j, i] * bent[j, 2]
-            ahead[k, i] = weight
+            scratch.ahead[k, i] = -_dot(inverse[k, :, i], forces)
     return True

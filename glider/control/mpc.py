@@ -8,10 +8,10 @@ from glider.control.mppi import COMMAND_RATE
 from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.physics.state import POSITION
+from glider.planning.constraints import check_plannable
 from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
 from glider.planning.structured import CollocatedFlight, solve_structured
-from glider.planning.transcription import check_plannable
 
 _RATE_COST = 0.1
 """Weight of the elevator's squared rate [1/(rad²/s)] beside the goal's weights of

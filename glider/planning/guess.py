@@ -40,21 +40,3 @@ def straight_line(
         ),
         inputs=PiecewisePolynomial.FirstOrderHold(ends, np.zeros((1, 2))),
     )
-
-
-def swoop(
-    model: GliderModel, problem: PerchingProblem, dip: float, duration: float
-) -> Guess:
-    """A path that first dips below the line by `dip` [m], then pulls up to the wire."""
-    line = straight_line(model, problem, duration)
-    times = np.linspace(0.0, line.states.end_time(), 9)
-    phase = times / times[-1]
-    states = line.states.vector_values(times)
-    states[1] -= dip * np.sin(np.pi * phase)
-    states[5] -= dip * np.pi / times[-1] * np.cos(np.pi * phase)
-    states[2] = problem.goal[2] * phase**3
-    return Guess(
-        name=f"a dip of {dip:.2f} m over {times[-1]:.2f} s",
-        states=PiecewisePolynomial.FirstOrderHold(times, states),
-        inputs=PiecewisePolynomial.FirstOrderHold(times, np.zeros((1, len(times)))),
-    )

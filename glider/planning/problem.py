@@ -55,12 +55,26 @@ class Hook:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Obstacle:
+    """Cylinder across the plane of flight that the center of mass has to stay clear of.
+
+    The glider's ends reach farther: its tail is up to 0.3 m behind the center of mass.
+    Where they matter, the clearance has to contain them.
+    """
+
+    center: list[float]  #: Place of its axis, (x, z) [m].
+    radius: float  #: Radius [m].
+    clearance: float = 0.0  #: Least distance of the center of mass from it [m].
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class PerchingProblem:
     """Fly from a launch to a wire and arrive slowly, nose up.
 
     minimize   rate_cost ∫ u² dt + (x(T) - goal)ᵀ diag(goal_weights) (x(T) - goal)
     subject to the glider's dynamics, its launch, the bounds below, and the
-               travel and rate limits of the vehicle's elevator.
+               travel and rate limits of the vehicle's elevator
+               (`glider.planning.constraints`).
 
     The defaults are the article's problem. Signs as in `glider.physics.state`: a pitch
     of -π/4 is nose up.
@@ -77,6 +91,7 @@ class PerchingProblem:
         goal: state that the final cost draws to.
         goal_weights: diagonal of the final cost's weight.
         duration_limits: bounds of the number of knots times the step between them [s].
+        obstacles: that the flight keeps clear of, between knots too.
         hook: at the glider; no part of the plan, it determines which flights perch.
     """
 
@@ -91,6 +106,7 @@ class PerchingProblem:
     goal: list[float] = _list(0.0, 0.0, -math.pi / 4, 0.0, 0.0, 0.0, 0.0)
     goal_weights: list[float] = _list(10.0, 10.0, 1.0, 10.0, 1.0, 1.0, 1.0)
     duration_limits: list[float] = _list(0.5, 2.0)
+    obstacles: list[Obstacle] = dataclasses.field(default_factory=list)
     hook: Hook = dataclasses.field(default_factory=Hook)
 
     def __post_init__(self):
@@ -153,6 +169,7 @@ _POSITIVE = ("final_speed_limit", "hook.reach", "hook.speed_limit")
 def _check(problem: PerchingProblem) -> None:
     values = dataclasses.asdict(problem)
     hook = {f"hook.{name}": value for name, value in values.pop("hook").items()}
+    del values["obstacles"]
     for name, value in (values | hook).items():
         numbers = np.asarray(value, dtype=object).ravel()
         is_interval, what = name.endswith("_limits"), f"field '{name}'"
@@ -181,3 +198,19 @@ def _check(problem: PerchingProblem) -> None:
         low, high = getattr(problem, name)
         inside = f"a place within '{name}', {show([low, high])}"
         expect(low <= place <= high, "field 'wire'", problem.wire, inside)
+    for number, obstacle in enumerate(problem.obstacles):
+        _check_obstacle(obstacle, f"field 'obstacles[{number}]", problem.wire)
+
+
+def _check_obstacle(obstacle: Obstacle, what: str, wire: list[float]) -> None:
+    """Raises InputError for what is no obstacle, or one that holds the wire."""
+    center = obstacle.center
+    good = len(center) == len(wire) and all(map(is_number, center))
+    expect(good, f"{what}.center'", center, "2 finite numbers")
+    good = is_number(obstacle.radius) and obstacle.radius > 0.0
+    expect(good, f"{what}.radius'", obstacle.radius, "a positive number")
+    good = is_number(obstacle.clearance) and obstacle.clearance >= 0.0
+    expect(good, f"{what}.clearance'", obstacle.clearance, "a number not negative")
+    apart = math.dist(center, wire)
+    far = f"a place more than its radius and clearance from the wire, {show(wire)}"
+    expect(apart > obstacle.radius + obstacle.clearance, f"{what}.center'", center, far)

@@ -1,24 +1,28 @@
 """Direct collocation solved stage by stage, in milliseconds.
 
-The problem is that of `glider.planning.transcription`, knot by knot, and what is found
-is a minimum of Drake's program (tests/planning/test_structured.py checks it). The
+The constraints are those of `glider.planning.constraints`, and what is found is a
+minimum of Drake's program of them (tests/planning/test_structured.py checks it). The
 solver is `glider.compiled.interior_point`. CasADi's fatrop was measured: it takes a
 second to build the program and longer to solve it.
 """
 
 import dataclasses
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.compiled.barrier import Optimum, Program
+from glider.compiled.inequalities import Formula
 from glider.compiled.interior_point import optimize
 from glider.physics.model import GliderModel
+from glider.planning.constraints import constraints_of
 from glider.planning.guess import Guess, straight_line
+from glider.planning.path import POINTS, Path
 from glider.planning.problem import PerchingProblem
 
-COLD_BARRIER = 100.0
+_COLD_BARRIER = 100.0
 """Barrier's weight from a guess. A heavy barrier first leads away from the bounds: of
 fifty launches 47 can be planned and all are, 46 at the least cost that is known; with
 0.1 the same are planned, but 33 at their least."""
@@ -26,7 +30,14 @@ fifty launches 47 can be planned and all are, 46 at the least cost that is known
 WARM_BARRIER = 1e-2
 """Barrier's weight from a plan that was optimal nearby."""
 
-STRETCH = 1.4
+_ROUNDS = 8
+"""Solutions at most, each with larger margins where an inequality is violated between
+the points at which it is asked for."""
+
+_BEYOND = 1e-5
+"""Amount by which a violated inequality is to hold the next time."""
+
+_STRETCH = 1.4
 """Duration of the straight lines to start from, relative to those of `straight_line`: a
 slow flight has margin to brake, and of fast launches' minima it is the better one that
 is found."""
@@ -82,28 +93,35 @@ def make_program(
     With `arrive` place, pitch and speed at the end are held to what the problem asks;
     else its cost alone draws them to the goal, and there is a plan from everywhere.
     """
-    n, servo = model.num_states, model.parameters.servo
+    n = model.num_states
+    constraints = constraints_of(problem, model.parameters.servo)
     low = np.full((knots, n + 1), -np.inf)
-    high = -low
-    travel = [problem.x_limits, problem.z_limits, problem.pitch_limits]
-    for i, limits in enumerate([*travel, (servo.low, servo.high)]):
-        low[1:, i], high[1:, i] = limits
-    low[:, n], high[:, n] = -servo.rate, servo.rate
-    low[-1, :2], high[-1, :2] = -np.inf, np.inf  # The wire's place is an equation.
-    if arrive:
-        final = problem.final_pitch_limits
-        low[-1, 2], high[-1, 2] = max(low[-1, 2], final[0]), min(high[-1, 2], final[1])
-        low[-1, 4:6] = -problem.final_speed_limit
-        high[-1, 4:6] = problem.final_speed_limit
-    shortest, longest = np.array(problem.duration_limits) / knots
+    high = np.full((knots, n + 1), np.inf)
+    for bound in constraints.path:
+        low[1:, bound.state] = bound.low
+        high[1:, bound.state] = bound.high
+    low[:, n] = constraints.command.low
+    high[:, n] = constraints.command.high
+    place = [bound for bound in constraints.arrival if bound.is_equation]
+    for bound in place:
+        low[-1, bound.state] = -np.inf
+        high[-1, bound.state] = np.inf
+    for bound in constraints.arrival:
+        if arrive and not bound.is_equation:
+            low[-1, bound.state] = max(low[-1, bound.state], bound.low)
+            high[-1, bound.state] = min(high[-1, bound.state], bound.high)
     own = np.zeros(n - len(problem.goal))
     return Program(
-        low=np.append(low.ravel(), shortest),
-        high=np.append(high.ravel(), longest),
+        bounds=np.array(
+            [
+                np.append(low.ravel(), constraints.duration.low / knots),
+                np.append(high.ravel(), constraints.duration.high / knots),
+            ]
+        ),
         rate_cost=float(problem.rate_cost),
         goal=np.append(problem.goal, own),
         goal_weights=np.append(problem.goal_weights, own),
-        place=np.array(problem.wire, dtype=float),
+        place=np.array([bound.low for bound in place]),
         is_held=arrive,
     )
 
@@ -123,18 +141,18 @@ def to_optimum(guess: Guess, knots: int) -> Optimum:
 
 
 def slow_line(model: GliderModel, problem: PerchingProblem) -> Guess:
-    """Straight lines from launch to goal, STRETCH times as long as usual."""
+    """Straight lines from launch to goal, _STRETCH times as long as usual."""
     way = straight_line(model, problem).states.end_time()
-    return straight_line(model, problem, STRETCH * way)
+    return straight_line(model, problem, _STRETCH * way)
 
 
 def to_guess(flight: CollocatedFlight) -> Guess:
     """A flight as a guess for Drake's solvers."""
-    n = flight.num_states
+    columns = flight.knots.T
     return Guess(
         name=flight.name,
-        states=PiecewisePolynomial.FirstOrderHold(flight.times, flight.knots[:, :n].T),
-        inputs=PiecewisePolynomial.FirstOrderHold(flight.times, flight.knots[:, n:].T),
+        states=PiecewisePolynomial.FirstOrderHold(flight.times, columns[:-1]),
+        inputs=PiecewisePolynomial.FirstOrderHold(flight.times, columns[-1:]),
     )
 
 
@@ -146,7 +164,6 @@ def solve_structured(
     *,
     launch: np.ndarray | None = None,
     arrive: bool = True,
-    program: Program | None = None,
     elapsed: float = 0.0,
     tolerance: float = 1e-6,
     iterations: int = 150,
@@ -161,7 +178,6 @@ def solve_structured(
         guess: to start from.
         launch: (n,) all states at the launch; None for the problem's.
         arrive: see `make_program`.
-        program: to solve instead of that of the problem.
         elapsed: time since the launch of a plan to start from [s].
         tolerance: see `optimize`.
         iterations: see `optimize`; fewer bound the time.
@@ -174,11 +190,29 @@ def solve_structured(
     if isinstance(guess, CollocatedFlight):
         start, barrier = guess.resampled(knots, elapsed), WARM_BARRIER
     else:
-        start, barrier = to_optimum(guess, knots), COLD_BARRIER
+        start, barrier = to_optimum(guess, knots), _COLD_BARRIER
     n = model.num_states
     start.w[:n] = model.initial_state(problem.launch) if launch is None else launch
-    program = program or make_program(model, problem, knots, arrive)
-    found = optimize(model, program, start, barrier, tolerance, iterations)
+    program = make_program(model, problem, knots, arrive)
+    inequalities = constraints_of(problem, model.parameters.servo).inequalities
+    formulas = [inequality.formula for inequality in inequalities]
+    margins = np.zeros((len(formulas), 2 * knots - 1))
+    for _ in range(_ROUNDS):
+        found = optimize(
+            model, program, start, barrier, tolerance, iterations, formulas, margins
+        )
+        is_coarse = tolerance >= COARSE_TOLERANCE
+        if is_coarse or not formulas or found.status != "solved":
+            break
+        w = found.optimum.w
+        points = w[:-1].reshape(knots, n + 1)
+        path = Path(model, w[-1] * np.arange(knots), points[:, :-1], points[:, -1])
+        if not _raise_margins(margins, formulas, path):
+            break
+        start = found.optimum._replace(forces=np.zeros_like(start.forces))
+        barrier = WARM_BARRIER
+    else:
+        found = found._replace(status="inequalities violated between knots")
     return CollocatedFlight(
         name=name,
         optimum=found.optimum,
@@ -189,3 +223,62 @@ def solve_structured(
         solved=found.status == "solved",
         seconds=time.perf_counter() - begin,
     )
+
+
+def solve_from_guess(
+    model: GliderModel,
+    problem: PerchingProblem,
+    knots: int,
+    guess: Guess | CollocatedFlight,
+    tolerance: float = 1e-6,
+) -> CollocatedFlight:
+    """Plans from a guess; if that fails, from a flight that ends where it is cheapest.
+
+    Where there are obstacles, it begins with the plan that there is without them: from
+    a line that runs into one, a dearer way round it may be found, or none.
+
+    Raises:
+        UncompilableError: a formula is not of what numba compiles.
+    """
+
+    def solve(start, clear=False, **options):
+        own = dataclasses.replace(problem, obstacles=[]) if clear else problem
+        return solve_structured(
+            model, own, knots, start, tolerance=tolerance, **options
+        )
+
+    if problem.obstacles and isinstance(guess, Guess):
+        unhindered = solve(guess, clear=True)
+        if unhindered.solved:
+            flight = solve(unhindered)
+            if flight.solved:
+                return flight
+    flight = solve(guess)
+    if flight.solved:
+        return flight
+    free = solve(guess, arrive=False)
+    again = solve(free) if free.solved else flight
+    return again if again.solved else flight
+
+
+def _raise_margins(
+    margins: np.ndarray, formulas: Sequence[Formula], path: Path
+) -> bool:
+    """Raises margins (J, 2 N - 1) of the points beside which an inequality is violated.
+
+    Returns:
+        whether there are any.
+    """
+    states = np.moveaxis(path.between, -1, 0)
+    knots = len(path.times)
+    violated = False
+    for formula, margin in zip(formulas, margins, strict=True):
+        values = formula(states)
+        at_points = np.append(formula(path.states.T), values[POINTS // 2])
+        halves = values.reshape(2, POINTS // 2, knots - 1).min(axis=1)
+        for half, segment in np.argwhere(halves < 0.0):
+            lacking = _BEYOND - 1.1 * halves[half, segment]
+            for point in (segment + half, knots + segment):
+                margin[point] = max(margin[point], at_points[point] + lacking)
+            violated = True
+    return violated

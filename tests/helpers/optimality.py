@@ -1,7 +1,7 @@
 """A plan held against Drake's own program: feasible, and a minimum as far as slopes go.
 
-The defects are those of Drake's DirectCollocationConstraint, differentiated by
-AutoDiffXd through the formulas as they are: no code is shared with who planned.
+The defects are those of Drake's DirectCollocationConstraint over `GliderPlant`, whose
+compiled slopes tests/systems/test_plant.py holds against the plain formulas.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
-from glider.planning.transcription import Dynamics, transcribe
+from glider.planning.program import perching_program
 
 ACTIVE = 1e-3
 """Distance from a bound within which it may push. Where an interior-point method
@@ -47,7 +47,7 @@ def check_optimality(
         plan: by direct collocation.
     """
     knots = len(plan.times)
-    dc = transcribe(Dynamics(model, fast=False), problem, knots)
+    dc = perching_program(model, problem, knots)
     program = dc.prog()
     point = _values_of(dc, plan)
     slope, cost = np.zeros(len(point)), 0.0

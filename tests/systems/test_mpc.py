@@ -137,7 +137,7 @@ def test_who_need_not_arrive_ends_where_it_is_cheapest():
     np.testing.assert_allclose(again.optimum.pull, 0.0, atol=1e-4)
     assert 0.0 < np.hypot(*end[:2]) < 0.05
     program = make_program(NOMINAL, problem, 5, arrive=False)
-    low = program.low[:-1].reshape(5, 8)
+    low = program.bounds[0, :-1].reshape(5, 8)
     assert np.all(np.isinf(low[-1, [0, 1, 4, 5]])) and not program.is_held
 
 

@@ -108,7 +108,7 @@ def test_whatever_is_missing_is_said(launch, rests):
     assert "a latency of 10 ms; expected 5 ms" in fault
     narrow = PerchingProblem(x_limits=[-3.45, 1.0], duration_limits=[0.5, 0.9])
     far, long = phase_faults(launch, rests, narrow)
-    assert "passes an x of -3.5" in far and "may last 0.9085 s" in long
+    assert "passes x = -3.5 m" in far and "may last 0.9085 s" in long
     short = changed(launch, times=launch.nominal.times / 2.0)
     assert "ends after 15 ms" in phase_faults(short, rests)[0]
     settings = dataclasses.replace(rests[0].settings, period=0.01)

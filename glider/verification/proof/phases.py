@@ -25,6 +25,7 @@ import numpy as np
 import scipy.optimize
 
 from glider.errors import expect
+from glider.planning.constraints import constraints_of
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import stays_definite
@@ -119,7 +120,7 @@ def phase_faults(
 def _problem_faults(launch, rests, problem):
     """Returns where the flight until the end is not the problem's, but for its end."""
     longest = launch.nominal.times[-1] + max(own.nominal.times[-1] for own in rests)
-    most = problem.duration_limits[1]
+    most = constraints_of(problem).duration.high
     words = f"A flight may last {longest:.4f} s; the problem allows {most:.4g} s."
     faults = launch_faults(launch, problem) + path_faults(launch, problem)
     return faults + unmet((longest <= most, words))

@@ -22,6 +22,7 @@ from glider.physics.confidence import (
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
 from glider.physics.state import PITCH, POSITION, VELOCITY
+from glider.planning.constraints import Bound, constraints_of
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel
 
@@ -184,21 +185,29 @@ def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
 
 
 def path_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
-    """Returns where a nominal flight leaves the bounds of a problem's path."""
-    x, z, pitch = funnel.nominal.states.T[[*POSITION, PITCH]]
-    return [
-        *_beyond("passes an x", x, problem.x_limits),
-        *_beyond("passes a z", z, problem.z_limits),
-        *_beyond("passes a pitch", pitch, problem.pitch_limits),
-    ]
+    """Returns where a nominal flight leaves what a problem demands of its path.
+
+    The elevator's travel is the servo's, and proven.
+    """
+    constraints = constraints_of(problem)
+    states = funnel.nominal.states
+    faults = []
+    for bound in constraints.path:
+        faults += _beyond("The flight passes", bound, states[:, bound.state])
+    for inequality in constraints.inequalities:
+        least = float(inequality.formula(states.T).min())
+        words = f"The flight's {inequality.name} is {least:.4g} {inequality.unit};"
+        faults += unmet((least >= -PLAN_TOLERANCE, f"{words} expected at least 0."))
+    return faults
 
 
-def _beyond(what, values, limits):
-    """Returns a sentence where a flight's values leave their limits, if it does."""
-    beyond = np.maximum(limits[0] - values, values - limits[1])
-    value = np.ravel(values)[np.argmax(beyond)]
-    words = f"The flight {what} of {value:.4g}; the problem allows {limits[0]:.4g} to "
-    return unmet((np.max(beyond) <= PLAN_TOLERANCE, f"{words}{limits[1]:.4g}."))
+def _beyond(words: str, bound: Bound, values: np.ndarray) -> list[str]:
+    """Returns a sentence where a flight's values leave their bound, if they do."""
+    beyond = np.maximum(bound.low - values, values - bound.high)
+    value = values[np.argmax(beyond)]
+    allowed = f"the problem allows {bound.low:.4g} to {bound.high:.4g}."
+    sentence = f"{words} {bound.name} = {value:.4g} {bound.unit}; {allowed}"
+    return unmet((np.max(beyond) <= PLAN_TOLERANCE, sentence))
 
 
 def problem_faults(
@@ -208,28 +217,34 @@ def problem_faults(
 
     It may start elsewhere if it is not `from_launch`.
     """
-    reached, reach = arrival(funnel, problem), problem.hook.reach
-    end, speed = funnel.nominal.states[-1], problem.final_speed_limit
-    soonest, latest = problem.duration_limits
-    (low, high), (least, most) = reached.pitch, problem.pitch_limits
+    constraints = constraints_of(problem)
+    reached = arrival(funnel, problem)
+    reach = constraints.hook.reach
+    duration = constraints.duration
+    low, high = reached.pitch
+    pitch = {bound.state: bound for bound in constraints.path}[PITCH]
     far = f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches"
     late = f"The flight ends at {reached.time:.4f} s; the problem's duration_limits are"
     steep = f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem allows"
-    return [
-        *(launch_faults(funnel, problem) if from_launch else []),
-        *unmet(
-            (reached.miss <= reach + PLACE_TOLERANCE, f"{far} {reach:.4g} m."),
-            (
-                soonest <= reached.time <= latest,
-                f"{late} {soonest:.4g} to {latest:.4g} s.",
-            ),
+    faults = launch_faults(funnel, problem) if from_launch else []
+    faults += unmet(
+        (reached.miss <= reach + PLACE_TOLERANCE, f"{far} {reach:.4g} m."),
+        (
+            duration.low <= reached.time <= duration.high,
+            f"{late} {duration.low:.4g} to {duration.high:.4g} s.",
         ),
-        *path_faults(funnel, problem),
-        *_beyond("ends with a pitch", end[PITCH], problem.final_pitch_limits),
-        *_beyond("ends with a speed", end[VELOCITY[0]], [-speed, speed]),
-        *_beyond("ends with a speed", end[VELOCITY[1]], [-speed, speed]),
-        *unmet((least <= low and high <= most, f"{steep} {least:.4g} to {most:.4g}.")),
-    ]
+    )
+    faults += path_faults(funnel, problem)
+    for bound in constraints.arrival:
+        if not bound.is_equation:  # The place is the hook's.
+            values = funnel.nominal.states[-1:, bound.state]
+            faults += _beyond("The flight ends with", bound, values)
+    return faults + unmet(
+        (
+            pitch.low <= low and high <= pitch.high,
+            f"{steep} {pitch.low:.4g} to {pitch.high:.4g}.",
+        )
+    )
 
 
 def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
@@ -237,7 +252,8 @@ def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
 
     Where it accepts all, it holds every state of the last set at the wire.
     """
-    reached, hook = arrival(funnel, problem), problem.hook
+    reached = arrival(funnel, problem)
+    hook = constraints_of(problem).hook
     (low, high), (least, most) = np.degrees([reached.pitch, hook.pitch_limits])
     far = f"The goal reaches {reached.miss:.8g} m from the wire; the hook accepts less"
     fast = f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook accepts up"

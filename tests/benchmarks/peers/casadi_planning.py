@@ -94,8 +94,8 @@ def transcribed(
     nlp = {"x": w, "f": cost, "g": casadi.vertcat(*defects)}
     return Transcription(
         solver=casadi.nlpsol("perch", "ipopt", nlp, options),
-        low=program.low,
-        high=program.high,
+        low=program.bounds[0],
+        high=program.bounds[1],
     )
 
 

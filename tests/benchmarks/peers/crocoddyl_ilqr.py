@@ -6,10 +6,11 @@ keeps the servo's rate limit (the stops of the elevator it cannot).
 
 import numpy as np
 
+from glider.compiled.collocation import rates_along
+from glider.compiled.jacobian import differentiate, stacked
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.planning.transcription import Dynamics
 from ilqr import IlqrSettings, goal_problem, ilqr
 from tests.benchmarks.peers.pairs import Pair
 
@@ -24,7 +25,9 @@ def pairs() -> tuple[Pair, ...]:
         goal_problem(),
         IlqrSettings(),
     )
-    n, servo, dynamics = model.num_states, heavy.servo, Dynamics(model)
+    n, servo = model.num_states, heavy.servo
+    z = stacked(n, model.numbers)
+    directions = np.asfortranarray(np.eye(n + 1))
     goal, stage = np.array(problem.goal), np.array(settings.state_weights)
     final, rate = np.array(problem.goal_weights), problem.rate_cost * settings.step
 
@@ -43,7 +46,8 @@ def pairs() -> tuple[Pair, ...]:
             if self._is_last or u is None:
                 data.xnext, data.cost = x, float(final @ error**2)
                 return
-            data.xnext = x + settings.step * dynamics.evaluate(x, u[0])
+            rates = rates_along(model, np.append(x, u)[None])[0]
+            data.xnext = x + settings.step * rates
             data.cost = float(stage @ error**2) + rate * u[0] ** 2
 
         def calcDiff(self, data, x, u=None):
@@ -51,7 +55,9 @@ def pairs() -> tuple[Pair, ...]:
             data.Lx, data.Lxx = 2.0 * weights * (x - goal), np.diag(2.0 * weights)
             if self._is_last or u is None:
                 return
-            slopes = dynamics.linearize(x, u[0])[1]
+            z[:n] = x
+            z[n] = u[0]
+            slopes = differentiate(model, 0.0, z, directions)[1]
             data.Fx = np.eye(n) + settings.step * slopes[:, :n]
             data.Fu = settings.step * slopes[:, n]
             data.Lu = np.array([2.0 * rate * u[0]])

@@ -8,12 +8,12 @@ import dataclasses
 
 import numpy as np
 
+from glider.compiled.collocation import rates_along
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
-from glider.planning.transcription import Dynamics
 from ilqr import goal_cost
 from sampling_planners import mppi
 from tests.benchmarks.peers.pairs import Pair
@@ -30,14 +30,14 @@ def pairs() -> tuple[Pair, ...]:
     heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
     problem = PerchingProblem.load(models_path("problems", "sampling.yaml"))
     model, launch = GliderModel(parameters=heavy), np.array(problem.launch)
-    cost, dynamics = SequenceCost(model, problem), Dynamics(model)
+    cost = SequenceCost(model, problem)
     start, settings = (
         torch.tensor(launch),
         MppiSettings(temperature=0.1, deviation=1.0, likelihood_ratio=True),
     )
 
     def step(state, u):
-        rates = dynamics.rates(np.hstack([state.numpy(), u.numpy()]))
+        rates = rates_along(model, np.hstack([state.numpy(), u.numpy()]))
         return state + cost.step * torch.from_numpy(rates)
 
     def running_cost(state, u):

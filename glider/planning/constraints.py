@@ -1,0 +1,210 @@
+"""What a perching problem demands of a flight, as data.
+
+`constraints_of` is the one place that spells out the limits of a problem and of a
+servo. Drake's program (`glider.planning.program`), our own solver
+(`glider.planning.structured`), the verdict on their paths (`find_violations`) and the
+check that a funnel is the intended one (`glider.verification.proof.purpose`) read them
+from here.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from glider.errors import InputError, expect
+from glider.physics.formulas import sqrt
+from glider.physics.model import GliderModel
+from glider.physics.parameters import check_units
+from glider.physics.servo import NO_LIMITS, Servo
+from glider.physics.state import ELEVATOR, PITCH, POSITION, STATE_NAMES, VELOCITY
+from glider.planning.path import Path
+from glider.planning.problem import Hook, Obstacle, PerchingProblem
+
+_ROUNDING = 0.1
+"""Distance from an obstacle's center, relative to its radius, within which the distance
+is rounded off: there it has no slope. At the edge it is exact."""
+
+_UNITS = ("m", "m", "rad", "rad", "m/s", "m/s", "rad/s")
+"""Units of the states; an effect's own state goes without."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Bound:
+    """Least and largest value of a quantity, a state in most cases."""
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    state: int = -1  #: Index of the state, -1 for what is none.
+
+    @property
+    def is_equation(self) -> bool:
+        """Whether only one value is left."""
+        return self.low == self.high
+
+    def excess(self, values: np.ndarray) -> float:
+        """Largest amount by which values lie outside; negative if all are inside."""
+        below = self.low - np.asarray(values)
+        above = np.asarray(values) - self.high
+        return float(np.maximum(below, above).max())
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Inequality:
+    """g(x) >= 0 over a whole flight, between knots too.
+
+    Attributes:
+        name: that messages use.
+        unit: of g.
+        formula: g, smooth, of the model's states in their order. It gets a sequence of
+            arrays, complex ones among them, or of AutoDiffXd, so it consists of
+            operators and `glider.physics.formulas`.
+    """
+
+    name: str
+    unit: str
+    formula: Callable[[Any], Any]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Constraints:
+    """Everything that a flight has to keep besides the dynamics and its launch."""
+
+    path: tuple[Bound, ...]  #: Of states, over the whole flight.
+    command: Bound  #: Over the whole flight.
+    arrival: tuple[Bound, ...]  #: Of states, at the end; the place is an equation.
+    duration: Bound  #: Of the number of knots times the step between them.
+    inequalities: tuple[Inequality, ...]
+    hook: Hook  #: At the glider: no part of a plan, but of what it is for.
+
+
+class Violation(NamedTuple):
+    """A constraint that a path does not keep."""
+
+    name: str
+    amount: float
+    unit: str
+
+    def __str__(self) -> str:
+        """Returns the name and the amount, as a message has them."""
+        return f"{self.name} by {self.amount:.3g} {self.unit}".rstrip()
+
+
+def constraints_of(problem: PerchingProblem, servo: Servo = NO_LIMITS) -> Constraints:
+    """Returns what a problem, and the servo of its glider, demand of a flight."""
+    x, z = POSITION
+    speed = problem.final_speed_limit
+    travel = (servo.low, servo.high)
+    path = {x: problem.x_limits, z: problem.z_limits, PITCH: problem.pitch_limits}
+    arrival = {
+        place: [wire, wire] for place, wire in zip(POSITION, problem.wire, strict=True)
+    }
+    arrival[PITCH] = problem.final_pitch_limits
+    arrival |= {state: [-speed, speed] for state in VELOCITY}
+    shortest, longest = problem.duration_limits
+    return Constraints(
+        path=tuple(
+            _bound_state(state, limits)
+            for state, limits in (path | {ELEVATOR: travel}).items()
+        ),
+        command=Bound(
+            name="elevator rate", low=-servo.rate, high=servo.rate, unit="rad/s"
+        ),
+        arrival=tuple(
+            _bound_state(state, limits, " at the wire")
+            for state, limits in arrival.items()
+        ),
+        duration=Bound(name="duration", low=shortest, high=longest, unit="s"),
+        inequalities=tuple(
+            _keep_off(obstacle, number, len(problem.obstacles))
+            for number, obstacle in enumerate(problem.obstacles, 1)
+        ),
+        hook=problem.hook,
+    )
+
+
+def _bound_state(state, limits, where=""):
+    low, high = limits
+    return Bound(
+        name=STATE_NAMES[state] + where,
+        low=low,
+        high=high,
+        unit=_UNITS[state],
+        state=state,
+    )
+
+
+def _keep_off(obstacle: Obstacle, number: int, count: int) -> Inequality:
+    """Keeps the center of mass off an obstacle."""
+    x, z = obstacle.center
+    radius = obstacle.radius + obstacle.clearance
+
+    rounded = (_ROUNDING * radius) ** 2
+
+    def clearance(states):
+        squared = (states[0] - x) ** 2 + (states[1] - z) ** 2
+        return sqrt(squared + rounded) - math.sqrt(radius**2 + rounded)
+
+    name = (
+        "clearance of the obstacle" if count == 1 else f"clearance of obstacle {number}"
+    )
+    return Inequality(name=name, unit="m", formula=clearance)
+
+
+def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
+    """Raises InputError where direct collocation cannot take a problem.
+
+    The glider varies in time, its mass and inertia cannot be of one glider, or the
+    launch is outside the problem's own limits.
+    """
+    check_units(vars(model.parameters))
+    if model.is_time_varying:
+        raise InputError(
+            "plan: the glider's motion depends on time, which direct collocation does "
+            "not support; expected a field over x instead."
+        )
+    constraints = constraints_of(problem, model.parameters.servo)
+    for bound in constraints.path:
+        value = problem.launch[bound.state]
+        expected = f"a value from {bound.low:g} to {bound.high:g}"
+        good = bound.low <= value <= bound.high
+        expect(good, f"plan: the launch's {bound.name}", value, expected)
+    launch = model.initial_state(problem.launch)
+    for inequality in constraints.inequalities:
+        value = float(inequality.formula(launch))
+        expect(
+            value >= 0.0, f"plan: the launch's {inequality.name}", value, "at least 0"
+        )
+
+
+def find_violations(constraints: Constraints, path: Path) -> list[Violation]:
+    """Returns what a path violates, the largest amount in SI units first.
+
+    Bounds hold at the knots; inequalities hold between them too; the dynamics hold
+    at the collocation points, where what they miss is the defect of a segment.
+    """
+    knots = path.states
+    found: list[tuple[Bound | Inequality, float]] = [
+        (bound, bound.excess(knots[1:, bound.state])) for bound in constraints.path
+    ]
+    found += [
+        (bound, bound.excess(knots[-1, bound.state])) for bound in constraints.arrival
+    ]
+    found.append((constraints.command, constraints.command.excess(path.inputs)))
+    length = len(knots) * path.times[1]
+    found.append((constraints.duration, constraints.duration.excess(length)))
+    for inequality in constraints.inequalities:
+        for states in (path.between, path.states):
+            least = inequality.formula(np.moveaxis(states, -1, 0)).min()
+            found.append((inequality, -float(least)))
+    violations = [Violation(part.name, amount, part.unit) for part, amount in found]
+    defects = path.defects.max(axis=0)
+    units = _UNITS + ("",) * (len(defects) - len(_UNITS))
+    for name, amount, unit in zip(path.model.state_names, defects, units, strict=True):
+        violations.append(Violation(f"dynamics of {name}", float(amount), unit))
+    violations.sort(key=lambda violation: -violation.amount)
+    return [violation for violation in violations if violation.amount > 0.0]

@@ -1,0 +1,100 @@
+"""A perching problem as a program of Drake, for costs and constraints of one's own."""
+
+import numpy as np
+from pydrake.planning import DirectCollocation
+
+from glider.physics.model import GliderModel, as_model
+from glider.physics.state import NUM_STATES
+from glider.planning.constraints import Inequality, check_plannable, constraints_of
+from glider.planning.guess import straight_line
+from glider.planning.problem import PerchingProblem
+from glider.systems.plant import GliderPlant
+
+
+def perching_program(
+    model: GliderModel, problem: PerchingProblem | None = None, knots: int = 41
+) -> DirectCollocation:
+    """Builds Drake's direct collocation of a problem, with equal steps between knots.
+
+    It holds the problem's costs, its constraints and straight lines as a guess: add
+    what else you ask for, and hand its `prog()` to a solver of Drake. Inequalities
+    hold at the knots and at the collocation points. Every constraint of the problem
+    has a description, as `GetInfeasibleConstraintNames` shows it.
+
+    Args:
+        model: the glider, in still air.
+        problem: what to fly, None for the article's perch; the elevator's limits are
+            the vehicle's.
+        knots: number of knots, at least 2.
+
+    Raises:
+        InputError: where the glider or the problem cannot be planned for.
+    """
+    model = as_model(model)
+    problem = PerchingProblem() if problem is None else problem
+    check_plannable(model, problem)
+    constraints = constraints_of(problem, model.parameters.servo)
+    plant = GliderPlant(model)
+    shortest = constraints.duration.low / knots
+    longest = constraints.duration.high / knots
+    dc = DirectCollocation(
+        plant, plant.CreateDefaultContext(), knots, shortest, longest
+    )
+    dc.AddEqualTimeIntervalsConstraints()
+    launch = model.initial_state(problem.launch)
+    _bound(dc, dc.initial_state(), launch, launch, "launch")
+    states = np.array([dc.state(k) for k in range(knots)])
+    inputs = np.array([dc.input(k)[0] for k in range(knots)])
+    for bound in constraints.path:
+        _bound(dc, states[:, bound.state], bound.low, bound.high, bound.name)
+    for bound in constraints.arrival:
+        _bound(dc, states[-1:, bound.state], bound.low, bound.high, bound.name)
+    rate = constraints.command
+    _bound(dc, inputs, rate.low, rate.high, rate.name)
+    for inequality in constraints.inequalities:
+        _keep(dc, model, inequality, knots)
+    dc.AddRunningCost(problem.rate_cost * dc.input()[0] ** 2)
+    weights = np.diag(problem.goal_weights)
+    final = dc.final_state()[:NUM_STATES]
+    dc.prog().AddQuadraticErrorCost(weights, np.array(problem.goal), final)
+    guess = straight_line(model, problem)
+    dc.SetInitialTrajectory(guess.inputs, guess.states)
+    return dc
+
+
+def _bound(dc, variables, low, high, name):
+    size = len(variables)
+    binding = dc.prog().AddBoundingBoxConstraint(
+        np.broadcast_to(low, size), np.broadcast_to(high, size), variables
+    )
+    binding.evaluator().set_description(name)
+
+
+def _keep(
+    dc: DirectCollocation, model: GliderModel, inequality: Inequality, knots: int
+) -> None:
+    """Adds an inequality at the knots after the launch, and at the middles."""
+    n = model.num_states
+
+    def at_knot(state):
+        return [inequality.formula(state)]
+
+    def at_middle(variables):
+        step = variables[0]
+        start, end = variables[1 : n + 1], variables[n + 1 : 2 * n + 1]
+        rates = [
+            np.array(model.chain.derivatives(0.0, x, u, 0.0, 0.0, model.numbers))
+            for x, u in zip((start, end), variables[2 * n + 1 :], strict=True)
+        ]
+        middle = 0.5 * (start + end) + step / 8.0 * (rates[0] - rates[1])
+        return [inequality.formula(middle)]
+
+    for k in range(1, knots):
+        ends = [dc.state(k - 1), dc.state(k), dc.input(k - 1), dc.input(k)]
+        variables = np.concatenate([np.ravel(dc.time_step(k - 1)), *ends])
+        for function, of, where in (
+            (at_knot, dc.state(k), f"at knot {k}"),
+            (at_middle, variables, f"in segment {k - 1}"),
+        ):
+            name = f"{inequality.name} {where}"
+            dc.prog().AddConstraint(function, [0.0], [np.inf], of, name)

@@ -1,0 +1,43 @@
+"""Drake's direct collocation of the problem, for costs and constraints of one's own."""
+
+import numpy as np
+import pytest
+from pydrake.solvers import IpoptSolver, SnoptSolver
+
+from glider import GliderModel, PerchingProblem, perching_program
+
+
+@pytest.mark.parametrize("solver", [SnoptSolver, IpoptSolver])
+def test_with_nothing_added_it_has_the_known_minimum(solver):
+    dc = perching_program(GliderModel())
+    result = solver().Solve(dc.prog())
+    assert result.is_success()
+    assert result.get_optimal_cost() == pytest.approx(194.0462, abs=1e-3)
+    assert dc.ReconstructStateTrajectory(result).end_time() == pytest.approx(
+        0.8795, abs=1e-4
+    )
+
+
+def test_what_is_added_is_kept():
+    """The article's plan climbs to 0.27 m."""
+    dc = perching_program(GliderModel(), PerchingProblem(), knots=21)
+    dc.AddConstraintToAllKnotPoints(dc.state()[1] <= 0.2)
+    result = SnoptSolver().Solve(dc.prog())
+    assert result.is_success()
+    assert dc.GetStateSamples(result)[1].max() == pytest.approx(0.2, abs=1e-5)
+    assert result.get_optimal_cost() > 195.0
+
+
+def test_constraints_have_names():
+    dc = perching_program(GliderModel(), PerchingProblem(), knots=5)
+    names = {
+        binding.evaluator().get_description()
+        for binding in dc.prog().GetAllConstraints()
+    }
+    assert {"launch", "z", "elevator rate", "pitch at the wire"} <= names
+
+
+def test_its_guess_is_a_straight_line():
+    dc = perching_program(GliderModel(), PerchingProblem(), knots=5)
+    guess = dc.prog().GetInitialGuess(dc.state(2))
+    np.testing.assert_allclose(guess[:2], [-1.75, 0.05], atol=1e-12)
