@@ -4,7 +4,7 @@ import io
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
@@ -118,8 +118,8 @@ def _line_style(dashes: tuple[float, ...]) -> Any:
 def _draw_panel(axes: Axes, panel: spec.Panel) -> None:
     axes.set_title(_plain(panel.title), y=1.0)  # A given height is faster.
     axes.margins(0.02, 0.15)
-    for name, axis in (("x", panel.x), ("y", panel.y)):
-        _set_axis(axes, name, axis)
+    _set_axis(axes, "x", panel.x)
+    _set_axis(axes, "y", panel.y)
     clouds = [mark for mark in panel.marks if isinstance(mark, spec.Points)]
     has_cloud = any(cloud.size < 5.0 for cloud in clouds)
     for mark in panel.marks:
@@ -129,7 +129,7 @@ def _draw_panel(axes: Axes, panel: spec.Panel) -> None:
         _draw_mark(mark, axes, color)
 
 
-def _set_axis(axes: Axes, name: str, axis: spec.Axis) -> None:
+def _set_axis(axes: Axes, name: Literal["x", "y"], axis: spec.Axis) -> None:
     """Sets the scale, ticks, grid, limits and label of an axis."""
     settings: dict[str, Any] = {f"{name}label": _plain(axis.label)}
     if axis.is_log:
