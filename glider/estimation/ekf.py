@@ -21,7 +21,6 @@ from glider.compiled.jacobian import stacked
 from glider.errors import expect
 from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel
-from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, POSE_NAMES, STATE_NAMES
 
 STEP = 0.01
@@ -35,7 +34,7 @@ WIND_NAMES = ("wind_x", "wind_z")
 class SlowState:
     """A number that is estimated beside the state."""
 
-    name: str  #: One of PARAMETER_NAMES, WIND_NAMES, or "effect.coefficient".
+    name: str  #: One of WIND_NAMES, or of the names of `GliderModel.space`.
     std: float  #: Standard deviation before any measurement.
     walk: float = 0.0  #: Variance that it gains per second.
     decay: float = 0.0  #: Rate at which its expectation falls, as exp(-decay t) [1/s].
@@ -108,7 +107,9 @@ def make_ekf(
     for name, value in (("rate", rate), ("step", step)):
         good = math.isfinite(value) and value > 0.0
         expect(good, f"make_ekf: '{name}'", value, "a positive number")
-    n, places = model.num_states, _places(model)
+    n = model.num_states
+    named = (*WIND_NAMES, *model.space.names)  # As they stand in z, after the command.
+    places = {name: n + 1 + i for i, name in enumerate(named)}
     process, noise = _checked_process(process, n), _checked_noise(noise, n)
     names = (*(s.name for s in slow), *known)
     for name in names:
@@ -121,7 +122,7 @@ def make_ekf(
         good = all(map(math.isfinite, numbers)) and min(numbers[:2]) >= 0.0
         what = f"make_ekf: slow state '{s.name}' (std, walk, decay, mean)"
         expect(good, what, numbers, "finite numbers, std and walk not negative")
-    z = stacked(n, model.numbers)
+    z = stacked(model)
     taken = np.array([*range(n), *(places[s.name] for s in slow)])
     acting, seen = _depend(model, z, taken)
     period = 1.0 / rate
@@ -147,13 +148,6 @@ def make_ekf(
             entry=np.array([n, *(places[name] for name in known)]),
         ),
     )
-
-
-def _places(model: GliderModel) -> dict[str, int]:
-    """Indices in z of all that may be a slow state or a known input."""
-    names = [*WIND_NAMES, *PARAMETER_NAMES]
-    names += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
-    return {name: model.num_states + 1 + i for i, name in enumerate(names)}
 
 
 def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.actuators import replayed_path
-from glider.compiled.theta import Layout
 from glider.errors import InputError, expect
 from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
@@ -30,6 +29,7 @@ from glider.experiments.throws import (
     tape_towards,
 )
 from glider.physics.effects import Field
+from glider.physics.parameter_space import ParameterSpace
 from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, STATE_NAMES
 from glider.simulation.campaigns import fly_path
 
@@ -107,7 +107,7 @@ def shortest(place: Range) -> float:
 def keep(
     throw: Throw,
     place: Range,
-    layout: Layout,
+    space: ParameterSpace,
     models: Sequence[tuple[np.ndarray, Field]],
 ) -> Kept:
     """Cuts a throw to how long every model keeps it, and launch errors, in a funnel."""
@@ -116,7 +116,7 @@ def keep(
     times = np.arange(count * fine + 1) / (place.command_rate * fine)
     level = np.max(
         [
-            levels(throw, place, layout, theta, field, times).max(axis=0)
+            levels(throw, place, space, theta, field, times).max(axis=0)
             for theta, field in models
         ],
         axis=0,
@@ -140,14 +140,14 @@ def keep(
 def levels(
     throw: Throw,
     place: Range,
-    layout: Layout,
+    space: ParameterSpace,
     theta: np.ndarray,
     field: Field,
     times: np.ndarray,
 ) -> np.ndarray:
     """V of a throw at some times by one model, (launches, n)."""
     assert place.funnel is not None
-    replay = layout.replay(theta)
+    replay = space.replay(theta)
     rest = float(throw.launch[ELEVATOR])
     here, middle = (
         replayed_path(
@@ -159,7 +159,7 @@ def levels(
     rate = np.diff(here) / np.diff(times)
     flights = np.stack(
         [
-            fly_path(layout, theta, launch, times, elevator, rate, field)
+            fly_path(space, theta, launch, times, elevator, rate, field)
             for launch in launches(throw, place.limits)
         ]
     )[..., :NUM_STATES]

@@ -40,7 +40,7 @@ class Dynamics:
     def __init__(self, model: GliderModel, fast: bool = True) -> None:
         self.model, self.num_states, self.fast = model, model.num_states, fast
         self._theta, self._derivatives = model.numbers, model.chain.derivatives
-        self._z = stacked(self.num_states, self._theta)
+        self._z = stacked(model)
         self._all = np.asfortranarray(np.eye(self.num_states + 1))
         self._none = np.empty((0, 0))
 

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from examples.article.tapes import fly_tapes
-from glider.compiled.theta import layout_for, theta_of
 from glider.errors import InputError
 from glider.experiments.funnel_throws import (
     FUNNEL_GENES,
@@ -29,6 +28,7 @@ from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.report.next_throw import sentences, throw_words
 from glider.simulation.fly import fly
+from glider.sysid.replay.log_space import log_space_of, vector_of
 from glider.verification.funnel.funnel import save_funnel
 from tests.experiments.test_proposal import FINDINGS
 from tests.experiments.test_throws import PLACE
@@ -67,8 +67,8 @@ def nominal_genes():
 
 def kept(place, known=HOOK, models=(DRAWN,)):
     throw = throw_in_funnel(nominal_genes(), place)
-    numbers = [(theta_of(model), NO_FIELD) for model in models]
-    return throw, keep(throw, place, layout_for(DRAWN), numbers)
+    numbers = [(vector_of(model), NO_FIELD) for model in models]
+    return throw, keep(throw, place, log_space_of(DRAWN), numbers)
 
 
 def flown_level(throw, known, limits, delay=0.0):
@@ -327,7 +327,7 @@ def test_proposed_throws_keep_inside(late, proposal):
     assert proposal.chance_then > proposal.chance_now
     limits = proposal.place.limits
     [late_by] = (
-        e.model.theta[late[1].layout.index["command_delay", "delay"]]
+        e.model.theta[late[1].space.index["command_delay.delay"]]
         for e in late[3]
         if e.model.kinds == ("command_delay",)
     )

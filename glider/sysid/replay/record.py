@@ -11,8 +11,9 @@ from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
-from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.actuator_replay import command_steps, elevator_path
+from glider.physics.parameter_space import ParameterSpace
+from glider.sysid.replay.log_space import LIBRARY_SPACE
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.
 _LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
@@ -64,7 +65,7 @@ class Record:
     """A flight, cleaned and smoothed, at nodes: its rows, and more in its gaps."""
 
     name: str  #: Of the flight's file.
-    layout: Layout  #: Of the models that fly it.
+    space: ParameterSpace  #: Of the models that fly it.
     time: np.ndarray  #: (n,) of the nodes, from the first row that counts [s].
     pose: np.ndarray  #: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
     elevator: np.ndarray  #: (n,) measured [rad]; zero where not seen.
@@ -100,7 +101,7 @@ def prepare(
     flights: Sequence[Flight],
     campaign: Campaign,
     noise: Noise,
-    layout: Layout = LIBRARY_LAYOUT,
+    space: ParameterSpace = LIBRARY_SPACE,
     masks: Mapping[str, Masks] | None = None,
 ) -> list[Record]:
     """Smooths flights."""
@@ -110,7 +111,7 @@ def prepare(
     settings = dataclasses.replace(campaign, flights=())
     return in_parallel(
         lambda f: _record(
-            f, masks.get(f.name) or no_masks(f), settings, noise, layout, stops
+            f, masks.get(f.name) or no_masks(f), settings, noise, space, stops
         ),
         flights,
     )
@@ -121,7 +122,7 @@ def _record(
     mask: Masks,
     campaign: Campaign,
     noise: Noise,
-    layout: Layout,
+    space: ParameterSpace,
     stops: tuple[float, float] | None,
 ) -> Record:
     good = np.flatnonzero(mask.usable)
@@ -138,7 +139,7 @@ def _record(
         bank, side_wind = in_plane(maps[2][0, :n] @ pose[:, 2], turned_by, sideways)
         pose = np.column_stack([pose[:, :2], planar_pitch(flight, good)])
     curves = np.stack([maps[j] @ pose[:, j] for j in range(3)], axis=2)
-    nodes = np.zeros((n, layout.num_states))
+    nodes = np.zeros((n, space.num_states))
     nodes[:, 0:3], nodes[:, 4:7] = curves[:2, :n]
     pitch = curves[:2, :, 2].T
     levels = (noise.smoothing[0].noise, noise.smoothing[1].noise, noise.pitch)
@@ -153,7 +154,7 @@ def _record(
         seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
     return Record(
         name=flight.name,
-        layout=layout,
+        space=space,
         time=time,
         pose=measured,
         elevator=elevator,
