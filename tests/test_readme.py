@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from glider.physics.parameters import GliderParameters
+from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -163,8 +163,8 @@ def fill_in_vehicle(path):
     """Writes what a reader knows of the glider into a MAP that --guess proposed."""
     text = path.read_text(encoding="utf-8")
     assert text.rpartition("\nvehicle:")[2].count("\n  ") == 1  # At the end.
-    known = GliderParameters().numbers._asdict()
-    lines = (f"  {name}: {value}\n" for name, value in known.items())
+    known = GliderParameters()
+    lines = (f"  {name}: {getattr(known, name)}\n" for name in PARAMETER_NAMES)
     path.write_text(text + "".join(lines), encoding="utf-8")
 
 

@@ -10,9 +10,10 @@ import numpy as np
 
 def compile_tracer() -> None:
     """Compiles the loops that trace effects."""
-    from glider.compiled.theta import warm_up
+    from glider.compiled.warm_up import warm_up
+    from glider.sysid.replay.log_space import LIBRARY_SPACE
 
-    warm_up()
+    warm_up(LIBRARY_SPACE)
 
 
 def compile_flights(*kinds: str) -> None:

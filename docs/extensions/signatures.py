@@ -8,7 +8,6 @@ import numpy as np
 from glider.campaign.checks.masks import no_masks
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import signs_of, turn_campaign
-from glider.compiled.theta import LIBRARY_LAYOUT, theta_of
 from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
 from glider.physics.model import GliderModel
 from glider.report.model_figures import RESIDUALS, residual_panel
@@ -16,6 +15,7 @@ from glider.report.plots.as_file import to_png
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.simulation.campaigns import CampaignPlan
+from glider.sysid.replay.log_space import LIBRARY_SPACE, vector_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.replayed import make_table
 from glider.sysid.result import ResidualTable
@@ -95,11 +95,11 @@ def _flown(truth: GliderModel) -> Campaign:
 
 def _records(campaign: Campaign, noise: Noise) -> list[Record]:
     masks = {flight.name: no_masks(flight) for flight in campaign.flights}
-    return prepare(campaign.flights, campaign, noise, LIBRARY_LAYOUT, masks)
+    return prepare(campaign.flights, campaign, noise, LIBRARY_SPACE, masks)
 
 
 def _table(records: list[Record], model: GliderModel) -> ResidualTable:
-    return make_table(records, theta_of(model), [0.0] * len(records))
+    return make_table(records, vector_of(model), [0.0] * len(records))
 
 
 def draw(signature: Signature) -> bytes:

@@ -11,8 +11,9 @@ from scipy.optimize import fsolve
 from glider.compiled.runge_kutta import TINY
 from glider.errors import InputError
 from glider.physics.compose import compose
-from glider.physics.effects import NO_FIELD, THRUST
-from glider.physics.parameters import GliderParameters, Theta
+from glider.physics.effects import THRUST
+from glider.physics.model import GliderModel
+from glider.physics.parameters import GliderParameters
 
 
 def level_flight(parameters: GliderParameters, speed: float) -> np.ndarray:
@@ -59,5 +60,5 @@ def _motion(
 ) -> np.ndarray:
     """Returns the derivatives (7,) at a state and thrust (8,) in still air."""
     derivatives = compose((THRUST,)).derivatives
-    theta = Theta(parameters.numbers, point[7:], NO_FIELD)
+    theta = GliderModel(parameters=parameters).numbers._replace(c=point[7:])
     return np.array(derivatives(0.0, point[:7], rate, 0.0, 0.0, theta))

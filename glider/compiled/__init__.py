@@ -7,10 +7,10 @@ calls numba, except the doctor's check of the compiler.
 kernel: the compiler, its cache and all that machine code depends on.
 runge_kutta: the step that all loops share. jacobian: exact slopes. rollouts,
 closed_loop: batches of gliders under tapes and under feedback. replay: flights along a
-log. theta: the vector of numbers that they take, of any model. actuators: an elevator
-behind actuators. ekf, riccati, sequence_costs: the
-loops of the filter, the feedback and the sampling planners. collocation: a glider
-along a collocated path. stages, barrier, interior_point: the solver of direct
-collocation, compiled once for all gliders. taylor: series of functions, and Taylor
-models on many boxes. boxes: polynomials on boxes in a ball.
+log. warm_up: compiles these loops in advance. actuators: an elevator behind actuators.
+ekf, riccati, sequence_costs: the loops of the filter, the feedback and the sampling
+planners. collocation: a glider along a collocated path. stages, barrier,
+interior_point: the solver of direct collocation, compiled once for all gliders. taylor:
+series of functions, and Taylor models on many boxes. boxes: polynomials on boxes in a
+ball.
 """

@@ -6,7 +6,6 @@ from glider.compiled.kernel import CompileError, Family, UncompilableError
 from glider.compiled.runge_kutta import TINY
 from glider.physics.chain import NUM_INPUTS, derivatives_of
 from glider.physics.model import GliderModel
-from glider.physics.parameters import Theta
 
 
 def directional(t, z, directions, n, field, value, slopes):
@@ -39,9 +38,9 @@ def directional(t, z, directions, n, field, value, slopes):
 LOOPS = Family((directional,), (directional,))
 
 
-def stacked(n: int, theta: Theta) -> np.ndarray:
+def stacked(model: GliderModel) -> np.ndarray:
     """Returns the z of `derivatives_of` with state and inputs at zero."""
-    return np.concatenate([np.zeros(n + NUM_INPUTS), theta.p, theta.c])
+    return np.concatenate([np.zeros(model.num_states + NUM_INPUTS), model.vector])
 
 
 def differentiate(

@@ -37,6 +37,10 @@ from glider.physics.effects.field import (
 )
 from glider.physics.parameters import Parameters, Theta
 
+OFFSET = 3
+"""Index of the elevator's state: where a log is flown, x[OFFSET] is its constant offset
+from its replayed path [rad]."""
+
 
 class LogPath(NamedTuple):
     """What a log prescribes in the K intervals between its times; see `log_path`.

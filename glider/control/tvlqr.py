@@ -211,7 +211,7 @@ def tracking_policy(
     # The cost-to-go settles at twice the rate of a state.
     step = min(step, 0.5 * model.longest_step())
     n, count = model.num_states, aligned_count(plan, step)
-    times, theta = np.linspace(0.0, plan.duration, 2 * count + 1), model.numbers
+    times = np.linspace(0.0, plan.duration, 2 * count + 1)
     gains, corrections = np.empty((count + 1, n)), np.empty(count + 1)
     cost = np.empty((count + 1, n, n + 1))  # S and, as its last column, s.
     LOOPS.over(model.kinds, model.has_field).riccati(
@@ -220,8 +220,8 @@ def tracking_policy(
         weight_matrix(weights.state, n),
         weights.rate,
         weight_matrix(weights.final, n),
-        stacked(n, theta),
-        theta.field,
+        stacked(model),
+        model.residual_field,
         gains,
         corrections,
         cost,

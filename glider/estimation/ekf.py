@@ -21,7 +21,6 @@ from glider.compiled.jacobian import stacked
 from glider.errors import expect
 from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel
-from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, POSE_NAMES, STATE_NAMES
 
 _STEP = 0.01
@@ -35,7 +34,7 @@ WIND_NAMES = ("wind_x", "wind_z")
 class SlowState:
     """A number that is estimated beside the state."""
 
-    name: str  #: One of PARAMETER_NAMES, WIND_NAMES, or "effect.coefficient".
+    name: str  #: One of WIND_NAMES, or of the names of `GliderModel.space`.
     std: float  #: Standard deviation before any measurement.
     walk: float = 0.0  #: Variance that it gains per second.
     decay: float = 0.0  #: Rate at which its expectation falls, as exp(-decay t) [1/s].
@@ -110,7 +109,9 @@ def make_ekf(
         good = math.isfinite(value) and value > 0.0
         expect(good, f"make_ekf: '{name}'", value, "a positive number")
     n = model.num_states
-    places = _places(model)
+    # As they stand in z, after the command.
+    named = (*WIND_NAMES, *model.space.names)
+    places = {name: n + 1 + i for i, name in enumerate(named)}
     process = _checked_process(process, n)
     noise = _checked_noise(noise, n)
     names = (*(s.name for s in slow), *known)
@@ -127,7 +128,7 @@ def make_ekf(
         good = good and s.std >= 0.0 and s.walk >= 0.0
         what = f"make_ekf: slow state '{s.name}' (std, walk, decay, mean)"
         expect(good, what, numbers, "finite numbers, std and walk not negative")
-    z = stacked(n, model.numbers)
+    z = stacked(model)
     slow_places = [places[s.name] for s in slow]
     taken = np.array([*range(n), *slow_places])
     acting, seen = _depend(model, z, taken)
@@ -155,15 +156,6 @@ def make_ekf(
             entry=np.array([n, *known_places]),
         ),
     )
-
-
-def _places(model: GliderModel) -> dict[str, int]:
-    """Indices in z of all that may be a slow state or a known input."""
-    names = [*WIND_NAMES, *PARAMETER_NAMES]
-    for kind in model.kinds:
-        names += [f"{kind.kind}.{c.name}" for c in kind.coefficients]
-    first = model.num_states + 1
-    return {name: place for place, name in enumerate(names, start=first)}
 
 
 def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from scipy.special import softmax
 
-from glider.compiled.theta import theta_of
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.blocks import carried_blocks
@@ -28,6 +27,7 @@ from glider.sysid.likelihood.model_fit import (
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.likelihood.uncertainty import jackknife, larger_of
+from glider.sysid.replay.log_space import vector_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import Report, read_report
 from glider.sysid.result import Result
@@ -208,7 +208,7 @@ def _in_one_air(
 def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
     """The model of the analysis, fitted to all flights."""
     start = start_of(task, noise)
-    theta = theta_of(findings.model)
+    theta = vector_of(findings.model)
     kinds = tuple(k for k in findings.kinds if k in task.kinds)
     start = dataclasses.replace(
         start,
@@ -229,7 +229,7 @@ def _clocks_swapped(task: Task, model: FitResult) -> list[frozenset[str]]:
     clocks = [
         name
         for name in task.kinds
-        if all(c.is_shape for c in task.layout.kinds[name].coefficients)
+        if all(c.is_shape for c in task.space.kinds[name].coefficients)
     ]
     return [
         frozenset({*model.kinds} - {kind} | {other})
@@ -243,9 +243,9 @@ def _clocks_swapped(task: Task, model: FitResult) -> list[frozenset[str]]:
 def _is_idle(task: Task, model: FitResult) -> bool:
     """Checks whether an effect vanished: the set without it is identical."""
     for kind in model.kinds:
-        slots = list(task.layout.slots_of(kind))
+        slots = list(task.space.slots_of(kind))
         moved = np.abs(model.theta - task.vehicle.theta)[slots]
-        if np.all(moved <= 1e-9 * task.layout.scale[slots]):
+        if np.all(moved <= 1e-9 * task.space.scale[slots]):
             return True
     return False
 
@@ -299,18 +299,18 @@ def choice_of_shapes(task: Task, model: FitResult) -> float:
 
 
 def _choice(task: Task, model: FitResult, kind: str) -> float:
-    layout = task.layout
-    own = layout.slots_of(kind)
-    shapes = [i for i in own if task.is_shape(i)]
+    space = task.space
+    own = space.slots_of(kind)
+    shapes = [i for i in own if i in task.space.shapes]
     sizes = [i for i in own if i in model.free and i not in shapes]
     if not shapes or not sizes:
         return 0.0
     beside = [i for i in model.free if i not in own]
     starts = [
         [d for d in columns if d.slot in sizes]
-        for columns in starts_of(layout, layout.kinds[kind], model.theta)
+        for columns in starts_of(space, space.kinds[kind], model.theta)
     ]
-    directions = slopes(layout, [*sizes, *beside])
+    directions = slopes(space, [*sizes, *beside])
     directions += [d for columns in starts for d in columns]
     flights, wild = tamed(task, directions, linear_flights(task, model, directions))
 
@@ -327,14 +327,14 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
         gram=eliminate(gram, others, prior.precision[count:], prior.mean[count:]),
         at=np.delete(np.arange(last), np.arange(count, end)),
         precision=np.tile(precision, variants),
-        lower=np.tile(layout.lower[sizes] - mean, variants),
-        upper=np.tile(layout.upper[sizes] - mean, variants),
+        lower=np.tile(space.lower[sizes] - mean, variants),
+        upper=np.tile(space.upper[sizes] - mean, variants),
     )
     sets = np.arange(variants * count).reshape(variants, count).tolist()
     fitted, *others = evidence.extended((), sets)
     if not np.isfinite(fitted):
         return 0.0
-    nearest = nearest_start(layout, starts, model.theta)
+    nearest = nearest_start(space, starts, model.theta)
     worth = np.exp(np.minimum(np.array(others) - fitted, 0.0))
     worth[nearest] = 1.0  # Around the fitted shape.
     columns = np.arange(end, end + len(worth) * count).reshape(-1, count)

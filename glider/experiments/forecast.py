@@ -67,7 +67,7 @@ class Forecast:
     def _filters(self) -> list[Callable[[Record], LinearFlight]]:
         """What makes a record linear about each explanation."""
         return [
-            functools.partial(linear_flight, m, slopes(self.task.layout, m.free))
+            functools.partial(linear_flight, m, slopes(self.task.space, m.free))
             for m in self._models
         ]
 
@@ -87,16 +87,16 @@ class Forecast:
 
     def _fly(self, flights: Sequence[tuple[Throw, FitResult]]) -> list[Record | None]:
         """Records of throws by models; None where one diverges."""
-        layout = self.task.layout
+        space = self.task.space
 
         def fly(one: tuple[Throw, FitResult]) -> Flight:
             throw, model = one
-            return log_of(throw, self.place, layout, model.theta, field_of(model))
+            return log_of(throw, self.place, space, model.theta, field_of(model))
 
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
         whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
-        records = prepare(whole, self.campaign, self.noise, layout)
+        records = prepare(whole, self.campaign, self.noise, space)
         made = (dataclasses.replace(r, usual_rest=r.rest) for r in records)
         return [next(made) if ok else None for ok in finite]
 

@@ -16,7 +16,6 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.campaign.turning import signs_of
-from glider.compiled.theta import layout_of
 from glider.errors import InputError, expect
 from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
@@ -25,6 +24,7 @@ from glider.experiments.throw_search import end_scatter, search
 from glider.experiments.throws import Range, Throw, flown_throw, range_of
 from glider.progress import Progress, Step, silent
 from glider.sysid.likelihood.task import Task, make_task
+from glider.sysid.replay.log_space import log_space
 from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 
@@ -149,7 +149,7 @@ def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, N
         )
     inspection = inspect(campaign)
     campaign = inspection.campaign
-    vehicle = make_vehicle(campaign, layout_of(findings.own))
+    vehicle = make_vehicle(campaign, log_space(findings.own))
     if not vehicle.knows_forces:
         raise InputError(
             f"{campaign.path}: mass, wing_area or elevator_area is missing; expected "
@@ -157,7 +157,7 @@ def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, N
         )
     noise = measure_noise(campaign, inspection.masks)
     records = prepare(
-        campaign.flights, campaign, noise, vehicle.layout, inspection.masks
+        campaign.flights, campaign, noise, vehicle.space, inspection.masks
     )
     return campaign, make_task(records, vehicle, vehicle.kinds), noise
 
@@ -228,12 +228,8 @@ def _stds(
     task: Task, explanation: Explanation, before: np.ndarray, after: np.ndarray
 ) -> dict[str, tuple[float, float, str]]:
     model = explanation.model
-    layout = task.layout
-    units = {}
-    for slot in model.free:
-        coefficient = layout.coefficients.get(slot)
-        unit = "" if coefficient is None else coefficient.unit
-        units[".".join(layout.slots[slot])] = unit
+    space = task.space
+    units = {space.names[slot]: space.entries[slot].unit for slot in model.free}
     units |= {f"factor of {own.name}": "-" for own in model.blocks}
     stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
     pairs = zip(units.items(), stds, strict=True)

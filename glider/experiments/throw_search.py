@@ -66,7 +66,7 @@ def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
     innovation.
     """
     model = dataclasses.replace(explanation.model, about={})
-    directions = slopes(task.layout, model.free)
+    directions = slopes(task.space, model.free)
 
     def scatter(record: Record) -> tuple[float, np.ndarray]:
         flight = linear_flight(model, directions, record)

@@ -7,14 +7,15 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.motion_capture import MotionCapture
-from glider.compiled.theta import Layout, layout_for, theta_of
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.model import GliderModel
+from glider.physics.parameter_space import ParameterSpace
 from glider.physics.servo import Servo
 from glider.physics.state import ELEVATOR, NUM_STATES, PITCH, POSITION, VELOCITY
 from glider.simulation.campaigns import fly_commands, fly_path, measured
 from glider.sysid.constants import Z
+from glider.sysid.replay.log_space import log_space_of, vector_of
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals
 
@@ -157,12 +158,12 @@ def flown_throw(record: Record) -> Throw:
 
 
 def log_of(
-    throw: Throw, place: Range, layout: Layout, theta: np.ndarray, field: Field
+    throw: Throw, place: Range, space: ParameterSpace, theta: np.ndarray, field: Field
 ) -> Flight:
     """The log that a model predicts of a throw, without noise."""
     rows = round(throw.duration * place.pose_rate) + 1
     return fly_commands(
-        layout,
+        space,
         theta,
         throw.launch,
         throw.times,
@@ -201,7 +202,7 @@ def fly_throw(
     """
     thrown = missed(throw, place.limits, rng)
     flight = log_of(
-        thrown, place, layout_for(model), theta_of(model), model.residual_field
+        thrown, place, log_space_of(model), vector_of(model), model.residual_field
     )
     return measured(flight, MotionCapture(rate=place.pose_rate), rng)
 
@@ -224,7 +225,7 @@ def is_safe(
     """
     elevator, rate, *_ = signals(record, theta)
     flights = (
-        fly_path(record.layout, theta, launch, record.time, elevator, rate, field)
+        fly_path(record.space, theta, launch, record.time, elevator, rate, field)
         for launch in launches(throw, limits)
     )
     # The place of release is given: it may lie on the edge of what was flown.

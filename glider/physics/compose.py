@@ -7,49 +7,28 @@ functions that run on floats, AutoDiffXd, Expression and complex numbers;
 
 import functools
 import inspect
-import itertools
 import linecache
 import types
 from collections.abc import Callable
 
 from glider.physics import chain
 from glider.physics.chain import flow_of
-from glider.physics.effects.effect import STAGES, EffectKind
+from glider.physics.effects.effect import STAGES, Coefficient, EffectKind
 from glider.physics.effects.field import (
     basis_function,
     field_air,
     field_terms,
     field_variables,
 )
-from glider.physics.state import NUM_STATES
+from glider.physics.parameter_space import space_of
+from glider.physics.parameters import NUM_PARAMETERS
 
 _OF_FIELD = basis_function, field_variables, field_air, field_terms
 _CHAIN = inspect.getsource(chain)
 """Read now: the file may be edited while this process runs."""
 
 
-def ordered(effects: tuple[EffectKind, ...]) -> tuple[EffectKind, ...]:
-    """Returns effects with states of actuators first, as the state holds them."""
-    return tuple(sorted(effects, key=lambda e: e.stage != "actuator"))
-
-
-def coefficient_slices(effects: tuple[EffectKind, ...]) -> dict[str, slice]:
-    """Returns where each kind's coefficients lie in the vector c."""
-    return _slices(effects, [len(e.coefficients) for e in effects])
-
-
-def state_slices(effects: tuple[EffectKind, ...]) -> dict[str, slice]:
-    """Returns where each kind's own states lie among the extra states."""
-    return _slices(ordered(effects), [len(e.states) for e in ordered(effects)])
-
-
-def _slices(effects: tuple[EffectKind, ...], sizes: list[int]) -> dict[str, slice]:
-    ends = itertools.accumulate(sizes)
-    rows = zip(effects, sizes, ends, strict=True)
-    return {effect.kind: slice(end - size, end) for effect, size, end in rows}
-
-
-def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
+def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
     """Returns Python text that defines the `*_terms` functions of these effects.
 
     The text calls formula `i` as `formula_i`, its state rate as `rate_i` and what is
@@ -60,13 +39,18 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
     of its work, and is right for floats and complex steps, but not for AutoDiffXd
     coefficients.
     """
-    coefficients, states = coefficient_slices(effects), state_slices(effects)
+    space = space_of(effects)
+
+    def entries(i: int) -> list[tuple[str, Coefficient]]:
+        """Returns the coefficients of an effect, each with its text."""
+        slots = space.slots_of(effects[i].kind)
+        texts = [f"c[{slot - NUM_PARAMETERS}]" for slot in slots]
+        return [*zip(texts, effects[i].coefficients, strict=True)]
 
     def call(name: str, i: int, *first: str) -> str:
-        own, mine = states[effects[i].kind], coefficients[effects[i].kind]
         arguments = [*first]
-        arguments += [f"x[{NUM_STATES + j}]" for j in range(own.start, own.stop)]
-        arguments += [f"c[{j}]" for j in range(mine.start, mine.stop)]
+        arguments += [f"x[{j}]" for j in space.states.get(effects[i].kind, ())]
+        arguments += [text for text, _ in entries(i)]
         return f"{name}_{i}({', '.join(arguments)})"
 
     def add_rate(i: int, first: str) -> list[str]:
@@ -74,9 +58,9 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
         if effects[i].rate_by_alphadot:
             first += ", alpha_rate(flow, xdd, zdd)"
         line, count = f"    d{i} = {call('rate', i, first)}", len(effects[i].states)
-        own = [*enumerate(effects[i].coefficients, coefficients[effects[i].kind].start)]
+        own = entries(i)
         if skip_absent and any(c.grid and c.default not in c.grid for _, c in own):
-            moved = " or ".join(f"c[{j}] != {c.default}" for j, c in own)
+            moved = " or ".join(f"{text} != {c.default}" for text, c in own)
             zeros = ", ".join(["0.0 * x[0]"] * count)
             line += f" if {moved} else ({zeros})"
         lines.append(line)
@@ -96,11 +80,8 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
                 continue
             line, targets = f"    e{i} = {call('formula', i, first)}", effect.adds_to
             if skip_absent:
-                entries = enumerate(
-                    effect.coefficients, coefficients[effect.kind].start
-                )
-                sizes = [(j, c.default) for j, c in entries if not c.is_shape]
-                present = [f"c[{j}] != {default}" for j, default in sizes]
+                sizes = [(text, c) for text, c in entries(i) if not c.is_shape]
+                present = [f"{text} != {c.default}" for text, c in sizes]
                 zeros = ", ".join([f"0.0 * {first}.xdot"] * len(targets))
                 line += f" if {' or '.join(present)} else ({zeros})"
             lines.append(line)
@@ -148,7 +129,7 @@ _MEET_FIELD = inspect.getsource(meet_field)
 
 
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
-    """Returns the names that the text of `hooks_source` needs."""
+    """Returns the names that the text of `_hooks_source` needs."""
     names: dict[str, Callable] = {f.__name__: f for f in _OF_FIELD}
     for i, effect in enumerate(effects):
         names[f"formula_{i}"] = effect.formula
@@ -164,10 +145,10 @@ def source(
 ) -> str:
     """Returns the text of the chain with these effects joined in.
 
-    The functions that `hooks_source` defines come last and so replace those of
+    The functions that `_hooks_source` defines come last and so replace those of
     the nominal model.
     """
-    parts = [_CHAIN, hooks_source(effects, skip_absent)]
+    parts = [_CHAIN, _hooks_source(effects, skip_absent)]
     if has_field:
         parts += [_MEET_FIELD, "residual_terms = field_terms"]
     return "\n\n".join(parts)
@@ -193,11 +174,13 @@ def compose(
 
 def initial_extra(effects, flow, rate, c):
     """Returns the effects' own states at rest in a flow, in the state's order."""
-    slices = coefficient_slices(effects)
+    space = space_of(effects)
     extra: list = []
-    for effect in ordered(effects):
+    for name in space.states:
+        effect = space.kinds[name]
         if effect.steady_state is not None:
             first = rate if effect.stage == "actuator" else flow
-            value = effect.steady_state(first, *c[slices[effect.kind]])
+            own = [c[slot - NUM_PARAMETERS] for slot in space.slots_of(name)]
+            value = effect.steady_state(first, *own)
             extra.extend(value if isinstance(value, tuple) else (value,))
     return extra

@@ -23,10 +23,11 @@ import numpy as np
 from scipy.special import chdtri, fdtri  # scipy.stats takes 0.4 s to import.
 
 from glider.errors import expect
-from glider.physics.compose import coefficient_slices
+from glider.physics.chain import theta_of
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from glider.physics.parameters import POSITIVE, Theta
+from glider.physics.parameter_space import space_of
+from glider.physics.parameters import PARAMETER_NAMES, Theta
 
 
 def physical(
@@ -38,7 +39,11 @@ def physical(
     bounds, shrink by the same share: so it stays in a convex set about the estimate.
     To draw gliders instead, see `glider_at`.
     """
-    estimates, lower, upper = np.array([_number(model, name) for name in names]).T
+    places = model.space.places(names)
+    estimates = model.vector[places]
+    # An estimate beyond the bounds may move back.
+    lower = np.minimum(model.space.lower[places], estimates)
+    upper = np.maximum(model.space.upper[places], estimates)
     margin = np.where(deviations > 0.0, upper - estimates, lower - estimates)
     share = np.divide(
         margin, deviations, out=np.ones_like(deviations), where=deviations != 0.0
@@ -52,18 +57,12 @@ def theta_at(
 ) -> Theta:
     """Returns the numbers of gliders that deviate from a model by m numbers or arrays.
 
-    The coefficients that do not deviate stay floats.
+    The numbers that do not deviate stay floats.
     """
-    theta = model.numbers
-    p, c = theta.p, list(theta.c)
-    for name, deviation in zip(names, deviations, strict=True):
-        kind, _, coefficient = name.partition(".")
-        if coefficient:
-            place = _place(model, kind, coefficient)
-            c[place] = c[place] + deviation
-        else:
-            p = p._replace(**{kind: getattr(p, kind) + deviation})
-    return Theta(p=p, c=c, field=theta.field)  # type: ignore[arg-type]
+    numbers = model.vector.tolist()
+    for place, deviation in zip(model.space.places(names), deviations, strict=True):
+        numbers[place] = numbers[place] + deviation
+    return theta_of(numbers, model.residual_field)
 
 
 def glider_at(
@@ -85,50 +84,17 @@ def glider_at(
     Raises:
         InputError: it is not physical.
     """
-    parameters, effects = model.parameters, list(model.effects)
-    for name, change in zip(names, map(float, deviation), strict=True):
-        kind, _, coefficient = name.partition(".")
-        if coefficient:
-            at = [e.kind.kind for e in effects].index(kind)
-            values = effects[at].to_dict()
-            values[coefficient] += change
-            if truncate:
-                lower, upper = _bounds(effects[at].kind, coefficient)
-                values[coefficient] = min(max(values[coefficient], lower), upper)
-            effects[at] = effects[at].kind(**values)
-        else:
-            value = getattr(parameters, kind) + change
-            if truncate and kind in POSITIVE:
-                value = max(value, _LEAST)
-            parameters = dataclasses.replace(parameters, **{kind: value})
-    return dataclasses.replace(model, parameters=parameters, effects=tuple(effects))
+    space = space_of(tuple(effect.kind for effect in model.effects))
+    vector = space.pack(model.parameters, model.effects)
+    places = space.places(names)
+    vector[places] += deviation
+    if truncate:
+        vector[places] = np.clip(
+            vector[places], space.lower[places], space.upper[places]
+        )
+    parameters, effects = space.unpack(vector, model.parameters)
+    return dataclasses.replace(model, parameters=parameters, effects=effects)
 
-
-def _bounds(kind, coefficient):
-    (of,) = (c for c in kind.coefficients if c.name == coefficient)
-    return of.lower, of.upper
-
-
-def _place(model, kind, coefficient):
-    """Returns where a coefficient is in the vector c of a model."""
-    (of_kind,) = (k for k in model.kinds if k.kind == kind)
-    names = [c.name for c in of_kind.coefficients]
-    return coefficient_slices(model.kinds)[kind].start + names.index(coefficient)
-
-
-def _number(model, name):
-    """Returns a number of a model and its physical bounds."""
-    kind, _, coefficient = name.partition(".")
-    if not coefficient:
-        least = _LEAST if kind in POSITIVE else -math.inf
-        return getattr(model.parameters, kind), least, math.inf
-    (of_kind,) = (k for k in model.kinds if k.kind == kind)
-    value = model.numbers.c[_place(model, kind, coefficient)]
-    return value, *_bounds(of_kind, coefficient)
-
-
-_LEAST = 1e-9
-"""Least mass, area and so on of a glider."""
 
 _INSIDE = 1e-9
 """Share by which a number stays within its bounds, for rounding."""
@@ -139,7 +105,7 @@ LEVEL = 0.95
 
 SHAPES = ("ellipsoid", "box")
 
-MOST_CORNERS = 10
+_MOST_CORNERS = 10
 """Dimensions of a box whose corners are listed: 1,024 of them."""
 
 _FLAT = 1e-12
@@ -222,11 +188,11 @@ class ConfidenceSet:
     def corners(self) -> np.ndarray:
         """Returns the corners δ of a box, or the ends of an ellipsoid's axes, (K, m).
 
-        Of a box of more than MOST_CORNERS dimensions they are the centers of its
+        Of a box of more than _MOST_CORNERS dimensions they are the centers of its
         faces.
         """
         r = self.dimension
-        if self.shape == "box" and 0 < r <= MOST_CORNERS:
+        if self.shape == "box" and 0 < r <= _MOST_CORNERS:
             w = np.array(list(itertools.product((-1.0, 1.0), repeat=r)))
         else:
             w = np.concatenate([np.eye(r), -np.eye(r)])
@@ -289,8 +255,10 @@ def make_confidence(
     shape: str = "ellipsoid",
 ) -> ConfidenceSet:
     """Returns the confidence set of all numbers that a glider's flight depends on."""
-    flown = covariance.of_flight(model.kinds)
-    return ConfidenceSet(covariance=flown, level=level, shape=shape)
+    # A fault of sensor or log changes only what is measured.
+    flown = {kind.kind for kind in model.kinds if kind.stage not in ("sensor", "log")}
+    among = covariance.among({*PARAMETER_NAMES, *flown})
+    return ConfidenceSet(covariance=among, level=level, shape=shape)
 
 
 def describe_set(confidence: ConfidenceSet) -> str:

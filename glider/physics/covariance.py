@@ -9,8 +9,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from glider.errors import expect
-from glider.physics.effects.effect import Effect, EffectKind
-from glider.physics.parameters import PARAMETER_NAMES
+from glider.physics.effects.effect import Effect
+from glider.physics.parameter_space import space_of
 
 ROUNDING = 1e-9
 """Amount by which correlations may differ from their mirror images, and the least
@@ -61,14 +61,6 @@ class Covariance:
         good = bool(least >= -ROUNDING * max(count, 1))
         expect(good, what, float(least), "none that is negative")
 
-    def of_flight(self, kinds: Sequence[EffectKind]) -> "Covariance":
-        """Returns the part of it that the flight of a glider depends on.
-
-        A fault of sensor or log, of the kinds that act, changes only what is measured.
-        """
-        flown = {e.kind for e in kinds if e.stage not in ("sensor", "log")}
-        return self.among(flown | set(PARAMETER_NAMES))
-
     def among(self, owners: Collection[str]) -> "Covariance":
         """Returns the part of some effects, by kind, and parameters, by name."""
         names = tuple(n for n in self.names if n.partition(".")[0] in owners)
@@ -94,8 +86,6 @@ class Covariance:
 
 def check_names(names: Sequence[str], effects: Sequence[Effect]) -> None:
     """Raises InputError unless all names are of a glider with these effects."""
-    kinds = [effect.kind for effect in effects]
-    known = [f"{kind.kind}.{c.name}" for kind in kinds for c in kind.coefficients]
-    known = [*PARAMETER_NAMES, *known]
+    known = space_of(tuple(effect.kind for effect in effects)).names
     for name in names:
         expect(name in known, "covariance: a name", name, f"one of {', '.join(known)}")

@@ -14,7 +14,6 @@ import numpy as np
 from glider.physics.compose import initial_extra
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from glider.physics.parameters import PARAMETER_NAMES
 
 _TINY = 1e-30  # Length of a complex step.
 _PART = 1e-3  # Step along a fitted number, in its standard errors.
@@ -41,17 +40,16 @@ def calc_derivatives(
 
     Standard errors, to first order, are NaN without a covariance; `length` is l [m].
     """
-    numbers = np.concatenate(model.numbers[:2])
+    numbers = model.vector
     values = _table(model, at, length, numbers)
     if covariance is None:
         return values, np.full(values.shape, math.nan)
-    fitted = [*PARAMETER_NAMES]
-    fitted += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
+    index = model.space.index
     steps = _PART * covariance.std
     slopes = np.zeros((len(values), len(steps)))
     for k, (name, size) in enumerate(zip(covariance.names, steps, strict=True)):
-        if name in fitted and size > 0.0:
-            step = size * (np.arange(len(numbers)) == fitted.index(name))
+        if name in index and size > 0.0:
+            step = size * (np.arange(len(numbers)) == index[name])
             ends = (_table(model, at, length, numbers + s) for s in (step, -step))
             slopes[:, k] = np.subtract(*ends) / 2.0 / size
     std = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance.matrix, slopes))
@@ -95,7 +93,8 @@ def find_steady_glide(model: GliderModel, speed: float, at: Condition) -> Condit
     from scipy.optimize import root  # It takes a tenth of a second.
 
     p, steady = model.parameters, at._replace(airspeed=speed, pitch_rate=0.0)
-    numbers, arm = np.concatenate(model.numbers[:2]), p.hinge_offset + p.elevator_offset
+    numbers = model.vector
+    arm = p.hinge_offset + p.elevator_offset
 
     def flown(values: np.ndarray) -> Condition:
         alpha, elevator, climb = values

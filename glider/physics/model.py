@@ -26,12 +26,19 @@ from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.files.writing import write_text
 from glider.paths import shipped_path
-from glider.physics.compose import compose, initial_extra, ordered
+from glider.physics.chain import theta_of
+from glider.physics.compose import compose, initial_extra
 from glider.physics.covariance import Covariance, check_names
 from glider.physics.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
 from glider.physics.effects.field import FieldData, make_field
-from glider.physics.parameters import GliderParameters, Theta, check_units
-from glider.physics.state import NUM_STATES, STATE_NAMES
+from glider.physics.parameter_space import ParameterSpace, space_of
+from glider.physics.parameters import (
+    NUM_PARAMETERS,
+    GliderParameters,
+    Theta,
+    check_units,
+)
+from glider.physics.state import NUM_STATES
 
 _TINY = 1e-30
 """Length of a complex step."""
@@ -97,15 +104,13 @@ class GliderModel:
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
 
     @functools.cached_property
-    def _acting(self) -> tuple[Effect, ...]:
-        return tuple(
-            e for e in self.effects if not e.kind.states or e.values != e.kind.defaults
-        )
-
-    @functools.cached_property
     def kinds(self) -> tuple[EffectKind, ...]:
         """Kinds of the effects that act."""
-        return tuple(e.kind for e in self._acting)
+        return tuple(
+            effect.kind
+            for effect in self.effects
+            if not effect.kind.states or effect.values != effect.kind.defaults
+        )
 
     @property
     def has_field(self) -> bool:
@@ -113,24 +118,33 @@ class GliderModel:
         return self.field is not None
 
     @functools.cached_property
+    def space(self) -> ParameterSpace:
+        """Names, places and bounds of the numbers of the dynamics."""
+        return space_of(self.kinds)
+
+    @functools.cached_property
+    def vector(self) -> np.ndarray:
+        """All numbers of the dynamics, in the order of `space`; read-only."""
+        vector = self.space.pack(self.parameters, self.effects)
+        vector.setflags(write=False)
+        return vector
+
+    @property
     def state_names(self) -> tuple[str, ...]:
         """STATE_NAMES, then the effects' own states."""
-        extra = (f"{e.kind}.{name}" for e in ordered(self.kinds) for name in e.states)
-        return (*STATE_NAMES, *extra)
+        return self.space.state_names
 
     @property
     def num_states(self) -> int:
         """Number of states n, the effects' own included."""
-        return len(self.state_names)
+        return self.space.num_states
 
     @property
     def numbers(self) -> Theta:
         """All parameters of the dynamics; the field's arrays are read-only."""
-        return Theta(
-            p=self.parameters.numbers,
-            c=np.array([value for effect in self._acting for value in effect.values]),
-            field=self.residual_field,
-        )
+        # Floats are faster than NumPy's; compiled code takes an array.
+        theta = theta_of(self.vector.tolist(), self.residual_field)
+        return theta._replace(c=self.vector[NUM_PARAMETERS:].copy())
 
     @functools.cached_property
     def residual_field(self) -> Field:

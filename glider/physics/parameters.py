@@ -82,11 +82,6 @@ class GliderParameters:
         check_parameters(vars(self))
 
     @property
-    def numbers(self) -> Parameters:
-        """The parameters that enter the dynamics."""
-        return Parameters(*(float(getattr(self, name)) for name in PARAMETER_NAMES))
-
-    @property
     def servo(self) -> Servo:
         """The limits of the elevator's servo; InputError where they are unknown."""
         if self.elevator_limits is None or self.elevator_rate_limit is None:
@@ -102,14 +97,14 @@ MAX_ANGLE = 6.3
 """Largest angle [rad]; more are degrees. A full turn, with room for logs that round it:
 2 pi in nine digits, as campaigns are written, is more than 2 pi."""
 
-LEAST_GYRATION = 1 / 20
+_LEAST_GYRATION = 1 / 20
 """Least radius of gyration √(I/m) over the distance of the elevator's hinge.
 
 Tail and boom alone, 1/400 of the mass at the hinge, have it. Of gliders it is about a
 half; a mass in grams divides it by 32, so that such a glider is below."""
 
-POSITIVE = {"mass", "pitch_inertia", "wing_area", "elevator_area", "air_density"}
-POSITIVE |= {"elevator_rate_limit", "hinge_offset"}  # The tail is behind.
+_POSITIVE = {"mass", "pitch_inertia", "wing_area", "elevator_area", "air_density"}
+_POSITIVE |= {"elevator_rate_limit", "hinge_offset"}  # The tail is behind.
 
 
 def check_parameters(values: dict) -> None:
@@ -126,7 +121,7 @@ def check_parameters(values: dict) -> None:
             expect(small, what, value, "radians (this looks like degrees)")
             continue
         expect(is_number(value), what, value, "a finite number")
-        expect(name not in POSITIVE or value > 0, what, value, "a positive number")
+        expect(name not in _POSITIVE or value > 0, what, value, "a positive number")
         expect(name != "gravity" or value >= 0, what, value, "a number not negative")
 
 
@@ -147,12 +142,12 @@ def check_units(values: Mapping[str, Any]) -> None:
         values[name] for name in ("mass", "pitch_inertia", "hinge_offset")
     )
     found = f"{math.sqrt(inertia / mass):.2g}"
-    if float(found) < LEAST_GYRATION * arm:
+    if float(found) < _LEAST_GYRATION * arm:
         raise InputError(
             f"fields 'mass' and 'pitch_inertia' are {show(mass)} kg and "
             f"{show(inertia)} kg m²: a radius of gyration of {found} m; expected at "
-            f"least {LEAST_GYRATION:.2g} of 'hinge_offset', {show(arm)} m (is the mass "
-            "in grams?)."
+            f"least {_LEAST_GYRATION:.2g} of 'hinge_offset', {show(arm)} m (is the "
+            "mass in grams?)."
         )
 
 

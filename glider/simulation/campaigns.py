@@ -13,12 +13,18 @@ from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.turning import signs_of, turn
 from glider.compiled.actuators import replayed_path
-from glider.compiled.replay import log_path, roll_out
-from glider.compiled.theta import OFFSET, Layout, layout_for, theta_of
+from glider.compiled.replay import OFFSET, log_path, roll_out
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
+from glider.physics.parameter_space import ParameterSpace
 from glider.physics.servo import Servo
+from glider.sysid.replay.log_space import (
+    log_space_of,
+    resting_states,
+    sensed,
+    vector_of,
+)
 
 FINE = 10
 """Integration steps between two rows of the log."""
@@ -81,8 +87,8 @@ def _fly(
     commands = random_commands(len(switches), 1.0 / plan.command_rate, servo, rng)
     launch = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
     flight = fly_commands(
-        layout_for(model),
-        theta_of(model),
+        log_space_of(model),
+        vector_of(model),
         launch,
         switches,
         commands,
@@ -105,7 +111,7 @@ def measured(
 
 
 def fly_commands(
-    layout: Layout,
+    space: ParameterSpace,
     theta: np.ndarray,
     launch: np.ndarray,
     switches: np.ndarray,
@@ -121,7 +127,7 @@ def fly_commands(
     """Flies a launch under a tape of commands, and logs it without noise.
 
     Args:
-        layout: of theta.
+        space: of theta.
         theta: the glider's numbers.
         launch: (7,) state at the first time; its elevator is where the tape has it.
         switches: (k,) when each command begins, the first at 0 [s].
@@ -133,7 +139,7 @@ def fly_commands(
         fine: integration steps between two rows.
         name: of the flight.
     """
-    replay = layout.replay(theta)
+    replay = space.replay(theta)
     path = functools.partial(
         replayed_path, replay, switches, commands, servo=servo, start=rest
     )
@@ -144,8 +150,8 @@ def fly_commands(
     here, middle = path(fine_times), path(0.5 * (fine_times[1:] + fine_times[:-1]))
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     rate = np.diff(here) * fine_rate
-    states = fly_path(layout, theta, launch, fine_times, elevator, rate, field)
-    shown = layout.sensed(states, theta, field)
+    states = fly_path(space, theta, launch, fine_times, elevator, rate, field)
+    shown = sensed(space, states, theta, field)
     pose = np.stack(
         [np.interp(time - replay.latency, fine_times, c) for c in shown.T], axis=1
     )
@@ -154,7 +160,7 @@ def fly_commands(
 
 
 def fly_path(
-    layout: Layout,
+    space: ParameterSpace,
     theta: np.ndarray,
     launch: np.ndarray,
     times: np.ndarray,
@@ -162,16 +168,16 @@ def fly_path(
     rate: np.ndarray,
     field: Field = NO_FIELD,
 ) -> np.ndarray:
-    """Returns the states (n, layout.num_states) along a path of the elevator.
+    """Returns the states (n, space.num_states) along a path of the elevator.
 
     Times are (n,) [s], angles of the elevator (n - 1, 3) at the start, middle and end
     of each interval [rad], its rates (n - 1,) [rad/s]; the rest is as in
     `fly_commands`.
     """
-    start = np.zeros(layout.num_states)
+    start = np.zeros(space.num_states)
     start[:7] = launch
     start[OFFSET] = elevator[0, 0]
-    start[7:] = layout.steady_states(times[0], start, rate[0], theta)
+    start[7:] = resting_states(space, times[0], start, rate[0], theta)
     start[OFFSET] = 0.0
-    path, dynamics = log_path(times, elevator, rate), layout.dynamics(theta)
-    return roll_out(layout.compiled_kinds, path, start, dynamics, field)
+    path = log_path(times, elevator, rate)
+    return roll_out(space.flown, path, start, theta, field)

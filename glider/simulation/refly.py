@@ -8,7 +8,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.turning import signs_of, turn, turn_campaign
-from glider.compiled.theta import OFFSET, layout_for, theta_of
+from glider.compiled.replay import OFFSET
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
@@ -17,9 +17,10 @@ from glider.sysid.fit.prediction import RolloutModel, predict
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
 from glider.sysid.likelihood.scales import start_scales
+from glider.sysid.replay.log_space import log_space_of, vector_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.replayed import flow_along, signals
-from glider.sysid.replay.vehicle import make_vehicle, parameters_of
+from glider.sysid.replay.vehicle import make_vehicle
 
 _LARGEST_POSITION = 100.0
 """Position that no flight reaches [m]: a model that does has diverged."""
@@ -43,7 +44,7 @@ def nominal_model(campaign: Campaign) -> GliderModel | None:
     vehicle = make_vehicle(campaign)
     if not vehicle.is_known:
         return None
-    return GliderModel(parameters=parameters_of(vehicle.theta, campaign))
+    return GliderModel(parameters=vehicle.parameters)
 
 
 def nominal_parameters(campaign: Campaign) -> GliderParameters:
@@ -99,7 +100,7 @@ def refly(
         signs = signs_of(model)
         [record], _ = _records(campaign, [flight], model)
         predicted = predict(rollouts[label], record)
-        elevator = signals(record, theta_of(model)).logged + predicted.trim
+        elevator = signals(record, vector_of(model)).logged + predicted.trim
         poses = np.column_stack([predicted.pose, elevator])
         poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
         near = np.max(np.abs(poses), axis=1) < _LARGEST_POSITION
@@ -133,7 +134,7 @@ def rollout_models(
     records, noise = _records(campaign, some, last)
     scales = start_scales(noise)
     if varies:
-        theta = theta_of(last)
+        theta = vector_of(last)
         flights = [linearize(r, theta, last.residual_field) for r in records]
         fitted, cost, _ = fit_scales(flights, scales)
         scales = fitted if np.isfinite(cost) else scales  # A model may diverge.
@@ -143,7 +144,7 @@ def rollout_models(
         scales = scales if has_trims else scales.without("trim")
     return {
         name: RolloutModel(
-            theta=theta_of(model),
+            theta=vector_of(model),
             field=model.residual_field,
             scales=scales,
             per_flight_trims=has_trims,
@@ -171,16 +172,16 @@ def _records(
     turned = turn_campaign(campaign, signs)
     noise = measure_noise(turned)
     flights = tuple(turn(flight, signs) for flight in flights)
-    return prepare(flights, turned, noise, layout_for(model)), noise
+    return prepare(flights, turned, noise, log_space_of(model)), noise
 
 
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:
     """Returns the model's forces of the plates along the smoothed flight, (n, 2)."""
-    theta, field = theta_of(model), model.residual_field
+    theta, field = vector_of(model), model.residual_field
     nodes, _ = flow_along(record, theta, field, trim)
     path, rate = signals(record, theta).at_nodes
-    chain = compose(record.layout.compiled_kinds, True)
-    numbers = chain.theta_of(record.layout.dynamics(theta), field)
+    chain = compose(record.space.flown, True)
+    numbers = chain.theta_of(theta, field)
     forces = []
     for t, node, angle, u in zip(record.time, nodes, path, rate, strict=True):
         x = node.copy()

@@ -19,9 +19,9 @@ from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs, turn_campaign
-from glider.compiled.theta import warm_up
+from glider.compiled.warm_up import warm_up
 from glider.errors import InputError
-from glider.physics.effects import ANGLE_SIGN
+from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
 from glider.progress import Progress, Step
 from glider.sysid import outcome, report, result
 from glider.sysid.constants import FOLDS
@@ -44,7 +44,7 @@ SHARES = {
 }
 """Usual shares of the time when the stages begin, measured on the samples."""
 
-MOST_COMBINATIONS = 12  # Sets of effects that a result lists.
+_MOST_COMBINATIONS = 12  # Sets of effects that a result lists.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class Analysis:
     def run(self) -> result.Result:
         """Runs all stages."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
-            warm_up(self.vehicle.layout)
+            warm_up(self.vehicle.space)
         found = self._search(self._smooth())
         with self.stage("refit", "refitting the flat plate alone"):
             baseline, fitted = found.traced.bare, [r.name for r in found.task.records]
@@ -100,8 +100,8 @@ class Analysis:
         logged, masks = self.inspection.campaign, self.inspection.masks
 
         def smoothed(campaign: Campaign) -> tuple[Noise, dict[str, Record]]:
-            noise, layout = measure_noise(campaign, masks), self.vehicle.layout
-            records = prepare(campaign.flights, campaign, noise, layout, masks)
+            noise, space = measure_noise(campaign, masks), self.vehicle.space
+            records = prepare(campaign.flights, campaign, noise, space, masks)
             return noise, {record.name: record for record in records}
 
         signs = Signs()
@@ -172,7 +172,7 @@ class Analysis:
         alternatives = [
             result.Alternative(
                 probability=probability,
-                model=outcome.model_of(task, model, signs, found.flights.campaign),
+                model=outcome.model_of(task, model, signs),
                 covariance=outcome.covariance_of(task, own),
             )
             for probability, model, own in zip(
@@ -196,7 +196,7 @@ class Analysis:
         traced, kinds = found.traced, found.traced.model.kinds
         doubt = find_doubt(found.task, traced.model)
         for warning in self.inspection.warnings:
-            if warning.startswith(SCALE) and "position_scale" not in kinds:
+            if warning.startswith(SCALE) and POSITION_SCALE.kind not in kinds:
                 doubt = doubt or warning.rstrip(".")
         errors, effects, left = fields["errors"], fields["effects"], fields["left"]
         verdict, reason = judge(traced, folds, errors, effects, left, doubt)
@@ -254,11 +254,13 @@ class Analysis:
             "noise": report.MeasurementNoise(noise.position, noise.pitch),
             "air": report.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             "candidates": traced.alone,
-            "combinations": traced.combinations[:MOST_COMBINATIONS],
+            "combinations": traced.combinations[:_MOST_COMBINATIONS],
             "evidence_threshold": traced.threshold,
             "seconds": self.seconds,
             "version": importlib.metadata.version("drake-glider"),
-            "own_effects": self.vehicle.layout.user_kinds,
+            "own_effects": tuple(
+                self.vehicle.space.kinds[name] for name in self.settings["own_effects"]
+            ),
             "fit": traced.model,
             "seed": self.settings["seed"],
             "settings": self.settings,

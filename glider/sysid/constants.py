@@ -57,12 +57,8 @@ PRIOR_SCALES = 3.0
 # a half), and of an unmeasured elevator's travel over the one that its log says: the
 # moment shows both only over the inertia. Beyond it the log is in doubt (c).
 TAIL_SPREAD = 0.1
-UNKNOWN_SPREAD = {  # That of other unknowns [m, rad, m, m²] (c).
-    ("parameters", "wing_offset"): 0.03,  # Of an unknown wing from the center of mass.
-    ("elevator_trim", "angle"): 0.09,  # Of an elevator without a servo.
-    ("pitch_moment", "coefficient"): 0.02,  # That an unknown tail may make.
-    ("pitch_damping", "coefficient"): 0.016,  # Four times that of a usual glider.
-}
+# That of the distance of an unknown wing from the center of mass [m] (c).
+WING_SPREAD = 0.03
 # Shift of a servo's log above which its clock is in doubt, and a lag that its samples
 # do not hide [s] (d): three standard errors of a clock that an import finds.
 CLOCK_ERROR = 0.015

@@ -10,6 +10,7 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.compiled.parallel import in_parallel
+from glider.physics.effects import PITCH_OFFSET
 from glider.physics.effects.families import BLOCKS
 from glider.sysid import report, result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
@@ -170,7 +171,7 @@ def _fitted_models(
     task: Task, traced: SearchResult, baseline: FitResult
 ) -> dict[str, FitResult]:
     """The models to evaluate, by name; the nominal one only where it is known."""
-    free = {*baseline.free, *task.layout.slots_of("pitch_offset")}
+    free = {*baseline.free, *task.space.slots_of(PITCH_OFFSET.kind)}
     calibrated = dataclasses.replace(baseline, free=tuple(sorted(free)))
     if traced.forces is not None:
         calibrated = forces_alone(task, calibrated, traced.forces)

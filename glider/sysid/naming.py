@@ -9,6 +9,14 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from glider.physics.effects import (
+    ATTACHED_LIFT,
+    CAMBER,
+    CENTER_OF_PRESSURE,
+    PITCH_DAMPING,
+    PITCH_MOMENT,
+    PITCH_RATE_LIFT,
+)
 from glider.physics.effects.families import BLOCKS
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, RESOLVED, SLACK, SLIGHT, Z
 from glider.sysid.likelihood.blocks import SPREADS, flown_values
@@ -17,10 +25,8 @@ from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.search.support import SearchResult
 
 LIFT = "lift over alpha"
-PAIR = "alpha and reduced_rate"
-RATE_LIFT = "pitch_rate_lift"
-MEAN_MOMENT = "pitch_moment"
-OVER_RATE = {"lift": RATE_LIFT, "moment": "pitch_damping"}
+_PAIR = "alpha and reduced_rate"
+OVER_RATE = {"lift": PITCH_RATE_LIFT.kind, "moment": PITCH_DAMPING.kind}
 """The formula that is linear in the pitch rate, of each link with such functions."""
 
 _ATTACHED = 0.15  # Angle of attack below which no flow separates [rad].
@@ -43,11 +49,11 @@ def absorbed(
     model, evidence = traced.model, traced.evidence
     little = slight(model.free_kinds, evidence) | small(task, model)
     found = {key: set[str]() for key in little}
-    kinds, have = task.layout.kinds, set(model.kinds) - found.keys()
+    kinds, have = task.space.kinds, set(model.kinds) - found.keys()
     for name in model.kinds:
         if name not in have or name in model.free_kinds or not kinds[name].states:
             continue
-        pairs = zip(task.layout.slots_of(name), kinds[name].coefficients, strict=True)
+        pairs = zip(task.space.slots_of(name), kinds[name].coefficients, strict=True)
         times = [i for i, c in pairs if c.unit == "s"]
         least, _ = task.bounds(times)
         far = model.theta[times] - least > 2.0 * np.array([known.std(i) for i in times])
@@ -66,7 +72,7 @@ def absorbed(
         bends = own.bends - families.difference(own.formulas)
         bent = bends.intersection(have) - found.keys()
         mine = bent.intersection(own.formulas) if own.formulas else bent
-        first = max(mine - {MEAN_MOMENT}, key=lambda k: evidence[k], default="")
+        first = max(mine - {PITCH_MOMENT.kind}, key=lambda k: evidence[k], default="")
         share = {k: SLACK if k in bent - mine else 1.0 for k in bent - {first}}
         if own.formulas and first:
             share[first] = SLACK
@@ -163,18 +169,18 @@ def names_of(
     where no flow separates lags behind nothing.
     """
     link, _, _ = block.partition(" over ")
-    together, pair = over_rate(model, link), f"{link} over {PAIR}"
+    together, pair = _over_rate(model, link), f"{link} over {_PAIR}"
     if block not in together or pair not in together:
         return {nearest}
-    values, places = coordinates_of(model, known, together)
-    slots = task.layout.slots_of(OVER_RATE[link])
+    values, places = _coordinates_of(model, known, together)
+    slots = task.space.slots_of(OVER_RATE[link])
     acting = [i for i in slots if i in known.free]  # The formula is of the same force.
     values = np.append(values, model.theta[acting])
     places += map(known.free.index, acting)
 
     def rows(at: np.ndarray) -> np.ndarray:
         by_formula = -at[:, 1:].repeat(len(acting), axis=1)
-        return np.hstack([rows_at(model, together, at), by_formula])
+        return np.hstack([_rows_at(model, together, at), by_formula])
 
     flown = flown_values(task.records, model.theta)
     flown = flown[:: max(1, len(flown) // _ROWS)][:, model.by_name[pair].columns]
@@ -197,24 +203,24 @@ def names_of(
         is_by_rate = not is_static
     if is_static:
         of_lift = link == "lift" and names_of_lift(task, model, known)
-        names |= of_lift or {"center_of_pressure"}
+        names |= of_lift or {CENTER_OF_PRESSURE.kind}
     if is_by_rate:
         attached = changes[np.abs(flown[:, 0]) < _ATTACHED]
         is_attached = link == "lift" and shown(attached) > LEAST_PART * by_rate
-        names.add(RATE_LIFT if is_attached else nearest)
+        names.add(OVER_RATE[link] if is_attached else nearest)
     return names
 
 
-def over_rate(model: FitResult, link: str) -> list[str]:
+def _over_rate(model: FitResult, link: str) -> list[str]:
     """Returns a model's functions over alpha and the rate, if these are two families.
 
     Those of lift and of the moment.
     """
-    names = [f"{link} over {v}" for v in ("alpha", "reduced_rate", PAIR)]
+    names = [f"{link} over {v}" for v in ("alpha", "reduced_rate", _PAIR)]
     return [n for n in names if n in model.by_name and link in ("lift", "moment")]
 
 
-def rows_at(model: FitResult, blocks: Sequence[str], at: np.ndarray) -> np.ndarray:
+def _rows_at(model: FitResult, blocks: Sequence[str], at: np.ndarray) -> np.ndarray:
     """Returns how the sum of such functions depends on their coordinates, (n, q).
 
     `at` (n, 2) are angles of attack and reduced rates.
@@ -226,7 +232,7 @@ def rows_at(model: FitResult, blocks: Sequence[str], at: np.ndarray) -> np.ndarr
     return np.hstack(rows)
 
 
-def coordinates_of(
+def _coordinates_of(
     model: FitResult, known: Uncertainty, blocks: Sequence[str]
 ) -> tuple[np.ndarray, list[int]]:
     """Returns the coordinates (q,) of some functions, and their columns."""
@@ -240,21 +246,22 @@ def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
     Camber is what it is at α = 0. That is by chance within Z standard errors, and
     nothing below a tenth of the largest force; above half of it there is nothing else.
     """
-    layout, centers = task.layout, task.blocks[LIFT].reached
+    space, centers = task.space, task.blocks[LIFT].reached
     alpha = np.append(0.0, centers[:, 0])
-    blocks = over_rate(model, "lift")
-    shown = rows_at(model, blocks, np.column_stack([alpha, 0.0 * alpha]))
-    values, places = coordinates_of(model, known, blocks)
+    blocks = _over_rate(model, "lift")
+    shown = _rows_at(model, blocks, np.column_stack([alpha, 0.0 * alpha]))
+    values, places = _coordinates_of(model, known, blocks)
     force, slopes = shown @ values, [*shown[0]]
     flow = types.SimpleNamespace(sin_alpha=np.sin(alpha), cos_alpha=np.cos(alpha))
     for kind in set(BLOCKS[LIFT].formulas).intersection(model.kinds):
-        slots = [*layout.slots_of(kind)]
-        force += layout.kinds[kind].formula(flow, *model.theta[slots])
-        if kind == "camber":  # The other is none there.
+        slots = [*space.slots_of(kind)]
+        force += space.kinds[kind].formula(flow, *model.theta[slots])
+        if kind == CAMBER.kind:  # The other is none there.
             slopes.append(-2.0 * np.cos(float(model.theta[slots[0]])))
             places.append(known.free.index(slots[0]))
     share = abs(force[0]) / np.abs(force).max()
     is_known = abs(force[0]) > Z * known.std_along(places, np.array(slopes))
     if not is_known or share < LEAST_SPREAD:
-        return {"attached_lift"}
-    return {"camber"} if share > 0.5 else {"attached_lift", "camber"}
+        return {ATTACHED_LIFT.kind}
+    camber = {CAMBER.kind}
+    return camber if share > 0.5 else {ATTACHED_LIFT.kind, *camber}

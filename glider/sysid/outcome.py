@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.physics.covariance import Covariance
-from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY, Effect
+from glider.physics.effects import ANGLE_SIGN, CAMBER, LIBRARY, POSE_LATENCY
 from glider.physics.effects.families import BLOCKS
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
@@ -24,13 +23,12 @@ from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
-from glider.sysid.replay.vehicle import parameters_of
 from glider.sysid.report import Estimate, Spread
 from glider.sysid.result import FoundEffect, ResidualTable
 from glider.sysid.search.support import SearchResult
 
-SPREAD_KINDS = {"elevator_trim": "trim", "pitch_offset": "pitch_zero", "wind": "wind"}
-"""Kinds with flight-to-flight variation of their first coefficient, and its scale."""
+SPREAD_KINDS = {kind.kind: kind.varies_by for kind in LIBRARY if kind.varies_by}
+"""Kinds that vary from flight to flight, and the scale of their variation."""
 
 _BINS = 15  # Of the curves over the angle of attack, with equally many rows.
 
@@ -47,18 +45,18 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     fitted, base, _ = fit_scales(flights, model.scales)
     values = flight_values(flights, fitted)
     names, found = [record.name for record in task.records], {}
-    for kind, scale in SPREAD_KINDS.items():
-        coefficient = task.layout.kinds[kind].coefficients[0]
+    for kind, scale in sorted(SPREAD_KINDS.items()):
+        coefficient = task.space.kinds[kind].coefficients[0]
         others = [name for name in NAMES if name != scale]
         lost = fit_scales(flights, fitted.without(scale), others).cost - base
-        columns = [k for k, (other, _) in enumerate(PER_FLIGHT) if other == kind]
-        mean, stds = (f(values[:, columns], axis=0) for f in (np.mean, np.std))
+        varying = values[:, PER_FLIGHT[kind]]
+        mean, stds = (f(varying, axis=0) for f in (np.mean, np.std))
         std = getattr(fitted, scale)
         if np.any(np.abs(mean) > Z * stds / math.sqrt(len(values))):
             std = float(np.sqrt(np.mean(stds**2)))
         size = LEAST_SPREAD * coefficient.scale
         if lost > EVIDENCE_THRESHOLD and size < min(std, getattr(model.scales, scale)):
-            own = values[:, PER_FLIGHT.index((kind, coefficient.name))].tolist()
+            own = varying[:, 0].tolist()
             found[kind] = Spread(
                 std=std,
                 std_error=std / math.sqrt(2.0 * len(own)),
@@ -110,7 +108,7 @@ def effects_of(
                 for family in sorted(families.get(name, ()))
             )
             continue
-        kind, slots = task.layout.kinds[name], task.layout.slots_of(name)
+        kind, slots = task.space.kinds[name], task.space.slots_of(name)
         if name == POSE_LATENCY.kind and model.theta[slots[0]] < 0.0:
             continue  # Not physical: the clocks differ, see `verdict.find_doubt`.
         found.append(
@@ -163,7 +161,7 @@ def _block_entry(
     return FoundEffect(
         kind=family,
         words=f"no effect of the library: {kind.words}" if has_none else kind.words,
-        coefficients=find_peak(own, known, kind.term)
+        coefficients=_find_peak(own, known, kind.term)
         | (numbers_of_lift(own, known, family) if name == LIFT else {}),
         shape=report.LIBRARY_SHAPE if has_none else report.OTHER_SHAPE,
         family=kind.link,
@@ -189,7 +187,7 @@ def rivals_of(
         if lost <= {own} and not {*named} & {*other.kinds}:
             found |= {*other.kinds} - BLOCKS.keys() - formulas
     return tuple(
-        kind for kind in task.layout.kinds if kind in found.difference(reported)
+        kind for kind in task.space.kinds if kind in found.difference(reported)
     )
 
 
@@ -200,7 +198,7 @@ def numbers_of_lift(own: Block, known: Uncertainty, family: str) -> dict[str, Es
     """
     places, step = known.places[LIFT], 0.02
     low, middle, high = own.functions(step * np.array([[-1.0], [0.0], [1.0]]))
-    is_camber = family == "camber"
+    is_camber = family == CAMBER.kind
     row = (-0.5 * middle if is_camber else (high - low) / (2.0 * step)) @ own.mix
     value, std = float(row @ own.coordinates), float(known.std_along(places, row))
     if is_camber:
@@ -208,7 +206,7 @@ def numbers_of_lift(own: Block, known: Uncertainty, family: str) -> dict[str, Es
     return {"slope": Estimate(value, std, "1/rad")}
 
 
-def find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimate]:
+def _find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimate]:
     """The largest value of a free function's term, and where it is.
 
     Standard errors follow from the covariance C of the coordinates w. With a term
@@ -243,7 +241,7 @@ def find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimate
 
 def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
     """A flight-to-flight variation as an effect, with the mean over flights."""
-    kind, values = task.layout.kinds[name], list(spread.values.values())
+    kind, values = task.space.kinds[name], list(spread.values.values())
     coefficient = kind.coefficients[0].name
     std = spread.std / math.sqrt(len(values))
     return FoundEffect(
@@ -256,25 +254,18 @@ def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
     )
 
 
-def model_of(
-    task: Task, model: FitResult, signs: Signs, campaign: Campaign
-) -> GliderModel:
+def model_of(task: Task, model: FitResult, signs: Signs) -> GliderModel:
     """The corrected glider."""
-    layout = task.layout
-    nuisance = {layout.slots[i][0] for i in task.vehicle.unknown} - {*model.kinds}
-    names = [*model.kinds, *(kind for kind in layout.kinds if kind in nuisance)]
+    space = task.space
+    parameters, fitted = space.unpack(model.theta, task.vehicle.parameters)
+    by_kind = {effect.kind.kind: effect for effect in fitted}
+    nuisance = {space.owners[i] for i in task.vehicle.unknown} - {*model.kinds}
+    names = [*model.kinds, *(kind for kind in space.kinds if kind in nuisance)]
     effects = [] if signs.are_right else [signs.effect]
-    effects += [
-        Effect(
-            kind=layout.kinds[name],
-            values=tuple(model.theta[list(layout.slots_of(name))].tolist()),
-        )
-        for name in names
-        if name not in model.free_kinds
-    ]
+    effects += [by_kind[name] for name in names if name not in model.free_kinds]
     parts = [own.data for own in model.blocks]
     return GliderModel(
-        parameters=parameters_of(model.theta, campaign),
+        parameters=parameters,
         effects=tuple(effects),
         field=dataclasses.replace(parts[0], more=parts[1:]) if parts else None,
     )
@@ -282,12 +273,14 @@ def model_of(
 
 def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Estimate]:
     """The unknown parameters of the vehicle, by name."""
-    area, inertia = ("m²/kg", "m²") if task.vehicle.is_per_mass else ("m²", "kg m²")
-    units, found = {"wing_offset": "m", "mass": "kg", "pitch_inertia": inertia}, {}
+    space = task.space
+    per_kilogram = {"m²": "m²/kg", "kg m²": "m²"} if task.vehicle.is_per_mass else {}
+    found = {}
     for slot in task.vehicle.unknown:
-        label, coefficient = task.layout.label(slot), task.layout.coefficients.get(slot)
-        unit = coefficient.unit if coefficient else units.get(label, area)
-        found[label] = Estimate(float(model.theta[slot]), known.std(slot), unit)
+        unit = space.entries[slot].unit
+        unit = per_kilogram.get(unit, unit)
+        value = float(model.theta[slot])
+        found[space.names[slot]] = Estimate(value, known.std(slot), unit)
     return found
 
 
@@ -298,7 +291,7 @@ def covariance_of(task: Task, known: Uncertainty) -> Covariance | None:
     flight-to-flight variation only the mean is included.
     """
     matrix, freedom = known.covariance
-    names = tuple(map(task.layout.label, known.named))
+    names = tuple(task.space.names[slot] for slot in known.named)
     if not names:
         return None
     return Covariance(names=names, matrix=matrix, degrees_of_freedom=freedom)

@@ -102,9 +102,9 @@ def _check(
     if effects is not None and not effects:
         raise InputError("found no effect to try; expected the name of at least one.")
     if own:
-        from glider.compiled.theta import layout_of
+        from glider.sysid.replay.log_space import log_space
 
-        layout_of(own)  # Kept: checked once.
+        log_space(own)  # Kept: checked once.
     known = (*KINDS, *(e.kind for e in own))
     for name in effects or ():
         if name not in known:
@@ -131,10 +131,10 @@ def _to_try(
     campaign: Campaign, effects: Sequence[str] | None, own: tuple[EffectKind, ...]
 ) -> tuple["Vehicle", tuple[str, ...]]:
     """The vehicle, and the kinds that were asked for and that these logs could show."""
-    from glider.compiled.theta import layout_of
+    from glider.sysid.replay.log_space import log_space
     from glider.sysid.replay.vehicle import make_vehicle
 
-    vehicle = make_vehicle(campaign, layout_of(own))
+    vehicle = make_vehicle(campaign, log_space(own))
     kinds = tuple(k for k in vehicle.kinds if effects is None or k in effects)
     if effects is not None and not kinds and ANGLE_SIGN.kind not in effects:
         raise InputError(

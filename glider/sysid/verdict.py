@@ -12,15 +12,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
-from glider.compiled.theta import SERVO_LOG
-from glider.physics.effects import ELEVATOR_SCALE, POSE_LATENCY
+from glider.physics.effects import ELEVATOR_SCALE, LIBRARY, POSE_LATENCY
+from glider.physics.parameters import PARAMETER_NAMES
 from glider.sysid import constants
 from glider.sysid.constants import WORSE
 from glider.sysid.fit.folds import WAYS, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
+from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.replay.replayed import signals
-from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.report import LIBRARY_SHAPE, Errors, Residual
 from glider.sysid.result import FoundEffect
 from glider.sysid.search.support import SearchResult
@@ -38,8 +38,8 @@ BOUNDED = {
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
     """Finds the reason why a model cannot be trusted: one clause, or None."""
-    layout, theta = task.layout, model.theta
-    early = -float(theta[layout.index[POSE_LATENCY.kind, "latency"]])
+    space, theta = task.space, model.theta
+    early = -float(theta[space.slots_of(POSE_LATENCY.kind)[0]])
     step = float(np.median(np.diff(task.records[0].time)))
     # Times that are rounded to rows are off by half a step.
     if early > 0.5 * step or (early > 0.0 and len(model.kinds) == 1):
@@ -48,14 +48,14 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
-    shift = float(theta[layout.index[SERVO_LOG.kind, "poses"]])
+    shift = float(theta[space.slots_of(SERVO_LOG.kind)[0]])
     if abs(shift) > constants.CLOCK_ERROR:
         words = "earlier" if shift < 0.0 else "later"
         return (
             f"the servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than "
             "its times say (is 'clock' right in the MAP of its import?)"
         )
-    change = float(theta[layout.index[ELEVATOR_SCALE.kind, "change"]])
+    change = float(theta[space.slots_of(ELEVATOR_SCALE.kind)[0]])
     if abs(change) > constants.TAIL_SPREAD:
         return (
             f"the elevator turns {1.0 + change:.2f} times as far as its log says (as "
@@ -214,8 +214,10 @@ def changes_baseline_alone(model: FitResult) -> bool:
     The refitted baseline has them too and may leave nothing to gain: they are
     then compared with the nominal model.
     """
-    kinds = set(model.kinds)
-    return bool(kinds) and not model.blocks and kinds <= set(BASELINE_KINDS)
+    if model.blocks or not model.kinds:
+        return False
+    baseline = {kind.kind for kind in LIBRARY if {*kind.like} & {*PARAMETER_NAMES}}
+    return baseline.issuperset(model.kinds)
 
 
 def _not_better(

@@ -10,9 +10,8 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from glider.compiled.jacobian import differentiate
 from glider.compiled.kernel import UncompilableError
-from glider.physics.chain import NUM_INPUTS
+from glider.physics.chain import NUM_INPUTS, theta_of
 from glider.physics.model import GliderModel, as_model
-from glider.physics.parameters import Parameters, Theta
 from glider.physics.state import POSE_NAMES
 from glider.systems.template import float_class
 
@@ -41,9 +40,8 @@ def GliderPlant_(T):
                 center of mass [N m].
             pose (3): x, z [m] and pitch [rad] as the sensors show them.
 
-        Numeric parameter 0 holds the parameters in the order of PARAMETER_NAMES and
-        numeric parameter 1 the effects' coefficients, one effect after the other, so
-        that a caller can change them or differentiate by them.
+        Numeric parameter 0 holds all numbers of the glider in the order of the names
+        of `model.space`, so that a caller can change them or differentiate by them.
 
         Args:
             model: the glider, or the path of its file; the default is that of
@@ -92,8 +90,8 @@ def GliderPlant_(T):
             return self._wind.Eval(context) if has_wind else (0.0, 0.0)
 
         def _theta(self, context):
-            p, c = (context.get_numeric_parameter(i).CopyToVector() for i in (0, 1))
-            return Theta(Parameters(*p), c, self._field)
+            numbers = context.get_numeric_parameter(0).CopyToVector()
+            return theta_of(numbers, self._field)
 
         def _calc_forces(self, context, output):
             t, x, u, wind_x, wind_z, theta = self._arguments(context)
@@ -134,9 +132,7 @@ def _declare(plant, vector):
     plant._elevator_rate = plant.DeclareVectorInputPort("elevator_rate", 1)
     plant._wind = plant.DeclareVectorInputPort("wind", 2)
     state = plant.DeclareContinuousState(len(plant.state_names))
-    theta = plant.model.numbers
-    plant.DeclareNumericParameter(vector(np.array(theta.p)))
-    plant.DeclareNumericParameter(vector(theta.c))
+    plant.DeclareNumericParameter(vector(plant.model.vector))
     plant.DeclareStateOutputPort("state", state)
     plant.DeclareVectorOutputPort("forces", len(_FORCE_NAMES), plant._calc_forces)
     plant.DeclareVectorOutputPort(
@@ -146,22 +142,21 @@ def _declare(plant, vector):
         {plant.xc_ticket(), plant.all_parameters_ticket()},
     )
     plant._numbers = plant.DeclareCacheEntry(
-        "parameters and coefficients as floats",
+        "numbers of the glider as floats",
         ValueProducer(allocate=Value[object], calc=partial(_calc_numbers, plant)),
         {plant.all_parameters_ticket()},
     )
 
 
 def _calc_numbers(plant, context, value):
-    """Writes z and the gradient of parameters and coefficients into a cache value.
+    """Writes z and the gradient of the glider's numbers into a cache value.
 
     z has all numbers as in `derivatives_of`, states and inputs zero. The gradient is
     None where they are constant.
     """
-    theta = plant._theta(context)
-    both = np.array([*theta.p, *theta.c])
-    z = np.append(np.zeros(len(plant.state_names) + NUM_INPUTS), ExtractValue(both))
-    gradient = ExtractGradient(both)
+    numbers = context.get_numeric_parameter(0).CopyToVector()
+    z = np.append(np.zeros(len(plant.state_names) + NUM_INPUTS), ExtractValue(numbers))
+    gradient = ExtractGradient(numbers)
     value.set_value((z, gradient if gradient.any() else None))
 
 

@@ -461,7 +461,7 @@ def check(campaign: Campaign, broken: Break) -> Answer:
         turned = turn_campaign(whole, find_signs(whole, whole.flights, masks, vehicle))
         check_limits(turned, masks)
         noise = measure_noise(turned, masks)
-        records = prepare(turned.flights, turned, noise, vehicle.layout, masks)
+        records = prepare(turned.flights, turned, noise, vehicle.space, masks)
         outlying = find_outlying(make_task(records, vehicle, vehicle.kinds), noise)
     except InputError as error:
         words, outcome = str(error), "refused"

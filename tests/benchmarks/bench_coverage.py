@@ -111,7 +111,7 @@ def of_fitted(seed: int):
     if not np.isfinite(model.cost):
         return None
     known = covariance_of(task, uncertainty_of(task, model))
-    names = [".".join(task.layout.slots[i]) for i in model.free]
+    names = [task.space.names[i] for i in model.free]
     return of_truth(names, model.theta[list(model.free)], known, truth)
 
 

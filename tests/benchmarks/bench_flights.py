@@ -16,14 +16,15 @@ import time
 import joblib
 
 from glider.campaign.logs import Campaign
-from glider.compiled.theta import warm_up
+from glider.compiled.warm_up import warm_up
 from glider.sysid.pipeline import close_the_loop
+from glider.sysid.replay.log_space import LIBRARY_SPACE
 from tests.helpers.lifelike import draw_campaign
 
 
 def trace(campaign: Campaign, jobs: int) -> str:
     """Traces a campaign and returns what it took."""
-    warm_up()
+    warm_up(LIBRARY_SPACE)
     wall, processor = time.perf_counter(), time.process_time()
     if jobs:
         with joblib.parallel_config(backend="loky", n_jobs=jobs):

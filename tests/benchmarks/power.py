@@ -24,6 +24,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from glider.physics.parameter_space import OF_VEHICLE
 from glider.sysid.constants import RIVAL_GAP
 from glider.sysid.likelihood.candidates import tamed
 from glider.sysid.likelihood.directions import (
@@ -94,11 +95,11 @@ def limits_of(
             candidates.
     """
     candidates, is_usual = _candidates(task, model)
-    always = slopes(task.layout, task.vehicle.nuisance)
+    always = slopes(task.space, task.vehicle.nuisance)
     columns = [*candidates, *always]
     flights, _ = tamed(task, columns, linear_flights(task, model, columns))
     steps, known = _beside(task, model, flights, len(candidates))
-    scale = task.layout.scale[[d.slot for d in candidates]]
+    scale = task.space.scale[[d.slot for d in candidates]]
     told = np.diag(known) * scale**2
     shows = np.flatnonzero(told > _LEAST_TOLD)  # Others show in no flight.
     if not len(shows):
@@ -112,10 +113,10 @@ def limits_of(
     found = []
     for place, j in enumerate(shows):
         direction = candidates[j]
-        coefficient = task.layout.coefficients.get(direction.slot)
+        coefficient = task.space.entries[direction.slot]
         if kinds is not None and direction.kind not in kinds:
             continue
-        if coefficient is None or not is_usual[j]:
+        if direction.kind == OF_VEHICLE or not is_usual[j]:
             continue  # A parameter of the vehicle, or another shape.
         shown = strengths.size(steps[j], oracle.least(place, RIVAL_GAP), std[place])
         named, rival = np.inf, oracle.rival(place)
@@ -131,7 +132,7 @@ def limits_of(
                 name=coefficient.name,
                 unit=coefficient.unit,
                 scale=coefficient.scale,
-                shapes={task.layout.slots[i][1]: v for i, v in direction.shapes},
+                shapes={task.space.entries[i].name: v for i, v in direction.shapes},
                 std=float(std[place]),
                 shown=shown,
                 named=max(named, shown),
@@ -216,20 +217,20 @@ left at least."""
 
 def _candidates(task: Task, model: FitResult) -> tuple[list[Direction], list[bool]]:
     """Returns all sizes at all starting shapes, and which have the usual shapes."""
-    layout, own = task.layout, set(task.vehicle.nuisance)
+    space, own = task.space, set(task.vehicle.nuisance)
     found: list[Direction] = []
     is_usual: list[bool] = []
     for name in task.kinds:
-        kind = layout.kinds[name]
-        slots = list(layout.slots_of(name))
+        kind = space.kinds[name]
+        slots = list(space.slots_of(name))
         allowed = set(task.free((name,))) - own
         if all(c.is_shape for c in kind.coefficients):
-            starts, usual = [slopes(layout, slots)], 0
+            starts, usual = [slopes(space, slots)], 0
         else:
-            starts = starts_of(layout, kind, model.theta)
+            starts = starts_of(space, kind, model.theta)
             defaults = model.theta.copy()
             defaults[slots] = [c.default for c in kind.coefficients]
-            usual = nearest_start(layout, starts, defaults)
+            usual = nearest_start(space, starts, defaults)
         for k, columns in enumerate(starts):
             mine = [d for d in columns if d.slot in allowed]
             found += mine

@@ -5,10 +5,10 @@ import functools
 import numpy as np
 import pytest
 
-from glider.compiled.theta import layout_for, theta_of
 from glider.physics.effects import ADDED_MASS, DYNAMIC_STALL, EffectKind
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import fly_path
+from glider.sysid.replay.log_space import log_space_of, sensed, vector_of
 from glider.sysid.result import FoundEffect
 from tests.benchmarks.bench_forms import (
     Planted,
@@ -56,7 +56,7 @@ def test_hooked_flights_are_the_librarys(kind, values):
     names = () if kind is None else [c.name for c in kind.coefficients]
     effects = () if kind is None else (kind(**dict(zip(names, values, strict=True))),)
     model = GliderModel(effects=effects)
-    layout, theta = layout_for(model), theta_of(model)
+    space, theta = log_space_of(model), vector_of(model)
     times = STEP * np.arange(STEPS + 1)
     for i in range(2):
         x, z, pitch, *rates = start[:, i]
@@ -65,8 +65,8 @@ def test_hooked_flights_are_the_librarys(kind, values):
             [elevator[:-2:2, i], elevator[1::2, i], elevator[2::2, i]]
         )
         rate = (path[:, 2] - path[:, 0]) / STEP
-        states = fly_path(layout, theta, launch, times, path, rate)
-        expected = layout.sensed(states, theta)[::EVERY]
+        states = fly_path(space, theta, launch, times, path, rate)
+        expected = sensed(space, states, theta)[::EVERY]
         np.testing.assert_allclose(poses[:, i], expected, rtol=0.0, atol=1e-8)
 
 

@@ -44,7 +44,7 @@ def test_the_standard_error_is_that_of_a_fit(still, limits, kind):
     """With the same scales."""
     task, noise, model = still
     fitted = fit_model(task, begin(task, noise, (kind,)), free_scales=())
-    columns = slopes(task.layout, fitted.free)
+    columns = slopes(task.space, fitted.free)
     grams = grams_of(linear_flights(task, fitted, columns), model.scales)
     error = np.sum(grams, axis=0)[0, 0] ** -0.5
     assert limits[kind].std == pytest.approx(error, rel=0.05)
@@ -86,8 +86,8 @@ def test_a_named_effect_is_lost_where_its_rival_is_fitted(still):
     drag = next(x for x in limits_of(few, model) if x.kind == "profile_drag")
     assert drag.rival == "axial_drag"
     assert drag.named > 3.0 * drag.shown
-    slots = [task.layout.slots_of(kind)[0] for kind in few.kinds]
-    flights = linear_flights(task, model, slopes(task.layout, slots))
+    slots = [task.space.slots_of(kind)[0] for kind in few.kinds]
+    flights = linear_flights(task, model, slopes(task.space, slots))
 
     def lost(sizes):
         moved = [f.combined(np.asarray(sizes)) for f in flights]
@@ -105,7 +105,7 @@ def test_a_named_effect_is_lost_where_its_rival_is_fitted(still):
 def test_what_is_unknown_of_the_glider_is_fitted_beside(still):
     """And what it is one with has no limit: no campaign tells."""
     task, _, model = still
-    offset = task.layout.index["parameters", "wing_offset"]
+    offset = task.space.index["wing_offset"]
     vehicle = dataclasses.replace(task.vehicle, nuisance={offset: 0.03})
     own = {(x.kind, x.name): x for x in limits_of(task, model)}
     blind = dataclasses.replace(task, vehicle=vehicle)

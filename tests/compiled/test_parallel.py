@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from glider.compiled.parallel import in_parallel
-from glider.compiled.theta import LIBRARY_LAYOUT, layout_of
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
+from glider.sysid.replay.log_space import LIBRARY_SPACE, log_space
 from glider.sysid.search.support import weigh
 from tests.helpers.tasks import begin, fly, task_of, typical
 
@@ -89,10 +89,10 @@ def test_what_is_sent_is_small_and_finds_its_layout_again():
         if isinstance(value := getattr(record, field.name), np.ndarray)
     )
     again = pickle.loads(sent)
-    assert again.layout is LIBRARY_LAYOUT
+    assert again.space is LIBRARY_SPACE
     np.testing.assert_array_equal(again.nodes, record.nodes)
     own = dataclasses.replace(KINDS["profile_drag"], kind="my_drag")
-    assert pickle.loads(pickle.dumps(layout_of((own,)))) is layout_of((own,))
+    assert pickle.loads(pickle.dumps(log_space((own,)))) is log_space((own,))
 
 
 @pytest.mark.nightly

@@ -9,7 +9,6 @@ from pydrake.systems.analysis import Simulator
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import log_path, roll_out
-from glider.compiled.theta import LIBRARY_LAYOUT, SERVO_LOG, layout_of, theta_of
 from glider.compiled.user_effects import check_user_effects
 from glider.errors import InputError
 from glider.physics.effects import KINDS, Replay
@@ -25,13 +24,20 @@ from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import Scales, start_scales
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
+from glider.sysid.replay.log_space import (
+    LIBRARY_SPACE,
+    SERVO_LOG,
+    log_space,
+    resting_states,
+    vector_of,
+)
 from glider.sysid.replay.replayed import signals, true_nodes
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error
 from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, STICKY, TWIST
 from tests.helpers.tasks import begin, task_of
 
-LAYOUT = layout_of(ALL)
+SPACE = log_space(ALL)
 
 
 def planted(kind, **plan):
@@ -93,8 +99,8 @@ def test_the_corrected_model_is_saved_loaded_and_flown(closed, tmp_path):
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.kind)
 def test_user_effects_of_each_stage_are_fitted(kind):
     model, campaign = planted(kind, flights=4)
-    task, noise = task_of(campaign, LAYOUT)
-    truth, slots = theta_of(model), list(LAYOUT.slots_of(kind.kind))
+    task, noise = task_of(campaign, SPACE)
+    truth, slots = vector_of(model), list(SPACE.slots_of(kind.kind))
     found = fit_model(task, begin(task, noise, [kind.kind]))
     known = uncertainty_of(task, found)
     std = np.array([known.std(slot) for slot in slots])
@@ -107,8 +113,8 @@ def test_user_effects_of_each_stage_are_fitted(kind):
 def test_flights_are_those_of_the_plant(monkeypatch):
     """What the log's kernel flies, with its states at rest, is what Drake flies."""
     model, campaign = planted(BOOM, flights=3)
-    task, noise = task_of(campaign, LAYOUT)
-    record, theta = task.records[0], theta_of(model)
+    task, noise = task_of(campaign, SPACE)
+    record, theta = task.records[0], vector_of(model)
     known = RolloutModel(
         theta=theta,
         field=model.residual_field,
@@ -119,8 +125,7 @@ def test_flights_are_those_of_the_plant(monkeypatch):
     start = find_launch(known, record)[0]
     start[7:] = 0.0
     path = log_path(record.time, *signals(record, theta)[:2])
-    kinds, dynamics = LAYOUT.compiled_kinds, LAYOUT.dynamics(theta)
-    flown = roll_out(kinds, path, start, dynamics, model.residual_field)
+    flown = roll_out(SPACE.flown, path, start, theta, model.residual_field)
     present = tuple(e for e in model.effects if e.kind is BOOM)
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)
@@ -151,22 +156,22 @@ def test_own_states_rest_where_the_plant_has_them_rest():
     own += [BOOM(gain=1e-3), INFLOW(gain=0.1)]
     plant = GliderPlant(model=GliderModel(effects=tuple(own)))
     state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
-    theta = LAYOUT.default_theta(plant.model.parameters)
-    rest = LAYOUT.steady_states(0.0, state, 0.0, theta)
+    theta = SPACE.pack(plant.model.parameters)
+    rest = resting_states(SPACE, 0.0, state, 0.0, theta)
     np.testing.assert_allclose(rest, plant.model.initial_state(state)[7:])
     assert rest[4] > 0.1  # It sinks.
-    assert LAYOUT.steady_states(0.0, state, 3.0, theta)[3] == 3.0
+    assert resting_states(SPACE, 0.0, state, 3.0, theta)[3] == 3.0
 
 
 def test_a_flight_begins_near_rest():
     """Within a share of the states' scales, as its prior has it."""
     model, campaign = planted(BOOM, flights=3)
-    task, _ = task_of(campaign, LAYOUT)
-    record, theta = task.records[0], theta_of(model)
+    task, _ = task_of(campaign, SPACE)
+    record, theta = task.records[0], vector_of(model)
     start = true_nodes(record, theta)[0]
     elevator, rate, *_ = signals(record, theta)
     launch = start + np.eye(len(start))[3] * elevator[0, 0]
-    rest = LAYOUT.steady_states(0.0, launch, rate[0], theta)
+    rest = resting_states(SPACE, 0.0, launch, rate[0], theta)
     assert np.all(rest != 0.0)
     np.testing.assert_allclose(start[7:], rest)
     flight = linearize(record, theta, model.residual_field)
@@ -182,10 +187,10 @@ def test_a_flight_begins_near_rest():
 def test_columns_are_derivatives_of_the_errors(kind):
     fine = MotionCapture(position=1e-7, pitch=1e-7, elevator=1e-7)
     model, campaign = planted(kind, flights=2, duration=0.4, capture=fine)
-    task, _ = task_of(campaign, LAYOUT)
-    theta = theta_of(model)
+    task, _ = task_of(campaign, SPACE)
+    theta = vector_of(model)
     tolerance = 0.1 if kind.is_replayed else 0.03  # A path has kinks.
-    for direction in slopes(LAYOUT, LAYOUT.slots_of(kind.kind)):
+    for direction in slopes(SPACE, SPACE.slots_of(kind.kind)):
         assert column_error(task.records[0], theta, direction) < tolerance
 
 
@@ -240,12 +245,12 @@ def weak_servo(rate, gain):
 
 
 def test_the_library_keeps_its_layout():
-    assert layout_of(()) is LIBRARY_LAYOUT
-    assert LIBRARY_LAYOUT.user_kinds == ()
+    assert log_space(()) is LIBRARY_SPACE
     of_logs = {SERVO_LOG.kind: SERVO_LOG}  # Fitted, never an effect.
-    assert LIBRARY_LAYOUT.kinds == KINDS | of_logs
-    shared = LIBRARY_LAYOUT.slots[: LIBRARY_LAYOUT.num_compiled]
-    assert LAYOUT.slots[: len(shared)] == shared
+    corrected = {"angle_sign": KINDS["angle_sign"]}  # Before a log is replayed.
+    assert LIBRARY_SPACE.kinds | corrected == KINDS | of_logs
+    shared = LIBRARY_SPACE.names[: LIBRARY_SPACE.num_flown]
+    assert SPACE.names[: len(shared)] == shared
 
 
 @pytest.mark.parametrize(

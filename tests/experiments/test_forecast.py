@@ -34,8 +34,8 @@ def fixed(late):
     first = late[3][0]
     # Elevators may begin anywhere: the noisy flights all begin at zero.
     scales = dataclasses.replace(first.model.scales, rest=0.1)
-    layout = late[1].layout
-    slot = layout.index["servo_lag", "time_constant"]
+    space = late[1].space
+    slot = space.index["servo_lag.time_constant"]
     found = []
     for lag in (0.002, 0.0024):
         theta = first.model.theta.copy()
@@ -64,7 +64,7 @@ def test_predicted_evidence_is_the_mean_of_noisy_flights(late):
     predicted = forecast.distances(forecast.futures(grams))[0, 1]
     assert predicted > 2.0  # Else the test would show nothing.
     scales, rng = pair[0].model.scales, np.random.default_rng(0)
-    clean = log_of(throw, forecast.place, task.layout, pair[0].model.theta, NO_FIELD)
+    clean = log_of(throw, forecast.place, task.space, pair[0].model.theta, NO_FIELD)
     gained = []
     for _ in range(60):
         pose = clean.pose + rng.normal(size=clean.pose.shape) * (
@@ -74,7 +74,7 @@ def test_predicted_evidence_is_the_mean_of_noisy_flights(late):
         )
         angle = clean.elevator + scales.elevator * rng.normal(size=len(clean.time))
         noisy = dataclasses.replace(clean, pose=pose, elevator=angle)
-        [record] = prepare([noisy], campaign, noise, task.layout)
+        [record] = prepare([noisy], campaign, noise, task.space)
         costs = [
             whiten(linearize(record, e.model.theta, NO_FIELD), scales).cost
             for e in pair
@@ -94,7 +94,7 @@ def test_free_numbers_take_away_what_they_can_explain(late):
     _, task, _, explanations = late
     lag = next(e for e in explanations if e.model.kinds == ("servo_lag",))
     theta = lag.model.theta.copy()
-    theta[task.layout.index["servo_lag", "time_constant"]] *= 1.1
+    theta[task.space.index["servo_lag.time_constant"]] *= 1.1
     moved = dataclasses.replace(lag, model=dataclasses.replace(lag.model, theta=theta))
     loose = dataclasses.replace(moved, precision=1e-3 * lag.precision)
     throw = flown_throw(task.records[0])
@@ -180,7 +180,7 @@ def made_up(late, rng, apart=1.0):
         root = rng.normal(size=(2, 2))
         model = dataclasses.replace(
             late[3][0].model,
-            free=tuple(late[1].layout.slots_of("wind")),
+            free=tuple(late[1].space.slots_of("wind")),
             theta=late[1].vehicle.theta,
         )
         explanations.append(
@@ -230,9 +230,9 @@ def test_futures_are_drawn_as_the_flights_leave_the_numbers(late):
 
 def _bounds(late):
     task = late[1]
-    slots = list(task.layout.slots_of("wind"))
+    slots = list(task.space.slots_of("wind"))
     own = task.vehicle.theta[slots]
-    return task.layout.lower[slots] - own, task.layout.upper[slots] - own
+    return task.space.lower[slots] - own, task.space.upper[slots] - own
 
 
 def test_gliders_that_are_flown_bear_out_what_is_linear(late):

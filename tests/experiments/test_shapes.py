@@ -32,7 +32,7 @@ def fitted(request):
 
 def worth(task, model, late):
     """Returns the log evidence at a shape, fitted again."""
-    size, shape = task.layout.slots_of(KIND)
+    size, shape = task.space.slots_of(KIND)
     theta = model.theta.copy()
     theta[shape] = late
     own = dataclasses.replace(model, theta=theta, free=(size,))
@@ -45,7 +45,7 @@ def worth(task, model, late):
 def test_the_cost_is_that_of_fits_at_each_shape(fitted):
     size, task, model = fitted
     _, shape = KINDS[KIND].coefficients
-    slot = task.layout.slots_of(KIND)[1]
+    slot = task.space.slots_of(KIND)[1]
     own = worth(task, model, model.theta[slot])
     told = np.array([worth(task, model, late) - own for late in shape.grid])
     told[np.argmin(np.abs(np.array(shape.grid) - model.theta[slot]))] = 0.0

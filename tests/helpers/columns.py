@@ -34,12 +34,12 @@ def column_error(record: Record, theta: np.ndarray, direction: Direction) -> flo
     ahead[direction.slot] += size
     behind[direction.slot] -= size
     numeric = (error_at(behind) - error_at(ahead)) / (2.0 * size)
-    if direction.slot in record.layout.sensor_slots:
+    if direction.slot in record.space.sensor_slots:
         # The nodes move with what the sensors show, and the launch with them.
         basis, _ = np.linalg.qr(whitened(of_launch(flight)))
         column = column - basis @ (basis.T @ column)
         numeric = numeric - basis @ (basis.T @ numeric)
-    nothing = NOTHING / record.layout.scale[direction.slot]
+    nothing = NOTHING / record.space.scale[direction.slot]
     largest = max(np.abs(numeric).max(), nothing)
     return float(np.abs(column - numeric).max() / largest)
 

@@ -14,8 +14,8 @@ from scipy.linalg import block_diag
 
 from glider.campaign.logs import Flight
 from glider.physics.compose import compose, initial_extra
-from glider.physics.effects import ELEVATOR_TRIM, NO_FIELD, PITCH_OFFSET, STAGES, Flow
-from glider.physics.parameters import GliderParameters, Theta
+from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, STAGES, Flow
+from glider.physics.model import GliderModel
 from tests.helpers.lifelike import Capture
 from tests.helpers.lifelike_flight import STEP
 
@@ -107,7 +107,7 @@ class HookedGlider:
             constants = np.zeros((4, *start.shape[1:]))
         effects = (ELEVATOR_TRIM, PITCH_OFFSET, *self.hooks)
         chain = compose(effects)
-        theta = Theta(GliderParameters().numbers, constants[2:], NO_FIELD)
+        theta = GliderModel().numbers._replace(c=constants[2:])
         count = 7 + sum(len(e.states) for e in effects)
         state = np.zeros((count, *start.shape[1:]))
         state[[0, 1, 2, 4, 5, 6]] = start

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign
-from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.effects.field import FieldData
+from glider.physics.parameter_space import ParameterSpace
 from glider.sysid.fit.prediction import flown_by, measure_errors
 from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task, make_task, start_of
+from glider.sysid.replay.log_space import LIBRARY_SPACE
 from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
@@ -54,12 +55,12 @@ def limit_of(
 
 def task_of(
     campaign: Campaign,
-    layout: Layout = LIBRARY_LAYOUT,
+    space: ParameterSpace = LIBRARY_SPACE,
     masks: Mapping[str, Masks] | None = None,
 ) -> tuple[Task, Noise]:
     """Task of a campaign with all kinds, and the noise of its channels."""
-    vehicle, noise = make_vehicle(campaign, layout), measure_noise(campaign, masks)
-    records = prepare(campaign.flights, campaign, noise, layout, masks)
+    vehicle, noise = make_vehicle(campaign, space), measure_noise(campaign, masks)
+    records = prepare(campaign.flights, campaign, noise, space, masks)
     return make_task(records, vehicle, vehicle.kinds), noise
 
 
@@ -69,9 +70,7 @@ def starts_of(task: Task, noise: Noise, kinds: Sequence[str]) -> list[FitResult]
         (slot, c.grid)
         for kind in kinds
         for slot, c in zip(
-            task.layout.slots_of(kind),
-            task.layout.kinds[kind].coefficients,
-            strict=True,
+            task.space.slots_of(kind), task.space.kinds[kind].coefficients, strict=True
         )
         if c.is_shape
     ]
@@ -89,8 +88,8 @@ def begin(task: Task, noise: Noise, kinds: Sequence[str] = ()) -> FitResult:
     start = start_of(task, noise)
     theta = start.theta.copy()
     for kind in kinds:
-        coefficients = task.layout.kinds[kind].coefficients
-        for slot, c in zip(task.layout.slots_of(kind), coefficients, strict=True):
+        coefficients = task.space.kinds[kind].coefficients
+        for slot, c in zip(task.space.slots_of(kind), coefficients, strict=True):
             theta[slot] = c.grid[0] if c.is_shape else c.default
     kinds = tuple(kinds)
     return dataclasses.replace(start, theta=theta, kinds=kinds, free=task.free(kinds))

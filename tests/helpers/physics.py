@@ -7,14 +7,15 @@ from glider.physics.compose import compose, initial_extra
 from glider.physics.effects import NO_FIELD
 from glider.physics.effects.effect import Effect, EffectKind
 from glider.physics.effects.field import FieldData
-from glider.physics.parameters import GliderParameters, Parameters, Theta
+from glider.physics.model import GliderModel
+from glider.physics.parameters import Parameters, Theta
 from glider.physics.state import STATE_NAMES
 
 GliderState = namedview("GliderState", STATE_NAMES)
 """A view by name; it aliases what it wraps, so that writing through a slice of it
 writes into the state (the published notebook's first fault)."""
 
-PARAMETERS = GliderParameters().numbers
+PARAMETERS = GliderModel().numbers.p
 NO_COEFFICIENTS = np.zeros(0)
 
 

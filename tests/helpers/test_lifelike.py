@@ -9,10 +9,15 @@ import pytest
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.compiled.actuators import replayed_path
-from glider.compiled.replay import log_path, roll_out
-from glider.compiled.theta import OFFSET, layout_for, theta_of
+from glider.compiled.replay import OFFSET, log_path, roll_out
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
+from glider.sysid.replay.log_space import (
+    log_space_of,
+    resting_states,
+    sensed,
+    vector_of,
+)
 from tests.helpers.lifelike import (
     COMMAND_RATE,
     draw_campaign,
@@ -53,8 +58,8 @@ def flown(glider, flights=4, seed=5, air=None):
 def flown_by_library(effects, start, commands):
     """Returns the poses shown (K + 1, F, 3) of the same flights by the library."""
     model = GliderModel(effects=effects)
-    layout, theta = layout_for(model), theta_of(model)
-    replay = layout.replay(theta)
+    space, theta = log_space_of(model), vector_of(model)
+    replay = space.replay(theta)
     switches = np.arange(len(commands)) / COMMAND_RATE
     fine = STEP * np.arange(STEPS + 1)
     poses = []
@@ -68,17 +73,16 @@ def flown_by_library(effects, start, commands):
         here, middle = path(fine), path(0.5 * (fine[1:] + fine[:-1]))
         rate = np.diff(here) / STEP
         position, velocity, pitch, pitchdot = start[:, i]
-        x = np.zeros(layout.num_states)
+        x = np.zeros(space.num_states)
         x[:7] = (
             *(position.real, position.imag, pitch.real, here[0]),
             *(velocity.real, velocity.imag, pitchdot.real),
         )
-        x[7:] = layout.steady_states(0.0, x, rate[0], theta)
+        x[7:] = resting_states(space, 0.0, x, rate[0], theta)
         x[OFFSET] = 0.0
         along = log_path(fine, np.stack([here[:-1], middle, here[1:]], axis=1), rate)
-        kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
-        states = roll_out(kinds, along, x, dynamics, NO_FIELD)
-        poses.append(layout.sensed(states, theta))
+        states = roll_out(space.flown, along, x, theta, NO_FIELD)
+        poses.append(sensed(space, states, theta))
     return np.stack(poses, axis=1)
 
 

@@ -12,7 +12,7 @@ from examples.article.tapes import fly_tapes
 from glider.compiled.jacobian import differentiate
 from glider.physics import formulas
 from glider.physics.model import GliderModel
-from glider.physics.parameters import GliderParameters, Parameters
+from glider.physics.parameters import Parameters
 from tests.helpers.physics import (
     PARAMETERS,
     GliderState,
@@ -21,7 +21,7 @@ from tests.helpers.physics import (
     random_states,
 )
 
-HEAVY_EKF = GliderParameters(mass=0.12, air_density=1.292, wing_offset=-0.03).numbers
+HEAVY_EKF = PARAMETERS._replace(mass=0.12, air_density=1.292, wing_offset=-0.03)
 
 
 def numbers(low, high, count):

@@ -166,7 +166,8 @@ def test_a_glider_that_deviates_is_the_one_that_is_meant():
 def test_what_is_not_physical_is_drawn_back():
     deviations = np.array([[0.01, -0.2, 0.02], [0.01, 0.02, -0.1], [0.01, 0.02, 0.03]])
     nearer = physical(MODEL, NAMES, deviations)
-    np.testing.assert_allclose(nearer[0], 0.4 * deviations[0], rtol=1e-6)
+    share = (MODEL.parameters.mass - MODEL.space.lower[0]) / 0.2
+    np.testing.assert_allclose(nearer[0], share * deviations[0], rtol=1e-6)
     np.testing.assert_allclose(nearer[1], 0.5 * deviations[1], rtol=1e-6)
     np.testing.assert_array_equal(nearer[2], deviations[2])
     for deviation in nearer:

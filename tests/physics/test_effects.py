@@ -9,13 +9,12 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from glider.compiled.jacobian import differentiate
 from glider.compiled.replay import flow_at
 from glider.errors import InputError
-from glider.physics.compose import coefficient_slices, compose, state_slices
+from glider.physics.compose import compose
 from glider.physics.effects import (
     COMMAND_DELAY,
     KINDS,
     LIBRARY,
     NO_FIELD,
-    PROFILE_DRAG,
     SERVO_LAG,
     STAGES,
     Coefficient,
@@ -223,18 +222,6 @@ def test_effects_add_in_any_order():
 def packed(effects, point):
     x, c = full_state(effects, point)
     return x, 2.0, (0.0, 0.0), PARAMETERS, c
-
-
-def test_slices_follow_the_vectors():
-    kinds = (PROFILE_DRAG, KINDS["dynamic_stall"], SERVO_LAG)
-    assert coefficient_slices(kinds) == {
-        "profile_drag": slice(0, 1),
-        "dynamic_stall": slice(1, 3),
-        "servo_lag": slice(3, 4),
-    }
-    # Actuators lead among the states.
-    assert state_slices(kinds)["servo_lag"] == slice(0, 1)
-    assert state_slices(kinds)["dynamic_stall"] == slice(1, 2)
 
 
 # ---------------------------------------------------------------- a user's own

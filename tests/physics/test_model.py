@@ -9,6 +9,7 @@ import pytest
 from glider.errors import InputError
 from glider.files import schema
 from glider.paths import models_path
+from glider.physics.confidence import make_confidence
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS, LIBRARY, NO_FIELD, PROFILE_DRAG, WIND
 from glider.physics.effects.field import (
@@ -60,7 +61,8 @@ def test_how_well_a_model_is_known_comes_back_from_its_file(tmp_path):
 def test_a_flight_depends_on_no_sensor():
     names = ("mass", "wind.x", "pitch_offset.angle")
     known = Covariance(names=names, matrix=np.diag([1.0, 2.0, 3.0]))
-    part = known.of_flight((WIND, KINDS["pitch_offset"]))
+    model = GliderModel(effects=(WIND(x=-0.5), KINDS["pitch_offset"](angle=0.1)))
+    part = make_confidence(model, known).covariance
     assert part.names == ("mass", "wind.x")
     np.testing.assert_array_equal(part.matrix, np.diag([1.0, 2.0]))
 

@@ -7,6 +7,7 @@ import yaml
 
 from glider.errors import InputError
 from glider.paths import models_path
+from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters, load_parameters
 
 # m, I, S_w, S_e, l_w, l_h, l_e, rho, g: the table of reference-facts.md, in the
@@ -38,7 +39,7 @@ def write(tmp_path):
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_vehicle_has_the_numbers_of_its_file(name):
     parameters = load_parameters(vehicle_file(name))
-    assert list(parameters.numbers) == VEHICLES[name]
+    assert list(GliderModel(parameters=parameters).numbers.p) == VEHICLES[name]
     # The travel is larger with the trailing edge up, which is nose up.
     assert parameters.elevator_limits == [-0.4463, 0.9473]
     assert parameters.elevator_rate_limit == 13.0
@@ -72,7 +73,8 @@ def test_the_defaults_are_the_perching_glider():
 
 def test_the_numbers_go_by_their_names():
     values = {name: 1.0 + i for i, name in enumerate(PARAMETER_NAMES)}
-    assert GliderParameters(**values).numbers._asdict() == values
+    model = GliderModel(parameters=GliderParameters(**values))
+    assert model.numbers.p._asdict() == values
 
 
 def test_the_servo_has_the_limits_of_the_vehicle():

@@ -46,12 +46,11 @@ def plain():
 def test_what_is_carried_is_in_the_model_and_nothing_else_is(plain):
     task, model = plain
     bent = with_block(task, model, "moment over alpha").model
-    campaign = fly(flights=1, duration=0.2)
-    whole = model_of(task, bent, Signs(), campaign)
+    whole = model_of(task, bent, Signs())
     (own,) = bent.blocks
     assert whole.field == own.data
-    assert model_of(task, model, Signs(), campaign).field is None
-    (effect,) = model_of(task, model, Signs(pitch=-1), campaign).effects
+    assert model_of(task, model, Signs()).field is None
+    (effect,) = model_of(task, model, Signs(pitch=-1)).effects
     assert effect.to_dict()["pitch"] == -1.0
 
 
@@ -251,12 +250,12 @@ def test_what_effects_explain_is_in_the_units_of_the_plate():
 
 def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     task, _ = task_of(fly(flights=2, duration=0.3))
-    layout = task.layout
+    space = task.space
 
     def unnamed(times, evidence, free=()):
         theta = task.vehicle.theta.copy()
         for name, value in times.items():
-            theta[layout.index["lagged_separation", name]] = value
+            theta[space.index[f"lagged_separation.{name}"]] = value
         model = types.SimpleNamespace(
             kinds=(*evidence,), free_kinds=free, blocks=(), theta=theta
         )
@@ -352,7 +351,7 @@ def test_a_formula_is_named_where_the_function_that_bends_it_is_small(plain):
         count = len(traced.model.free) + sum(own.count for own in blocks)
         known = Uncertainty(
             free=traced.model.free,
-            named=task.layout.slots_of("pitch_moment"),
+            named=task.space.slots_of("pitch_moment"),
             places=traced.model.places(),
             likelihood=np.eye(count),
             changes=np.zeros((2, count)),
@@ -449,7 +448,7 @@ def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
     weights, covariance = likeliest(shown, function(*at.T))
     errors = scipy.linalg.block_diag(1e-8, covariance)
     own = dataclasses.replace(block, coordinates=weights)
-    theta, [slot] = task.vehicle.theta.copy(), task.layout.slots_of(formula)
+    theta, [slot] = task.vehicle.theta.copy(), task.space.slots_of(formula)
     theta[slot] = slope
     model = types.SimpleNamespace(kinds=(name,), theta=theta, by_name={name: own})
     known = types.SimpleNamespace(
@@ -482,7 +481,7 @@ def test_a_normal_force_where_the_plate_has_none_is_camber(force, names, beside)
     """Together with a formula, which the free function may undo."""
     task, _ = task_of(fly(flights=2, duration=0.6))
     block, theta = task.blocks[LIFT], task.vehicle.theta.copy()
-    (slot,) = task.layout.slots_of("camber")
+    (slot,) = task.space.slots_of("camber")
     theta[slot] = beside
     alpha = np.linspace(*block.flown[:, 0], 200)
     alone = force(alpha) - 2.0 * (np.sin(alpha - beside) - np.sin(alpha))

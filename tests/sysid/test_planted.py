@@ -30,7 +30,7 @@ def test_the_search_finds_planted_effects(kind):
     model = improved(search, start_of(task, noise))
     assert model.kinds == (kind,)
     for name, truth in effect.to_dict().items():
-        found = model.theta[task.layout.index[kind, name]]
+        found = model.theta[task.space.index[f"{kind}.{name}"]]
         assert found == pytest.approx(truth, rel=0.15), name
 
 

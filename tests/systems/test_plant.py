@@ -135,16 +135,18 @@ def test_parameters_and_coefficients_in_the_context_act():
     plant = GliderPlant(GliderModel(effects=(PROFILE_DRAG(cd0=0.05), WIND(x=0.1))))
     x = random_states(1)[0]
     context = set_up(plant, x, [2.0])
-    p, c = (context.get_numeric_parameter(i).CopyToVector() for i in (0, 1))
-    np.testing.assert_array_equal(p, PARAMETERS)
-    np.testing.assert_array_equal(c, [0.05, 0.1, 0.0])
+    numbers = context.get_numeric_parameter(0).CopyToVector()
+    np.testing.assert_array_equal(numbers, [*PARAMETERS, 0.05, 0.1, 0.0])
+    assert plant.model.space.names[9:] == ("profile_drag.cd0", "wind.x", "wind.z")
 
     before = rates(plant, context)
-    heavy = np.array(PARAMETERS._replace(mass=2 * PARAMETERS.mass))
-    context.get_mutable_numeric_parameter(0).SetFromVector(heavy)
+    heavy = PARAMETERS._replace(mass=2 * PARAMETERS.mass)
+    numbers[:9] = heavy
+    context.get_mutable_numeric_parameter(0).SetFromVector(numbers)
     after = rates(plant, context)
     assert after[4] == pytest.approx(before[4] / 2)
-    context.get_mutable_numeric_parameter(1).SetFromVector(np.zeros(3))
+    numbers[9:] = 0.0
+    context.get_mutable_numeric_parameter(0).SetFromVector(numbers)
     np.testing.assert_allclose(
         rates(plant, context), nominal_derivatives(x, 2.0, heavy)
     )
@@ -251,9 +253,8 @@ def autodiff_rates(model, fast, seeds, with_theta, wind=True):
     x = plant.model.initial_state(random_states(1, seed=4)[0])
     parts = [x, [2.0]] + ([[0.3, -0.2]] if wind else [])
     context = plant.CreateDefaultContext()
-    numeric = [context.get_numeric_parameter(i).CopyToVector() for i in (0, 1)]
     if with_theta:
-        parts += numeric
+        parts.append(context.get_numeric_parameter(0).CopyToVector())
     ad = InitializeAutoDiff(np.concatenate(parts)).ravel()
     if not seeds:
         ad = InitializeAutoDiff(ExtractValue(ad), np.zeros((len(ad), 0))).ravel()
@@ -262,9 +263,8 @@ def autodiff_rates(model, fast, seeds, with_theta, wind=True):
     context = set_up(twin, ad[:n], ad[n : n + 1], ad[n + 1 : n + 3] if wind else None)
     context.SetTime(0.3)
     if with_theta:
-        p = ad[n + 1 + 2 * wind :]
-        context.get_mutable_numeric_parameter(0).SetFromVector(p[:9])
-        context.get_mutable_numeric_parameter(1).SetFromVector(p[9:])
+        numbers = ad[n + 1 + 2 * wind :]
+        context.get_mutable_numeric_parameter(0).SetFromVector(numbers)
     result = rates(twin, context)
     assert twin.fast == fast  # It did compile.
     return ExtractValue(result).ravel(), ExtractGradient(result)

@@ -114,6 +114,18 @@ class Flow(NamedTuple):
     gravity: float
 
 
+FACTS = (*Flow._fields[Flow._fields.index("mass") :], "servo", "elevator_angle", "tail")
+"""What a campaign may give and effects may need: parameters of the vehicle, a log of
+the servo, an angle of the elevator that is not one unknown constant, a tail of known
+size or angle."""
+
+TAIL_LINKS = ("tail's force", "stream at the tail", "tail's angle")
+"""Links of the free functions that act at the tail."""
+
+LIFT_BY_RATE = ("lift over reduced_rate", "lift over alpha and reduced_rate")
+MOMENT_BY_RATE = ("moment over reduced_rate", "moment over alpha and reduced_rate")
+"""Free functions of the rate at which the glider turns."""
+
 _TRIAL_FLOW = Flow(
     t=0.1,
     x=-2.0,
@@ -197,6 +209,26 @@ class EffectKind:
     formula: Callable
     words: str  #: A short phrase for people.
     depends_on: tuple[str, ...] = ()  #: The variables that its signature varies with.
+    #: What a campaign must give so that its flights can show the effect: names of
+    #: FACTS, "a or b" where either is enough.
+    needs: tuple[str, ...] = ()
+    #: What it may be mistaken for: other effects, and parameters of the vehicle, of
+    #: which the first coefficient is another value.
+    like: tuple[str, ...] = ()
+    #: The fact without which the first coefficient is an unknown of the vehicle, fitted
+    #: with all else, and its prior spread. The moment shows it, but hardly the forces.
+    unknown_without: tuple[str, float] | None = None
+    #: Whether every glider has it, as no wing's lift is exactly a flat plate's.
+    is_common: bool = False
+    #: Whether it is tried last: it is rare, and to first order imitates many effects.
+    is_rare: bool = False
+    #: The scale of noise by which the coefficients vary from flight to flight, or none.
+    varies_by: str = ""
+    families: tuple[str, ...] = ()  #: Free functions of which it is a formula, BLOCKS.
+    #: Further free functions that may bend its formula, or links of which all may:
+    #: lags are soon over, and only the deflection distinguishes a change of the tail's
+    #: angle from one of its force.
+    bent_by: tuple[str, ...] = ()
     states: tuple[str, ...] = ()  #: Names of the effect's own states.
     #: ``state_rate(flow, *states, *coefficients)``, their rates: a scalar for one
     #: state, else a tuple. Actuators get the incoming rate instead of a Flow.
@@ -308,6 +340,11 @@ def _check_form(kind: EffectKind) -> None:
         good = is_actuator and bool(kind.states)
         needed = "none, as only an actuator with states has one"
         expect(good, f"{where}: pending", "a formula", needed)
+    needed = f"some of {', '.join(FACTS)}"
+    facts = {fact for need in kind.needs for fact in need.split(" or ")}
+    if kind.unknown_without:
+        facts.add(kind.unknown_without[0])
+    expect(facts <= {*FACTS}, f"{where}: its needs", sorted(facts), needed)
     scales, states = len(kind.state_scales), len(kind.states)
     what = f"{where}: the length of state_scales"
     expect(scales in (0, states), what, scales, f"{states}, one for each state")

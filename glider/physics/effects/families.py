@@ -2,6 +2,8 @@
 
 import dataclasses
 
+from glider.physics.effects import LIBRARY
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BlockKind:
@@ -26,96 +28,91 @@ class BlockKind:
         )
 
 
-_DRAGS = "profile_drag axial_drag induced_drag"
-_LAGGED = "dynamic_stall lagged_separation"
-_DOWNWASH = "downwash stalled_downwash"
-_OF_TAIL = f"tail_wake elevator_area {_DOWNWASH} lagged_downwash elevator_blowback"
 _LINKS = {
-    "air along x": ("air", "wind_x", "air along x that changes", ""),
-    "air along z": ("air", "wind_z", "air along z that changes", ""),
-    "lift": ("wing_force", "c_normal", "a lift that changes", _LAGGED),
-    "drag": ("wing_force", "c_drag", "a drag that changes", _DRAGS),
-    "axial force": ("wing_force", "c_axial", "an axial force that changes", _DRAGS),
-    "push": ("push", "push", "a push along the body axis that changes", ""),
-    "moment": ("moment", "c_moment", "a moment that changes", ""),
-    "added mass": ("inertia", "added_mass", "an added mass that changes", ""),
-    "added inertia": ("inertia", "added_inertia", "an added inertia that changes", ""),
-    "wing's force": ("wing_force", "wing_factor", "a wing's force that changes", ""),
-    "tail's force": (
-        *("tail_pressure", "elevator_factor", "a tail's force that changes"),
-        _OF_TAIL,
-    ),
+    "air along x": ("air", "wind_x", "air along x that changes"),
+    "air along z": ("air", "wind_z", "air along z that changes"),
+    "lift": ("wing_force", "c_normal", "a lift that changes"),
+    "drag": ("wing_force", "c_drag", "a drag that changes"),
+    "axial force": ("wing_force", "c_axial", "an axial force that changes"),
+    "push": ("push", "push", "a push along the body axis that changes"),
+    "moment": ("moment", "c_moment", "a moment that changes"),
+    "added mass": ("inertia", "added_mass", "an added mass that changes"),
+    "added inertia": ("inertia", "added_inertia", "an added inertia that changes"),
+    "wing's force": ("wing_force", "wing_factor", "a wing's force that changes"),
+    "tail's force": ("tail_pressure", "elevator_factor", "a tail's force that changes"),
     "stream at the tail": (
-        *("tail_angle", "tail_downwash", "a stream at the tail that turns"),
-        _OF_TAIL,
+        "tail_angle",
+        "tail_downwash",
+        "a stream at the tail that turns",
     ),
-    "tail's angle": ("tail_angle", "tail_angle", "a tail that turns", _OF_TAIL),
-    "measured x": ("sensor", "pose_x", "an error of the measured x that changes", ""),
-    "measured z": ("sensor", "pose_z", "an error of the measured z that changes", ""),
+    "tail's angle": ("tail_angle", "tail_angle", "a tail that turns"),
+    "measured x": ("sensor", "pose_x", "an error of the measured x that changes"),
+    "measured z": ("sensor", "pose_z", "an error of the measured z that changes"),
     "measured pitch": (
         "sensor",
         "pose_pitch",
         "an error of the measured pitch that changes",
-        "",
     ),
 }
-"""Links of the force chain: their name in reports, term, what acts there, and which
-formulas of other variables a function may bend: lags are soon over, and only the
-deflection distinguishes a change of the tail's angle from one of its force."""
+"""Links of the force chain: their name in reports, term, and what acts there."""
 
-_FAMILIES = (
-    ("air along x", "x", ""),
-    ("air along x", "z", "wind_shear"),
-    ("air along x", "t", ""),
-    ("air along z", "x", ""),
-    ("air along z", "z", ""),
-    ("air along z", "t", ""),
-    ("lift", "alpha", "attached_lift camber"),
-    ("lift", "reduced_rate", f"pitch_rate_lift {_LAGGED}", "added_mass"),
-    ("lift", "alpha reduced_rate", f"pitch_rate_lift {_LAGGED}", "added_mass"),
-    ("lift", "elevator_rate", ""),
-    ("drag", "alpha", _DRAGS),
-    ("axial force", "alpha", _DRAGS),
-    ("drag", "V", ""),
-    ("drag", "z", ""),
-    ("drag", "elevator", ""),
-    ("push", "x", "thrust"),
-    ("push", "t", "thrust"),
-    ("moment", "alpha", "center_of_pressure pitch_moment"),
-    ("moment", "V", ""),
-    ("moment", "reduced_rate", "pitch_damping", "added_mass"),
-    ("moment", "alpha reduced_rate", "pitch_damping", "added_mass"),
-    ("moment", "elevator", ""),
-    ("moment", "elevator_rate", ""),
-    ("added mass", "alpha", "added_mass"),
-    ("added inertia", "alpha", "added_mass inertia"),
-    ("wing's force", "V", "airspeed_dependence"),
-    ("wing's force", "z", "ground_effect"),
-    ("tail's force", "V", ""),
-    ("tail's force", "alpha", "tail_wake"),
-    ("tail's force", "alpha elevator", "tail_wake"),
-    ("tail's force", "elevator", ""),
-    ("stream at the tail", "alpha", _DOWNWASH),
-    ("stream at the tail", "alpha reduced_rate", f"{_DOWNWASH} lagged_downwash"),
-    ("tail's angle", "tail_load", "elevator_blowback"),
-    ("tail's angle", "elevator", ""),
-    ("measured x", "x z", "position_scale frame_tilt marker_offset"),
-    ("measured z", "x z", "position_scale frame_tilt marker_offset"),
-    ("measured pitch", "pitch", "pitch_offset"),
+_NAMES = (
+    "air along x over x",
+    "air along x over z",
+    "air along x over t",
+    "air along z over x",
+    "air along z over z",
+    "air along z over t",
+    "lift over alpha",
+    "lift over reduced_rate",
+    "lift over alpha and reduced_rate",
+    "lift over elevator_rate",
+    "drag over alpha",
+    "axial force over alpha",
+    "drag over V",
+    "drag over z",
+    "drag over elevator",
+    "push over x",
+    "push over t",
+    "moment over alpha",
+    "moment over V",
+    "moment over reduced_rate",
+    "moment over alpha and reduced_rate",
+    "moment over elevator",
+    "moment over elevator_rate",
+    "added mass over alpha",
+    "added inertia over alpha",
+    "wing's force over V",
+    "wing's force over z",
+    "tail's force over V",
+    "tail's force over alpha",
+    "tail's force over alpha and elevator",
+    "tail's force over elevator",
+    "stream at the tail over alpha",
+    "stream at the tail over alpha and reduced_rate",
+    "tail's angle over tail_load",
+    "tail's angle over elevator",
+    "measured x over x and z",
+    "measured z over x and z",
+    "measured pitch over pitch",
 )
-"""Link, variables, the library's formulas of the family, others that it may bend."""
+"""Link and variables of the families."""
 
-BLOCKS = {
-    f"{link} over {named}": BlockKind(
+
+def _make_block(name: str) -> BlockKind:
+    link, _, varying = name.partition(" over ")
+    reported, term, acts = _LINKS[link]
+    formulas = [kind.kind for kind in LIBRARY if name in kind.families]
+    bent = [kind.kind for kind in LIBRARY if {link, name} & {*kind.bent_by}]
+    return BlockKind(
         link=reported,
         term=term,
-        variables=tuple(variables.split()),
-        words=f"{acts} with {named}",
-        formulas=tuple(formulas.split()),
-        bends=frozenset(" ".join([formulas, bent, *more]).split()),
+        variables=tuple(varying.split(" and ")),
+        words=f"{acts} with {varying}",
+        formulas=tuple(formulas),
+        bends=frozenset([*formulas, *bent]),
     )
-    for link, variables, formulas, *more in _FAMILIES
-    for reported, term, acts, bent in [_LINKS[link]]
-    for named in [" and ".join(variables.split())]
-}
+
+
+BLOCKS = {name: _make_block(name) for name in _NAMES}
 """Families of effects that are searched without a formula, by name."""

@@ -8,6 +8,7 @@ from glider.physics.aerodynamics import (
     turned,
 )
 from glider.physics.effects.effect import (
+    TAIL_LINKS,
     Coefficient,
     EffectKind,
     constant,
@@ -15,6 +16,11 @@ from glider.physics.effects.effect import (
     stalling,
 )
 from glider.physics.formulas import scalar, sin
+
+_STREAMS = (
+    "stream at the tail over alpha",
+    "stream at the tail over alpha and reduced_rate",
+)
 
 
 @scalar
@@ -83,6 +89,8 @@ WIND = EffectKind(
     formula=_wind,
     words="a steady wind",
     depends_on=("V", "alpha"),
+    needs=("mass", "wing_area"),  # All flights share one like their camber and drag.
+    varies_by="wind",
 )
 """Steady wind: the air moves with velocity w = (x, z) in the world, so that the
 velocity through the air is v - w."""
@@ -95,6 +103,8 @@ WIND_SHEAR = EffectKind(
     formula=_wind_shear,
     words="wind shear: a wind that changes with height",
     depends_on=("z", "V"),
+    needs=("mass", "wing_area"),
+    families=("air along x over z",),
 )
 """Wind shear: the air moves along x with gradient · z and is at rest at z = 0, the
 height of the perch; a wind there is `wind`. This is the linear profile of Etkin,
@@ -119,6 +129,9 @@ ELEVATOR_TRIM = EffectKind(
     formula=constant,
     words="an elevator whose true angle differs from its reading by a constant",
     depends_on=("V", "elevator"),
+    needs=("servo",),
+    unknown_without=("elevator_angle", 0.09),
+    varies_by="trim",
 )
 """Elevator trim: the elevator's plate lies at pitch + elevator + angle."""
 
@@ -130,6 +143,8 @@ ELEVATOR_SCALE = EffectKind(
     formula=_elevator_scale,
     words="an elevator that turns farther than its log says, by a factor",
     depends_on=("elevator", "V"),
+    needs=("servo", "elevator_area"),
+    is_rare=True,
 )
 """Elevator scale: the elevator's plate turns 1 + change times as far and as fast as the
 elevator does. Where angles and commands agree, only the glider's motion reveals it."""
@@ -146,6 +161,9 @@ ELEVATOR_BLOWBACK = EffectKind(
     formula=_elevator_blowback,
     words="an elevator that deflects under its load (blowback)",
     depends_on=("elevator", "V", "alpha"),
+    needs=("servo",),
+    families=("tail's angle over tail_load",),
+    bent_by=TAIL_LINKS,
 )
 """Elevator blowback: the linkage is a spring that turns under the hinge moment.
 
@@ -171,6 +189,8 @@ CENTER_OF_PRESSURE = EffectKind(
     formula=_center_of_pressure,
     words="a wing center of pressure away from its nominal position",
     depends_on=("alpha", "V"),
+    like=("wing_offset",),
+    families=("moment over alpha",),
 )
 """Center of pressure: l_w + shift + travel sin² α, ahead of the center of mass.
 
@@ -187,6 +207,9 @@ DOWNWASH = EffectKind(
     formula=_downwash,
     words="the wing's downwash on the tail",
     depends_on=("alpha", "V"),
+    needs=("servo or elevator_area",),
+    families=_STREAMS,
+    bent_by=TAIL_LINKS,
 )
 """Downwash: at the tail the air moves down along the body's normal with
 gradient · V sin α cos α, in proportion to the plate's lift. For small α the
@@ -204,6 +227,9 @@ STALLED_DOWNWASH = EffectKind(
     formula=_stalled_downwash,
     words="the wing's downwash on the tail, up to stall",
     depends_on=("alpha", "V"),
+    needs=("servo or elevator_area",),
+    families=_STREAMS,
+    bent_by=TAIL_LINKS,
 )
 """Stalled downwash: `downwash` times 1 / (1 + exp((|α| - stall_angle) / fade)).
 
@@ -222,6 +248,9 @@ LAGGED_DOWNWASH = EffectKind(
     formula=_lagged_downwash,
     words="the wing's downwash, which reaches the tail late",
     depends_on=("alpha", "alphadot", "V"),
+    needs=("servo or elevator_area",),
+    families=("stream at the tail over alpha and reduced_rate",),
+    bent_by=TAIL_LINKS,
     states=("lagged_downwash",),
     state_rate=_lagged_downwash_rate,
     steady_state=_lagged_downwash_steady,

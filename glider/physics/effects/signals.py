@@ -9,6 +9,8 @@ import numpy as np
 from glider.physics.effects.effect import Coefficient, EffectKind, constant
 from glider.physics.formulas import scalar
 
+_POSITIONS = ("measured x over x and z", "measured z over x and z")
+
 
 @scalar
 def _servo_lag(rate, lagged, time_constant):
@@ -146,6 +148,8 @@ MARKER_OFFSET = EffectKind(
     formula=_marker_offset,
     words="a tracked point away from the center of mass",
     depends_on=("pitch", "pitchdot"),
+    needs=("wing_offset",),  # Errors of the moment look like a point ahead.
+    families=_POSITIONS,
 )
 """Marker offset: the tracked point lies `ahead` along the body axis and `above`
 along its normal."""
@@ -171,6 +175,7 @@ FRAME_TILT = EffectKind(
     formula=_frame_tilt,
     words="a motion-capture frame that is not level",
     depends_on=("V", "pitch"),
+    families=_POSITIONS,
 )
 """Frame tilt: the whole pose is measured in a frame turned by -angle about +y, so that
 the logged pitch is larger by the angle."""
@@ -186,6 +191,9 @@ POSITION_SCALE = EffectKind(
     formula=_position_scale,
     words="lengths that the motion capture measures too large or too small",
     depends_on=("V",),
+    needs=("mass", "wing_area"),  # Longer flights are like a smaller wing.
+    is_rare=True,
+    families=_POSITIONS,
 )
 """Position scale: logged x and z are 1 + `x` and 1 + `z` times the true ones, as with
 cameras calibrated with a wrong length. Gravity scales with z and reveals the error."""
@@ -198,6 +206,9 @@ PITCH_OFFSET = EffectKind(
     formula=constant,
     words="a constant error of the pitch reading",
     depends_on=("alpha", "V"),
+    like=("angle_sign",),
+    varies_by="pitch_zero",
+    families=("measured pitch over pitch",),
 )
 """Pitch offset: the logged pitch is the true pitch plus the angle."""
 

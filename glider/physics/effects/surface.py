@@ -4,6 +4,8 @@ import numpy as np
 
 from glider.physics.aerodynamics import angle_of_attack, attached_share, gaussian
 from glider.physics.effects.effect import (
+    LIFT_BY_RATE,
+    TAIL_LINKS,
     Coefficient,
     EffectKind,
     constant,
@@ -101,6 +103,8 @@ ATTACHED_LIFT = EffectKind(
     formula=_attached_lift,
     words="attached flow: extra lift slope below stall",
     depends_on=("alpha", "V"),
+    is_common=True,
+    families=("lift over alpha",),
 )
 """Attached lift: C_n increases by slope · sin α below the stall angle.
 
@@ -118,6 +122,8 @@ CAMBER = EffectKind(
     formula=_camber,
     words="a cambered wing, whose zero-lift angle of attack is not zero",
     depends_on=("alpha", "V"),
+    is_common=True,
+    families=("lift over alpha",),
 )
 """Camber: C_n is that of the plate at α - zero_lift_angle, in an unchanged direction.
 
@@ -135,6 +141,8 @@ PITCH_RATE_LIFT = EffectKind(
     formula=_pitch_rate_lift,
     words="lift due to pitch rate: more normal force while the nose comes up",
     depends_on=("pitchdot", "V"),
+    is_common=True,
+    families=LIFT_BY_RATE,
 )
 """Pitch-rate lift: ΔC_n = -arm · pitch rate / V, positive nose up.
 
@@ -155,6 +163,8 @@ DYNAMIC_STALL = EffectKind(
     formula=_dynamic_stall,
     words="dynamic stall: lift that lags a changing angle of attack",
     depends_on=("alphadot", "V"),
+    families=LIFT_BY_RATE,
+    bent_by=("lift",),
     states=("lagged_sin_alpha",),
     state_rate=_dynamic_stall_rate,
     steady_state=_dynamic_stall_steady,
@@ -179,6 +189,8 @@ LAGGED_SEPARATION = EffectKind(
     formula=_lagged_separation,
     words="attached flow that separates and reattaches late",
     depends_on=("alpha", "alphadot", "V"),
+    families=LIFT_BY_RATE,
+    bent_by=("lift",),
     states=("separation_point",),
     state_rate=_lagged_separation_rate,
     steady_state=_lagged_separation_steady,
@@ -212,6 +224,7 @@ AIRSPEED_DEPENDENCE = EffectKind(
     formula=_airspeed_dependence,
     words="a wing coefficient that changes with airspeed (Reynolds number)",
     depends_on=("V",),
+    families=("wing's force over V",),
 )
 """Airspeed dependence: the wing's force changes by the factor
 1 + gradient (V/V_ref - 1). V_ref is by default the launch speed of the article."""
@@ -232,6 +245,7 @@ GROUND_EFFECT = EffectKind(
     formula=_ground_effect,
     words="ground effect: more wing force closer to the ground",
     depends_on=("z", "alpha"),
+    families=("wing's force over z",),
 )
 """Ground effect: the wing's force increases by strength · σ(h) / σ(d).
 
@@ -266,6 +280,9 @@ TAIL_WAKE = EffectKind(
     formula=_tail_wake,
     words="the tail in the wing's wake at some angles of attack",
     depends_on=("alpha", "elevator"),
+    needs=("servo or elevator_area",),
+    families=("tail's force over alpha", "tail's force over alpha and elevator"),
+    bent_by=TAIL_LINKS,
 )
 """Tail wake: the elevator's force decreases by the share loss · exp(-(α - angle)²/(2
 width²)) while the separated wake of the wing washes over the tail (deep stall; Etkin
@@ -279,5 +296,8 @@ ELEVATOR_AREA = EffectKind(
     formula=constant,
     words="an effective elevator area that differs from its nominal value",
     depends_on=("elevator", "V"),
+    needs=("elevator_area",),
+    like=("elevator_area",),
+    bent_by=TAIL_LINKS,
 )
 """Elevator area: the elevator's force is (1 + change) times the nominal force."""

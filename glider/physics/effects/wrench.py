@@ -2,8 +2,16 @@
 
 import numpy as np
 
-from glider.physics.effects.effect import Coefficient, EffectKind, constant
+from glider.physics.effects.effect import (
+    LIFT_BY_RATE,
+    MOMENT_BY_RATE,
+    Coefficient,
+    EffectKind,
+    constant,
+)
 from glider.physics.formulas import scalar
+
+_DRAGS = ("drag over alpha", "axial force over alpha")
 
 _TURN = 0.01
 """Smooths the sign of cos α where the stream comes from below or above, over about
@@ -65,6 +73,10 @@ PROFILE_DRAG = EffectKind(
     formula=_profile_drag,
     words="profile drag of wing, fuselage and tail",
     depends_on=("V",),
+    like=("angle_sign",),
+    is_common=True,
+    families=_DRAGS,
+    bent_by=("drag", "axial force"),
 )
 """Profile drag: D = ½ ρ V² S_w cd0 against the velocity through the air."""
 
@@ -76,6 +88,9 @@ INDUCED_DRAG = EffectKind(
     formula=_induced_drag,
     words="induced drag: drag that grows with the square of lift",
     depends_on=("alpha", "V"),
+    is_common=True,
+    families=_DRAGS,
+    bent_by=("drag", "axial force"),
 )
 """Induced drag: D = ½ ρ V² S_w k C_L² against the velocity through the air, with the
 plate's C_L = 2 sin α cos α. It adds to the plate's own drag due to lift, 2 sin² α. For
@@ -94,6 +109,9 @@ AXIAL_DRAG = EffectKind(
     formula=_axial_drag,
     words="drag along the body axis, the same at all angles of attack",
     depends_on=("V", "alpha"),
+    is_common=True,
+    families=_DRAGS,
+    bent_by=("drag", "axial force"),
 )
 """Axial drag: ½ ρ V² S_w ca0, aft along the body axis.
 
@@ -115,6 +133,9 @@ PITCH_DAMPING = EffectKind(
     formula=_pitch_damping,
     words="pitch damping in addition to the tail's",
     depends_on=("pitchdot", "V"),
+    needs=("pitch_inertia",),
+    unknown_without=("pitch_inertia", 0.016),
+    families=MOMENT_BY_RATE,
 )
 """Pitch damping: M = -½ ρ V S_w · coefficient · pitch rate. No chord is given, so the
 coefficient has the unit m²."""
@@ -127,6 +148,9 @@ PITCH_MOMENT = EffectKind(
     formula=_pitch_moment,
     words="a constant pitching-moment coefficient (camber)",
     depends_on=("V",),
+    needs=("tail",),
+    unknown_without=("tail", 0.02),
+    families=("moment over alpha",),
 )
 """Pitch moment: M = ½ ρ V² S_w · coefficient, positive nose down."""
 
@@ -138,6 +162,7 @@ THRUST = EffectKind(
     formula=_thrust,
     words="a constant force along the body axis",
     depends_on=("pitch",),
+    families=("push over x", "push over t"),
 )
 """Thrust: a constant force along the body axis, (cos pitch, -sin pitch)."""
 
@@ -149,6 +174,8 @@ MASS = EffectKind(
     formula=constant,
     words="a mass that differs from its nominal value",
     depends_on=("V", "alpha"),
+    needs=("mass", "wing_area"),
+    like=("mass",),
 )
 """Mass: (1 + change) times the nominal mass, in both inertia and weight."""
 
@@ -160,6 +187,9 @@ INERTIA = EffectKind(
     formula=constant,
     words="a pitch inertia that differs from its nominal value",
     depends_on=("V", "elevator"),
+    needs=("pitch_inertia",),
+    like=("pitch_inertia",),
+    families=("added inertia over alpha",),
 )
 """Pitch inertia: (1 + change) times the nominal pitch inertia."""
 
@@ -175,6 +205,9 @@ ADDED_MASS = EffectKind(
     formula=_added_mass,
     words="added mass: air that moves with the wing along its normal",
     depends_on=("alphadot", "alpha", "pitchdot"),
+    needs=("mass", "wing_area"),  # Air that moves with the wing is like its area.
+    families=("added mass over alpha", "added inertia over alpha"),
+    bent_by=(*LIFT_BY_RATE, *MOMENT_BY_RATE),
 )
 """Added mass: air that moves and turns with a plate, along its normal n.
 

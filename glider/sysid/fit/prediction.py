@@ -14,8 +14,7 @@ import numpy as np
 from glider.campaign.checks.motion import robust_std
 from glider.compiled.filter_error import ELEVATOR, PROCESSES
 from glider.compiled.parallel import in_parallel
-from glider.compiled.replay import LogPath, roll_out
-from glider.compiled.theta import OFFSET
+from glider.compiled.replay import OFFSET, LogPath, roll_out
 from glider.physics.effects import Field
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import BEGINNING, Z
@@ -29,6 +28,7 @@ from glider.sysid.likelihood.linear_flight import (
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task, field_of
+from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
 from glider.sysid.report import EquationErrors, Errors, Fit, PathErrors, RolloutErrors
@@ -148,9 +148,9 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     launch, about = find_launch(model, record)
     record = dataclasses.replace(record, rest=record.rest + launch[OFFSET])
     launch[OFFSET] = 0.0
-    layout, (*_, trim, pitch_zero) = record.layout, about.constants
+    space, (*_, trim, pitch_zero) = record.space, about.constants
     path, dynamics = path_of(record, model.theta, about)
-    kinds, zero = layout.compiled_kinds, np.array([0.0, 0.0, pitch_zero])
+    kinds, zero = space.flown, np.array([0.0, 0.0, pitch_zero])
     states = roll_out(kinds, path, launch, dynamics, model.field)
 
     nodes = true_nodes(record, model.theta, model.field)
@@ -165,7 +165,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
         state = start.copy()
         state[[0, 1, 4, 5]] += change
         moved = roll_out(kinds, along, state, dynamics, model.field)
-        return layout.sensed(moved, model.theta, model.field)[:, :2]
+        return sensed(space, moved, model.theta, model.field)[:, :2]
 
     change, step, seen = np.zeros(4), 1e-5, record.seen[:rows, :2]
     first = guided.first(rows)
@@ -179,7 +179,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
             break
         error = (record.pose[:rows, :2] - flown)[seen]
         change += np.linalg.lstsq(matrix, error, rcond=None)[0]
-    pose = layout.sensed(states, model.theta, model.field) + zero
+    pose = sensed(space, states, model.theta, model.field) + zero
     along = places(change, guided)
     return Prediction(pose=pose, translated=along, trim=float(trim))
 

@@ -109,7 +109,9 @@ class Candidates:
         blocks = (*self.model.blocks, *self.blocks)
         model = dataclasses.replace(self.model, blocks=blocks)
         prior = model_fit.prior_of(self.task, model, self.slots)
-        is_shape = [j for j, slot in enumerate(self.slots) if self.task.is_shape(slot)]
+        is_shape = [
+            j for j, slot in enumerate(self.slots) if slot in self.task.space.shapes
+        ]
         share = -prior.mean
         share[self.always + is_shape] = 0.0  # They count from where they are.
         lower, upper = prior.lower + share, prior.upper + share
@@ -198,8 +200,8 @@ def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidate
     Blocks that act in the model are candidates too; others, of `terms`, may be offered
     later.
     """
-    layout, own = task.layout, set(task.vehicle.nuisance)
-    directions, idle = slopes(layout, model.free), own | _at_bounds(task, model)
+    space, own = task.space, set(task.vehicle.nuisance)
+    directions, idle = slopes(space, model.free), own | _at_bounds(task, model)
     acting = [(j, d.kind) for j, d in enumerate(directions) if d.slot not in idle]
     # No columns of an effect that is at its bounds.
     variants: dict[str, list[Variant]] = {
@@ -208,7 +210,7 @@ def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidate
     for kind in [kind for kind in task.kinds if kind not in variants]:
         allowed = set(task.free((kind,))) - own
         variants[kind] = []
-        for columns in starts_of(layout, layout.kinds[kind], model.theta):
+        for columns in starts_of(space, space.kinds[kind], model.theta):
             first = len(directions)
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
@@ -267,9 +269,9 @@ def _at_bounds(task: Task, model: FitResult) -> set[int]:
     """
     slots = [i for i in model.free if i not in task.vehicle.nuisance]
     ends, values = np.array(task.bounds(slots)), model.theta[slots]
-    is_at_end = np.any(np.abs(values - ends) < 1e-6 * task.layout.scale[slots], axis=0)
+    is_at_end = np.any(np.abs(values - ends) < 1e-6 * task.space.scale[slots], axis=0)
     is_none = values == task.vehicle.theta[slots]
-    is_shape = np.array([*map(task.is_shape, slots)], dtype=bool)
+    is_shape = np.array([slot in task.space.shapes for slot in slots], dtype=bool)
     return set(np.array(slots)[is_at_end & (is_shape | is_none)].tolist())
 
 
@@ -298,7 +300,7 @@ def tamed(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
 ) -> tuple[list[LinearFlight], set[int]]:
     """Returns the flights with diverging columns set to zero, and which those are."""
-    scale = np.append(task.layout.scale[[d.slot for d in directions]], 0.0)
+    scale = np.append(task.space.scale[[d.slot for d in directions]], 0.0)
     largest = [np.abs(f.inputs).max(axis=(0, 1), initial=0.0) for f in flights]
     # So is what is not a number; the last column, the error, stays as it is.
     is_wild = ~np.all(np.array(largest) * scale < _LARGEST_PUSH, axis=0)

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.theta import Layout
 from glider.physics.effects import EffectKind
+from glider.physics.parameter_space import ParameterSpace
 
 SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
-SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
+_SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
 Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and values.
 
 
@@ -36,36 +36,38 @@ class Direction(NamedTuple):
         return moved
 
 
-def slopes(layout: Layout, free: Iterable[int], shapes: Shapes = ()) -> list[Direction]:
+def slopes(
+    space: ParameterSpace, free: Iterable[int], shapes: Shapes = ()
+) -> list[Direction]:
     """Returns the directions of slots as they are, for a fit."""
-    scale, first = layout.scale.tolist(), layout.num_compiled
-    sizes = {i: scale[i] * (SMALL if i < first else SMALL_SIGNAL) for i in free}
-    return [Direction(layout.slots[i][0], i, s, shapes) for i, s in sizes.items()]
+    scale, first = space.scale.tolist(), space.num_flown
+    sizes = {i: scale[i] * (SMALL if i < first else _SMALL_SIGNAL) for i in free}
+    return [Direction(space.owners[i], i, s, shapes) for i, s in sizes.items()]
 
 
 def starts_of(
-    layout: Layout, kind: EffectKind, theta: np.ndarray
+    space: ParameterSpace, kind: EffectKind, theta: np.ndarray
 ) -> list[list[Direction]]:
     """Returns an absent effect's directions, for each combination of its shapes.
 
     An effect whose every coefficient is a shape (a lag, a delay) is tried by secants to
     its starting values, for it is not linear there.
     """
-    slots = dict(zip(layout.slots_of(kind.kind), kind.coefficients, strict=True))
+    slots = dict(zip(space.slots_of(kind.kind), kind.coefficients, strict=True))
     sizes = [i for i, c in slots.items() if not c.is_shape]
     grids = [[(i, v) for v in c.grid] for i, c in slots.items() if c.is_shape]
     if not sizes:
         starts = itertools.chain.from_iterable(grids)
         return [[Direction(kind.kind, i, v - float(theta[i]))] for i, v in starts]
-    return [slopes(layout, sizes, shapes) for shapes in itertools.product(*grids)]
+    return [slopes(space, sizes, shapes) for shapes in itertools.product(*grids)]
 
 
 def nearest_start(
-    layout: Layout, starts: Sequence[Sequence[Direction]], theta: np.ndarray
+    space: ParameterSpace, starts: Sequence[Sequence[Direction]], theta: np.ndarray
 ) -> int:
     """Index of the start whose shapes are nearest to those of theta."""
     apart = [
-        sum(abs(v - theta[i]) / layout.scale[i] for i, v in columns[0].shapes)
+        sum(abs(v - theta[i]) / space.scale[i] for i, v in columns[0].shapes)
         for columns in starts
     ]
     return int(np.argmin(apart))

@@ -1,5 +1,6 @@
 """Flights filtered and smoothed: their likelihood, and what they say of themselves."""
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,7 +14,8 @@ from glider.compiled.filter_error import (
     smooth_flight,
 )
 from glider.compiled.parallel import in_parallel
-from glider.compiled.theta import OFFSET
+from glider.compiled.replay import OFFSET
+from glider.physics.effects import LIBRARY
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import LAUNCH_SPREAD, Z
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings
@@ -66,7 +68,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
-    extra = s.memory * record.layout.state_scale[flight.states[NUM_STATES:]]
+    extra = s.memory * record.space.state_scale[flight.states[NUM_STATES:]]
     return np.square([*launch, *extra, *own])
 
 
@@ -128,17 +130,19 @@ def excludes(scales: Scales, about: Surroundings) -> bool:
     return bool(is_far.any()) or bool(np.abs(about.gusts).max() > most * scales.air)
 
 
-PER_FLIGHT = (
-    *(("wind", "x"), ("wind", "z")),
-    *(("elevator_trim", "angle"), ("pitch_offset", "angle")),
-)
-"""Coefficients that may vary from flight to flight, as columns of `flight_values`."""
+_COLUMNS = itertools.count()
+PER_FLIGHT = {
+    kind.kind: [next(_COLUMNS) for _ in kind.coefficients]
+    for kind in LIBRARY
+    if kind.varies_by
+}
+"""Effects that may vary from flight to flight, and their columns of `flight_values`."""
 
 
 def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
     """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
     starts = in_parallel(lambda f: smooth(f, scales).start, flights)
-    return np.array(starts)[:, -len(PER_FLIGHT) :]
+    return np.array(starts)[:, -len(scales.of_flights) :]
 
 
 def surroundings_of(

@@ -9,17 +9,18 @@ from scipy.interpolate import CubicSpline
 
 from glider.compiled.filter_error import OWN_STATES, PITCH_RATE, PROCESSES
 from glider.compiled.replay import (
+    OFFSET,
     LogPath,
     advance_nodes,
     log_path,
     measure_nodes,
     slopes_along,
 )
-from glider.compiled.theta import OFFSET, SERVO_LOG
-from glider.physics.effects import FIELD_TERMS, Field
+from glider.physics.effects import FIELD_TERMS, PITCH_MOMENT, PITCH_OFFSET, Field
 from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
+from glider.sysid.replay.log_space import SERVO_LOG, sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import (
     signals,
@@ -148,7 +149,7 @@ def path_of(
     flown, shift = trimmed(record, theta, about.constants[2])
     wind = about.wind(record)
     path = log_path(record.time, elevator + shift, rate, wind, record.bank)
-    return path, record.layout.dynamics(flown)
+    return path, flown
 
 
 @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
@@ -164,23 +165,23 @@ def linearize(
 
     Forces may be added to it later only by `terms` of FIELD_TERMS.
     """
-    layout, theta, constants = record.layout, theta.copy(), about.constants
-    theta[layout.index["pitch_offset", "angle"]] += constants[3]  # It reads too much.
-    with_states = any(d.kind in layout.states for d in directions)
-    kinds, nodes = layout.compiled_kinds, true_nodes(record, theta, field, with_states)
-    states, columns = layout.active_states(theta), len(directions) + 1
+    space, theta, constants = record.space, theta.copy(), about.constants
+    theta[list(space.slots_of(PITCH_OFFSET.kind))] += constants[3]  # It reads too much.
+    with_states = any(d.kind in space.states for d in directions)
+    kinds, nodes = space.flown, true_nodes(record, theta, field, with_states)
+    states, columns = space.acting_states(theta), len(directions) + 1
     terms = dict.fromkeys(t for t in (*AIR_TERMS, *terms) if t not in SENSOR_TERMS)
     if record.trim_is_moment:
         terms["c_moment"] = None
     shown = tuple(terms)
     path, dynamics = path_of(record, theta, about)
     moving = {
-        j: d for j, d in enumerate(directions) if d.slot not in layout.sensor_slots
+        j: d for j, d in enumerate(directions) if d.slot not in space.sensor_slots
     }
     plain = [  # Those that leave the log's signals and the nodes as they are.
         j
         for j, d in moving.items()
-        if d.slot < layout.num_compiled and not (d.shapes and d.kind in layout.states)
+        if d.slot < space.num_flown and not (d.shapes and d.kind in space.states)
     ]
     moved, sizes = np.empty((len(plain), len(dynamics))), np.empty(len(plain))
     start = np.zeros((len(states) + OWN_STATES, columns))
@@ -189,8 +190,8 @@ def linearize(
         start[OFFSET, -1] = record.usual_rest - record.rest - nodes[0, OFFSET]
     for i, j in enumerate(plain):
         other, sizes[i] = directions[j].moved(theta), directions[j].size
-        moved[i] = layout.dynamics(trimmed(record, other, constants[2])[0])
-        if directions[j].kind in layout.states:
+        moved[i] = trimmed(record, other, constants[2])[0]
+        if directions[j].kind in space.states:
             begins = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
             own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
             start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
@@ -213,7 +214,7 @@ def linearize(
     by_trim = by_x[:, :, OFFSET].copy()
     by_trim[:, OFFSET] = 0.0
     if record.trim_is_moment:
-        slot = layout.index["pitch_moment", "coefficient"]
+        [slot] = space.slots_of(PITCH_MOMENT.kind)
         per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
         by_trim = per_radian * by_term[:, :, shown.index("c_moment")]
     return LinearFlight(
@@ -245,20 +246,20 @@ def _secants(
 
     `usual` are nodes and ends where no shapes are set.
     """
-    layout, kinds = record.layout, {d.shapes: d.kind for d in directions if d.shapes}
+    space, kinds = record.space, {d.shapes: d.kind for d in directions if d.shapes}
     bases = {d.shapes: d.base(theta) for d in directions}
     nodes, ends = dict.fromkeys(bases, usual[0]), dict[Shapes, np.ndarray]()
     ends[()] = usual[1]
-    with_states = [s for s, kind in kinds.items() if kind in layout.states]
+    with_states = [s for s, kind in kinds.items() if kind in space.states]
     if with_states:  # The path is the same, and the motion too without the effect.
         own = [bases[shapes] for shapes in with_states]
         found = with_states_along(record, own, usual[0], field)
         nodes |= zip(with_states, found, strict=True)
-    acting = layout.active_states(theta)
+    acting = space.acting_states(theta)
     for shapes, kind in kinds.items():
-        if kind not in layout.states:
+        if kind not in space.states:
             nodes[shapes] = true_nodes(record, bases[shapes], field)
-        elif not {*layout.states[kind]}.intersection(acting):
+        elif not {*space.states[kind]}.intersection(acting):
             ends[shapes] = usual[1]
     others = [shapes for shapes in bases if shapes not in ends]
     flown = [(bases[shapes], nodes[shapes]) for shapes in others]
@@ -268,7 +269,7 @@ def _secants(
     pairs = [path_of(record, model, about) for model, _ in flown]
     paths, numbers = zip(*pairs, strict=True)
     begins = [begin for _, begin in flown]
-    found = advance_nodes(layout.compiled_kinds, paths, begins, numbers, field)
+    found = advance_nodes(space.flown, paths, begins, numbers, field)
     ends |= zip(others, found, strict=False)
     moved = zip(directions, found[len(others) :], strict=True)
     return [(end - ends[d.shapes]) / d.size for d, end in moved]
@@ -282,15 +283,15 @@ def _outputs(
     nodes: np.ndarray,
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
-    layout = record.layout
-    pose, logged = layout.sensed(nodes, theta, field), _logged(record, nodes, theta)
+    space = record.space
+    pose, logged = sensed(space, nodes, theta, field), _logged(record, nodes, theta)
     shown = np.hstack([pose, logged])
     outputs = np.zeros((*shown.shape, len(directions) + 1))
     for j, d in enumerate(directions):
-        if d.slot in layout.sensor_slots:
-            moved = layout.sensed(nodes, d.moved(theta), field)
+        if d.slot in space.sensor_slots:
+            moved = sensed(space, nodes, d.moved(theta), field)
             outputs[:, :3, j] = (moved - pose) / d.size
-        elif d.slot >= layout.num_compiled:
+        elif d.slot >= space.num_flown:
             moved = _logged(record, nodes, d.moved(theta))
             outputs[:, 3:, j] = (moved - logged) / d.size
     measured = [*record.pose.T, record.elevator, record.pitch_rate]
@@ -300,11 +301,11 @@ def _outputs(
 
 def _logged(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """What a log shows of states, (K + 1, C - 3): elevator and, of a gyro, rate."""
-    layout = record.layout
+    space = record.space
     columns = [signals(record, theta).logged + nodes[:, OFFSET]]
     if record.seen.shape[1] > 4:
-        late = np.clip(record.time - layout.replay(theta).latency, 0.0, record.time[-1])
-        bias = theta[layout.index[SERVO_LOG.kind, "pitch_rate"]]
+        late = np.clip(record.time - space.replay(theta).latency, 0.0, record.time[-1])
+        bias = theta[space.slots_of(SERVO_LOG.kind)[2]]
         then = CubicSpline(record.time, record.pitch_rate)(late)
         columns.append(nodes[:, PITCH_RATE] + bias + record.pitch_rate - then)
     return np.stack(columns, axis=1)

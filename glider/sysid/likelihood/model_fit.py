@@ -55,7 +55,7 @@ def linear_flights(
     of other blocks, of such terms, may be added later.
     """
     if directions is None:
-        directions = slopes(task.layout, model.free)
+        directions = slopes(task.space, model.free)
     linear = functools.partial(linear_flight, model, directions, terms=terms)
     return in_parallel(linear, task.records)
 
@@ -297,7 +297,7 @@ def fit_strength(
         return model
     # Shapes stay: the cost is no square of them, and is not computed again.
     count = len(model.free)
-    linear = [j for j, slot in enumerate(model.free) if not task.is_shape(slot)]
+    linear = [j for j, slot in enumerate(model.free) if slot not in task.space.shapes]
     linear += range(count, count + len(start))
     step, keep = np.zeros(len(total) - 1), [*linear, len(total) - 1]
     step[linear] = prior.among(linear).best_step(gram[np.ix_(keep, keep)])

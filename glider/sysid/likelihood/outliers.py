@@ -92,8 +92,9 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
         return {}
     own = flight_values(model_fit.error_flights(task, model), model.scales)
     found: dict[str, str] = {}
-    for (kind, name), values in zip(PER_FLIGHT, own.T, strict=True):
-        coefficient = task.layout.coefficients[task.layout.index[kind, name]]
+    kinds = task.space.kinds
+    of_columns = ((kind, c) for kind in PER_FLIGHT for c in kinds[kind].coefficients)
+    for (kind, coefficient), values in zip(of_columns, own.T, strict=True):
         apart = deviations(values, LEAST_SPREAD * coefficient.scale)
         for i in np.flatnonzero(np.abs(apart) > Z).tolist():
             words = f"no other flight needs {kind} as of {values[i]:.2g}"

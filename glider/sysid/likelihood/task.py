@@ -6,14 +6,15 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from glider.compiled.theta import SERVO_LOG, Layout
 from glider.physics.confidence import LEVEL
 from glider.physics.effects import NO_FIELD, SERVO_LAG, Field
 from glider.physics.effects.field import joined, make_field
+from glider.physics.parameter_space import ParameterSpace
 from glider.sysid.constants import CLOCK_ERROR, PRIOR_SCALES
 from glider.sysid.likelihood.blocks import Block, flown_values, make_blocks
 from glider.sysid.likelihood.linear_flight import Surroundings
 from glider.sysid.likelihood.scales import Scales, start_scales
+from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.vehicle import Vehicle
 
@@ -28,9 +29,9 @@ class Task:
     blocks: Mapping[str, Block]  #: Free functions to try, by name.
 
     @property
-    def layout(self) -> Layout:
-        """Layout of theta."""
-        return self.vehicle.layout
+    def space(self) -> ParameterSpace:
+        """ParameterSpace of theta."""
+        return self.vehicle.space
 
     @property
     def offered(self) -> set[str]:
@@ -39,35 +40,36 @@ class Task:
 
     def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
         """Returns the indices into theta to fit for a set of kinds, sorted."""
-        slots = {i for kind in kinds for i in self.layout.slots_of(kind)}
-        index = self.layout.index
-        if index["parameters", "wing_offset"] in self.vehicle.nuisance:
-            slots.discard(index["center_of_pressure", "shift"])
-        return tuple(sorted({*slots, *self.vehicle.nuisance}))
-
-    def is_shape(self, slot: int) -> bool:
-        """Whether a slot only shapes an effect that has another for its size."""
-        return slot in self.layout.shapes
+        space = self.space
+        unknown = {space.names[i] for i in self.vehicle.nuisance}
+        slots = {*self.vehicle.nuisance}
+        for kind in kinds:
+            own = space.slots_of(kind)
+            is_unknown = own and not unknown.isdisjoint(space.kinds[kind].like)
+            slots.update(own[1:] if is_unknown else own)
+        return tuple(sorted(slots))
 
     def priors(
         self, slots: Sequence[int], theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Returns prior means and precisions of slots; shapes are where they are."""
-        vehicle, scale = self.vehicle, PRIOR_SCALES * self.layout.scale
-        means = [theta[i] if self.is_shape(i) else vehicle.theta[i] for i in slots]
+        vehicle, scale = self.vehicle, PRIOR_SCALES * self.space.scale
+        means = [
+            theta[i] if i in self.space.shapes else vehicle.theta[i] for i in slots
+        ]
         spreads = [vehicle.nuisance.get(i, scale[i]) for i in slots]
         return np.array(means), np.array(spreads) ** -2.0
 
     def bounds(self, slots: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Returns the least and the largest values of slots that are possible."""
         slots, of_log = list(slots), self.vehicle.of_log
-        lower, upper = self.layout.lower.copy(), self.layout.upper.copy()
-        poses, commands, *_ = self.layout.slots_of(SERVO_LOG.kind)
+        lower, upper = self.space.lower.copy(), self.space.upper.copy()
+        poses, commands, *_ = self.space.slots_of(SERVO_LOG.kind)
         for slot in of_log.keys() & {poses, commands}:
             upper[slot] = min(ndtri(0.5 + 0.5 * LEVEL) * of_log[slot], upper[slot])
             lower[slot] = -upper[slot]
         if commands in of_log:  # Samples as far apart smooth an elevator like a lag.
-            [lag] = self.layout.slots_of(SERVO_LAG.kind)
+            [lag] = self.space.slots_of(SERVO_LAG.kind)
             lower[lag] = min(upper[commands], CLOCK_ERROR)
         return lower[slots], upper[slots]
 
@@ -157,7 +159,7 @@ class FitResult:
     def without(self, task: Task, *gone: str) -> "FitResult":
         """Returns the model without some of its effects."""
         theta = self.theta.copy()
-        slots = [i for kind in gone for i in task.layout.slots_of(kind)]
+        slots = [i for kind in gone for i in task.space.slots_of(kind)]
         theta[slots] = task.vehicle.theta[slots]
         kinds = tuple(kind for kind in self.kinds if kind not in gone)
         blocks = tuple(own for own in self.blocks if own.name not in gone)

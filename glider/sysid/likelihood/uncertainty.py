@@ -58,7 +58,7 @@ class Uncertainty:
 def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
     """Returns the errors of a model's parameters."""
     grams = model_fit.grams_of(model_fit.linear_flights(task, model), model.scales)
-    mine = {i for kind in model.kinds for i in task.layout.slots_of(kind)}
+    mine = {i for kind in model.kinds for i in task.space.slots_of(kind)}
     mine |= set(task.vehicle.unknown)
     likelihood, changes = jackknife(grams, model_fit.prior_of(task, model).precision)
     return Uncertainty(

@@ -11,9 +11,10 @@ from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
-from glider.compiled.theta import LIBRARY_LAYOUT, Layout
 from glider.physics.held_commands import command_steps
+from glider.physics.parameter_space import ParameterSpace
 from glider.physics.servo import NO_LIMITS, Servo, elevator_path
+from glider.sysid.replay.log_space import LIBRARY_SPACE
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.
 _LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
@@ -66,7 +67,7 @@ class Record:
     """A flight, cleaned and smoothed, at nodes: its rows, and more in its gaps."""
 
     name: str  #: Of the flight's file.
-    layout: Layout  #: Of the models that fly it.
+    space: ParameterSpace  #: Of the models that fly it.
     time: np.ndarray  #: (n,) of the nodes, from the first row that counts [s].
     pose: np.ndarray  #: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
     elevator: np.ndarray  #: (n,) measured [rad]; zero where not seen.
@@ -102,7 +103,7 @@ def prepare(
     flights: Sequence[Flight],
     campaign: Campaign,
     noise: Noise,
-    layout: Layout = LIBRARY_LAYOUT,
+    space: ParameterSpace = LIBRARY_SPACE,
     masks: Mapping[str, Masks] | None = None,
 ) -> list[Record]:
     """Smooths flights."""
@@ -113,7 +114,7 @@ def prepare(
     settings = dataclasses.replace(campaign, flights=())
     return in_parallel(
         lambda f: _record(
-            f, masks.get(f.name) or no_masks(f), settings, noise, layout, servo
+            f, masks.get(f.name) or no_masks(f), settings, noise, space, servo
         ),
         flights,
     )
@@ -124,7 +125,7 @@ def _record(
     mask: Masks,
     campaign: Campaign,
     noise: Noise,
-    layout: Layout,
+    space: ParameterSpace,
     servo: Servo,
 ) -> Record:
     good = np.flatnonzero(mask.usable)
@@ -141,7 +142,7 @@ def _record(
         bank, side_wind = in_plane(maps[2][0, :n] @ pose[:, 2], turned_by, sideways)
         pose = np.column_stack([pose[:, :2], planar_pitch(flight, good)])
     curves = np.stack([maps[j] @ pose[:, j] for j in range(3)], axis=2)
-    nodes = np.zeros((n, layout.num_states))
+    nodes = np.zeros((n, space.num_states))
     nodes[:, 0:3], nodes[:, 4:7] = curves[:2, :n]
     pitch = curves[:2, :, 2].T
     levels = (noise.smoothing[0].noise, noise.smoothing[1].noise, noise.pitch)
@@ -157,7 +158,7 @@ def _record(
         seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
     return Record(
         name=flight.name,
-        layout=layout,
+        space=space,
         time=time,
         pose=measured,
         elevator=elevator,

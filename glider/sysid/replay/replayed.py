@@ -14,11 +14,12 @@ import numpy as np
 
 from glider.compiled import replay as compiled
 from glider.compiled.actuators import replayed_path
-from glider.compiled.theta import OFFSET
-from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
+from glider.compiled.replay import OFFSET
+from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, PITCH_MOMENT, Field
 from glider.physics.effects.field import COEFFICIENTS, of_sensors
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import NUM_STATES
+from glider.sysid.replay.log_space import resting_states, sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.result import ResidualTable
 
@@ -48,14 +49,14 @@ def signals(record: Record, theta: np.ndarray) -> Signals:
 
     With a pose latency the row of time t shows the flight at t - latency.
     """
-    return _replayed(record, theta[record.layout.num_compiled :].tobytes())
+    return _replayed(record, theta[record.space.num_flown :].tobytes())
 
 
 @functools.lru_cache(_REPLAYS)
 def _replayed(record: Record, last: bytes) -> Signals:
     """The same by the last entries of theta, which replay a log's signals."""
-    n, layout = len(record.time), record.layout
-    replay = layout.replay(np.pad(np.frombuffer(last), (layout.num_compiled, 0)))
+    n, space = len(record.time), record.space
+    replay = space.replay(np.pad(np.frombuffer(last), (space.num_flown, 0)))
     if not record.has_servo:
         still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
         return Signals(*still, np.ones(n, bool))
@@ -93,12 +94,12 @@ def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray,
     """
     if not record.trim_is_moment:
         return theta, trim
-    index, moved = record.layout.index, theta.copy()
+    index, moved = record.space.index, theta.copy()
     area, tail, hinge, offset = (
-        theta[index["parameters", name]]
+        theta[index[name]]
         for name in ("wing_area", "elevator_area", "hinge_offset", "elevator_offset")
     )
-    slot = index["pitch_moment", "coefficient"]
+    [slot] = record.space.slots_of(PITCH_MOMENT.kind)
     moved[slot] -= 2.0 * tail * (hinge + offset) / area * trim  # Up lifts the nose.
     return moved, 0.0
 
@@ -120,7 +121,7 @@ def true_nodes(
     shown = record.seen[:, 3] & persists
     if shown.any():  # Else the offset is unknown.
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
-    if not with_states and record.layout.active_states(theta)[-1] < NUM_STATES:
+    if not with_states and record.space.acting_states(theta)[-1] < NUM_STATES:
         return nodes
     return with_states_along(record, [theta], nodes, field)[0]
 
@@ -136,12 +137,12 @@ def with_states_along(
     Of each of q models, that have the same elevator, (q, n, num_states).
     """
     elevator, rate, *_ = signals(record, thetas[0])
-    along, layout = compiled.log_path(record.time, elevator, rate), record.layout
+    along = compiled.log_path(record.time, elevator, rate)
     begins = np.array([nodes] * len(thetas))
     for begin, theta in zip(begins, thetas, strict=True):
         begin[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
-    numbers = np.array([layout.dynamics(theta) for theta in thetas])
-    return compiled.with_extras(layout.compiled_kinds, along, begins, numbers, field)
+    kinds = record.space.flown
+    return compiled.with_extras(kinds, along, begins, np.array(thetas), field)
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:
@@ -149,20 +150,20 @@ def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.n
     elevator, rate, *_ = signals(record, theta)
     start = first.copy()
     start[OFFSET] += elevator[0, 0]
-    return record.layout.steady_states(record.time[0], start, rate[0], theta)
+    return resting_states(record.space, record.time[0], start, rate[0], theta)
 
 
 def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
     """Undoes the sensor effects, also of the nodes a short time later."""
-    layout, n, step = record.layout, len(record.time), 1e-4
+    space, n, step = record.space, len(record.time), 1e-4
     is_read = of_sensors(field).weights.shape[1] > 0
-    if not is_read and not np.any(theta[list(layout.sensor_slots)]):
+    if not is_read and not np.any(theta[list(space.sensor_slots)]):
         return record.nodes.copy()
     states = np.tile(record.nodes, (2, 1))
     states[n:, :3] += step * states[n:, 4:7]
     shown = states[:, :3].copy()
     for _ in range(6):
-        missed = shown - layout.sensed(states, theta, field)
+        missed = shown - sensed(space, states, theta, field)
         states[:, :3] += missed
         if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
             break
@@ -197,9 +198,9 @@ def flow_at_nodes(
 
     Its columns are those of `compiled.replay.log_flow`, FIELD_VARIABLES last.
     """
-    at_nodes, layout = signals(record, theta).at_nodes, record.layout
-    kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
-    return compiled.flow_at(kinds, record.time, nodes, *at_nodes, dynamics, field)
+    kinds = record.space.flown
+    at_nodes = signals(record, theta).at_nodes
+    return compiled.flow_at(kinds, record.time, nodes, *at_nodes, theta, field)
 
 
 def make_table(
@@ -222,7 +223,7 @@ def make_table(
     modelled, (air_x, air_z), variables = flow[:, :3], flow[:, 3:5].T, flow[:, 5:].T
     of_flow = dict(zip(FIELD_VARIABLES, variables, strict=True))
     mass, area, inertia, density, gravity = (
-        theta[records[0].layout.index["parameters", name]]
+        theta[records[0].space.index[name]]
         for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
     )
     pressure = 0.5 * density * of_flow["V"] ** 2 * area

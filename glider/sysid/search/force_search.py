@@ -20,13 +20,8 @@ from glider.sysid.replay.record import Noise
 from glider.sysid.search.subsets import HELD_OUT, best_set, scorer_of
 from glider.sysid.search.support import SearchResult, weigh
 
-_OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces.
-    ("parameters", "pitch_inertia"),
-    ("parameters", "wing_offset"),
-    ("elevator_trim", "angle"),
-    ("pitch_moment", "coefficient"),
-    ("pitch_damping", "coefficient"),
-)
+# Unknown parameters of a vehicle that barely show in the forces.
+_OF_MOMENT = ("pitch_inertia", "wing_offset")
 # Scales that are estimated from the forces: errors of the moment, whose formula is
 # rougher, must not turn the flights' axes or their winds.
 OF_FORCES = ("wind", "trim", "pitch_zero")
@@ -49,7 +44,7 @@ def search_forces(
         score = scorer_of(candidates, grams, np.ones(len(grams)))
         alone = alone or score.alone()
         members = best_set(score)
-        model = refit_forces(task, score.begin(members))
+        model = _refit_forces(task, score.begin(members))
         if frozenset(model.kinds) in tried:
             break
         tried.append(frozenset(model.kinds))
@@ -61,8 +56,8 @@ def search_forces(
         bare = fit_model(task, model.without(task, *model.kinds), free_scales=())
     progress(Step("fitting the moment", 0.53))
     return SearchResult(
-        model=with_moment(task, model, noise),
-        bare=with_moment(task, bare, noise),
+        model=_with_moment(task, model, noise),
+        bare=_with_moment(task, bare, noise),
         evidence=score.lost(members),
         weighed=weighed,
         alone=alone,
@@ -72,7 +67,7 @@ def search_forces(
     )
 
 
-def refit_forces(task: Task, model: FitResult) -> FitResult:
+def _refit_forces(task: Task, model: FitResult) -> FitResult:
     """Returns a model fitted to the forces, and the errors that it leaves there."""
     model = fit_model(task, model, free_scales=())
     flights = error_flights(task, model)
@@ -82,10 +77,14 @@ def refit_forces(task: Task, model: FitResult) -> FitResult:
 
 def _slots_of_moment(task: Task) -> set[int]:
     """Returns the slots of unknowns that only the moment and the log show."""
-    return {task.layout.index[slot] for slot in _OF_MOMENT} | {*task.vehicle.of_log}
+    found = {*task.space.places(_OF_MOMENT), *task.vehicle.of_log}
+    for kind in task.space.kinds.values():
+        if kind.unknown_without is not None:
+            found.update(task.space.slots_of(kind.kind))
+    return found
 
 
-def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
+def _with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
     """Returns a model of forces with its moment fitted, and all scales."""
     slots = _slots_of_moment(task)
     free = tuple(i for i in task.vehicle.nuisance if i in slots)

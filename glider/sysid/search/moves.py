@@ -67,8 +67,8 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
         if kind in blocks:
             places, value = [*known.places[kind]], blocks[kind].coordinates
         else:
-            slots = [i for i in task.layout.slots_of(kind) if i in known.free]
-            slots = [i for i in slots if not task.is_shape(i)] or slots
+            slots = [i for i in task.space.slots_of(kind) if i in known.free]
+            slots = [i for i in slots if i not in task.space.shapes] or slots
             places = [known.free.index(i) for i in slots]
             value = model.theta[slots] - task.vehicle.theta[slots]
         block, _ = known.of(places)
@@ -82,9 +82,8 @@ def with_mean(search: Search, model: FitResult) -> FitResult | None:
     own = flight_values(error_flights(task, model), model.scales)
     mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
     is_off = np.abs(mean) > Z * error
-    for kind in dict(PER_FLIGHT):
-        slots = list(task.layout.slots_of(kind))
-        places = [k for k, (other, _) in enumerate(PER_FLIGHT) if other == kind]
+    for kind, places in PER_FLIGHT.items():
+        slots = list(task.space.slots_of(kind))
         is_free = bool(set(slots) & set(model.free))
         if kind not in task.kinds or is_free or not is_off[places].any():
             continue
@@ -165,7 +164,7 @@ def reshaped(search: Search, model: FitResult) -> FitResult | None:
     """
     task = search.task
     for kind in model.kinds:
-        has_shape = any(map(task.is_shape, task.layout.slots_of(kind)))
+        has_shape = not task.space.shapes.isdisjoint(task.space.slots_of(kind))
         tried = kind, frozenset(model.kinds)
         if not has_shape or tried in search.reshaped:
             continue

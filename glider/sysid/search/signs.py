@@ -10,14 +10,13 @@ import numpy as np
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.turning import Signs, turn
+from glider.physics.effects import ANGLE_SIGN
 from glider.sysid.constants import CLEAR, FEW_FLIGHTS
 from glider.sysid.likelihood.model_fit import error_flights, fit_model, grams_of
 from glider.sysid.likelihood.outliers import COARSE_SCALES
 from glider.sysid.likelihood.task import Task, start_of
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle
-
-COMPANIONS = ("profile_drag", "pitch_offset")  # Fitted too: signs look wrong without.
 
 
 def find_signs(
@@ -29,18 +28,20 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round, as no small effect does: the best set of signs must
-    beat the logged one by `CLEAR` in the median flight, with `COMPANIONS` fitted. It
-    cannot gain more than ½ Σ e² of the logged one: a small residual ends the search.
+    beat the logged one by `CLEAR` in the median flight, with effects fitted that look
+    like a wrong sign. It cannot gain more than ½ Σ e² of the logged one: a small
+    residual ends the search.
     """
     few = flights[:FEW_FLIGHTS]
-    kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)
+    library = vehicle.space.kinds
+    kinds = tuple(k for k in vehicle.kinds if ANGLE_SIGN.kind in library[k].like)
 
     def costs(signs: Signs) -> np.ndarray:
         """Half the squares of the flights' errors under some signs, whitened [nats]."""
         turned = tuple(turn(f, signs) for f in few)
         # Its noise depends on the signs.
         noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
-        records = prepare(turned, campaign, noise, vehicle.layout, masks)
+        records = prepare(turned, campaign, noise, vehicle.space, masks)
         task = Task(records=records, vehicle=vehicle, kinds=vehicle.kinds, blocks={})
         model = start_of(task, noise)
         model = dataclasses.replace(

@@ -22,11 +22,6 @@ Members = tuple[Member, ...]
 HELD_OUT = EvidenceThreshold(**constants.HELD_OUT_THRESHOLD)
 """Gain on held-out flights that an effect must bring."""
 
-EVERY_GLIDER_HAS = (  # No wing's lift is exactly a flat plate's.
-    *("camber", "profile_drag", "axial_drag", "induced_drag"),
-    *("attached_lift", "pitch_rate_lift"),
-)
-
 
 class Scorer:
     """Evidence of sets less a penalty for each member, cached."""
@@ -186,9 +181,10 @@ def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> 
 
 def held_out_threshold(task: Task, kind: str) -> float:
     """Returns the gain that an effect must bring on held-out flights [nats]."""
-    slots = task.layout.slots_of(kind)
-    sizes = sum(not task.is_shape(i) for i in slots)
-    cause = 0.0 if kind in EVERY_GLIDER_HAS else HELD_OUT.uncommon
+    slots = task.space.slots_of(kind)
+    sizes = sum(i not in task.space.shapes for i in slots)
+    is_common = kind in task.space.kinds and task.space.kinds[kind].is_common
+    cause = 0.0 if is_common else HELD_OUT.uncommon
     return HELD_OUT.effect + HELD_OUT.coefficient * (sizes - 1) + cause
 
 

@@ -121,7 +121,7 @@ class Search:
         """
         few = self.task.offering(kinds).thinned(MANY_FLIGHTS)
         if self._formulas[0] is not model or self._formulas[1] != few.kinds:
-            self._formulas = model, few.kinds, formulas_about(few, model)
+            self._formulas = model, few.kinds, _formulas_about(few, model)
         leading = [block.leading_only for block in few.blocks.values()]
         candidates = self._formulas[2].offering(leading)
         gram = candidates.total(candidates.model.scales)
@@ -151,7 +151,7 @@ class Search:
         return None if found is model else found
 
 
-def formulas_about(task: Task, model: FitResult) -> Candidates:
+def _formulas_about(task: Task, model: FitResult) -> Candidates:
     """Returns the formulas about a model with all noise as if they acted, `saturated`.
 
     Any free function may be offered beside them.

@@ -29,9 +29,6 @@ from glider.sysid.search.support import (
     weigh,
 )
 
-# Tried last: scales are seldom wrong, and to first order they imitate many effects.
-LATE = ("position_scale", "elevator_scale")
-
 _FIRST = ("best set",)  # Moves among effects that are new to the search.
 
 EARLIER = "earlier flights"
@@ -89,12 +86,12 @@ def resumed(search: Search, start: FitResult, earlier: FitResult) -> FitResult |
     search.task = without_late(task)
     search.near(start)
     search.task = task
-    model = search.fit(begun_from(task, earlier))
+    model = search.fit(_begun_from(task, earlier))
     search.found_by = dict.fromkeys(model.kinds, EARLIER)
     return None if next(searched(search, model), None) else model
 
 
-def begun_from(task: Task, earlier: FitResult) -> FitResult:
+def _begun_from(task: Task, earlier: FitResult) -> FitResult:
     """Returns the model of an earlier search of other flights, not fitted yet.
 
     Free functions begin at zero: their Gaussians are where these flights are.
@@ -123,14 +120,14 @@ def searched(search: Search, model: FitResult) -> Iterator[FitResult]:
     task, early = search.task, without_late(search.task, model.kinds)
     if not model.kinds:  # A formula's own free function would come before it.
         search.task = early.offering(early.kinds)
-        model = yield from improvements(search, model, _FIRST)
+        model = yield from _improvements(search, model, _FIRST)
     search.task = early
-    model = yield from improvements(search, model)
+    model = yield from _improvements(search, model)
     if early is not task:
         search.task = task
-        late = yield from improvements(search, model, _FIRST)
+        late = yield from _improvements(search, model, _FIRST)
         if late is not model:
-            yield from improvements(search, late)
+            yield from _improvements(search, late)
 
 
 def rivals_of(
@@ -162,7 +159,7 @@ def rivals_of(
     return tuple(found[:FOLLOWED])
 
 
-def improvements(
+def _improvements(
     search: Search, model: FitResult, names: Collection[str] = moves.MOVES
 ) -> Generator[FitResult, None, FitResult]:
     """Yields better models until none of the moves finds one; returns the last."""
@@ -181,7 +178,7 @@ def improvements(
 
 def improved(search: Search, model: FitResult) -> FitResult:
     """Returns the model that no move betters."""
-    *_, best = model, *improvements(search, model)
+    *_, best = model, *_improvements(search, model)
     return best
 
 
@@ -237,7 +234,8 @@ def without_late(task: Task, kept: Collection[str] = ()) -> Task:
     """
     if len(task.kinds) < len(task.vehicle.kinds):
         return task
-    return task.offering(task.offered.difference(LATE).union(kept))
+    late = {name for name, k in task.space.kinds.items() if k.is_rare}
+    return task.offering(task.offered.difference(late).union(kept))
 
 
 def search_about(

@@ -82,11 +82,9 @@ class Identification:
 
     def __init__(self, task: Task, start: FitResult, truth: Truth) -> None:
         self.task, self.truth, self.theta = task, truth, start.theta
-        layout = task.layout
+        space = task.space
         self.slots = {
-            f"{kind}.{layout.slots[slot][1]}": slot
-            for kind in KINDS
-            for slot in layout.slots_of(kind)
+            space.names[slot]: slot for kind in KINDS for slot in space.slots_of(kind)
         }
         self.guess = dict(zip(self.slots, USUAL, strict=True))
         self.paths = [path_of(r, start.theta, STILL_AIR)[0] for r in task.records]
@@ -107,7 +105,7 @@ class Identification:
         theta = self.theta.copy()
         for name, slot in self.slots.items():
             theta[slot] = parameters[name]
-        return self.task.layout.dynamics(theta)
+        return theta
 
     def names(self, states) -> list[str]:
         """Returns the names of some states of all flights.
@@ -183,7 +181,7 @@ class Identification:
         if values != self.last[0]:
             self.last = values, self.numbers(parameters)
         slopes = np.empty_like(states)
-        fly = SLOPES.over(self.task.layout.compiled_kinds, True).flight_slopes
+        fly = SLOPES.over(self.task.space.flown, True).flight_slopes
         path = self.elevator[k, node], self.rate[k]
         fly(states, *path, self.last[1], NO_FIELD, self.launches[0].copy(), slopes)
         slopes[7:] = -self.gust_rate * states[7:]
@@ -211,7 +209,7 @@ class _Rollouts:
         for path, launch, shift in zip(own.paths, own.launches, shifts, strict=True):
             start = launch.copy()
             start[:7] += LAUNCH * shift
-            kinds = own.task.layout.compiled_kinds
+            kinds = own.task.space.flown
             states = replay.roll_out(kinds, path, start, numbers, NO_FIELD)
             flown.append(states[:, :4])
         outputs = np.concatenate(np.moveaxis(flown, 2, 0)).T
@@ -235,7 +233,7 @@ def fitted(campaign: Campaign) -> Estimates:
     task, noise = task_of(campaign)
     model = fit_model(task, begin(task, noise, KINDS), iterations=20)
     known = uncertainty_of(task, model)
-    names = {i: ".".join(task.layout.slots[i]) for i in known.named}
+    names = {i: task.space.names[i] for i in known.named}
     return Estimates(
         {name: float(model.theta[i]) for i, name in names.items()},
         {name: known.std(i) for i, name in names.items()},

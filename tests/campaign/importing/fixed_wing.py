@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from glider.compiled.theta import layout_for, theta_of
 from glider.physics.effects import Effect
 from glider.physics.effects.wrench import THRUST
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.simulation.campaigns import fly_path
+from glider.sysid.replay.log_space import log_space_of, vector_of
 from tests.campaign.importing.foreign import NED, ulog_bytes
 
 RATE = 50.0  # Of all topics [Hz].
@@ -58,7 +58,7 @@ def fly(
     rng: np.random.Generator, motor: float, glide: float, thrust: float = 2.2
 ) -> Motored:
     """Flies some seconds with the motor on, then some with it off."""
-    layout = layout_for(GliderModel(effects=(Effect(kind=THRUST, values=(1.0,)),)))
+    space = log_space_of(GliderModel(effects=(Effect(kind=THRUST, values=(1.0,)),)))
     rows = round((motor + glide) * RATE) + 1
     time = np.arange(rows) / RATE
     command = np.full(rows, TRIM)
@@ -85,7 +85,7 @@ def fly(
             parameters=AIRPLANE, effects=(Effect(kind=THRUST, values=(force,)),)
         )
         rate = np.diff(path[span]) * RATE * FINE
-        states = fly_path(layout, theta_of(model), start, fine[span], elevator, rate)
+        states = fly_path(space, vector_of(model), start, fine[span], elevator, rate)
         parts.append(states[bool(parts) :, :7])
         start, since = states[-1, :7], last
     states = np.concatenate(parts)

@@ -16,11 +16,11 @@ from glider.campaign.logs import ServoLog
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
-from glider.compiled.theta import SERVO_LOG
 from glider.errors import InputError
 from glider.physics.held_commands import command_steps
 from glider.physics.servo import elevator_path
 from glider.sysid.pipeline import close_the_loop
+from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from tests.campaign.importing import foreign
@@ -400,11 +400,11 @@ def test_clocks_differ_as_far_as_they_are_uncertain(campaign):
     log = ServoLog(clock_std=0.002, command_std=0.003)
     uncertain = dataclasses.replace(campaign, servo=log)
     task, _ = task_of(uncertain)
-    poses, commands, *_ = task.layout.slots_of(SERVO_LOG.kind)
+    poses, commands, *_ = task.space.slots_of(SERVO_LOG.kind)
     lower, upper = task.bounds([poses, commands, 0])
     assert upper[:2] == pytest.approx([0.00392, 0.00588], rel=1e-3)  # In 95 %.
     assert lower[:2] == pytest.approx([-0.00392, -0.00588], rel=1e-3)
-    assert upper[2] == task.layout.upper[0]
+    assert upper[2] == task.space.upper[0]
 
 
 @pytest.mark.nightly

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from glider.compiled.theta import theta_of
 from glider.physics.effects import NO_FIELD
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
@@ -17,6 +16,7 @@ from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
+from glider.sysid.replay.log_space import vector_of
 from glider.sysid.report import EquationErrors, Spread
 from tests.helpers.known_truth import begin, task_of
 from tests.helpers.lifelike import draw_campaign, turbulence_campaign
@@ -43,7 +43,7 @@ def floor_and_errors(campaign, truth, effect=None):
     scales = scales_of(truth)
     model = dataclasses.replace(begin(task, noise), scales=scales)
     if effect is not None:
-        model.theta[task.layout.index[effect[:2]]] = effect[2]
+        model.theta[task.space.index[".".join(effect[:2])]] = effect[2]
     flown = flown_by(task, model, scales)
     ratio = noise.smoothing[2].ratio
     floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))
@@ -185,7 +185,7 @@ def test_memory_that_begins_elsewhere_is_predicted_along_the_pitch_too():
     """As replicas are, which begin there."""
     effect, rng = typical("lagged_downwash", 2.0), np.random.default_rng(0)
     campaign = fly(effect, flights=6)
-    theta = theta_of(GliderModel(effects=(effect,)))
+    theta = vector_of(GliderModel(effects=(effect,)))
     scales = dataclasses.replace(FLOOR, position=5e-4, pitch=3e-3, memory=0.05)
     task, _ = task_of(campaign)
     flights = []
@@ -226,7 +226,7 @@ def test_the_floor_of_a_model_that_diverges_is_unknown(still, name, factor):
     task, noise = task_of(few)
     scales = scales_of(truth)
     model = dataclasses.replace(begin(task, noise), scales=scales)
-    model.theta[task.layout.index["parameters", name]] *= factor
+    model.theta[task.space.index[name]] *= factor
     flown = flown_by(task, model, scales)
     ratio = noise.smoothing[2].ratio
     floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))

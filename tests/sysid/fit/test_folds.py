@@ -126,7 +126,7 @@ def test_each_fold_is_flown_by_models_made_without_it(monkeypatch):
     compare = folds.compare
     monkeypatch.setattr(folds, "compare", lambda own: flown.append(own) or compare(own))
     task, _ = held_out(fly(KINDS["profile_drag"](cd0=0.05), flights=7), "profile_drag")
-    index = task.layout.index["profile_drag", "cd0"]
+    index = task.space.index["profile_drag.cd0"]
     found = [own["corrected"][0].theta[index] for own in flown]
     assert len({*found}) == FOLDS and np.ptp(found) < 0.01
     assert len({own["corrected"][0].scales for own in flown}) == 1
@@ -170,7 +170,7 @@ def test_a_fold_of_a_glider_of_unknown_mass_frees_nothing_that_was_fixed():
     unknown = dataclasses.replace(fly(flights=6), vehicle={"hinge_offset": 0.27})
     task, noise = task_of(unknown)
     model = fit_model(task, begin(task, noise, ("camber",)))
-    fixed = task.layout.index["parameters", "pitch_inertia"]
+    fixed = task.space.index["pitch_inertia"]
     assert fixed in model.free
     model = dataclasses.replace(model, free=tuple(i for i in model.free if i != fixed))
     refit = folds._Refits(task, model, is_searched=True)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.masks import Masks
-from glider.compiled.theta import theta_of
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
 from glider.sysid.fit import prediction
@@ -19,6 +18,7 @@ from glider.sysid.fit.prediction import (
     predict,
 )
 from glider.sysid.likelihood.scales import start_scales
+from glider.sysid.replay.log_space import vector_of
 from glider.sysid.replay.replayed import true_nodes
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -29,7 +29,7 @@ WIND = KINDS["wind"](x=-0.4, z=0.1)
 def windy():
     task, noise = task_of(fly(WIND, flights=4))
     truth = dataclasses.replace(
-        begin(task, noise), theta=theta_of(GliderModel(effects=(WIND,)))
+        begin(task, noise), theta=vector_of(GliderModel(effects=(WIND,)))
     )
     return task, flown_by(task, truth, start_scales(noise))
 
@@ -128,7 +128,7 @@ def test_a_flight_whose_elevator_is_first_seen_late_is_predicted():
     rows = beginning_rows(task.records[0].time, per_flight_trims=False)
     assert not task.records[0].seen[:rows, 3].any()
     truth = dataclasses.replace(
-        begin(task, noise), theta=theta_of(GliderModel(effects=(WIND,)))
+        begin(task, noise), theta=vector_of(GliderModel(effects=(WIND,)))
     )
     start = start_scales(noise)
     model = flown_by(task, truth, start)

@@ -121,9 +121,9 @@ def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     own = found.by_name["push over t"]
     t = np.array([0.03, 0.06, 0.3, 0.7])
     pushed = (own.functions(t[:, None]) @ own.weights)[:, 0]
-    index, start = search.task.layout.index, search.task.vehicle.theta
-    thrust = found.theta[index["thrust", "force"]]
-    pushed += thrust / start[index["parameters", "mass"]]
+    index, start = search.task.space.index, search.task.vehicle.theta
+    thrust = found.theta[index["thrust.force"]]
+    pushed += thrust / start[index["mass"]]
     true = 3.0 * np.exp(-0.5 * (t / 0.06) ** 2)
     assert pushed == pytest.approx(true, abs=0.3)
 
@@ -137,9 +137,9 @@ def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha()
     own = found.by_name["added mass over alpha"]
     alpha = np.linspace(0.1, 1.0, 19)[:, None]
     carried = (own.functions(alpha) @ own.weights)[:, 0]
-    index, start = search.task.layout.index, search.task.vehicle.theta
-    mass = found.theta[index["added_mass", "mass"]]
-    carried += mass / start[index["parameters", "mass"]]
+    index, start = search.task.space.index, search.task.vehicle.theta
+    mass = found.theta[index["added_mass.mass"]]
+    carried += mass / start[index["mass"]]
     true = 0.3 * np.exp(-0.5 * (alpha[:, 0] / 0.4) ** 2)
     assert carried == pytest.approx(true, abs=0.05)
 
@@ -190,7 +190,7 @@ def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypa
         Search(task, lambda text: None), fit_model(task, begin(task, noise))
     )
     assert "moment over alpha and reduced_rate" in found.free_kinds
-    model = model_of(task, found, Signs(), campaign)
+    model = model_of(task, found, Signs())
     model.save(tmp_path / "model.yaml")
     again = GliderModel.load(tmp_path / "model.yaml")
     assert again.field is not None and "reduced_rate" in again.field.variables

@@ -33,15 +33,15 @@ def test_a_shifted_center_of_pressure_is_one_with_an_unknown_wing_offset(is_know
         known = {k: v for k, v in campaign.vehicle.items() if k != "wing_offset"}
         campaign = dataclasses.replace(campaign, vehicle=known)
     task, _ = task_of(campaign)
-    index, slots_of = task.layout.index, task.layout.slots_of
+    index, slots_of = task.space.index, task.space.slots_of
     free = set(task.free(("center_of_pressure", "profile_drag")))
     everything = {*slots_of("center_of_pressure"), *slots_of("profile_drag")}
-    shift = {index["center_of_pressure", "shift"]}
+    shift = {index["center_of_pressure.shift"]}
     if is_known:
         assert free == everything
     else:
         assert free == (everything - shift) | set(task.vehicle.nuisance)
-        assert index["parameters", "wing_offset"] in free
+        assert index["wing_offset"] in free
 
 
 def test_each_starting_shape_is_a_variant(dragged):
@@ -100,7 +100,7 @@ def test_a_set_whose_shape_stays_at_its_bound_is_physical(monkeypatch):
     stall = KINDS["attached_lift"](slope=2.0, stall_angle=0.3)
     task, noise = task_of(fly(stall, flights=4))
     task = dataclasses.replace(task, kinds=("attached_lift", "profile_drag"))
-    slot, bounds = task.layout.index["attached_lift", "stall_angle"], Task.bounds
+    slot, bounds = task.space.index["attached_lift.stall_angle"], Task.bounds
 
     def narrow(task, slots):
         lower, upper = bounds(task, slots)
@@ -120,7 +120,7 @@ def test_an_effect_that_ends_at_none_stays_in_its_set(dragged):
     """A drag cannot be negative: the set has it, without a column."""
     task, _, model = dragged
     theta = model.theta.copy()
-    theta[list(task.layout.slots_of("profile_drag"))] = 0.0
+    theta[list(task.space.slots_of("profile_drag"))] = 0.0
     candidates = gather(task, dataclasses.replace(model, theta=theta))
     assert candidates.variants["profile_drag"] == ((),)
     evidence = candidates.evidence(candidates.total(model.scales))
@@ -134,7 +134,7 @@ def test_flights_may_be_gathered_in_parts(dragged, monkeypatch):
     monkeypatch.setattr(gathering, "_LARGEST_PUSH", np.inf)
     whole = gather(task, model)
     flights = model_fit.linear_flights(task, model, whole.directions)
-    scale = task.layout.scale[whole.slots]
+    scale = task.space.scale[whole.slots]
     pushes = [
         (np.abs(f.inputs[:, :, :-1]).max(axis=(0, 1)) * scale).max() for f in flights
     ]

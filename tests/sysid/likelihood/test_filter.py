@@ -30,13 +30,13 @@ def flight(request):
     """A short flight with columns of a force, a sensor, the servo and a state."""
     campaign = fly(flights=2, duration=0.3)
     task, _ = task_of(with_gyro(campaign) if request.param else campaign)
-    layout, record = task.layout, task.records[0].first(ROWS)
+    space, record = task.space, task.records[0].first(ROWS)
     kinds = ("profile_drag", "marker_offset", "servo_lag", "dynamic_stall")
-    free = [i for kind in kinds for i in layout.slots_of(kind)]
+    free = [i for kind in kinds for i in space.slots_of(kind)]
     theta = task.vehicle.theta.copy()
-    theta[list(layout.slots_of("servo_lag"))] = 0.02
-    theta[layout.slots_of("dynamic_stall")[0]] = 0.3
-    return linearize(record, theta, NO_FIELD, slopes(layout, free))
+    theta[list(space.slots_of("servo_lag"))] = 0.02
+    theta[space.slots_of("dynamic_stall")[0]] = 0.3
+    return linearize(record, theta, NO_FIELD, slopes(space, free))
 
 
 def unseen(flight, *entries):
@@ -221,11 +221,11 @@ def test_every_flight_takes_the_filter_that_is_compiled_first(flight, monkeypatc
 def test_states_of_effects_that_do_nothing_are_left_out():
     """With one that does next to nothing, they are in the filter, to no effect."""
     task, _ = task_of(fly(flights=1, duration=0.3))
-    layout, theta = task.layout, task.vehicle.theta.copy()
-    columns = slopes(layout, layout.slots_of("profile_drag"))
+    space, theta = task.space, task.vehicle.theta.copy()
+    columns = slopes(space, space.slots_of("profile_drag"))
     found = []
     for strength in (0.0, 1e-12):
-        theta[layout.slots_of("dynamic_stall")[0]] = strength
+        theta[space.slots_of("dynamic_stall")[0]] = strength
         linear = linearize(task.records[0], theta, NO_FIELD, columns)
         found.append((len(linear.states), whiten(linear, SCALES).gram))
     (fewer, expected), (more, gram) = found
@@ -236,7 +236,7 @@ def test_states_of_effects_that_do_nothing_are_left_out():
 def test_one_column_alone_is_filtered_as_among_others():
     """There is a copy of the filter for it, as for a glider without more states."""
     task, _ = task_of(fly(flights=1, duration=0.3))
-    columns = slopes(task.layout, task.layout.slots_of("profile_drag"))
+    columns = slopes(task.space, task.space.slots_of("profile_drag"))
     wide = linearize(task.records[0], task.vehicle.theta, NO_FIELD, columns)
     assert len(wide.states) == 7
     alone = whiten(wide.error_only(), SCALES)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.motion_capture import MotionCapture
-from glider.compiled.replay import advance_nodes, roll_out
-from glider.compiled.theta import OFFSET
+from glider.compiled.replay import OFFSET, advance_nodes, roll_out
 from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
 from glider.physics.effects.field import (
     FIELD_TERMS,
@@ -54,23 +53,23 @@ def test_columns_of_an_effect_that_acts_are_derivatives(kind):
         for c in KINDS[kind].coefficients
     }
     task = fly_finely(KINDS[kind](**values))
-    layout, theta = task.layout, task.vehicle.theta.copy()
-    slots = layout.slots_of(kind)
+    space, theta = task.space, task.vehicle.theta.copy()
+    slots = space.slots_of(kind)
     theta[list(slots)] = list(values.values())
-    for direction in slopes(layout, slots):
+    for direction in slopes(space, slots):
         assert column_error(task.records[0], theta, direction) < 0.03
 
 
 @pytest.mark.parametrize("kind", NAMES)
 def test_columns_of_an_effect_that_is_absent_are_derivatives(task, kind):
     """Of its size, under each of its starting shapes; a shape alone goes by secants."""
-    layout, theta = task.layout, task.vehicle.theta
+    space, theta = task.space, task.vehicle.theta
     if all(c.is_shape for c in KINDS[kind].coefficients):
-        for (secant,) in starts_of(layout, KINDS[kind], theta):
+        for (secant,) in starts_of(space, KINDS[kind], theta):
             assert secant.moved(theta)[secant.slot] == theta[secant.slot] + secant.size
             assert secant.size in KINDS[kind].coefficients[0].grid
         return
-    for columns in starts_of(layout, KINDS[kind], theta):
+    for columns in starts_of(space, KINDS[kind], theta):
         for direction in columns:
             assert column_error(task.records[0], theta, direction) < 0.03
 
@@ -81,8 +80,8 @@ def test_columns_of_an_effect_that_is_absent_are_derivatives(task, kind):
 def test_columns_with_a_gyro_are_derivatives(kind):
     """A pose that is late is one against the gyro, and its bias is a column."""
     sensed = task_of(with_gyro(fly(flights=2, duration=0.4, capture=FINE)))[0]
-    layout, theta = sensed.layout, sensed.vehicle.theta
-    for direction in slopes(layout, layout.slots_of(kind)):
+    space, theta = sensed.space, sensed.vehicle.theta
+    for direction in slopes(space, space.slots_of(kind)):
         error = column_error(sensed.records[0], theta, direction)
         assert error < (0.1 if kind == "servo_log" else 0.03)  # A path has kinks.
 
@@ -145,7 +144,7 @@ def test_moving_air_acts_on_the_forces_of_a_field(task):
     )
     record, theta = task.records[0], task.vehicle.theta
     flight = linearize(record, theta, field)
-    kinds = record.layout.compiled_kinds
+    kinds = record.space.flown
 
     def ends(*wind):
         about = Surroundings(np.array([*wind, 0.0, 0.0]))
@@ -162,9 +161,9 @@ def test_models_are_flown_at_once_as_each_alone(task):
     """Each behind its own elevator, from its own nodes; no path is written over."""
     record, theta = task.records[0], task.vehicle.theta
     lagged, heavy = theta.copy(), theta.copy()
-    lagged[list(task.layout.slots_of("servo_lag"))] = 0.05
-    heavy[task.layout.index["parameters", "mass"]] *= 1.1
-    about, kinds = Surroundings(), record.layout.compiled_kinds
+    lagged[list(task.space.slots_of("servo_lag"))] = 0.05
+    heavy[task.space.index["mass"]] *= 1.1
+    about, kinds = Surroundings(), record.space.flown
     pairs = [path_of(record, own, about) for own in (theta, heavy, lagged)]
     paths, numbers = zip(*pairs, strict=True)
     before = [(path.elevator.copy(), path.rate.copy()) for path in paths]
@@ -182,7 +181,7 @@ def test_models_are_flown_at_once_as_each_alone(task):
 def test_states_along_a_flight_are_each_models_own(task):
     """They begin at rest, which for separated flow is where it stalls."""
     record, late = task.records[0], task.vehicle.theta.copy()
-    late[task.layout.index["lagged_separation", "stall_angle"]] = 0.05
+    late[task.space.index["lagged_separation.stall_angle"]] = 0.05
     models = [task.vehicle.theta, late]
     together = with_states_along(record, models, record.nodes)
     for theta, found in zip(models, together, strict=True):
@@ -193,12 +192,12 @@ def test_states_along_a_flight_are_each_models_own(task):
 
 def test_an_absent_effect_may_have_any_shape(task):
     """What it does along others depends on those alone."""
-    record, usual, layout = task.records[0], task.vehicle.theta, task.layout
-    slot = layout.index["lagged_separation", "relaxation"]
+    record, usual, space = task.records[0], task.vehicle.theta, task.space
+    slot = space.index["lagged_separation.relaxation"]
     shaped = usual.copy()
     shaped[slot] = 0.05
-    size = layout.index["lagged_separation", "slope"]
-    columns = slopes(layout, [size], ((slot, 0.12),))
+    size = space.index["lagged_separation.slope"]
+    columns = slopes(space, [size], ((slot, 0.12),))
     found = [
         linearize(record, theta, NO_FIELD, columns).inputs[:, :NUM_STATES, 0]
         for theta in (usual, shaped)
@@ -211,8 +210,8 @@ def test_an_absent_effect_may_have_any_shape(task):
 
 def test_an_error_of_many_columns_is_that_of_each(task):
     """Columns of forces are made late: their sum has to be the same before."""
-    layout, rng = task.layout, np.random.default_rng(0)
-    columns = slopes(layout, layout.slots_of("attached_lift"))
+    space, rng = task.space, np.random.default_rng(0)
+    columns = slopes(space, space.slots_of("attached_lift"))
     flight = linearize(
         *(task.records[0], task.vehicle.theta, NO_FIELD, columns),
         terms=["c_drag", "wind_z"],
@@ -247,7 +246,7 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     flown = []
     for own in (record, other):
         path, dynamics = path_of(own, theta, STILL_AIR)
-        kinds, launch = task.layout.compiled_kinds, record.nodes[0]
+        kinds, launch = task.space.flown, record.nodes[0]
         flown.append(roll_out(kinds, path, launch, dynamics, NO_FIELD))
     about = dataclasses.replace(record, nodes=flown[0], elevator=0.0 * record.elevator)
     flight = linearize(about, theta, NO_FIELD)
@@ -262,16 +261,16 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     tall = dataclasses.replace(record, elevator=record.elevator + apart * persists)
     off = true_nodes(tall, theta)[:, OFFSET] - true_nodes(record, theta)[:, OFFSET]
     np.testing.assert_allclose(off, apart * persists, atol=1e-12)
-    layout = task.layout
-    servo = slopes(layout, range(layout.num_compiled, len(layout.slots)))
+    space = task.space
+    servo = slopes(space, range(space.num_flown, len(space.names)))
     flight = linearize(tall, theta, NO_FIELD, servo)
     assert np.abs(flight.inputs[:, OFFSET]).max() < 1e-9
 
 
 def test_a_model_that_diverges_is_linearized_without_a_warning(task):
-    layout, theta = task.layout, task.vehicle.theta.copy()
-    theta[layout.index["profile_drag", "cd0"]] = -1e20
-    directions = slopes(layout, layout.slots_of("servo_lag"))
+    space, theta = task.space, task.vehicle.theta.copy()
+    theta[space.index["profile_drag.cd0"]] = -1e20
+    directions = slopes(space, space.slots_of("servo_lag"))
     with warnings.catch_warnings(action="error"):
         flight = linearize(task.records[0], theta, NO_FIELD, directions)
         endless = dataclasses.replace(

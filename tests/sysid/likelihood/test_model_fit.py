@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from glider.campaign.motion_capture import MotionCapture
-from glider.compiled.theta import SERVO_LOG
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.filtering import (
@@ -29,7 +28,7 @@ from tests.helpers.tasks import begin, fit_kinds, fly, task_of, with_gyro
 
 def errors_of(task, model, kind, truth):
     """Returns the errors of a kind's coefficients and their standard errors."""
-    slots = task.layout.slots_of(kind)
+    slots = task.space.slots_of(kind)
     known = uncertainty_of(task, model)
     found = model.theta[list(slots)]
     return found - truth, np.array([known.std(i) for i in slots])
@@ -77,7 +76,7 @@ def test_a_gyro_of_unknown_bias_halves_standard_errors():
         assert abs(error) < 4.0 * std
         stds.append(std)
         if gyros:
-            slot = task.layout.index[SERVO_LOG.kind, "pitch_rate"]
+            slot = task.space.index["servo_log.pitch_rate"]
             assert model.theta[slot] == pytest.approx(0.03, abs=0.005)
             assert model.scales.rate == pytest.approx(0.01, rel=0.2)
     assert stds[0] < 0.6 * stds[1]
@@ -115,7 +114,7 @@ def test_a_fit_that_begins_at_the_truth_ends_there(windy):
     task, noise = task_of(windy)
     start = begin(task, noise, ["wind"])
     theta = start.theta.copy()
-    theta[list(task.layout.slots_of("wind"))] = [-0.4, 0.1]
+    theta[list(task.space.slots_of("wind"))] = [-0.4, 0.1]
     near = fit_model(task, dataclasses.replace(start, theta=theta))
     far = fit_model(task, start)
     assert near.cost == pytest.approx(far.cost, abs=1.0)
@@ -134,7 +133,7 @@ def test_scales_may_be_kept(windy):
     start = begin(task, noise, ["wind"])
     model = fit_model(task, start, free_scales=())
     assert model.scales == start.scales
-    assert model.theta[task.layout.slots_of("wind")[0]] == pytest.approx(-0.4, abs=0.1)
+    assert model.theta[task.space.slots_of("wind")[0]] == pytest.approx(-0.4, abs=0.1)
 
 
 def test_what_is_known_beforehand_pulls(windy):
@@ -142,7 +141,7 @@ def test_what_is_known_beforehand_pulls(windy):
     known = {k: v for k, v in windy.vehicle.items() if k != "wing_area"}
     known["wing_area"] = 1.1 * windy.vehicle["wing_area"]
     task, noise = task_of(dataclasses.replace(windy, vehicle=known))
-    slot = task.layout.index["parameters", "wing_area"]
+    slot = task.space.index["wing_area"]
     told = task.vehicle.theta[slot]
     for spread, lowest, highest in ((1e-8, 0.999, 1.001), (0.05, 0.85, 0.95)):
         vehicle = dataclasses.replace(task.vehicle, nuisance={slot: spread})
@@ -208,7 +207,7 @@ def test_a_model_that_blows_up_is_never_the_best(windy):
     task, noise = task_of(windy)
     start = begin(task, noise, ["wind"])
     theta = start.theta.copy()
-    theta[list(task.layout.slots_of("wind"))] = 1e160
+    theta[list(task.space.slots_of("wind"))] = 1e160
     lost = fit_model(task, dataclasses.replace(start, theta=theta))
     assert lost.cost == np.inf
     freed = dataclasses.replace(with_drag(task, start), theta=theta, cost=0.0)
@@ -286,7 +285,7 @@ def test_fits_from_different_starts_end_at_the_same_cost(rough):
     task, noise, _ = rough
     start = begin(task, noise, ["profile_drag"])
     theta = start.theta.copy()
-    theta[list(task.layout.slots_of("profile_drag"))] = 0.2
+    theta[list(task.space.slots_of("profile_drag"))] = 0.2
     far = dataclasses.replace(start, theta=theta)
     costs = [fit_model(task, own).cost for own in (start, far)]
     assert costs[0] == pytest.approx(costs[1], abs=1.0)
@@ -321,7 +320,7 @@ def test_the_volume_of_the_prior_that_effects_do_not_fill_counts_against_them():
     model = fit_model(task, begin(task, noise, ("profile_drag", "wind")))
     assert fit_strength(task, begin(task, noise)).freedom == 0.0
     known = uncertainty_of(task, model)
-    slots = [s for k in model.kinds for s in task.layout.slots_of(k)]
+    slots = [s for k in model.kinds for s in task.space.slots_of(k)]
     places = [known.free.index(slot) for slot in slots]
     own = known.likelihood[np.ix_(places, places)]
     spreads = task.priors(slots, model.theta)[1] ** -0.5

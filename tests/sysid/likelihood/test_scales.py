@@ -119,7 +119,7 @@ def test_memory_begins_steady_but_for_its_spread(spread):
     effect, rng = typical("lagged_downwash", 2.0), np.random.default_rng(0)
     task, noise = task_of(fly(effect, flights=12))
     model = begin(task, noise, [effect.kind.kind])
-    model.theta[list(task.layout.slots_of(effect.kind.kind))] = effect.values
+    model.theta[list(task.space.slots_of(effect.kind.kind))] = effect.values
     flights = [f.error_only() for f in linear_flights(task, model, ())]
     for flight in flights:  # As if the true flights had begun there.
         flight.start[NUM_STATES, -1] += spread * rng.normal()

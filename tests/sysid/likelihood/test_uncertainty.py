@@ -134,7 +134,7 @@ def test_the_joint_set_holds_correlated_coefficients(count, flights, variation):
 def test_sets_that_are_nearly_as_likely_add_what_they_differ_by(exact):
     """Total variance: of a drag that is 0.05 ± 0.001, and absent in one set of five."""
     task, model = exact
-    slots = task.layout.slots_of("profile_drag")
+    slots = task.space.slots_of("profile_drag")
 
     def alternative(probability, theta, stds):
         known = Uncertainty(

@@ -8,7 +8,7 @@ import pytest
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import ServoLog
-from glider.compiled.theta import OFFSET, theta_of
+from glider.compiled.replay import OFFSET
 from glider.physics.effects import NO_FIELD
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS, Servo
@@ -16,6 +16,7 @@ from glider.sysid.constants import Z
 from glider.sysid.likelihood.filtering import rests, start_variances
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import Scales
+from glider.sysid.replay.log_space import vector_of
 from glider.sysid.replay.record import measure_noise, prepare
 from tests.helpers.tasks import fly
 
@@ -82,7 +83,7 @@ def test_commands_before_a_gap_that_hides_some_do_not_count(campaign):
     near = dataclasses.replace(record, rest=0.0)  # As if it were moving through there.
     scales = Scales(elevator=0.005, rest=1e-4)
     assert not rests(near, scales) and all(rests(own, scales) for own in others)
-    linear = linearize(near, theta_of(GliderModel()), NO_FIELD)
+    linear = linearize(near, vector_of(GliderModel()), NO_FIELD)
     launch = start_variances(linear, scales)
     assert np.sqrt(launch[OFFSET]) == pytest.approx(Z * Scales.elevator)
 

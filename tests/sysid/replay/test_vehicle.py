@@ -11,7 +11,7 @@ from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.vehicle import make_vehicle, parameters_of
+from glider.sysid.replay.vehicle import make_vehicle
 
 DRAG = GliderModel(effects=(KINDS["profile_drag"](cd0=0.06),))
 
@@ -179,9 +179,8 @@ def test_effects_that_these_logs_cannot_show_are_refused(campaign):
 
 
 def test_a_servo_that_nobody_told_is_not_invented(campaign):
-    theta = make_vehicle(campaign).theta
     fixed = dataclasses.replace(campaign, elevator_limits=None)
-    assert parameters_of(theta, fixed).elevator_limits is None
-    assert parameters_of(theta, campaign).elevator_limits is not None
+    assert make_vehicle(fixed).parameters.elevator_limits is None
+    assert make_vehicle(campaign).parameters.elevator_limits is not None
     fixed = dataclasses.replace(campaign, elevator_rate_limit=None)
-    assert parameters_of(theta, fixed).elevator_rate_limit is None
+    assert make_vehicle(fixed).parameters.elevator_rate_limit is None

@@ -14,7 +14,7 @@ def test_what_all_flights_have_is_no_spread():
     found = with_mean(search, spread)
     assert found is not None
     assert found.kinds == ("pitch_offset",)
-    slot = search.task.layout.index["pitch_offset", "angle"]
+    slot = search.task.space.index["pitch_offset.angle"]
     assert found.theta[slot] == pytest.approx(0.03, abs=1e-3)
     assert found.scales.pitch_zero < 0.003
     assert with_mean(search, found) is None

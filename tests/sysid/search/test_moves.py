@@ -67,7 +67,7 @@ def test_a_second_drag_is_found_behind_the_first():
 
 def test_a_stall_that_a_fit_did_not_reach_is_found_from_where_there_is_none():
     search, plate = search_among(KINDS["attached_lift"](slope=3.0), "attached_lift")
-    theta, slots = plate.theta.copy(), search.task.layout.slots_of("attached_lift")
+    theta, slots = plate.theta.copy(), search.task.space.slots_of("attached_lift")
     theta[list(slots)] = 0.2, 0.9, 0.2  # Slope, and a stall that no flight reached.
     trapped = search.fit(plate.with_kinds(search.task, ("attached_lift",), theta))
     found = reshaped(search, trapped)

@@ -44,7 +44,7 @@ def test_an_idle_effect_is_chosen_by_few():
     assert found["pitch_damping"].inclusion < 0.5
     shown = shown_by(task, model)
     assert shown["profile_drag"] > 1000.0 and shown["pitch_damping"] < 5.0
-    (slot,) = task.layout.slots_of("profile_drag")
+    (slot,) = task.space.slots_of("profile_drag")
     std = uncertainty_of(task, model).std(slot)
     expected = 0.5 * (model.theta[slot] / std) ** 2  # Of both coefficients at once.
     assert shown["profile_drag"] == pytest.approx(expected, rel=0.05)
@@ -213,12 +213,12 @@ def test_what_is_not_free_has_no_standard_error():
     drag = KINDS["profile_drag"](cd0=0.05)
     _, task, model = weighed(drag, "profile_drag", offered=("profile_drag",), flights=3)
     known = uncertainty_of(task, model)
-    index = task.layout.index
-    assert 0.0 < known.std(index["profile_drag", "cd0"]) < 0.005
-    assert np.isnan(known.std(index["wind", "x"]))
+    index = task.space.index
+    assert 0.0 < known.std(index["profile_drag.cd0"]) < 0.005
+    assert np.isnan(known.std(index["wind.x"]))
     matrix, _ = known.covariance
     assert matrix.shape == (1, 1)
-    assert matrix[0, 0] == pytest.approx(known.std(index["profile_drag", "cd0"]) ** 2)
+    assert matrix[0, 0] == pytest.approx(known.std(index["profile_drag.cd0"]) ** 2)
 
 
 def test_an_effect_in_doubt_is_resampled_more_often():
