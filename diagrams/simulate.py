@@ -118,7 +118,8 @@ def _campaign(diagram: Diagram, flights: Sequence[FlownFlight]) -> Campaign | No
         return None
     glider, capture, hold = map(diagram.GetSubsystemByName, names)
     logs = [flight.log for flight in flights if flight.log is not None]
-    parameters, name = glider.model.parameters, diagram.get_name()
+    parameters = glider.model.parameters
+    name = diagram.get_name()
     return campaign_of(name, parameters, logs, capture.rate, 1.0 / hold.period())
 
 

@@ -65,7 +65,8 @@ def propagate(
         InputError: fewer than two draws.
     """
     expect(draws >= 2, "the number of draws", draws, "at least 2")
-    rng, alternatives = np.random.default_rng(seed), result.alternatives
+    rng = np.random.default_rng(seed)
+    alternatives = result.alternatives
     chances = [alternative.probability for alternative in alternatives]
     places = rng.choice(len(alternatives), size=draws, p=chances)
     gliders = (_drawn(alternatives[place], rng) for place in places)
@@ -78,7 +79,8 @@ def propagate(
 
 def _drawn(alternative: Alternative, rng: np.random.Generator) -> GliderModel:
     """A glider of other numbers, as probable as they are."""
-    model, known = alternative.model, alternative.covariance
+    model = alternative.model
+    known = alternative.covariance
     if known is None:
         return model
     none = np.zeros(len(known.names))

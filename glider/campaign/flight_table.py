@@ -123,9 +123,11 @@ def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
     for table in tables[1:]:
         unshared = tables[0].columns.keys() ^ table.columns.keys()
         for name in sorted(unshared - {*logs.OPTIONAL}):
-            has, lacks = tables[0].path.name, table.path
+            has = tables[0].path.name
+            lacks = table.path
             if name in table.columns:
-                has, lacks = table.path.name, tables[0].path
+                has = table.path.name
+                lacks = tables[0].path
             raise InputError(
                 f"{lacks}: column '{name}' is missing, which {has} has; "
                 "expected the same columns in all flights of a campaign."
@@ -178,7 +180,8 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
     pitch = np.unwrap(columns["pitch"])
     attitude = None
     if spatial:
-        roll, yaw = np.unwrap(columns["roll"]), np.unwrap(columns["yaw"])
+        roll = np.unwrap(columns["roll"])
+        yaw = np.unwrap(columns["yaw"])
         attitude = np.column_stack([columns["y"], roll, yaw])
     return Flight(
         name=table.name or table.path.name,
@@ -213,7 +216,8 @@ def _check_units(
     table: Table, columns: dict[str, np.ndarray], campaign: Campaign
 ) -> None:
     """Refuses what cannot be SI; a fault that an effect can model passes."""
-    elevator_bound, rate_bound = MAX_ANGLE, _MAX_RATE
+    elevator_bound = MAX_ANGLE
+    rate_bound = _MAX_RATE
     if campaign.elevator_limits is not None:  # An elevator of the other sign passes.
         lower, upper = campaign.elevator_limits
         far = max(abs(lower), abs(upper)) + (upper - lower)

@@ -67,7 +67,8 @@ def _campaign(
         own = recordings[0].names()
         data["columns"] = {name: name for name in QUANTITIES if name in own}
     settings = schema.convert(schema.to_builtins(data), Settings, name)
-    campaign, mapping = settings.campaign(Path(name)), settings.mapping(name)
+    campaign = settings.campaign(Path(name))
+    mapping = settings.mapping(name)
     logs = sorted(recordings, key=lambda recording: recording.path)
     if mapping is None:
         return with_flights(campaign, [_table(recording) for recording in logs])

@@ -21,7 +21,8 @@ from glider.physics.servo import NO_LIMITS, Servo
 POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
 ATTITUDE_COLUMNS: tuple[str, ...] = ("y", "roll", "yaw")
-PITCH_RATE, COMMAND_TIME = "pitch_rate", "command_time"
+PITCH_RATE = "pitch_rate"
+COMMAND_TIME = "command_time"
 OPTIONAL: tuple[str, ...] = (PITCH_RATE, COMMAND_TIME)
 """Columns that each flight may have or not."""
 _NOT_IN_NAMES = frozenset("<>&\"'`")

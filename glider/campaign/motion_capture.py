@@ -33,7 +33,8 @@ class MotionCapture:
         for name, value in vars(self).items():
             least = "positive" if name == "rate" else "not negative"
             fits = value > 0.0 if name == "rate" else value >= 0.0
-            what, expected = f"MotionCapture: '{name}'", f"a finite number, {least}"
+            what = f"MotionCapture: '{name}'"
+            expected = f"a finite number, {least}"
             expect(fits and math.isfinite(value), what, value, expected)
 
     @property

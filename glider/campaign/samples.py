@@ -68,9 +68,11 @@ def campaign_folder(campaign: Path | str) -> Path:
             return _unpacked(archive)
     if str(path) in sample_names():
         return _unpacked(models_path(_FOLDER, f"{path}.zip"))
-    found, how = "does not exist", ""
+    found = "does not exist"
+    how = ""
     if path.exists():
-        found, how = "is not a folder", f" ({HOW_TO_IMPORT})"
+        found = "is not a folder"
+        how = f" ({HOW_TO_IMPORT})"
     names = ", ".join(sample_names())
     expected = f"a campaign folder{how} or the name of a sample ({names})"
     raise InputError(f"{path}: {found}; expected {expected}.")

@@ -149,13 +149,15 @@ class Frame:
         expected = f"an order of Euler angles, as ZYX, or {', '.join(_ROTATIONS)}"
         expect(known, "frame: field 'rotation'", self.rotation, expected)
         for one, other in (("up", "forward"), ("nose", "top")):
-            a, b = getattr(self, one), getattr(self, other)
+            a = getattr(self, one)
+            b = getattr(self, other)
             if b and a[-1] == b[-1]:
                 raise InputError(
                     f"frame: '{one}' is {show(a)} and '{other}' is {show(b)}; "
                     "expected two different axes."
                 )
-        point, expected = self.tracked_point, "[ahead, above] of the mass center in m"
+        point = self.tracked_point
+        expected = "[ahead, above] of the mass center in m"
         known = len(point) == 2 and all(map(math.isfinite, point))
         expect(known, "frame: field 'tracked_point'", point, expected)
 
@@ -176,7 +178,8 @@ class Frame:
     @property
     def body(self) -> np.ndarray:
         """Rows nose, left and top in the body's axes as they are logged (3, 3)."""
-        nose, top = unit_vector(self.nose), unit_vector(self.top)
+        nose = unit_vector(self.nose)
+        top = unit_vector(self.top)
         return np.stack([nose, np.cross(top, nose), top])
 
 
@@ -196,8 +199,10 @@ def _without_effect(
     columns: dict[str, Any], units: dict[str, Unit], frame: Frame
 ) -> Iterator[tuple[str, str]]:
     """Yields fields of a mapping that would be ignored, and why."""
-    attitude, angles = columns.get("attitude"), columns.keys() & _ANGLES
-    usual, kinds = Frame(axes=frame.axes), set(QUANTITIES.values())
+    attitude = columns.get("attitude")
+    angles = columns.keys() & _ANGLES
+    usual = Frame(axes=frame.axes)
+    kinds = set(QUANTITIES.values())
     commands = columns.keys() & {"elevator_rate_command", "elevator_angle_command"}
     on_board = columns.keys() & {"angular_velocity", "acceleration"}
     for whole, parts in (("position", {"x", "y", "z"}), ("attitude", _ANGLES)):
@@ -212,9 +217,11 @@ def _without_effect(
     if attitude is None and angles != _ANGLES:
         for name in sorted(angles - {"pitch"}):
             yield f"columns: '{name}'", "without all of roll, pitch and yaw"
-        fields, why = ("nose", "top", "rotation"), "where the attitude is a pitch alone"
+        fields = ("nose", "top", "rotation")
+        why = "where the attitude is a pitch alone"
     elif isinstance(attitude, Markers):
-        fields, why = ("pitch", "rotation"), "where markers give the attitude"
+        fields = ("pitch", "rotation")
+        why = "where markers give the attitude"
     for name in () if on_board else fields:
         default = usual.usual_pitch if name == "pitch" else getattr(usual, name)
         if getattr(frame, name) not in (None, "", default):
@@ -292,7 +299,8 @@ class Settings:
 
     def campaign(self, folder: Path) -> Campaign:
         """Campaign without flights; its pose_rate is nan where it is not given."""
-        known, limits = given(self.vehicle), self.vehicle.elevator_limits
+        known = given(self.vehicle)
+        limits = self.vehicle.elevator_limits
         return Campaign(
             name=folder.resolve().name,
             path=folder,
@@ -311,8 +319,10 @@ class Settings:
         if not {"columns", "units", "frame", "clock", "join"} & given(self).keys():
             return None
         assert not isinstance(self.frame, str)
-        columns, units = given(self.columns or Columns()), given(self.units or Units())
-        frame, join = self.frame or Frame(), tuple(self.join or ())
+        columns = given(self.columns or Columns())
+        units = given(self.units or Units())
+        frame = self.frame or Frame()
+        join = tuple(self.join or ())
         for field, why in _without_effect(columns, units, frame):
             words = f"{field} has no effect {why}; expected no such field."
             raise InputError(f"{source}: {words}")

@@ -78,7 +78,8 @@ def smoothing_maps(time: np.ndarray, query: np.ndarray, ratio: float) -> np.ndar
 
 @functools.lru_cache(3 * _GRIDS)
 def _maps(time: bytes, query: bytes, ratio: float) -> np.ndarray:
-    t, s = np.frombuffer(time), np.frombuffer(query)
+    t = np.frombuffer(time)
+    s = np.frombuffer(query)
     eigenvalues, basis = _spectrum(time)
     weights = basis / (1.0 + ratio * eigenvalues) @ basis.T
     left = np.eye(len(t)) - weights - ratio * _covariance(t, t) @ weights
@@ -104,6 +105,7 @@ def _covariance(s: np.ndarray, t: np.ndarray, derivative: int = 0) -> np.ndarray
 
 def _parabola(t: np.ndarray, derivative: int = 0) -> np.ndarray:
     """Columns (n, 3) of a derivative of a free parabola."""
-    zero, one = np.zeros_like(t), np.ones_like(t)
+    zero = np.zeros_like(t)
+    one = np.ones_like(t)
     columns = [zero, zero, one, t, 0.5 * t * t]
     return np.stack(columns[2 - derivative : 5 - derivative], axis=1)

@@ -54,7 +54,8 @@ def save_campaign(
 def flight_csv(flight: Flight) -> bytes:
     """CSV of a flight in nine digits, times in 15; angles of a tumble are in ±π."""
     x, z, pitch = flight.pose.T
-    names, columns = logs.POSE_COLUMNS, [flight.time, x, z, _wrap(pitch)]
+    names = logs.POSE_COLUMNS
+    columns = [flight.time, x, z, _wrap(pitch)]
     if flight.elevator is not None and flight.command is not None:
         names += logs.SERVO_COLUMNS
         columns += [flight.elevator, flight.command]

@@ -71,7 +71,9 @@ def replayed_path(
         servo: its limits.
         start: angle before the first command [rad]; clipped into the travel.
     """
-    actuators, delay, lag = replay.actuators, replay.delay, replay.time_constant
+    actuators = replay.actuators
+    delay = replay.delay
+    lag = replay.time_constant
     start = min(max(start, servo.low), servo.high)
     if not actuators:
         return elevator_path(
@@ -85,9 +87,11 @@ def replayed_path(
         )
     if lag > 0.0:
         actuators = ((SERVO_LAG, (lag,)), *actuators)
-    kinds, begins = tuple(kind for kind, _ in actuators), switch_times + delay
+    kinds = tuple(kind for kind, _ in actuators)
+    begins = switch_times + delay
     c = np.array([value for _, values in actuators for value in values])
-    first, last = begins[0], max(query.max(), begins[-1]) + STEP
+    first = begins[0]
+    last = max(query.max(), begins[-1]) + STEP
     even = np.linspace(first, last, int((last - first) / STEP) + 2)
     times = np.union1d(even, begins)
     held = commands[np.searchsorted(begins, times[:-1], side="right") - 1]

@@ -18,7 +18,9 @@ def shift(polynomials, centers, halves, left, right, where, times):
             factor = polynomials[i, where[p]] * times[p]
             if factor == 0.0:
                 continue  # A loop under an if would not be vectorised.
-            total, part, width = shifted[i, left[p]], centers[right[p]], halves[left[p]]
+            total = shifted[i, left[p]]
+            part = centers[right[p]]
+            width = halves[left[p]]
             for box in range(len(total)):
                 total[box] += factor * part[box] * width[box]
     return shifted
@@ -34,14 +36,16 @@ def _by_variable(coefficients, exponents):
     quadratic = np.zeros((m, coefficients.shape[1]))
     sizes = np.zeros(coefficients.shape[1])
     for k in range(count):
-        row, degree = coefficients[k], exponents[k].sum()
+        row = coefficients[k]
+        degree = exponents[k].sum()
         for box in range(len(sizes)):
             sizes[box] += abs(row[box])
         is_square = degree == 2 and exponents[k].max() == 2
         for i in range(m):
             if degree < 2 or exponents[k, i] == 0:
                 continue  # A loop under an if would not be vectorised.
-            share, total = exponents[k, i] / degree, quadratic[i]
+            share = exponents[k, i] / degree
+            total = quadratic[i]
             if is_square:
                 total += row
                 continue
@@ -77,7 +81,8 @@ def top_in_balls(coefficients, remainder, center, half, exponents, which, roundi
     """
     linear, quadratic, sizes = _by_variable(coefficients, exponents)
     m, boxes = center.shape
-    bounds, tries = np.empty(boxes), np.empty(2 * m + 3)
+    bounds = np.empty(boxes)
+    tries = np.empty(2 * m + 3)
     for box in range(boxes):
         known = sizes[box] + remainder[box]
         if not np.isfinite(known):  # min and max would drop a NaN.
@@ -88,12 +93,16 @@ def top_in_balls(coefficients, remainder, center, half, exponents, which, roundi
             if which[i] < 0:
                 total += _top(abs(linear[1 + i, box]), quadratic[i, box])
         for ball in range(which.max() + 1):
-            room, across, along, flat = 1.0, 0.0, 1e-300, 0.0
+            room = 1.0
+            across = 0.0
+            along = 1e-300
+            flat = 0.0
             tries[:] = 0.0
             for i in range(m):
                 if which[i] != ball or half[i, box] <= 0.0:
                     continue
-                slope, width = linear[1 + i, box], half[i, box]
+                slope = linear[1 + i, box]
+                width = half[i, box]
                 pull = 2.0 * center[i, box] * width
                 if pull != 0.0:
                     tries[i] = slope / pull

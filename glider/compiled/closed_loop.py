@@ -33,12 +33,15 @@ def approach(wire, before, work, nearest, arrival):
         arrival: (n, BLOCK) states there, written with them.
     """
     for j in range(BLOCK):
-        from_x, from_z = before[0, j] - wire[0], before[1, j] - wire[1]
-        along_x, along_z = work[0, 0, j] - before[0, j], work[1, 0, j] - before[1, j]
+        from_x = before[0, j] - wire[0]
+        from_z = before[1, j] - wire[1]
+        along_x = work[0, 0, j] - before[0, j]
+        along_z = work[1, 0, j] - before[1, j]
         square = along_x * along_x + along_z * along_z + 1e-300
         share = -(from_x * along_x + from_z * along_z) / square
         share = min(max(share, 0.0), 1.0)
-        x, z = from_x + share * along_x, from_z + share * along_z
+        x = from_x + share * along_x
+        z = from_z + share * along_z
         if x * x + z * z < nearest[j]:
             nearest[j] = x * x + z * z
             for i in range(before.shape[0]):
@@ -80,11 +83,14 @@ def guided(start, steps, step, feedback, servo, wire, theta, miss, arrivals, sta
         states: (B, N + 1, n), written; or (B, 1, n) to keep only the last.
     """
     batch, n = start.shape
-    hold, noise, fed = feedback.hold, feedback.noise, feedback.gain.shape[1]
+    hold = feedback.hold
+    noise = feedback.noise
+    fed = feedback.gain.shape[1]
     keep = states.shape[1] > 1
     work = np.empty((n + 1, 4, BLOCK))
     error = np.zeros((fed, BLOCK))
-    before, nearest = np.empty((n, BLOCK)), np.empty(BLOCK)
+    before = np.empty((n, BLOCK))
+    nearest = np.empty(BLOCK)
     arrival = np.empty((n, BLOCK))
     path = np.empty((steps if keep else 1, n, BLOCK))
     for first in range(0, batch, BLOCK):
@@ -170,7 +176,8 @@ def fly_feedback(
         states (B, N + 1, n), or (B, 1, n), the last.
     """
     batch, n = starts.shape
-    miss, arrivals = np.empty(batch), np.empty((batch, n))
+    miss = np.empty(batch)
+    arrivals = np.empty((batch, n))
     tables = feedback.offset, feedback.gain, feedback.noise
     offset, gain, noise = (np.ascontiguousarray(t, dtype=float) for t in tables)
     states = np.empty((batch, steps + 1 if keep_paths else 1, n))

@@ -117,7 +117,8 @@ def _find_defects(step, rates, points, defects):
     Returns:
         the sum of all |defect|.
     """
-    count, total = len(defects) + 1, 0.0
+    count = len(defects) + 1
+    total = 0.0
     for k in range(count - 1):
         for i in range(rates.shape[1]):
             slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
@@ -146,7 +147,8 @@ def add_difference(rates, factor, slopes):
     """Adds differences of the rates at points of `spread` to slopes (P, n, n + 1)."""
     count, n, width = slopes.shape
     for axis in range(width):
-        forth, back = 2 * axis * count, (2 * axis + 1) * count
+        forth = 2 * axis * count
+        back = (2 * axis + 1) * count
         for k in range(count):
             for i in range(n):
                 rise = rates[forth + k, i] - rates[back + k, i]
@@ -239,7 +241,8 @@ class PathDynamics:
 
     def __init__(self, model: GliderModel, knots: int) -> None:
         """Allocates the arrays that each step overwrites."""
-        n, count = model.num_states, 2 * knots - 1
+        n = model.num_states
+        count = 2 * knots - 1
         self.path = Path(
             points=np.empty((count, n + 1)),
             rates=np.empty((count, n)),
@@ -251,7 +254,8 @@ class PathDynamics:
         self._loops = LOOPS.over(model.kinds, model.has_field)
         self._theta = model.numbers
         most = count * ((n + 1) * (n + 4) // 2 + 1)
-        self._moved, self._rates = np.empty((most, n + 1)), np.empty((most, n))
+        self._moved = np.empty((most, n + 1))
+        self._rates = np.empty((most, n))
         self._axes = np.empty(n + 1, dtype=np.int64)
 
     def collocate(self, w: np.ndarray) -> float:
@@ -263,8 +267,10 @@ class PathDynamics:
         Raises:
             UncompilableError: a formula is not of what numba compiles.
         """
-        points, rates = self.path.points, self.path.rates
-        knots, step = len(self.path.defects) + 1, w[-1]
+        points = self.path.points
+        rates = self.path.rates
+        knots = len(self.path.defects) + 1
+        step = w[-1]
         points[:knots] = w[:-1].reshape(knots, -1)
         try:
             self._loops.rates_at(points[:knots], self._theta, rates[:knots])
@@ -280,9 +286,11 @@ class PathDynamics:
         Args:
             fine: whether by _FINE differences; else by _ROUGH ones, in half the time.
         """
-        points, slopes = self.path.points, self.path.slopes
+        points = self.path.points
+        slopes = self.path.slopes
         count = 2 * points.size
-        moved, rates = self._moved[:count], self._rates[:count]
+        moved = self._moved[:count]
+        rates = self._rates[:count]
         slopes[:] = 0.0
         for step, share in _FINE if fine else _ROUGH:
             spread(points, step, moved)
@@ -291,7 +299,8 @@ class PathDynamics:
 
     def curve(self) -> None:
         """Writes the curvature at the points of `linearize`, by the path's weights."""
-        path, step = self.path, _CURVATURE_STEP
+        path = self.path
+        step = _CURVATURE_STEP
         number, count = _spread_pairs(
             path.points, path.slopes, step, self._axes, self._moved
         )

@@ -31,7 +31,9 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
         value: (N,), written.
         slopes: (N, N), written; or (0, 0).
     """
-    n, places, acting = estimated.n, estimated.places, estimated.acting
+    n = estimated.n
+    places = estimated.places
+    acting = estimated.acting
     decay = estimated.decay
     exact = slopes.shape[0] > 0
     y = np.empty(z.shape[0], np.complex128)
@@ -137,8 +139,11 @@ def ekf_correct(mean, covariance, slopes, noise, innovation, spread, work):
     Returns:
         the innovation's square νᵀ S⁻¹ ν.
     """
-    size, rows = mean.shape[0], innovation.shape[0]
-    cross, gain, root = work[0], work[1], work[2]
+    size = mean.shape[0]
+    rows = innovation.shape[0]
+    cross = work[0]
+    gain = work[1]
+    root = work[2]
     for i in range(size):  # P Hᵀ
         for j in range(rows):
             total = 0.0
@@ -227,8 +232,11 @@ def ekf_run(
     step, count = clock
     means, covariances = belief
     innovations, spreads, squares = seen
-    n, places, entry = estimated.n, estimated.places, estimated.entry
-    size, rows = means.shape[2], measured.shape[2]
+    n = estimated.n
+    places = estimated.places
+    entry = estimated.entry
+    size = means.shape[2]
+    rows = measured.shape[2]
     mean = np.empty(size)
     covariance = np.empty((size, size))
     slopes = np.empty((size, size))

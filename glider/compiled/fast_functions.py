@@ -78,7 +78,8 @@ def _compiled_sqrt(square):
         return np.sqrt(square)
 
     def of_complex(square):
-        real, imaginary = square.real, square.imag
+        real = square.real
+        imaginary = square.imag
         if real > 0.0 and abs(imaginary) < _TINY_SHARE * real:
             root = np.sqrt(real)
             return complex(root, 0.5 * imaginary / root)

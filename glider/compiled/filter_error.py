@@ -131,7 +131,8 @@ def filter_columns(
     keep = np.ones(OWN_STATES)
     # Rows of whole vectors of the processor, the rest zero, and no branches in loops
     # over them: what the compiler does at once.
-    width, narrow = total + -total % 4, n + -n % 4
+    width = total + -total % 4
+    narrow = n + -n % 4
     covariance = np.zeros((total, width))
     for i in range(total):
         covariance[i, i] = start[i]
@@ -141,9 +142,11 @@ def filter_columns(
     moved_by = np.zeros((sums, narrow))
     summed_mean = np.empty((sums, m))
     summed = np.empty((sums, width))
-    half, own_half = np.empty((n, width)), np.empty(narrow)
+    half = np.empty((n, width))
+    own_half = np.empty(narrow)
     twice_summed = np.empty((n, sums))
-    row, gain = np.empty(total), np.empty(width)
+    row = np.empty(total)
+    gain = np.empty(width)
     innovations[:] = 0.0
     variances[:] = 1.0
     for k in range(times.shape[0]):
@@ -242,7 +245,8 @@ def filter_flight(*flight):
     for a glider without states of effects, and for one column of it, which fits of
     scales filter.
     """
-    n, m = flight[1].shape[1], flight[4].shape[2]
+    n = flight[1].shape[1]
+    m = flight[4].shape[2]
     if n == MOTION and m == 1:
         filter_columns(MOTION, 1, *flight)
     elif n == MOTION:
@@ -285,14 +289,25 @@ def smooth_flight(adjoint, *flight):
     deviations in `adjoint` (n + 8,), written, they are filtered + covariance · adjoint.
     It leaves the gusts in airs[:, :, -1], and the adjoint of the first node.
     """
-    times, by_x, by_air, by_trim = flight[0], flight[1], flight[2], flight[3]
-    pose_by_x, seen, rates = flight[5], flight[7], flight[11]
-    innovations, variances, gains, airs = flight[13], flight[14], flight[15], flight[16]
+    times = flight[0]
+    by_x = flight[1]
+    by_air = flight[2]
+    by_trim = flight[3]
+    pose_by_x = flight[5]
+    seen = flight[7]
+    rates = flight[11]
+    innovations = flight[13]
+    variances = flight[14]
+    gains = flight[15]
+    airs = flight[16]
     filter_flight(*flight)
     n = by_x.shape[1]
     total = n + OWN_STATES
-    moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, 1)), np.empty(total)
-    now, later = np.zeros((total, 1)), np.empty((total, 1))
+    moves = np.zeros((n, n + 5))
+    summed = np.empty((n + 5, 1))
+    row = np.empty(total)
+    now = np.zeros((total, 1))
+    later = np.empty((total, 1))
     for k in range(times.shape[0] - 1, -1, -1):
         if k < times.shape[0] - 1:
             step = times[k + 1] - times[k]
@@ -318,14 +333,27 @@ def smooth_flight(adjoint, *flight):
 @inlined_code
 def trace_back(n, by_sensor, by_start, by_power, by_time, *flight):
     """Writes the slopes of `score_flight` of a flight that was filtered."""
-    times, by_x, by_air, by_trim = flight[0], flight[1], flight[2], flight[3]
-    pose_by_x, seen, rates, powers = flight[5], flight[7], flight[11], flight[12]
-    innovations, variances, gains, airs = flight[13], flight[14], flight[15], flight[16]
+    times = flight[0]
+    by_x = flight[1]
+    by_air = flight[2]
+    by_trim = flight[3]
+    pose_by_x = flight[5]
+    seen = flight[7]
+    rates = flight[11]
+    powers = flight[12]
+    innovations = flight[13]
+    variances = flight[14]
+    gains = flight[15]
+    airs = flight[16]
     total = n + OWN_STATES
     size = total + 1  # The last column is λ.
-    moves, summed, row = np.zeros((n, n + 5)), np.empty((n + 5, size)), np.empty(total)
+    moves = np.zeros((n, n + 5))
+    summed = np.empty((n + 5, size))
+    row = np.empty(total)
     gusts = np.empty((n + 5, 2))
-    now, later, half = np.zeros((total, size)), np.empty((total, size)), np.empty(size)
+    now = np.zeros((total, size))
+    later = np.empty((total, size))
+    half = np.empty(size)
     by_sensor[:] = 0.0
     by_power[:] = 0.0
     by_time[:] = 0.0

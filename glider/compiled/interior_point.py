@@ -58,7 +58,8 @@ class Filter:
 
     def __init__(self, missed: float) -> None:
         """Scales the filter by the first path's constraint violation."""
-        self._least, self._most = 1e-4 * max(1.0, missed), 1e4 * max(1.0, missed)
+        self._least = 1e-4 * max(1.0, missed)
+        self._most = 1e4 * max(1.0, missed)
         self._pairs: list[tuple[float, float]] = []
 
     def forget(self) -> None:
@@ -89,7 +90,8 @@ class Filter:
         falls = expected < 0.0 and share * (-expected) ** 2.3 > missed**1.1
         if missed <= self._least and falls:
             return then <= cost + 1e-4 * share * expected + rounding
-        fewer, cheaper = (1.0 - 1e-5) * missed, cost - 1e-5 * missed
+        fewer = (1.0 - 1e-5) * missed
+        cheaper = cost - 1e-5 * missed
         if now <= fewer or then <= cheaper + rounding:
             self._pairs.append((fewer, cheaper))
             return True

@@ -58,7 +58,8 @@ def differentiate(
         UncompilableError: a formula is not of what numba compiles.
     """
     n = model.num_states
-    value, slopes = np.empty(n), np.empty((n, directions.shape[1]))
+    value = np.empty(n)
+    slopes = np.empty((n, directions.shape[1]))
     loop = LOOPS.over(model.kinds, model.has_field).directional
     try:
         loop(t, z, directions, n, model.residual_field, value, slopes)

@@ -52,12 +52,12 @@ _KERNEL = inspect.getsource(sys.modules[__name__])
 _TYPES = (Theta, Parameters, Field, Servo)
 """What is kept on disk names the classes of arguments, and their fields."""
 
-INLINED = ("advance", "slope")
+_INLINED = ("advance", "slope")
 """Prefixes of the names of functions whose text takes the place of their call: the
 Runge-Kutta step and what is handed to it. A call would keep the compiler from seeing
 what stays the same from stage to stage; rollouts are a third faster so."""
 
-OUTLINED = ("log_step",)
+_OUTLINED = ("log_step",)
 """Functions that stay calls: they are long and called from many places, which would
 each take the compiler seconds."""
 
@@ -226,8 +226,8 @@ def _wrap(
                 error_model="numpy",
                 fastmath=FAST,
                 cache=cache and name in entries,
-                forceinline=name not in entries and name not in OUTLINED,
-                inline="always" if name.startswith(INLINED) else "never",
+                forceinline=name not in entries and name not in _OUTLINED,
+                inline="always" if name.startswith(_INLINED) else "never",
                 **own,
             )
 
@@ -305,7 +305,8 @@ def _describe(value: object, seen: set[int]) -> Iterator[str]:
     elif isinstance(value, (int, float, complex, str, np.generic, type(None))):
         yield repr(value)
     else:  # By name: an address in its text would make each process compile.
-        kind, name = type(value), getattr(value, "__name__", "")
+        kind = type(value)
+        name = getattr(value, "__name__", "")
         yield f"{kind.__module__}.{kind.__qualname__} {name}"
 
 

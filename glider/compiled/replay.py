@@ -84,7 +84,8 @@ def log_step(path, k, x, theta, work):
     total = work[0]
     total[:] = 0.0
     put(x, work[1])
-    t, step = path.times[k], path.times[k + 1] - path.times[k]
+    t = path.times[k]
+    step = path.times[k + 1] - path.times[k]
     is_turned = path.pitch.shape[1] > 0
     for stage in range(4):
         node = (stage + 1) // 2
@@ -95,7 +96,9 @@ def log_step(path, k, x, theta, work):
         if is_turned:
             y[2] = path.pitch[k, node, 0]
             y[6] = path.pitch[k, node, 1]
-        now, wind_x, wind_z = t + 0.5 * step * node, path.wind[k, 0], path.wind[k, 1]
+        now = t + 0.5 * step * node
+        wind_x = path.wind[k, 0]
+        wind_z = path.wind[k, 1]
         d = derivatives(now, y, path.rate[k], wind_x, wind_z, theta)
         for i in range(x.shape[0]):
             total[i] += weight * d[i]
@@ -142,7 +145,8 @@ def add_linear(field, at, acting, first, end, basis, tangent):
         for d in range(count):
             if not is_variable[d]:
                 continue
-            slope, here = 0.0, at[d]
+            slope = 0.0
+            here = at[d]
             for m in range(basis.shape[0]):
                 per = field.inverse_widths[d, m]
                 apart = (field.centers[d, m] - here) * per * per
@@ -165,7 +169,8 @@ def set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
     tangent[:] = 0.0
     for d in range(len(variables)):
         tangent[d, 0] = variables[d]
-    own, last = theta.field, theta.field.weights.shape[0]
+    own = theta.field
+    last = theta.field.weights.shape[0]
     add_linear(
         own, field_variables(before), acting, 0, 2, basis[: own.num_airs], tangent
     )
@@ -278,15 +283,20 @@ def log_slopes(
         by_term: (K, w, T), written: by a constant of each of the terms.
         by_theta: (K, w, m), written: along each direction.
     """
-    n, width = nodes.shape[1], by_x.shape[2]
+    n = nodes.shape[1]
+    width = by_x.shape[2]
     theta = theta_of(numbers, field)
-    x, usual = np.empty(n), np.empty(n)
-    work, tangent = np.empty((6, n)), linear.tangent
+    x = np.empty(n)
+    usual = np.empty(n)
+    work = np.empty((6, n))
+    tangent = linear.tangent
     tangent[:] = 0.0
     last = tangent.shape[0] - 1
     columns = width + terms.shape[0] + moved.shape[0]
-    slopes, power = np.empty((width, columns)), np.empty((width, width))
-    carried, rates = np.empty((width, width)), np.empty((width, width))
+    slopes = np.empty((width, columns))
+    power = np.empty((width, width))
+    carried = np.empty((width, width))
+    rates = np.empty((width, width))
     is_turned = path.pitch.shape[1] > 0
     about = linear if field.weights.shape[1] > 0 else field
     basis = np.empty(field.weights.shape[1])
@@ -295,16 +305,21 @@ def log_slopes(
         put(nodes[k], x)
         log_step(path, k, x, own, work)
         put(x, ends[k])
-        y, rate, step = work[3], path.rate[k], path.times[k + 1] - path.times[k]
+        y = work[3]
+        rate = path.rate[k]
+        step = path.times[k + 1] - path.times[k]
         now = path.times[k] + 0.5 * step
-        wind_x, wind_z = path.wind[k, 0], path.wind[k, 1]
+        wind_x = path.wind[k, 0]
+        wind_z = path.wind[k, 1]
         if field.weights.shape[1] > 0:
             set_tangent(now, y, rate, wind_x, wind_z, own, acting, basis, tangent)
         own = banked(theta_of(numbers, about), path.bank[k])
         put(derivatives(now, y, rate, wind_x, wind_z, own), usual)
         for j in range(columns):
-            size, other = DIFFERENCE, own
-            in_term, in_theta = j - width, j - width - terms.shape[0]
+            size = DIFFERENCE
+            other = own
+            in_term = j - width
+            in_theta = j - width - terms.shape[0]
             if in_theta >= 0:
                 size = sizes[in_theta]
                 other = banked(theta_of(moved[in_theta], about), path.bank[k])
@@ -452,7 +467,8 @@ def measure_nodes(
     Without slopes, the latter is (K, 3, 0).
     """
     rows, n = nodes.shape
-    pose, by_x = np.empty((rows, 3)), np.empty((rows, 3, n if with_slopes else 0))
+    pose = np.empty((rows, 3))
+    by_x = np.empty((rows, 3, n if with_slopes else 0))
     LOOPS.over(kinds, True).log_measure(nodes, numbers, of_sensors(field), pose, by_x)
     return pose, by_x
 
@@ -518,8 +534,10 @@ def slopes_along(
         (K, width, width), by a constant of each term (K, width, T) and along the
         directions (K, width, m).
     """
-    ends, rows = np.empty_like(nodes[1:]), (len(nodes) - 1, width)
-    by_x, by_term = np.empty((*rows, width)), np.empty((*rows, len(terms)))
+    ends = np.empty_like(nodes[1:])
+    rows = (len(nodes) - 1, width)
+    by_x = np.empty((*rows, width))
+    by_term = np.empty((*rows, len(terms)))
     found = ends, by_x, by_term, np.empty((*rows, len(sizes)))
     index = np.array(terms, dtype=np.int64)
     own = of_motion(field)

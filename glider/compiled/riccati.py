@@ -16,8 +16,10 @@ def slope_of_cost(t, node, flat, data, rate):
     """
     at, jacobian, excess, q, r, back = data
     n = q.shape[0]
-    s, slope = flat.reshape((n, n + 1)), rate.reshape((n, n + 1))
-    a, e = jacobian[at - node], excess[at - node]
+    s = flat.reshape((n, n + 1))
+    slope = rate.reshape((n, n + 1))
+    a = jacobian[at - node]
+    e = excess[at - node]
     drive = 0.0
     for j in range(n + 1):  # Bᵀ S, Bᵀ s.
         push = 0.0

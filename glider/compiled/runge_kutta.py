@@ -42,7 +42,9 @@ def advance(slope, t, x, step, order, data, work):
         data: handed to slope.
         work: (3, n) scratch.
     """
-    start, total, rate = work[0], work[1], work[2]
+    start = work[0]
+    total = work[1]
+    rate = work[2]
     n = x.shape[0]
     for i in range(n):
         start[i] = x[i]

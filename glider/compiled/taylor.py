@@ -63,7 +63,8 @@ def _write_series(which, a, terms):
             slope -= (k - 2) * terms[k - 2] if k > 2 else 0.0
             terms[k] = slope / (k * (1.0 + a * a))
     else:
-        value, slope = np.sin(a), np.cos(a)
+        value = np.sin(a)
+        slope = np.cos(a)
         if which == _COS:
             value, slope = slope, -value
         factorial = 1.0
@@ -97,9 +98,11 @@ def _tail(which, center, below, spread, terms):
     """
     count = len(terms)
     if which == _SQRT:  # It grows with the distance, upward and downward.
-        tail, high = 0.0, np.sqrt(center + spread)
+        tail = 0.0
+        high = np.sqrt(center + spread)
         for step in (-below, spread):
-            polynomial, power = 0.0, 1.0
+            polynomial = 0.0
+            power = 1.0
             for k in range(count):
                 polynomial += terms[k] * power
                 power *= step
@@ -135,7 +138,8 @@ def _measure(into, degrees):
     for k in range(len(degrees)):
         if not into[3][k]:
             continue  # A loop under an if would not be vectorised.
-        row, total = into[0][k], into[1][degrees[k]]
+        row = into[0][k]
+        total = into[1][degrees[k]]
         for box in range(WIDTH):
             total[box] += abs(row[box])
 
@@ -159,8 +163,10 @@ def _add(into, a, b, numbers, degrees):
     for k in range(len(degrees)):
         if not into[3][k]:
             continue
-        row, size = into[0][k], sizes[degrees[k]]
-        x, y = a[0][k if a[3][k] else -1], b[0][k if b[3][k] else -1]
+        row = into[0][k]
+        size = sizes[degrees[k]]
+        x = a[0][k if a[3][k] else -1]
+        y = b[0][k if b[3][k] else -1]
         for box in range(WIDTH):
             row[box] = f * x[box] + g * y[box]
             size[box] += abs(row[box])
@@ -178,23 +184,31 @@ def _add(into, a, b, numbers, degrees):
 def _multiply(into, a, b, starts, table):
     """Writes the product of two models; starts (M + 1,) are those of its products."""
     left, right, degrees = table
-    values_a, values_b, sizes, order = a[0], b[0], into[1], degrees[-1]
+    values_a = a[0]
+    values_b = b[0]
+    sizes = into[1]
+    order = degrees[-1]
     sizes[:] = 0.0
     for k in range(len(degrees)):
         if starts[k] == starts[k + 1]:
             continue
-        total, size = into[0][k], sizes[degrees[k]]
+        total = into[0][k]
+        size = sizes[degrees[k]]
         total[:] = 0.0
         for p in range(starts[k], starts[k + 1]):
-            x, y = values_a[left[p]], values_b[right[p]]
+            x = values_a[left[p]]
+            y = values_b[right[p]]
             for box in range(WIDTH):
                 total[box] += x[box] * y[box]
         for box in range(WIDTH):
             size[box] += abs(total[box])
-    bounds, sum_a, sum_b = into[2], np.zeros(WIDTH), np.zeros(WIDTH)
+    bounds = into[2]
+    sum_a = np.zeros(WIDTH)
+    sum_b = np.zeros(WIDTH)
     bounds[:] = 0.0
     for i in range(order + 1):
-        x, y = a[1][i], b[1][order - i]
+        x = a[1][i]
+        y = b[1][order - i]
         for box in range(WIDTH):  # So far sum_b is of the degrees beyond order - i.
             bounds[box] += x[box] * sum_b[box]
             sum_a[box] += x[box]
@@ -209,7 +223,8 @@ def _multiply(into, a, b, starts, table):
 def _limit(into, a, b, c):
     """Writes a model, or zero with its limit as the bound where that is smaller."""
     for box in range(WIDTH):
-        first, second = b[2][box], c[2][box]
+        first = b[2][box]
+        second = c[2][box]
         for i in range(len(a[1])):
             first += b[1][i, box]
             second += c[1][i, box]
@@ -228,10 +243,12 @@ def _reach(model, degrees):
 
     Squares v_i² are not negative; that of v₁ follows the m linear terms.
     """
-    above, m = model[2].copy(), np.count_nonzero(degrees == 1)
+    above = model[2].copy()
+    m = np.count_nonzero(degrees == 1)
     for i in range(1, len(model[1])):
         above += model[1][i]
-    below, k = above * WIDER, 1 + m
+    below = above * WIDER
+    k = 1 + m
     for i in range(m):
         if model[3][k]:
             below -= np.maximum(model[0][k], 0.0)
@@ -245,10 +262,12 @@ def _apply(which, into, model, powers, every, degrees):
 
     The powers are slots of every model, as many as the degree, from the first on.
     """
-    terms, tails = np.empty((WIDTH, len(powers) + 1)), np.empty(WIDTH)
+    terms = np.empty((WIDTH, len(powers) + 1))
+    tails = np.empty(WIDTH)
     below, above = _reach(model, degrees)
     for box in range(WIDTH):
-        center, term = model[0][0, box], terms[box]
+        center = model[0][0, box]
+        term = terms[box]
         _write_series(which, center, term)
         tails[box] = _tail(which, center, below[box], above[box], term)
         if which == _SQRT and len(powers) % 2 == 1 and np.isfinite(tails[box]):
@@ -262,12 +281,15 @@ def _apply(which, into, model, powers, every, degrees):
     into[0][0] = terms[:, 0]
     bounds[:] = tails + ROUNDING * (1.0 + np.abs(terms[:, 0]))
     for j in range(len(powers)):
-        n, term = powers[j], terms[:, j + 1].copy()
-        lost, shares = every[2][n], every[2][n].copy()
+        n = powers[j]
+        term = terms[:, j + 1].copy()
+        lost = every[2][n]
+        shares = every[2][n].copy()
         for k in range(len(degrees)):
             if not every[3][n, k]:
                 continue
-            row, x = into[0][k], every[0][n, k]
+            row = into[0][k]
+            x = every[0][n, k]
             for box in range(WIDTH):
                 row[box] += term[box] * x[box]
         for i in range(len(into[1])):
@@ -292,9 +314,11 @@ def _straighten(root, square, below, above):
     (√b - √a)² / (4 (√a + √b)).
     """
     for box in range(WIDTH):
-        center, change = square[0][0, box], square[1][1:, box].sum()
+        center = square[0][0, box]
+        change = square[1][1:, box].sum()
         low = max(center - below[box] * WIDER, 0.0)
-        first, last = np.sqrt(low), np.sqrt(center + above[box] * WIDER)
+        first = np.sqrt(low)
+        last = np.sqrt(center + above[box] * WIDER)
         slope = 1.0 / (first + last)
         gap = 0.125 * (last - first) ** 2 * slope
         middle = (center - low) * slope + (first + gap)
@@ -332,10 +356,13 @@ def run(code, of, numbers, present, results, slots, table, inputs, remainders):
         Coefficients (R, M, B) and remainders (R, B) of the results.
     """
     left, right, degrees, starts = table
-    boxes, count, table = inputs.shape[2], len(degrees), (left, right, degrees)
+    boxes = inputs.shape[2]
+    count = len(degrees)
+    table = (left, right, degrees)
     values = np.zeros((slots, count + 1, WIDTH))
     sizes = np.zeros((slots, degrees[-1] + 1, WIDTH))
-    bounds, there = np.zeros((slots, WIDTH)), np.zeros((slots, count), np.bool_)
+    bounds = np.zeros((slots, WIDTH))
+    there = np.zeros((slots, count), np.bool_)
     every = values, sizes, bounds, there
     found = np.zeros((len(results), count, boxes))
     lost = np.empty((len(results), boxes))
@@ -348,7 +375,8 @@ def run(code, of, numbers, present, results, slots, table, inputs, remainders):
             if not present[k, 0]:
                 values[into, 0] = 0.0  # Functions read their centers there.
             model = values[into], sizes[into], bounds[into], there[into]
-            i, j = of[k, 0], of[k, 1]
+            i = of[k, 0]
+            j = of[k, 1]
             if what == INPUT:
                 for row in range(count):
                     if model[3][row]:

@@ -134,9 +134,11 @@ def fly_held(
         times (T,), states (T, n) and commands (T,). The time of a sample stands twice,
         with the command before it and after it.
     """
-    plan, hold = policy.plan, Hold(period=period, predicts=True)
+    plan = policy.plan
+    hold = Hold(period=period, predicts=True)
     begins = period * np.arange(math.ceil(plan.duration / period - 1e-9))
-    state, flown = plan.states[:1], []
+    state = plan.states[:1]
+    flown = []
     for begin, end in itertools.pairwise([*begins, plan.duration]):
         command = held_command(model, policy, np.array([begin]), state, [], hold)
         here = np.linspace(begin, end, math.ceil((end - begin) / step - 1e-9) + 1)

@@ -156,7 +156,8 @@ def still_policy(
 
 def check_plan(model: GliderModel, plan: Plan) -> None:
     """Raises InputError unless the plan has the states of the glider."""
-    mine, needed = tuple(plan.state_names), f"those of the glider, {model.state_names}"
+    mine = tuple(plan.state_names)
+    needed = f"those of the glider, {model.state_names}"
     expect(mine == model.state_names, "the plan's states", mine, needed)
 
 
@@ -210,9 +211,11 @@ def tracking_policy(
     weights = TrackingWeights() if weights is None else weights
     # The cost-to-go settles at twice the rate of a state.
     step = min(step, 0.5 * model.longest_step())
-    n, count = model.num_states, aligned_count(plan, step)
+    n = model.num_states
+    count = aligned_count(plan, step)
     times = np.linspace(0.0, plan.duration, 2 * count + 1)
-    gains, corrections = np.empty((count + 1, n)), np.empty(count + 1)
+    gains = np.empty((count + 1, n))
+    corrections = np.empty(count + 1)
     cost = np.empty((count + 1, n, n + 1))  # S and, as its last column, s.
     LOOPS.over(model.kinds, model.has_field).riccati(
         times,

@@ -92,7 +92,8 @@ def _findings(
 ) -> Findings:
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
     effects = [e for e in report.effects if e.kind in carried]
-    flights, grades = report.settings.get("flights"), report.settings.get("grades")
+    flights = report.settings.get("flights")
+    grades = report.settings.get("grades")
     return Findings(
         model=model,
         kinds=tuple(e.kind for e in effects),
@@ -144,7 +145,8 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     others = [*score.larger(own), *score.smaller(own), *score.swapped(own)]
     others += _best_variants(score, [*map(frozenset, findings.combinations), *named])
     for members in others:
-        kinds, value = frozenset(k for k, _ in members), score(members)
+        kinds = frozenset(k for k, _ in members)
+        value = score(members)
         best = near.get(kinds, (-np.inf, ()))[0]
         least = -np.inf if kinds in named else base - _NEAR
         if value > max(least, best) and kinds != frozenset(chosen.kinds):
@@ -315,9 +317,12 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
     flights, wild = tamed(task, directions, linear_flights(task, model, directions))
 
     # The error of the model without the effect, the others fitted to it.
-    count, end, last = len(sizes), len(sizes) + len(beside), len(directions)
+    count = len(sizes)
+    end = len(sizes) + len(beside)
+    last = len(directions)
     prior = prior_of(task, model, [*sizes, *beside])  # And of carried functions.
-    mean, precision = model.theta[sizes] + prior.mean[:count], prior.precision[:count]
+    mean = model.theta[sizes] + prior.mean[:count]
+    precision = prior.precision[:count]
     share = np.zeros(last + len(model.coordinates))
     share[:count] = -prior.mean[:count]
     gram = counted_from(grams_of(flights, model.scales).sum(axis=0), share)

@@ -126,5 +126,6 @@ _STEEP = math.radians(60.0)
 
 
 def _range(values: np.ndarray) -> list[float]:
-    low, high = float(np.min(values)), float(np.max(values))
+    low = float(np.min(values))
+    high = float(np.max(values))
     return [low, max(high, low + 1e-6)]

@@ -49,7 +49,8 @@ def read_sealed(
     whole = text[: text.rfind("\n") + 1]
     lines: list[Any] = []
     for line in whole.splitlines():
-        source, of = f"{path}: line {len(lines) + 1}", kind if lines else type(header)
+        source = f"{path}: line {len(lines) + 1}"
+        of = kind if lines else type(header)
         lines.append(schema.convert(schema.parse_json(line, source), of, source))
     if not lines or lines[0] != header:
         raise InputError(

@@ -65,7 +65,8 @@ def attached_share(alpha, stall_angle, fade):
 @scalar
 def turned(flow, angle):
     """Sine and cosine of the pitch plus an angle [rad]."""
-    sine, cosine = sin(angle), cos(angle)
+    sine = sin(angle)
+    cosine = cos(angle)
     return (
         flow.sin_pitch * cosine + flow.cos_pitch * sine,
         flow.cos_pitch * cosine - flow.sin_pitch * sine,

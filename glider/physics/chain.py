@@ -187,7 +187,8 @@ def wrench(flow, terms, x, c):
     normal, wing_factor, elevator_factor = surface_terms(flow, x, c)
     trim = trim + terms[5]
     deflection = flow.elevator + trim
-    wing_plate, tail_plate = turned(flow, incidence), turned(flow, deflection)
+    wing_plate = turned(flow, incidence)
+    tail_plate = turned(flow, deflection)
     wing, wing_moment = wing_force(
         flow, wing_plate, incidence, shift, normal + terms[7], wing_factor + terms[6]
     )
@@ -199,7 +200,9 @@ def wrench(flow, terms, x, c):
 
     # The learned residual: lift turns the velocity up, drag is against it.
     pressure_area = 0.5 * flow.air_density * flow.speed * flow.wing_area
-    lift, drag, turn = terms[0], terms[1], terms[2]
+    lift = terms[0]
+    drag = terms[1]
+    turn = terms[2]
     force_x = force_x - pressure_area * (lift * flow.air_z + drag * flow.air_x)
     force_z = force_z + pressure_area * (lift * flow.air_x - drag * flow.air_z)
     moment = moment + pressure_area * flow.speed * turn

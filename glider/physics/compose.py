@@ -57,7 +57,8 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
         """Adds the call of a state rate; returns the names of its results."""
         if effects[i].rate_by_alphadot:
             first += ", alpha_rate(flow, xdd, zdd)"
-        line, count = f"    d{i} = {call('rate', i, first)}", len(effects[i].states)
+        line = f"    d{i} = {call('rate', i, first)}"
+        count = len(effects[i].states)
         own = entries(i)
         if skip_absent and any(c.grid and c.default not in c.grid for _, c in own):
             moved = " or ".join(f"{text} != {c.default}" for text, c in own)
@@ -78,7 +79,8 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
         for i, effect in enumerate(effects):
             if effect.stage not in stages:
                 continue
-            line, targets = f"    e{i} = {call('formula', i, first)}", effect.adds_to
+            line = f"    e{i} = {call('formula', i, first)}"
+            targets = effect.adds_to
             if skip_absent:
                 sizes = [(text, c) for text, c in entries(i) if not c.is_shape]
                 present = [f"{text} != {c.default}" for text, c in sizes]

@@ -122,7 +122,8 @@ class ConfidenceSet:
 
     def __post_init__(self):
         """Raises InputError where there is no such set."""
-        level, shape = self.level, self.shape
+        level = self.level
+        shape = self.shape
         is_number = isinstance(level, (int, float)) and not isinstance(level, bool)
         good = is_number and 0.0 < level < 1.0
         expect(good, "The confidence", level, "a probability between 0 and 1")
@@ -137,7 +138,8 @@ class ConfidenceSet:
     @functools.cached_property
     def factor(self) -> np.ndarray:
         """A (m, r) of δ = A w, w in the unit ball or in [-1, 1]ʳ."""
-        matrix, std = self.covariance.matrix, self.covariance.std
+        matrix = self.covariance.matrix
+        std = self.covariance.std
         if self.shape == "box":
             varies = std > 0.0
             root = self.level ** (1.0 / max(int(varies.sum()), 1))
@@ -236,7 +238,8 @@ class ConfidenceSet:
         mine = self.factor
         size = np.maximum(*(np.linalg.norm(A, axis=1) for A in (mine, theirs)))
         size = np.where(size > 0.0, size, 1.0)[:, None]
-        mine, theirs = mine / size, theirs / size
+        mine = mine / size
+        theirs = theirs / size
         if self.shape == "box":
             widths = (np.abs(A).sum(axis=1) for A in (mine, theirs))
             return bool(np.all(np.subtract(*widths) >= -1e-9))

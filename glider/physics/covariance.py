@@ -34,10 +34,13 @@ class Covariance:
 
     def __post_init__(self):
         """Raises InputError where this is no covariance."""
-        names, matrix, count = self.names, self.matrix, len(self.names)
+        names = self.names
+        matrix = self.matrix
+        count = len(self.names)
         unique = len(set(names)) == count
         expect(unique, "covariance: 'names'", names, "each name once, none twice")
-        shape, square = matrix.shape, (count, count)
+        shape = matrix.shape
+        square = (count, count)
         expect(shape == square, "covariance: the matrix's shape", shape, str(square))
         finite = bool(np.all(np.isfinite(matrix)))
         expect(finite, "covariance: 'matrix'", matrix, "finite numbers")

@@ -72,9 +72,11 @@ def _table(
     model: GliderModel, at: Condition, length: float, numbers: np.ndarray
 ) -> np.ndarray:
     """The derivatives (12,) with other numbers of the model."""
-    p, speed = model.parameters, at.airspeed
+    p = model.parameters
+    speed = at.airspeed
     pressure = 0.5 * p.air_density * p.wing_area * speed**2
-    sine, cosine = np.sin(at.climb), np.cos(at.climb)
+    sine = np.sin(at.climb)
+    cosine = np.cos(at.climb)
     columns = []
     for name in ("alpha", "pitch_rate", "elevator"):
         moved = at._replace(**{name: getattr(at, name) + 1j * _TINY})
@@ -92,7 +94,8 @@ def find_steady_glide(model: GliderModel, speed: float, at: Condition) -> Condit
     """
     from scipy.optimize import root  # It takes a tenth of a second.
 
-    p, steady = model.parameters, at._replace(airspeed=speed, pitch_rate=0.0)
+    p = model.parameters
+    steady = at._replace(airspeed=speed, pitch_rate=0.0)
     numbers = model.vector
     arm = p.hinge_offset + p.elevator_offset
 

@@ -176,7 +176,8 @@ class GliderModel:
         own = slice(NUM_STATES, len(x))
         slopes = []
         for unit in np.eye(len(x))[own]:
-            moved, theta = x + 1j * _TINY * unit, self.numbers
+            moved = x + 1j * _TINY * unit
+            theta = self.numbers
             rates = self.chain.derivatives(0.0, moved, 0.0, 0.0, 0.0, theta)
             slopes.append(np.imag(rates[own]) / _TINY)
         return float(max(np.abs(np.linalg.eigvals(slopes)))) if slopes else 0.0
@@ -219,7 +220,8 @@ class GliderModel:
         Raises:
             InputError: where the length is neither.
         """
-        x, n = np.asarray(state, dtype=float), self.num_states
+        x = np.asarray(state, dtype=float)
+        n = self.num_states
         if len(x) == n:
             return x
         sizes = " or ".join(map(str, sorted({NUM_STATES, n})))
@@ -263,7 +265,8 @@ class GliderModel:
 
 def _check_effects(effects: Any) -> None:
     """Raises InputError where effects are not some, or one is given twice."""
-    what, expected = "GliderModel: 'effects'", "effects such as (WIND(x=-0.5),)"
+    what = "GliderModel: 'effects'"
+    expected = "effects such as (WIND(x=-0.5),)"
     expect(isinstance(effects, (tuple, list)), what, effects, expected)
     for effect in effects:
         if isinstance(effect, EffectKind):
@@ -360,7 +363,8 @@ def _parse(
     fields = [field.name for field in dataclasses.fields(GliderParameters)]
     if isinstance(data, dict) and not data.keys().isdisjoint(fields):
         parameters = schema.convert(data, GliderParameters, source)
-        file, given = _ModelFile(parameters=parameters), data
+        file = _ModelFile(parameters=parameters)
+        given = data
     else:
         file = schema.convert(data, _ModelFile, source)
         given = data.get("parameters", {}) if isinstance(data, dict) else {}

@@ -60,7 +60,8 @@ class PlanningError(RuntimeError):
 
     def __init__(self, attempts: tuple[Attempt, ...], violations: list[Violation]):
         """Composes the message of the attributes."""
-        self.attempts, self.violations = attempts, violations
+        self.attempts = attempts
+        self.violations = violations
         tried = [f"{a.solver} on {a.knots} knots: {a.status}" for a in attempts]
         text = f"No plan ({'; '.join(tried)}). "
         if violations:
@@ -197,7 +198,8 @@ def _quiet() -> Iterator[None]:
 
 
 def _options() -> SolverOptions:
-    options, own = SolverOptions(), SnoptSolver.id()
+    options = SolverOptions()
+    own = SnoptSolver.id()
     options.SetOption(own, "Major feasibility tolerance", _TOLERANCE)
     options.SetOption(own, "Major optimality tolerance", _TOLERANCE)
     options.SetOption(own, "Elastic weight", _ELASTIC_WEIGHT)

@@ -117,7 +117,8 @@ def save_plan(path: Path | str, plan: Plan) -> None:
 def load_plan(path: Path | str) -> Plan:
     """Loads a plan; a file that is none is an InputError."""
     plan = schema.load_json(Plan, path, "a plan")
-    knots, n = plan.times.size, len(plan.state_names)
+    knots = plan.times.size
+    n = len(plan.state_names)
     shapes = {
         "times": (knots,),
         "states": (knots, n),
@@ -129,7 +130,8 @@ def load_plan(path: Path | str) -> Plan:
         found = getattr(plan, name)
         if found is None and name == "gains":
             continue
-        what, needed = f"{path}: the shape of '{name}'", show(list(shape))
+        what = f"{path}: the shape of '{name}'"
+        needed = show(list(shape))
         expect(found.shape == shape, what, list(found.shape), needed)
         finite = np.all(np.isfinite(found))
         expect(finite, f"{path}: '{name}'", found, "finite numbers")

@@ -172,13 +172,16 @@ def _check(problem: PerchingProblem) -> None:
     del values["obstacles"]
     for name, value in (values | hook).items():
         numbers = np.asarray(value, dtype=object).ravel()
-        is_interval, what = name.endswith("_limits"), f"field '{name}'"
-        size, needed = 1, "a finite number"
+        is_interval = name.endswith("_limits")
+        what = f"field '{name}'"
+        size = 1
+        needed = "a finite number"
         if name in _STATES:
             size = NUM_STATES
             needed = f"{size} finite numbers ({', '.join(STATE_NAMES)})"
         elif is_interval or name == "wire":
-            size, needed = 2, "2 finite numbers"
+            size = 2
+            needed = "2 finite numbers"
         good = len(numbers) == size and all(map(is_number, numbers))
         expect(good, what, value, needed)
         if is_interval:

@@ -81,7 +81,8 @@ def _keep(
 
     def at_middle(variables):
         step = variables[0]
-        start, end = variables[1 : n + 1], variables[n + 1 : 2 * n + 1]
+        start = variables[1 : n + 1]
+        end = variables[n + 1 : 2 * n + 1]
         rates = [
             np.array(model.chain.derivatives(0.0, x, u, 0.0, 0.0, model.numbers))
             for x, u in zip((start, end), variables[2 * n + 1 :], strict=True)

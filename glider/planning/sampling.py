@@ -11,7 +11,7 @@ from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS
 from glider.planning.problem import PerchingProblem
 
-WORST = 1e300
+_WORST = 1e300
 """Cost of a flight whose numbers overflow."""
 
 
@@ -86,9 +86,11 @@ class SequenceCost:
         expect(positive, "SequenceCost: 'step'", step, "a positive number")
         expect(steps >= 1, "SequenceCost: 'steps'", steps, "at least 1")
         expect(order in (1, 4), "SequenceCost: 'order'", order, "1 or 4")
-        self.step, self.steps = step, steps
+        self.step = step
+        self.steps = steps
         self.num_states = model.num_states
-        self.model, self._order = model, order
+        self.model = model
+        self._order = order
         self.servo = model.parameters.servo if within_limits else NO_LIMITS
         self._cost = FlightCost(
             goal=np.array(problem.goal, dtype=float),
@@ -126,10 +128,12 @@ class SequenceCost:
         start = np.ascontiguousarray(start, dtype=float)
         commands = np.ascontiguousarray(commands, dtype=float)
         good = start.shape == (self.num_states,) and commands.shape[1:] == (self.steps,)
-        what, shapes = "SequenceCost: the pair of shapes", (start.shape, commands.shape)
+        what = "SequenceCost: the pair of shapes"
+        shapes = (start.shape, commands.shape)
         needed = f"a start ({self.num_states},) and commands (B, {self.steps})"
         expect(good, what, shapes, needed)
-        model, batch = self.model, len(commands)
+        model = self.model
+        batch = len(commands)
         to_go = np.empty((batch, self.steps + 1))
         states = np.empty((batch if keep else 0, self.steps + 1, self.num_states))
         LOOPS.over(model.kinds, model.has_field).sampled_costs(
@@ -159,7 +163,7 @@ def mppi_update(
     u is the mean (N,), ε the noise (B, N) [rad/s], S the costs-to-go (B, N), of which
     what is not a number weighs nothing, and λ the temperature.
     """
-    to_go = np.nan_to_num(to_go, nan=WORST, posinf=WORST)
+    to_go = np.nan_to_num(to_go, nan=_WORST, posinf=_WORST)
     # The least cost cancels in the quotient; without it all may underflow.
     weights = np.exp((np.min(to_go, axis=0) - to_go) / temperature)
     return mean + np.sum(weights * noise, axis=0) / np.sum(weights, axis=0)

@@ -188,9 +188,11 @@ def solve_structured(
     """
     begin = time.perf_counter()
     if isinstance(guess, CollocatedFlight):
-        start, barrier = guess.resampled(knots, elapsed), WARM_BARRIER
+        start = guess.resampled(knots, elapsed)
+        barrier = WARM_BARRIER
     else:
-        start, barrier = to_optimum(guess, knots), _COLD_BARRIER
+        start = to_optimum(guess, knots)
+        barrier = _COLD_BARRIER
     n = model.num_states
     start.w[:n] = model.initial_state(problem.launch) if launch is None else launch
     program = make_program(model, problem, knots, arrive)

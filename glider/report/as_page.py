@@ -59,7 +59,8 @@ def page_data(figures: Mapping[str, spec.Figure]) -> dict[str, Any]:
 
 def with_contents(page: str) -> Markup:
     """Gives each section of a page an anchor, and links to all below the header."""
-    page, links = str(page), ""
+    page = str(page)
+    links = ""
     for title in re.findall(r"<h2>(.*?)</h2>", page):
         anchor = "section-" + "-".join(re.findall(r"\w+", title.lower()))
         page = page.replace(f"<h2>{title}<", f'<h2 id="{anchor}">{title}<')
@@ -126,5 +127,6 @@ def rounded(values: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         digits = 4 - np.floor(np.log10(np.abs(values)))
     digits = np.clip(np.nan_to_num(digits), -300, 22)
-    up, down = 10.0 ** np.maximum(digits, 0), 10.0 ** np.maximum(-digits, 0)
+    up = 10.0 ** np.maximum(digits, 0)
+    down = 10.0 ** np.maximum(-digits, 0)
     return np.round(values * up / down) * down / up

@@ -15,7 +15,8 @@ COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
 """Models in the order in which they are shown; not every result has all."""
 
 
-FREE, END = "rollout.position_rms_m", "rollout.position_end_m"
+FREE = "rollout.position_rms_m"
+END = "rollout.position_end_m"
 PITCH, ALONG = "rollout.pitch_rms_rad", "rollout_measured_pitch.position_rms_m"
 """Fields of `Errors`, as in report.json."""
 

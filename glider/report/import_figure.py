@@ -18,7 +18,8 @@ def save_import_figure(campaign: Campaign, path: Path) -> None:
         x, z, pitch = flight.pose.T
         [line] = side.plot(x, z, lw=1)
         rows = np.linspace(0, len(x) - 1, _NOSES).astype(int)
-        color, shape = line.get_color(), {"width": 0.003, "scale": 18}
+        color = line.get_color()
+        shape = {"width": 0.003, "scale": 18}
         nose = np.cos(pitch[rows]), -np.sin(pitch[rows])
         side.quiver(x[rows], z[rows], *nose, angles="xy", color=color, **shape)
         time = flight.time - flight.time[0]

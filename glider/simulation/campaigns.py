@@ -61,9 +61,11 @@ def random_commands(
 ) -> np.ndarray:
     """Returns a wandering tape of elevator rates that keeps inside the travel."""
     low, high, rate_limit = servo
-    middle, half = 0.5 * (low + high), 0.4 * (high - low)
+    middle = 0.5 * (low + high)
+    half = 0.4 * (high - low)
     tape = np.empty(count)
-    rate, angle = rng.normal(0.0, 4.0), 0.0
+    rate = rng.normal(0.0, 4.0)
+    angle = 0.0
     for k in range(count):
         if rng.random() < 0.1:
             rate = rng.normal(0.0, 7.0)
@@ -147,7 +149,8 @@ def fly_commands(
     fine_rate = fine * (rows - 1) / time[-1]
     before = int(np.ceil(max(replay.latency, 0.0) * fine_rate))
     fine_times = np.arange(-before, (rows - 1) * fine + 1) / fine_rate
-    here, middle = path(fine_times), path(0.5 * (fine_times[1:] + fine_times[:-1]))
+    here = path(fine_times)
+    middle = path(0.5 * (fine_times[1:] + fine_times[:-1]))
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     rate = np.diff(here) * fine_rate
     states = fly_path(space, theta, launch, fine_times, elevator, rate, field)

@@ -16,7 +16,7 @@ INSTANT = 1e-9
 a rounding error apart."""
 
 
-REFINEMENT = 16
+_REFINEMENT = 16
 """Segments that each step of a simulator's log is divided into."""
 
 
@@ -37,13 +37,16 @@ def closest_pass(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> Pas
     state holds lies on a straight line. Times (K,) may be equal now and then [s].
     """
     kept = np.flatnonzero(np.append(np.diff(times) > 0.0, True))
-    times, states = times[kept], states[kept]
-    fine, path = times, states[:, POSITION]
+    times = times[kept]
+    states = states[kept]
+    fine = times
+    path = states[:, POSITION]
     if len(times) > 1:
-        steps = np.diff(times)[:, None] * np.arange(REFINEMENT) / REFINEMENT
+        steps = np.diff(times)[:, None] * np.arange(_REFINEMENT) / _REFINEMENT
         fine = np.append((times[:-1, None] + steps).ravel(), times[-1])
         path = CubicHermiteSpline(times, path, states[:, VELOCITY])(fine)
-    start, along = path[:-1] - wire, np.diff(path, axis=0)
+    start = path[:-1] - wire
+    along = np.diff(path, axis=0)
     square = np.sum(along**2, axis=1)
     share = -np.sum(start * along, axis=1) / np.where(square > 0.0, square, 1.0)
     share = np.append(np.clip(share, 0.0, 1.0), 0.0)

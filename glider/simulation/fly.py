@@ -129,7 +129,8 @@ def fly(
     """
     model = as_model(model)
     known = tuple(policy.state_names)
-    fed_back, needed = model.state_names[: len(known)], f"{', '.join(known)} first"
+    fed_back = model.state_names[: len(known)]
+    needed = f"{', '.join(known)} first"
     needed += ", as the policy feeds them back, or diagrams.closed_loop's observer"
     expect(fed_back == known, "the glider's states", model.state_names, needed)
     clock = make_clock(policy, command_rate, step, after)

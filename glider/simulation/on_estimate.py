@@ -35,13 +35,15 @@ def fly_on_estimate(
         states and estimates, (B, K ticks + 1, n), at the launch and behind each
         prediction.
     """
-    model, steps = ekf.model, ticks * errors.shape[1]
+    model = ekf.model
+    steps = ticks * errors.shape[1]
     numbers = model.numbers
     offset, gain = policy.sample(np.arange(steps) * ekf.period)
     (batch, n), size = starts.shape, errors.shape[2]
     states, means = np.empty((2, batch, steps + 1, n))
     states[:, 0], means[:, 0] = starts, prior.mean
-    certain, covariance = np.zeros((n, n)), prior.covariance
+    certain = np.zeros((n, n))
+    covariance = prior.covariance
     nothing = np.full((batch, 1, size), np.nan)
 
     def step(k, mean, covariance, measured):

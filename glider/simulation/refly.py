@@ -177,7 +177,8 @@ def _records(
 
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:
     """Returns the model's forces of the plates along the smoothed flight, (n, 2)."""
-    theta, field = vector_of(model), model.residual_field
+    theta = vector_of(model)
+    field = model.residual_field
     nodes, _ = flow_along(record, theta, field, trim)
     path, rate = signals(record, theta).at_nodes
     chain = compose(record.space.flown, True)

@@ -76,7 +76,8 @@ class Analysis:
             warm_up(self.vehicle.space)
         found = self._search(self._smooth())
         with self.stage("refit", "refitting the flat plate alone"):
-            baseline, fitted = found.traced.bare, [r.name for r in found.task.records]
+            baseline = found.traced.bare
+            fitted = [r.name for r in found.task.records]
             if found.traced.forces is None:  # To the log as it is, signs and all.
                 logged = found.task.on(found.flights.of("refitted", fitted))
                 free = self.vehicle.baseline_slots
@@ -97,10 +98,12 @@ class Analysis:
     def _smooth(self) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""
         effects = self.settings["effects"]
-        logged, masks = self.inspection.campaign, self.inspection.masks
+        logged = self.inspection.campaign
+        masks = self.inspection.masks
 
         def smoothed(campaign: Campaign) -> tuple[Noise, dict[str, Record]]:
-            noise, space = measure_noise(campaign, masks), self.vehicle.space
+            noise = measure_noise(campaign, masks)
+            space = self.vehicle.space
             records = prepare(campaign.flights, campaign, noise, space, masks)
             return noise, {record.name: record for record in records}
 
@@ -122,7 +125,8 @@ class Analysis:
         Outliers among the flights to fit are excluded; those among the held-out flights
         are scored apart.
         """
-        noise, records = flights.noise, [*flights.corrected.values()]
+        noise = flights.noise
+        records = [*flights.corrected.values()]
         with self.stage("compare", "comparing flights"):
             everything = make_task(records, self.vehicle, self.kinds)
             outlying = {
@@ -161,13 +165,16 @@ class Analysis:
         self, found: Searched, spreads: dict[str, report.Spread]
     ) -> dict[str, Any]:
         """Fields of a result about the model, with standard errors."""
-        task, traced, signs = found.task, found.traced, found.flights.signs
+        task = found.task
+        traced = found.traced
+        signs = found.flights.signs
         rivals = [rival for rival, _ in traced.rivals]
         probabilities = softmax([0.0, *(-lack for _, lack in traced.rivals)]).tolist()
         judged = [traced.judged, *rivals]
         errors = [uncertainty_of(task, model) for model in judged]
         known = averaged(probabilities, judged, errors)
-        covariance, kinds = outcome.covariance_of(task, known), traced.model.kinds
+        covariance = outcome.covariance_of(task, known)
+        kinds = traced.model.kinds
         models = [traced.model, *rivals]
         alternatives = [
             result.Alternative(
@@ -193,12 +200,15 @@ class Analysis:
         self, found: Searched, fields: dict[str, Any], folds: HeldOut | None
     ) -> dict[str, Any]:
         """Fields of a result that judge the others: the verdict, and warnings."""
-        traced, kinds = found.traced, found.traced.model.kinds
+        traced = found.traced
+        kinds = found.traced.model.kinds
         doubt = find_doubt(found.task, traced.model)
         for warning in self.inspection.warnings:
             if warning.startswith(SCALE) and POSITION_SCALE.kind not in kinds:
                 doubt = doubt or warning.rstrip(".")
-        errors, effects, left = fields["errors"], fields["effects"], fields["left"]
+        errors = fields["errors"]
+        effects = fields["effects"]
+        left = fields["left"]
         verdict, reason = judge(traced, folds, errors, effects, left, doubt)
         excluded = report.excluded_among(fields["set_aside"])
         count = fields["flights"].count + len(excluded)
@@ -236,8 +246,10 @@ class Analysis:
 
     def _of_run(self, found: Searched, flown: tuple[str, ...]) -> dict[str, Any]:
         """Fields of a result about the campaign, the search and the run."""
-        logged, noise = self.inspection.campaign, found.flights.noise
-        traced, outlying = found.traced, found.outlying
+        logged = self.inspection.campaign
+        noise = found.flights.noise
+        traced = found.traced
+        outlying = found.outlying
         scales = traced.model.scales
         rolling = {f.name: describe_planarity(f) for f in logged.flights}
         rows = [s for s in self.inspection.excluded if s.file not in outlying]
@@ -270,7 +282,8 @@ class Analysis:
 def _warnings_of(flights: SmoothedFlights) -> Iterator[str]:
     """Yields sentences about an elevator that is not where it was expected."""
     records = [*flights.corrected.values()]
-    known, shown = flights.campaign.limits, records[0].servo
+    known = flights.campaign.limits
+    shown = records[0].servo
     if records[0].has_servo and shown != known:
         yield (
             f"The elevator passes its limits of {known.low:.3g} and "

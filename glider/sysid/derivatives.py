@@ -22,13 +22,15 @@ def with_derivatives(
             glide.
         chord: reference length [m]; by default the arm of the tail.
     """
-    model, flown = result.model, result.residual_after.variables
+    model = result.model
+    flown = result.residual_after.variables
     names = "V", "alpha", "elevator", "pitch", "t", "x", "z"
     speed, alpha, elevator, pitch, *place = (
         float(np.nanmedian(flown[n])) for n in names
     )
     at = Condition(speed, alpha, 0.0, -elevator, -pitch - alpha, *place)
-    words, median = "median state of the flights", at
+    words = "median state of the flights"
+    median = at
     if trim is not None:
         at = find_steady_glide(model, trim, at)
         none = f"{words}, as the model has no steady glide at {trim:g} m/s"

@@ -79,8 +79,11 @@ def evaluate(
 
     Returns fields of `Result`, and each flight held out once where signs are right.
     """
-    task, traced, flights = searched.task, searched.traced, searched.flights
-    fitted, scales = _fitted_models(task, traced, baseline), traced.model.scales
+    task = searched.task
+    traced = searched.traced
+    flights = searched.flights
+    fitted = _fitted_models(task, traced, baseline)
+    scales = traced.model.scales
     models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
 
     def flown(names: Sequence[str]) -> prediction.Compared:
@@ -92,7 +95,8 @@ def evaluate(
     found = flown(unseen)
     kept = [unseen[i] for i in found.kept]
     tests = _hold_out(searched, baseline, rng)
-    records, own = flights.of("corrected", usual), models["corrected"]
+    records = flights.of("corrected", usual)
+    own = models["corrected"]
     of_nominal = models.get("nominal", models["refitted"])
     before = _table(of_nominal, flights.of("nominal", usual))
     named = after = _table(own, records)
@@ -102,7 +106,8 @@ def evaluate(
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
     records.sort(key=lambda record: record.name not in kept)
-    first, smoothness = records[:MANY_FLIGHTS], flights.noise.smoothing[2].ratio
+    first = records[:MANY_FLIGHTS]
+    smoothness = flights.noise.smoothing[2].ratio
     floor = find_floor(own, first, truth, smoothness, rng)
     is_kept = np.isin(after.flight, [after.names.index(name) for name in kept])
     perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
@@ -112,7 +117,8 @@ def evaluate(
         paths = np.array([tests.paths[r.name]["corrected"] for r in first])
     outliers = None
     if apart:
-        alone, together = flown(apart).errors, flown([*kept, *apart]).errors
+        alone = flown(apart).errors
+        together = flown([*kept, *apart]).errors
         outliers = report.OutlyingFlights(apart, {**alone}, {**together})
     left = found.errors["corrected"]
     along = left.rollout_measured_pitch.position_rms_m
@@ -192,13 +198,16 @@ def _hold_out(
     Flights that only the corrected model takes for outlying, or that it explains far
     worse than the others, are scored, not fitted.
     """
-    flights, traced, nominal = searched.flights, searched.traced, None
+    flights = searched.flights
+    traced = searched.traced
+    nominal = None
     if not flights.signs.are_right:
         return None
     usual = [record.name for record in searched.everything.records]
     scored = {*searched.extreme, *usual}
     task = searched.task.on([r for r in flights.corrected.values() if r.name in scored])
-    corrected, scales = traced.model, traced.model.scales
+    corrected = traced.model
+    scales = traced.model.scales
     apart = {*searched.extreme, *find_unexplained(task, corrected)}
     if traced.forces is not None:
         baseline = forces_alone(task, baseline, traced.forces)
@@ -222,7 +231,8 @@ def _flights(
     per_flight_trims: bool,
 ) -> tuple[result.HeldOutFlight, ...]:
     """Held-out flights that are kept as logged, beside what each model predicted."""
-    turned, own = np.array([1.0, 1.0, flights.signs.pitch]), []
+    turned = np.array([1.0, 1.0, flights.signs.pitch])
+    own = []
     for i in found.kept:
         record = flights.corrected[names[i]]
         rows = prediction.beginning_rows(record.time, per_flight_trims)
@@ -246,9 +256,11 @@ def _innovations(
     names: Sequence[str],
 ) -> report.Innovations:
     """Correlates innovations of models with themselves and with the elevator."""
-    own, moved = dict[str, dict[str, np.ndarray]](), dict[str, dict[str, np.ndarray]]()
+    own = dict[str, dict[str, np.ndarray]]()
+    moved = dict[str, dict[str, np.ndarray]]()
     for name in ("refitted", "corrected"):
-        model, records = models[name], flights.of(name, names)
+        model = models[name]
+        records = flights.of(name, names)
         linear = error_flights(task.on(records), model)
         left = [whiten(f, model.scales).innovations[:, :3, 0] for f in linear]
         lags = min(_LAGS, min(map(len, left)) // 3)

@@ -46,10 +46,12 @@ def absorbed(
     where that is of none, and for those that have a function of their own family. A
     constant moment is never the first: functions of the moment lack just their mean.
     """
-    model, evidence = traced.model, traced.evidence
+    model = traced.model
+    evidence = traced.evidence
     little = slight(model.free_kinds, evidence) | small(task, model)
     found = {key: set[str]() for key in little}
-    kinds, have = task.space.kinds, set(model.kinds) - found.keys()
+    kinds = task.space.kinds
+    have = set(model.kinds) - found.keys()
     for name in model.kinds:
         if name not in have or name in model.free_kinds or not kinds[name].states:
             continue
@@ -148,7 +150,8 @@ def small(task: Task, model: FitResult) -> set[str]:
     """
     if len(model.blocks) < 2:
         return set()
-    flown, sizes = flown_values(task.records, model.theta), dict[str, float]()
+    flown = flown_values(task.records, model.theta)
+    sizes = dict[str, float]()
     flown = flown[:: max(1, len(flown) // _ROWS)]
     for own in model.blocks:
         values = own.functions(flown[:, own.columns]) @ own.weights
@@ -169,7 +172,8 @@ def names_of(
     where no flow separates lags behind nothing.
     """
     link, _, _ = block.partition(" over ")
-    together, pair = _over_rate(model, link), f"{link} over {_PAIR}"
+    together = _over_rate(model, link)
+    pair = f"{link} over {_PAIR}"
     if block not in together or pair not in together:
         return {nearest}
     values, places = _coordinates_of(model, known, together)
@@ -184,7 +188,8 @@ def names_of(
 
     flown = flown_values(task.records, model.theta)
     flown = flown[:: max(1, len(flown) // _ROWS)][:, model.by_name[pair].columns]
-    static, whole = rows(flown * [1.0, 0.0]), rows(flown)
+    static = rows(flown * [1.0, 0.0])
+    whole = rows(flown)
 
     def shown(rows: np.ndarray) -> float:
         forces = rows @ values
@@ -194,10 +199,12 @@ def names_of(
     def certainty(rows: np.ndarray) -> float:
         return float(np.max(np.abs(rows @ values) / known.std_along(places, rows)))
 
-    least, names = LEAST_PART * shown(whole), set[str]()
+    least = LEAST_PART * shown(whole)
+    names = set[str]()
     changes = whole - static
     by_rate = shown(changes)
-    is_static, is_by_rate = shown(static) > least, by_rate > least
+    is_static = shown(static) > least
+    is_by_rate = by_rate > least
     if not (is_static or is_by_rate):
         is_static = certainty(static) > certainty(changes[np.any(changes, axis=1)])
         is_by_rate = not is_static
@@ -246,12 +253,14 @@ def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
     Camber is what it is at α = 0. That is by chance within Z standard errors, and
     nothing below a tenth of the largest force; above half of it there is nothing else.
     """
-    space, centers = task.space, task.blocks[LIFT].reached
+    space = task.space
+    centers = task.blocks[LIFT].reached
     alpha = np.append(0.0, centers[:, 0])
     blocks = _over_rate(model, "lift")
     shown = _rows_at(model, blocks, np.column_stack([alpha, 0.0 * alpha]))
     values, places = _coordinates_of(model, known, blocks)
-    force, slopes = shown @ values, [*shown[0]]
+    force = shown @ values
+    slopes = [*shown[0]]
     flow = types.SimpleNamespace(sin_alpha=np.sin(alpha), cos_alpha=np.cos(alpha))
     for kind in set(BLOCKS[LIFT].formulas).intersection(model.kinds):
         slots = [*space.slots_of(kind)]

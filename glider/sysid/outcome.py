@@ -44,7 +44,8 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     # Those of the model may be priors, as in the search along the attitude.
     fitted, base, _ = fit_scales(flights, model.scales)
     values = flight_values(flights, fitted)
-    names, found = [record.name for record in task.records], {}
+    names = [record.name for record in task.records]
+    found = {}
     for kind, scale in sorted(SPREAD_KINDS.items()):
         coefficient = task.space.kinds[kind].coefficients[0]
         others = [name for name in NAMES if name != scale]
@@ -74,7 +75,8 @@ def effects_of(
     signs: Signs,
 ) -> tuple[FoundEffect, ...]:
     """Effects with their coefficients and standard errors, by their evidence."""
-    model, gained = traced.model, max(sum(traced.evidence.values()), 1e-9)
+    model = traced.model
+    gained = max(sum(traced.evidence.values()), 1e-9)
     bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
     unnamed = absorbed(task, traced, known)
     bent = bent.union(*unnamed.values())
@@ -108,7 +110,8 @@ def effects_of(
                 for family in sorted(families.get(name, ()))
             )
             continue
-        kind, slots = task.space.kinds[name], task.space.slots_of(name)
+        kind = task.space.kinds[name]
+        slots = task.space.slots_of(name)
         if name == POSE_LATENCY.kind and model.theta[slots[0]] < 0.0:
             continue  # Not physical: the clocks differ, see `verdict.find_doubt`.
         found.append(
@@ -156,7 +159,8 @@ def _block_entry(
     of_search: dict[str, Any],
 ) -> FoundEffect:
     """A free function as an effect of its family, or of none."""
-    kind, own = BLOCKS[name], traced.model.by_name[name]
+    kind = BLOCKS[name]
+    own = traced.model.by_name[name]
     has_none = family == "unexplained"
     return FoundEffect(
         kind=family,
@@ -180,7 +184,8 @@ def rivals_of(
     in a set without it, but with all other formulas, that is nearly as likely; where
     that has several others instead, they do as well together.
     """
-    own, formulas = named[0], {*traced.model.kinds} - BLOCKS.keys()
+    own = named[0]
+    formulas = {*traced.model.kinds} - BLOCKS.keys()
     found = set[str]() if own in BLOCKS else {*traced.weighed[own].rivals}
     for other, _ in traced.rivals:
         lost = formulas - {*other.kinds}
@@ -196,11 +201,13 @@ def numbers_of_lift(own: Block, known: Uncertainty, family: str) -> dict[str, Es
 
     Of lift the slope, of camber the zero-lift angle, of which C_n is -2 sin there.
     """
-    places, step = known.places[LIFT], 0.02
+    places = known.places[LIFT]
+    step = 0.02
     low, middle, high = own.functions(step * np.array([[-1.0], [0.0], [1.0]]))
     is_camber = family == CAMBER.kind
     row = (-0.5 * middle if is_camber else (high - low) / (2.0 * step)) @ own.mix
-    value, std = float(row @ own.coordinates), float(known.std_along(places, row))
+    value = float(row @ own.coordinates)
+    std = float(known.std_along(places, row))
     if is_camber:
         return {"zero_lift_angle": Estimate(value, std, "rad")}
     return {"slope": Estimate(value, std, "1/rad")}
@@ -215,7 +222,8 @@ def _find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimat
     the edge of the flown range is not one of the function: its place has no error,
     nor has that of a function of two variables.
     """
-    places, count = known.places[block.name], 401 if len(block.variables) == 1 else 61
+    places = known.places[block.name]
+    count = 401 if len(block.variables) == 1 else 61
     low, high = block.flown
     axes = [*np.linspace(low, high, count).T]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
@@ -230,7 +238,8 @@ def _find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimat
     unit = TERM_UNITS.get(term, "-")
     found = {f"{term}_peak": Estimate(float(values[peak]), height, unit)}
     for i, (axis, variable) in enumerate(zip(axes, block.variables, strict=True)):
-        slopes, place = np.gradient(rows, axis, axis=i), math.nan
+        slopes = np.gradient(rows, axis, axis=i)
+        place = math.nan
         bend = np.gradient(slopes @ block.coordinates, axis, axis=i)[peak]
         if len(axes) == 1 and 0 < peak[i] < count - 1 and bend:
             place = float(known.std_along(places, slopes[peak])) / abs(float(bend))
@@ -241,7 +250,8 @@ def _find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimat
 
 def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
     """A flight-to-flight variation as an effect, with the mean over flights."""
-    kind, values = task.space.kinds[name], list(spread.values.values())
+    kind = task.space.kinds[name]
+    values = list(spread.values.values())
     coefficient = kind.coefficients[0].name
     std = spread.std / math.sqrt(len(values))
     return FoundEffect(
@@ -308,7 +318,8 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[report.Curve
     lack = _lack_of(before)
     # Effects change airspeed and areas too: the rest in units of the flat plate.
     explained = lack - (named.unit / before.unit)[:, [0, 0, 1]] * _lack_of(named)
-    both, bins = np.hstack([lack, explained]), []
+    both = np.hstack([lack, explained])
+    bins = []
     for here in (np.flatnonzero(place == b) for b in np.unique(place)):
         _, own, rows = np.unique(
             before.flight[here], return_inverse=True, return_counts=True
@@ -331,7 +342,8 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[report.Curve
 def _lack_of(table: ResidualTable) -> np.ndarray:
     """Measured minus modelled coefficients: normal, axial, of the moment (N, 3)."""
     alpha = table.variables["alpha"]
-    s, c = np.sin(alpha), np.cos(alpha)
+    s = np.sin(alpha)
+    c = np.cos(alpha)
     pairs = [(table.coefficients[name], table.modelled[name]) for name in COEFFICIENTS]
     lift, drag, moment = (measured - modelled for measured, modelled in pairs)
     return np.column_stack([lift * c + drag * s, drag * c - lift * s, moment])

@@ -118,7 +118,8 @@ def _check_earlier(
     own: tuple[EffectKind, ...],
 ) -> None:
     """Raises InputError unless a result is of a campaign, with the effects to try."""
-    what, kinds = "the earlier result's", None if effects is None else [*effects]
+    what = "the earlier result's"
+    kinds = None if effects is None else [*effects]
     expect(earlier.path == path, f"{what} campaign", str(earlier.path), str(path))
     tried = earlier.settings["effects"]
     expect(tried == kinds, f"{what} list of effects to try", tried, show(kinds))

@@ -19,10 +19,12 @@ VERDICTS = "no_effect", "effect_found", "partly_explained", "unexplained", "not_
 #: Nominal model; flat plate with refitted parameters; model with the effects.
 MODELS = "nominal", "refitted", "corrected"
 #: The refitted baseline without a constant pitch error; what a perfect model leaves.
-CALIBRATED, PERFECT = "calibrated", "floor"
+CALIBRATED = "calibrated"
+PERFECT = "floor"
 CURVE_TERMS = "c_normal", "c_axial", "c_moment"
 #: Whether an effect's formula has the shape that the flights show.
-LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
+LIBRARY_SHAPE = "library"
+OTHER_SHAPE = "not the library's"
 
 
 @dataclasses.dataclass(frozen=True)

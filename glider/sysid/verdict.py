@@ -38,7 +38,8 @@ BOUNDED = {
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
     """Finds the reason why a model cannot be trusted: one clause, or None."""
-    space, theta = task.space, model.theta
+    space = task.space
+    theta = model.theta
     early = -float(theta[space.slots_of(POSE_LATENCY.kind)[0]])
     step = float(np.median(np.diff(task.records[0].time)))
     # Times that are rounded to rows are off by half a step.
@@ -102,7 +103,8 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
         rows = np.flatnonzero(record.seen[:, 3])
         if len(rows) < 2:
             continue
-        time, modelled = record.time[rows], signals(record, model.theta).logged[rows]
+        time = record.time[rows]
+        modelled = signals(record, model.theta).logged[rows]
         ends = np.searchsorted(time, time + constants.MOMENT_TIME)
         begins = np.searchsorted(time, time - constants.MOMENT_TIME)
         turns = np.append(0, np.cumsum(np.diff(np.sign(np.gradient(modelled))) != 0.0))
@@ -199,7 +201,8 @@ def _beyond_floor(left: Residual) -> str:
     if left.may_be_chance:
         return ""
     varies = dict.fromkeys((*left.depends_on, *left.air_depends_on))
-    free, along = left.ratio_to_floor, left.ratio_along_pitch
+    free = left.ratio_to_floor
+    along = left.ratio_along_pitch
     return (
         f": held-out flights are off by {1e3 * left.position_m:.3g} mm (RMS), "
         f"{free:.3g} times as much as a perfect model would leave"
@@ -228,14 +231,16 @@ def _not_better(
     Also whether its gain is over the nominal model, as the baseline is no worse. A
     refitted baseline may be far worse than the nominal model.
     """
-    baseline, nominal = "refitted baseline", "nominal model"
+    baseline = "refitted baseline"
+    nominal = "nominal model"
     worse = _worse(errors, "refitted", baseline)
     than_given = None
     if errors.get("nominal") is not None:  # Of a glider of known mass and areas.
         than_given = _worse(errors, "nominal", nominal)
     if held_out is None:
         return worse or than_given, False
-    gain, over = held_out.gain, held_out.over_nominal
+    gain = held_out.gain
+    over = held_out.over_nominal
     if over is not None and (ratio := held_out.over_median("nominal")) > WORSE:
         than_given = than_given or (
             f"Half of the flights held out in folds, flown {WAYS[0]}, have at least "
@@ -273,7 +278,8 @@ def _no_gain(gain: Gains, over: str) -> str | None:
 
 def _worse(errors: AllErrors, model: str, than: str) -> str | None:
     """Sentence about a correction that makes held-out flights worse, flown freely."""
-    before, after = errors[model], errors["corrected"]
+    before = errors[model]
+    after = errors["corrected"]
     assert before is not None and after is not None
     ratio = ratio_of(before.position_rms_m, after.position_rms_m)
     if ratio <= WORSE:

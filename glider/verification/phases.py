@@ -54,14 +54,16 @@ def make_phases(
         InputError: there can be no such funnels.
         SolverError: the sets could not be certified.
     """
-    period, states = settings.period, len(model.state_names)
+    period = settings.period
+    states = len(model.state_names)
     expect(count >= 1, "the number of phases", count, "at least 1")
     expect(period > 0.0, "field 'period'", period, "more than 0 s")
     words = "0 or more, and less than the period"
     expect(0.0 <= latency < period, "the latency", latency, words)
     words = "none of the effects' own"
     expect(states == len(sizes), "the glider's states", states, words)
-    bin_, rests = period / count, []
+    bin_ = period / count
+    rests = []
     waiting = still_policy(model, problem, latency + period)
     path = make_nominal(model, waiting, 0.5 * bin_).path
     for k in range(count):
@@ -85,7 +87,8 @@ def make_phases(
 
 def _launch_funnel(model, waiting, settings, rests, confidence, progress):
     """Returns the largest funnel of a flight without commands that leads to others."""
-    sizes, axes = settings.sizes, np.diag(settings.sizes)
+    sizes = settings.sizes
+    axes = np.diag(settings.sizes)
     widest = [np.linalg.norm(axes @ own.S[0] @ axes, 2) for own in rests]
     scale = 1.0 / np.sqrt(min(widest))  # As if they had one center.
     for _ in range(ROUNDS):
@@ -107,7 +110,8 @@ def _launch_funnel(model, waiting, settings, rests, confidence, progress):
 
 def _largest_scale(found, rests):
     """Returns the factor by which sets fit into the others' inlets, 1 at most."""
-    low, high = 0.0, 1.0
+    low = 0.0
+    high = 1.0
     for _ in range(10):
         scale = 0.5 * (low + high)
         sets = {"S": found.S / scale**2, "slopes": found.slopes / scale**2}

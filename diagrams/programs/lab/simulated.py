@@ -8,7 +8,7 @@ from diagrams.programs.lab.session import LabSession
 from diagrams.programs.lab.state import CORRECTED, NOMINAL, State
 from glider.errors import InputError
 
-ATTEMPTS = 3
+_ATTEMPTS = 3
 """Times that launches are flown for those of which no flight came."""
 
 
@@ -82,7 +82,7 @@ def run_simulated(
 
 def _fly(session: LabSession, launches: Launches, planned: str, count: int) -> bool:
     """Flies until there are so many launches planned with a model."""
-    for _ in range(ATTEMPTS):
+    for _ in range(_ATTEMPTS):
         missing = count - session.state.count_perches(planned)[1]
         if missing <= 0:
             return True

@@ -44,7 +44,7 @@ from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.simulation.fly import STEP
 
-REST = 0.35
+_REST = 0.35
 """Time at rest before a throw and after it [s]."""
 
 LATE = 1.5
@@ -71,7 +71,9 @@ class Cameras:
     def __init__(
         self, rate: float, settings: Simulation, rng: np.random.Generator
     ) -> None:
-        self.rate, self._settings, self._rng = rate, settings, rng
+        self.rate = rate
+        self._settings = settings
+        self._rng = rng
         self._noise = MotionCapture(rate=rate)
         self._coming: list[tuple[float, int, float, tuple[float, ...]]] = []
         self._last: tuple[float, ...] = (0.0,) * 4
@@ -79,7 +81,8 @@ class Cameras:
 
     def expose(self, now: float, flown: float, shown: np.ndarray) -> None:
         """Takes a frame of what is shown (4,), `flown` seconds after release."""
-        cameras, rng = self._settings, self._rng
+        cameras = self._settings
+        rng = self._rng
         self._count += 1
         x, z, pitch, angle = (shown + self._noise.draw(rng)).tolist()
         seen: tuple[float, ...] = (x, z, pitch, angle)
@@ -130,7 +133,8 @@ class SimulatedGlider:
     """
 
     def __init__(self, scenario: Scenario, bus: Bus, start: float) -> None:
-        truth, settings = scenario.truth, scenario.simulation
+        truth = scenario.truth
+        settings = scenario.simulation
         assert truth is not None and settings is not None
         varies = truth.is_time_varying
         expect(not varies, "the simulated glider", settings.truth, "one without time")
@@ -141,10 +145,13 @@ class SimulatedGlider:
         self._cameras = Cameras(scenario.sensors.rate, settings, self._rng)
         self._elevator = scenario.sensors.elevator
         servo = scenario.servo
-        limits, hold = truth.parameters.servo, scenario.command_step
+        limits = truth.parameters.servo
+        hold = scenario.command_step
         self._wire = Wire(limits, servo.neutral, servo.timeout, hold)
         self._coming: list[tuple[float, ...]] = []  # Commands, by when they act [s].
-        self._bus, self._time, self._frame = bus, start, 0
+        self._bus = bus
+        self._time = start
+        self._frame = 0
         self._start = start
         self._ready = math.nan  # Since when the station is.
         self.released = math.inf  #: Time of the next release, or of the last [s].
@@ -165,7 +172,9 @@ class SimulatedGlider:
         self._push = (
             float(np.linalg.norm(launch[VELOCITY])) / self._settings.acceleration
         )
-        self.released, self._landed, self._miss = math.inf, math.inf, math.inf
+        self.released = math.inf
+        self._landed = math.inf
+        self._miss = math.inf
         self._ready = math.nan
 
     def _on_command(
@@ -186,10 +195,11 @@ class SimulatedGlider:
     ) -> None:
         is_ready = bool(len(values)) and names[0] == "ready"
         if not is_ready and self._time < self.released - self._push:
-            self._ready, self.released = math.nan, math.inf
+            self._ready = math.nan
+            self.released = math.inf
         elif is_ready and math.isnan(self._ready):
             self._ready = self._time
-            self.released = self._time + REST + self._push
+            self.released = self._time + _REST + self._push
 
     def advance(self, now: float) -> float:
         """Moves everything on to a time; returns when the next frame comes [s]."""
@@ -211,15 +221,17 @@ class SimulatedGlider:
     def _move_held(self, until: float) -> None:
         if self._time < self.released < until:
             self._move_held(self.released)
-        before, angle = self._wire.angle, self._wire.advance(until)
+        before = self._wire.angle
+        angle = self._wire.advance(until)
         span = until - self._time
         self._time = until
         if until <= self.released:
             self._state[ELEVATOR] = angle
         elif until < self._landed:
-            held, mean = self._wire.rate, (angle - before) / max(span, 1e-9)
+            held = self._wire.rate
+            mean = (angle - before) / max(span, 1e-9)
             self._advance_flight(span, held if self._wire.holds(until) else mean)
-        if until > self._landed + REST:
+        if until > self._landed + _REST:
             self._place()
 
     def _advance_flight(self, span: float, rate: float) -> None:
@@ -238,7 +250,8 @@ class SimulatedGlider:
             Feedback(np.array([rate]), nothing, count, np.empty((1, 0, NUM_STATES))),
             wire=(wire[0], wire[1]),
         )
-        before, self._state = self._state, states[0, -1].copy()
+        before = self._state
+        self._state = states[0, -1].copy()
         away = np.array(wire) - self._state[POSITION]
         passes = away @ self._state[VELOCITY] <= 0.0
         self._miss = min(self._miss, float(miss[0]))

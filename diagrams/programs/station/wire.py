@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from diagrams.programs.station.operators import Kills
 from glider.physics.servo import Servo, held_angle
 
-JITTER = 0.01  # Angle that commands are off by as they come early or late [rad].
-ANOTHER = 1.0
+_JITTER = 0.01  # Angle that commands are off by as they come early or late [rad].
+_ANOTHER = 1.0
 """Silence after which a servo listens to another sender [s]."""
 
 
@@ -32,7 +32,9 @@ class Wire:
     def __init__(
         self, servo: Servo, neutral: float, timeout: float, hold: float = 0.02
     ) -> None:
-        self.servo, self.timeout, self.hold = servo, timeout, hold
+        self.servo = servo
+        self.timeout = timeout
+        self.hold = hold
         self.neutral = min(max(neutral, servo.low), servo.high)
         self.angle = self.neutral  #: Now [rad].
         self.rate = 0.0  #: Now [rad/s].
@@ -66,7 +68,9 @@ class Wire:
 
     def reset(self) -> None:
         """Is neutral, as at the end of a session."""
-        self.angle, self.rate, self._until = self.neutral, 0.0, -math.inf
+        self.angle = self.neutral
+        self.rate = 0.0
+        self._until = -math.inf
 
     def obey(
         self, sender: float, rate: float, now: float, angle: float = math.nan
@@ -78,11 +82,12 @@ class Wire:
         """
         if self.kills:
             return False
-        if self._sender not in (None, sender) and now - self._heard < ANOTHER:
+        if self._sender not in (None, sender) and now - self._heard < _ANOTHER:
             return False
-        self._sender, self._heard = sender, now
+        self._sender = sender
+        self._heard = now
         away = angle - self.advance(now)
-        self.command(rate + away / self.hold if abs(away) > JITTER else rate, now)
+        self.command(rate + away / self.hold if abs(away) > _JITTER else rate, now)
         return True
 
     def operate(
@@ -102,12 +107,14 @@ class Wire:
                 self._turn(span)
             else:
                 self._turn(max(self._until - (now - span), 0.0))
-                away, span = self.neutral - self.angle, min(now - self._until, span)
+                away = self.neutral - self.angle
+                span = min(now - self._until, span)
                 least = abs(away) / self.servo.rate
                 self.rate = math.copysign(self.servo.rate, away) if away else 0.0
                 self._turn(min(span, least))
                 if span >= least:
-                    self.angle, self.rate = self.neutral, 0.0
+                    self.angle = self.neutral
+                    self.rate = 0.0
         return self.angle
 
     def _turn(self, span: float) -> None:

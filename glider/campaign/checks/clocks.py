@@ -151,7 +151,8 @@ def find_limits(campaign: Campaign, masks: Mapping[str, Masks], noise: float) ->
     """Returns the servo's limits: its stops are farther out if the elevator was."""
     low, high, rate = campaign.limits
     angles = _angles(campaign, masks)
-    lowest, highest = float(np.min(angles)), float(np.max(angles))
+    lowest = float(np.min(angles))
+    highest = float(np.max(angles))
     if lowest < low - NOISES * noise:
         low = lowest
     if highest > high + NOISES * noise:

@@ -60,9 +60,11 @@ def check_fall(
     motions = [forces.usable_motion(f, masks) for f in campaign.flights]
     motions = [motion for motion in motions if len(motion.time)]
     are_few = len(motions) < _MIN_FLIGHTS
-    refused, surely = _OFF[1], _SURELY
+    refused = _OFF[1]
+    surely = _SURELY
     if are_few or _are_alike(motions):
-        refused, surely = math.inf, 2.0 * _SURELY
+        refused = math.inf
+        surely = 2.0 * _SURELY
     if are_few:
         parts = [[np.array_split(v, _PIECES) for v in m] for m in motions]
         motions = [Motion(*p) for each in parts for p in zip(*each, strict=True)]

@@ -93,7 +93,8 @@ def body_axes(pitch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
     """Fits by Gauss-Newton (the wind is not linear) with Huber's weights."""
-    wind, forces = np.zeros(2), np.zeros(4)
+    wind = np.zeros(2)
+    forces = np.zeros(4)
     offset = offset_columns(motion, sign)
     thrust = body_axes(sign * motion.pose[:, 2])[0]
     free = np.eye(2)[: 2 if down is None else 0]
@@ -158,7 +159,8 @@ def fit_elevator(campaign: Campaign, motions: Mapping[str, Motion]) -> ElevatorF
     and V times the elevator's rate with Huber's weights; trailing edge up turns the
     nose up, so the effect is negative.
     """
-    columns, targets = [], []
+    columns = []
+    targets = []
     for flight in campaign.flights:
         motion = motions[flight.name]
         if flight.elevator is None or len(motion.time) < 3:
@@ -170,7 +172,8 @@ def fit_elevator(campaign: Campaign, motions: Mapping[str, Motion]) -> ElevatorF
         turning = [speed * rate, speed * np.gradient(angle, motion.time)]
         columns.append(np.column_stack([speed**2 * c for c in lift] + turning))
         targets.append(motion.acceleration[:, 2])
-    design, target = np.concatenate(columns), np.concatenate(targets)
+    design = np.concatenate(columns)
+    target = np.concatenate(targets)
     weight = np.ones(len(target))
     for _ in range(_ITERATIONS):
         weighted = design * weight[:, None]
@@ -180,5 +183,6 @@ def fit_elevator(campaign: Campaign, motions: Mapping[str, Motion]) -> ElevatorF
     misfit = float(np.sqrt(np.mean((weight * rest) ** 2)))
     std = misfit * np.sqrt(np.linalg.pinv(weighted.T @ weighted)[0, 0])
     tail = max(abs(solution[1]), abs(solution[4]) / _ARM, 1e-12)
-    effect, strength = solution[0] / max(std, 1e-12), abs(solution[0]) / tail
+    effect = solution[0] / max(std, 1e-12)
+    strength = abs(solution[0]) / tail
     return ElevatorFit(float(effect), misfit, float(strength), float(solution[0]))

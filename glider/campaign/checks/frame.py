@@ -132,7 +132,8 @@ def _check_attitude(campaign: Campaign, motion: Motion) -> None:
     fast = motion.speed > 0.5 * np.median(motion.speed)
     for sign in (1, -1):
         body, normal = forces.body_axes(sign * motion.pose[:, 2])
-        across, along = np.sum(velocity * normal, 1), np.sum(velocity * body, 1)
+        across = np.sum(velocity * normal, 1)
+        along = np.sum(velocity * body, 1)
         median = float(np.median(np.abs(np.arctan2(across, along))[fast]))
         if median < _PATH:
             raise InputError(
@@ -151,7 +152,8 @@ def _check_down(
     given = forces.fit_forces(motion, np.array([0.0, -gravity]))
     if given.misfit < _CLEARLY * fit.misfit:
         return campaign
-    size, angle = float(np.hypot(x, z)), float(np.arctan2(x, -z))
+    size = float(np.hypot(x, z))
+    angle = float(np.arctan2(x, -z))
     if abs(angle) <= _UPRIGHT:
         return campaign
     if np.pi - abs(angle) > _UPRIGHT:
@@ -220,16 +222,19 @@ def _check_force(campaign: Campaign, fit: ForceFit) -> None:
     usual = GliderParameters()
     vehicle = vars(usual) | campaign.vehicle
     mass, area, density = (vehicle[n] for n in ("mass", "wing_area", "air_density"))
-    given, measured = density * area / mass, -float(fit.forces[0])
+    given = density * area / mass
+    measured = -float(fit.forces[0])
     if measured <= 0.0 or 1.0 / _FORCE < measured / given < _FORCE:
         return
     excess = given / measured
     unit = min(_UNITS, key=lambda factor: abs(math.log(excess / factor)))
     hint = f" ({_UNITS[unit]}?)"
     if abs(math.log(density / usual.air_density)) > math.log(_FORCE):
-        unit, hint = excess, f" at an air_density of {density:g} kg/m³"
+        unit = excess
+        hint = f" at an air_density of {density:g} kg/m³"
     elif abs(math.log(excess / unit)) > math.log(_FORCE):
-        unit, hint = excess, ""
+        unit = excess
+        hint = ""
     assumed = [n for n in ("mass", "wing_area") if n not in campaign.vehicle]
     hint += f"; '{assumed[0]}' is not specified, that is assumed" if assumed else ""
     raise InputError(

@@ -114,7 +114,8 @@ class _Kept:
         reasons = {}
         for flight in self.campaign.flights:
             rows = np.flatnonzero(self.masks[flight.name].usable)
-            time, fresh = flight.time[rows], ~find_repeats(flight.pose, 2)
+            time = flight.time[rows]
+            fresh = ~find_repeats(flight.pose, 2)
             if len(time) < _MIN_ROWS or time[-1] - time[0] < _MIN_SPAN:
                 reasons[flight.name] = (
                     f"only {len(time)} rows of it show a flight; expected at least "

@@ -43,7 +43,9 @@ def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motio
     window = rows + np.arange(-half, half + 1)
     since = time[window] - time[rows]
     whole = since[:, -1] - since[:, 0] < _LONGEST * 2 * half * step
-    window, since, rows = window[whole], since[whole], rows[whole, 0]
+    window = window[whole]
+    since = since[whole]
+    rows = rows[whole, 0]
     scale = half * step
     powers = (since / scale)[..., None] ** np.arange(4)
     # Centered pose: the offset of a position must not cost digits. Normal equations of

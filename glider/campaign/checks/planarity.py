@@ -5,11 +5,11 @@ import numpy as np
 from glider.campaign.checks.motion import calc_motion
 from glider.campaign.logs import Flight
 
-PLANAR = 0.35
+_PLANAR = 0.35
 """Tilt of the lift out of the plane [rad] up to which a throw counts as planar: its
 vertical share then loses 6 %. Throws graded planar by hand reach 0.32."""
 
-LEAST_IN_PLANE = 0.5
+_LEAST_IN_PLANE = 0.5
 """Share of the wing's normal, squared, that must be in the plane of flight: below it
 more of the wing's force acts out of the plane than in it."""
 
@@ -26,7 +26,7 @@ def describe_planarity(flight: Flight) -> str | None:
     square = np.mean(motion.velocity**2, axis=0) if len(motion.time) else np.ones(3)
     sideways = min(float(np.sqrt(square[2] / max(np.sum(square), 1e-12))), 1.0)
     angles = np.max(np.abs([roll, yaw]), axis=1)
-    planar = max(*angles, np.arcsin(sideways)) <= PLANAR
+    planar = max(*angles, np.arcsin(sideways)) <= _PLANAR
     degrees = np.degrees(angles)
     return (
         f"{'planar' if planar else 'not planar'}: roll up to {degrees[0]:.0f}°, yaw up "
@@ -39,10 +39,12 @@ def body_axes(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarra
 
     It is turned by yaw, pitch, roll.
     """
-    zero, one = np.zeros_like(pitch), np.ones_like(pitch)
+    zero = np.zeros_like(pitch)
+    one = np.ones_like(pitch)
 
     def turns(angle: np.ndarray, axis: int) -> np.ndarray:
-        cos, sin = np.cos(angle), np.sin(angle)
+        cos = np.cos(angle)
+        sin = np.sin(angle)
         rows = [one, zero, zero], [zero, cos, -sin], [zero, sin, cos]
         turn = np.moveaxis(np.array(rows), -1, 0)
         return np.roll(turn, (axis, axis), (1, 2))
@@ -92,4 +94,4 @@ def find_rolled(flight: Flight, usable: np.ndarray) -> np.ndarray:
         return np.zeros(len(flight.time), dtype=bool)
     _, roll, yaw = flight.attitude.T
     out = normal(flight.pose[:, 2], roll, yaw)[:, 1] ** 2
-    return np.logical_or.accumulate((out > 1.0 - LEAST_IN_PLANE) & usable)
+    return np.logical_or.accumulate((out > 1.0 - _LEAST_IN_PLANE) & usable)

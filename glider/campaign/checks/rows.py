@@ -85,8 +85,11 @@ def find_faults(campaign: Campaign) -> Faults:
     angles = [(f.time, f.elevator[:, None]) for f in flights if f.elevator is not None]
     each = [_measure_noise(time, angle) for time, angle in angles]
     elevator_noise = float(np.median(each)) if each else 0.0
-    masks, excluded, warnings = {}, [], []
-    repeated, is_stopped = 0, list[bool]()
+    masks = {}
+    excluded = []
+    warnings = []
+    repeated = 0
+    is_stopped = list[bool]()
     for flight in flights:
         piece = pieces_with_commands(flight, campaign)
         of_pose = _pose_faults(flight, noise, digits)
@@ -94,7 +97,8 @@ def find_faults(campaign: Campaign) -> Faults:
         again = of_pose.pop(_AGAIN)
         pose = np.logical_or.reduce([again, *of_pose.values()])
         elevator = np.logical_or.reduce([np.zeros_like(pose), *of_servo.values()])
-        first, last = 0, len(pose)
+        first = 0
+        last = len(pose)
         if flight.command is not None:  # The longest piece has all its commands.
             longest = np.argmax(np.bincount(piece, weights=~pose))
             first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
@@ -133,14 +137,16 @@ def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
     what no command says, and more than anywhere else: there a servo lags, or stops.
     """
     steps = np.diff(flight.time)
-    usual, rate = float(np.median(steps)), campaign.switch_rate
+    usual = float(np.median(steps))
+    rate = campaign.switch_rate
     is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * usual)
     if flight.command is None or flight.elevator is None:
         return np.concatenate([[0], np.cumsum(is_gap)])
     hides = hides_command(flight.time, flight.command, rate) & (steps > _LOST * usual)
     if hides.any():
         tape = command_steps(flight.time, flight.command, rate, flight.command_time)
-        begin, servo = float(flight.elevator[0]), campaign.limits
+        begin = float(flight.elevator[0])
+        servo = campaign.limits
         ordered = elevator_path(*tape, flight.time, servo, start=begin)
         apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
         rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
@@ -162,7 +168,8 @@ def _pose_faults(
     least = np.maximum(_SURELY * noise, _QUANTA * digits)
     again = _repeated(flight.time, flight.pose, least)
     again &= ~find_repeats(flight.pose, _EQUAL_POSES)
-    frozen, turned = _frozen(flight, noise, digits), _turned_over(flight)
+    frozen = _frozen(flight, noise, digits)
+    turned = _turned_over(flight)
     usable = ~(unknown | again | frozen | turned)
     standing = find_standing(flight, usable)
     usable &= ~standing
@@ -283,7 +290,8 @@ def _moves_on(
         slice(last + 1, last + _REACH),
     ):
         known = np.isfinite(values[rows])
-        own, beside = time[rows][known], values[rows][known]
+        own = time[rows][known]
+        beside = values[rows][known]
         if len(own) >= 4:
             slope = np.polyfit(own - own[0], beside, 1)[0]
             if abs(slope) * (time[last] - time[first]) > least:
@@ -297,11 +305,15 @@ def _elevator_faults(
     """Rows (n,) of the elevator that stick out or are frozen, by the reason."""
     if flight.elevator is None or flight.command is None:
         return {}
-    angle, steps = flight.elevator, np.diff(flight.time)
+    angle = flight.elevator
+    steps = np.diff(flight.time)
     rate = campaign.elevator_rate_limit or float(np.max(np.abs(flight.command)))
     sticks_out = np.zeros(len(angle), dtype=bool)
-    before, here, after = angle[:-2], angle[1:-1], angle[2:]
-    high, low = np.maximum(before, after), np.minimum(before, after)
+    before = angle[:-2]
+    here = angle[1:-1]
+    after = angle[2:]
+    high = np.maximum(before, after)
+    low = np.minimum(before, after)
     over = np.maximum(here - high, low - here)
     # A turn of the servo within a step sticks out by a step at full rate.
     turn = rate * np.minimum(steps[:-1], steps[1:])
@@ -313,7 +325,8 @@ def _elevator_faults(
     for first, last in stretches(np.diff(angle, prepend=np.nan) == 0.0):
         if last - first + 2 < _EQUAL_NUMBERS:
             continue
-        value, moved = angle[first], np.ptp(commanded[first - 1 : last + 1])
+        value = angle[first]
+        moved = np.ptp(commanded[first - 1 : last + 1])
         at_stop = min(abs(abs(value) - abs(stop)) for stop in stops) < _NEAR_STOP
         if moved > max(_MIN_COMMANDED, _SURELY * noise) and not at_stop:
             frozen[first : last + 1] = True
@@ -329,7 +342,8 @@ def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
     rows = np.flatnonzero(usable)
     if len(rows) < 3:
         return standing
-    time, place = flight.time[rows], flight.pose[rows, :2]
+    time = flight.time[rows]
+    place = flight.pose[rows, :2]
     still = np.zeros(len(rows), dtype=bool)
     first = np.searchsorted(time, time - _HALF - 1e-9)
     last = np.searchsorted(time, time + _HALF + 1e-9) - 1

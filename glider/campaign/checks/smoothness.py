@@ -91,7 +91,8 @@ def find_one_motion(
     rows = np.flatnonzero(kept)
     sticks_out[_outlying_ends(track, rows)] = True
     sticks_out[_outlying_ends(track, rows[::-1])] = True
-    rows, touched = rows[~sticks_out[rows]], np.zeros_like(kept)
+    rows = rows[~sticks_out[rows]]
+    touched = np.zeros_like(kept)
     touched[rows[_find_contact(track, rows) :]] = True
     return sticks_out, usable & ~sticks_out & ~kept, touched
 
@@ -113,12 +114,15 @@ def _explain(track: Track, run: np.ndarray, worst: int) -> tuple[int, int]:
     Returns:
         The row of the run to begin with, and how many to remove; 0 is a cut.
     """
-    first, last = max(worst - _STENCIL, 0), worst + 2 * _STENCIL
+    first = max(worst - _STENCIL, 0)
+    last = worst + 2 * _STENCIL
     near = range(worst, worst + _STENCIL)
     ways = [(i, c) for c in (1, 0, 2, 3) for i in near if i > 0 or c > 0]
-    least, best = np.inf, ways[0]
+    least = np.inf
+    best = ways[0]
     for at, count in ways:
-        left, right = run[first:at], run[at + count : last]
+        left = run[first:at]
+        right = run[at + count : last]
         if count == 0:
             over = _total_excess(track, left) + _total_excess(track, right)
         else:
@@ -127,7 +131,8 @@ def _explain(track: Track, run: np.ndarray, worst: int) -> tuple[int, int]:
             if over == 0.0 and long and not _meet(track, left, right):
                 over = 1e-3  # One row is a part of a jump.
         if over < least:
-            least, best = over, (at, count)
+            least = over
+            best = (at, count)
         if (at, count) == (near[-1], count) and least == 0.0:
             break
     return best
@@ -173,7 +178,8 @@ def _find_contact(track: Track, rows: np.ndarray) -> int:
     is fitted. A velocity that jumps against the motion by more than noise and forces of
     the air allow is a contact: the wire, a hand, the floor.
     """
-    time, place = track.time[rows], track.pose[rows, :2]
+    time = track.time[rows]
+    place = track.pose[rows, :2]
     step = float(np.median(np.diff(track.time)))
     half = max(round(_AROUND / step), _STENCIL)
     if len(time) <= 2 * half:
@@ -187,7 +193,8 @@ def _find_contact(track: Track, rows: np.ndarray) -> int:
         np.stack([after**0, since, since**2, after, after * since], axis=2)
     )
     fitted = inverse @ (place[window] - place[last][:, None])
-    velocity, jump = fitted[:, 1], fitted[:, 4]
+    velocity = fitted[:, 1]
+    jump = fitted[:, 4]
     spread = np.linalg.norm(inverse[:, 4], axis=1) * np.max(track.noise[:2])
     least = np.maximum(
         _SMALL[1, 0] + THRESHOLD * spread, _STOPS * np.hypot(*velocity.T)

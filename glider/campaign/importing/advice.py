@@ -72,7 +72,8 @@ def _search(
     first: Change, claim: Mapping, recordings: Sequence[Recording], make: Make
 ) -> tuple[list[_Trial], list[_Trial]]:
     """Tries changes beside a first one; the best two that pass, and those that fail."""
-    trials, some = [], _some(recordings)
+    trials = []
+    some = _some(recordings)
     for part, value in _changes(claim, some[0]):
         with contextlib.suppress(InputError):
             if (changed := _changed(claim, part, value)) != claim:
@@ -98,9 +99,12 @@ def _try(
     """What a mapping makes of recordings; None where that is no campaign."""
     with contextlib.suppress(InputError):
         campaign, check = make(recordings, mapping)
-        fails, doubts, exchanges = True, 0, "columns" in change
+        fails = True
+        doubts = 0
+        exchanges = "columns" in change
         with contextlib.suppress(InputError):
-            doubts, fails = len(check().undecided), False
+            doubts = len(check().undecided)
+            fails = False
         misfit = round(misfit_of(campaign), 6)
         rows = sum(len(flight.time) for flight in campaign.flights)
         if len(campaign.flights) >= MIN_FLIGHTS:
@@ -119,7 +123,8 @@ def _some(recordings: Sequence[Recording]) -> list[Recording]:
 
 def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
     """Yields single changes of a mapping: a part, and its new value or fields."""
-    columns, signs = claim.columns, FRAME_CHOICES["elevator"][0]
+    columns = claim.columns
+    signs = FRAME_CHOICES["elevator"][0]
     yield "clock", "find"
     angles = [name for name in columns if QUANTITIES[name] == "angle"]
     for name in ("length", "time", "angle", "rate", *angles):

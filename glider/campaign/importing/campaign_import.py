@@ -84,7 +84,8 @@ class ImportResult:
 
     def report(self) -> dict[str, Any]:
         """All of it, as JSON has it; times are those of the recordings [s]."""
-        flights, names = [], (flight.name for flight in self.campaign.flights)
+        flights = []
+        names = (flight.name for flight in self.campaign.flights)
         for recording in self.recordings:
             for flight in recording.flights:
                 (begin, end), rows = flight.span, len(flight.table.columns["time"])
@@ -290,7 +291,9 @@ def _extract(
     clocked, warnings = _on_one_clock(tracks, [cuts for cuts, _ in found], mapping)
     recordings = []
     for (track, of_clock, std), (cuts, of_cuts) in zip(clocked, found, strict=True):
-        flights, notes, log = [], of_cuts + of_clock, settings.servo
+        flights = []
+        notes = of_cuts + of_clock
+        log = settings.servo
         for piece in cuts:
             flight = turn_along(dataclasses.replace(piece.track, servo=track.servo))
             columns, servo = _columns(flight, settings, mapping.source)
@@ -360,7 +363,8 @@ def _check_clock(
     if not offsets:
         return read, ()
     found, std = np.median([(o.seconds, o.std) for o in offsets], axis=0)
-    off, share = abs(clock - found), read**2 / (read**2 + std**2)
+    off = abs(clock - found)
+    share = read**2 / (read**2 + std**2)
     if off <= _OFF * math.hypot(std, 0.1 ** max(digits, 2) / math.sqrt(12.0)):
         return math.hypot(share * off, math.sqrt(share) * std), ()
     words = (

@@ -64,7 +64,8 @@ class _Turning(NamedTuple):
 
     def column(self, offset: float) -> np.ndarray:
         """V² sin(elevator - alpha) (k,) at an offset; beyond its log it rests."""
-        log, at = self.elevator, self.time + offset
+        log = self.elevator
+        at = self.time + offset
         # The cubics average the acceleration over a window; so is the elevator here.
         delays = (-0.25 * SPAN, 0.0, 0.25 * SPAN)
         angles = [np.interp(at + d, log.time, log.values[:, 0]) for d in delays]
@@ -87,7 +88,8 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
     several = len(recordings) > 1
     first = max(t.elevator.time[0] - t.track.time[-1] for t in turnings)
     last = min(t.elevator.time[-1] - t.track.time[0] for t in turnings)
-    track, offsets = turnings[0].track, np.arange(first, last + _STEP, _STEP)
+    track = turnings[0].track
+    offsets = np.arange(first, last + _STEP, _STEP)
     only = _ONLY_COMMON if several else _ONLY
     try:
         common = _best(track, offsets, _follow_pitch(turnings), only=only)
@@ -137,7 +139,8 @@ def _refine(
 ) -> list[Offset]:
     """Offsets refined with the effect, by Gauss-Newton, and their standard errors."""
     place = np.zeros(len(found), int) if common else np.arange(len(found))
-    offsets, std = np.array([f.seconds for f in found]), np.full(len(found), _COARSE)
+    offsets = np.array([f.seconds for f in found])
+    std = np.full(len(found), _COARSE)
     rate = 1.0 / np.median(np.diff(turnings[0].track.time))
     for _ in range(_ITERATIONS):
         designs = []
@@ -196,7 +199,8 @@ def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
     assert elevator is not None
     motion = join([calc_motion(f.time, planar_pose(f)) for f in flights])
     (vx, vz, rate), speed = motion.velocity.T, motion.speed
-    alpha, square = np.arctan2(-vz, vx) - motion.pose[:, 2], speed**2
+    alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]
+    square = speed**2
     lift = [square * np.sin(alpha), square * np.cos(alpha)]
     base = np.column_stack([np.ones(len(speed)), *lift, speed * rate])
     target = motion.acceleration[:, 2]

@@ -58,7 +58,8 @@ class Cut(NamedTuple):
 
 def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     """Finds the flights of a recording in their order; notes what was omitted."""
-    flights, notes = [], [*track.notes]
+    flights = []
+    notes = [*track.notes]
     frozen = find_repeats(track.position, _EQUAL_ROWS)
     again = find_stale(track.time, track.position) & ~frozen
     track = take(track, ~again)
@@ -99,7 +100,8 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
 def _parts(track: Track, seen: np.ndarray, gravity: float) -> list[tuple[int, int]]:
     """First and last row of each part in which the body is seen and moves."""
     rows = np.flatnonzero(seen)
-    time, position = track.time[rows], track.position[rows]
+    time = track.time[rows]
+    position = track.position[rows]
     breaks = [
         gap
         for gap in (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
@@ -126,7 +128,8 @@ def _flies_on(time: np.ndarray, position: np.ndarray, gap: int, gravity: float) 
     A hand that caught and threw it again took as long as a throw; one that threw it
     gave it energy, as in `_find_release`.
     """
-    begin, end = time[gap - 1], time[gap]
+    begin = time[gap - 1]
+    end = time[gap]
     if end - begin > _THROW:
         return False
     near = slice(*np.searchsorted(time, [begin - 2.0 * SPAN, end + 2.0 * SPAN]))
@@ -173,12 +176,14 @@ def _find_flight(
     start = f"the {'motor is off' if motor_stopped else 'body is seen'} from here on"
     release = None if motor_stopped else _find_release(motion, energy, push)
     if release is not None:
-        begin, start = release + _AFTER_RELEASE, f"a hand lets go at {release:.3f} s"
+        begin = release + _AFTER_RELEASE
+        start = f"a hand lets go at {release:.3f} s"
     after = part.time >= begin
     if np.sum(after) < _MIN_ROWS:
         return "the hand never lets go"
     free = take(part, after)
-    end, stop = free.time[-1], "the body is seen, and moves, until here"
+    end = free.time[-1]
+    stop = "the body is seen, and moves, until here"
     contact = _find_contact(free)
     if contact is None and margin:
         end -= margin
@@ -231,7 +236,8 @@ def _find_contact(flight: Track) -> float | None:
     same = np.flatnonzero(~faulty)
     if len(same) and flight.time[same[0]] - flight.time[0] > _SHORTEST:
         steps = np.linalg.norm(np.diff(flight.position, axis=0), axis=1)
-        speed, before = steps / np.diff(flight.time), take(flight, slice(same[0]))
+        speed = steps / np.diff(flight.time)
+        before = take(flight, slice(same[0]))
         # What follows may be a slide, and longer.
         if np.median(speed[same[0] :]) < _STOPPED * np.median(speed[: same[0]]):
             contact = _find_contact(before)

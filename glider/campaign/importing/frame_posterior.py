@@ -103,7 +103,8 @@ def rank_rotations(
 
 
 def _is_same(one: Track, other: Track) -> bool:
-    a, b = one.rotation, other.rotation
+    a = one.rotation
+    b = other.rotation
     return a is not None and b is not None and np.allclose(a, b, atol=_SAME)
 
 
@@ -172,7 +173,8 @@ def _judge(
     for nose, top in pairs:
         if nose[-1] == top[-1]:
             continue
-        ahead, over = unit_vector(nose), unit_vector(top)
+        ahead = unit_vector(nose)
+        over = unit_vector(top)
         left = np.cross(over, ahead)
         # Bodies are often defined as they lie upright, or with x ahead.
         usual = 0.1 * (top == up) + 0.2 * (nose == "x" and top[-1] == "z") + 0.008
@@ -196,14 +198,16 @@ class _Forces:
         rows = np.repeat(np.eye(len(flights)), [len(turn) for _, turn in flights], 0)
         offsets = np.einsum("nf,cd->ncfd", rows, np.eye(3)).reshape(len(turn), 3, -1)
         design = np.dstack([forces, offsets])
-        own, target = np.ones(len(turn), dtype=bool), acceleration - _DOWN
+        own = np.ones(len(turn), dtype=bool)
+        target = acceleration - _DOWN
         for _ in range(4):  # Rows that forces of any body explain.
             part = design[own].reshape(-1, design.shape[2])
             square = part.T @ part + np.eye(design.shape[2])
             fitted = np.linalg.solve(square, part.T @ target[own].reshape(-1))
             rest = np.linalg.norm(target - design @ fitted, axis=1)
             own = rest < _FAR * max(float(np.median(rest[own])), _NOISES[0])
-        size, acceleration = 3 * int(np.sum(own)), acceleration[own]
+        size = 3 * int(np.sum(own))
+        acceleration = acceleration[own]
         self._design = design[own].reshape(size, -1)
         self._target = target[own].reshape(-1)
         self._square = self._design.T @ self._design

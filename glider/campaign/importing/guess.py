@@ -45,7 +45,8 @@ from glider.progress import silent
 _ELEVATOR = r"elev|(^|_)de(_|$)|delta|servo|h(ö|oe|o)hen|ruder|prof[ou]nd|flap|joint"
 _COMMAND = r"cmd|command|soll|setp|(^|_)(set|sp|ref)(_|$)|consigne|kommando|comando"
 _IS_RATE = r"rate|dot|vel|d(e)?g?ps|geschw|vitesse"
-_RATE, _ANGLE = "elevator_rate_command", "elevator_angle_command"
+_RATE = "elevator_rate_command"
+_ANGLE = "elevator_angle_command"
 _NAMES = {  # What names contain, in lower case, words parted by _, without units.
     "time": r"(^|_)(ts?|time|zeit|timestamp|secs?|seconds|clock|temps|tiempo|tempo)"
     r"(_|$)",
@@ -142,7 +143,8 @@ def _propose(
             (readings[0][0], 0.0)
         ]
     frame, probability = ranked[0]
-    campaign, frame = _make_campaign(recordings, claim(frame)), dict(frame)
+    campaign = _make_campaign(recordings, claim(frame))
+    frame = dict(frame)
     servo = campaign.elevator == "servo"
     servo_why = _guess_elevator(campaign, frame) if servo else ""
     campaign = _make_campaign(recordings, claim(frame))  # Also with its signs.
@@ -224,7 +226,8 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
 def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
     """What a mapping makes of recordings."""
     servo = any(name.startswith("elevator") for name in claim.columns)
-    fixed, moving = Vehicle(elevator="fixed"), Vehicle(elevator_rate_limit=_RATE_LIMIT)
+    fixed = Vehicle(elevator="fixed")
+    moving = Vehicle(elevator_rate_limit=_RATE_LIMIT)
     settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
     cuts = cut_recordings(recordings, claim, settings)
     if not any(cut.flights for cut in cuts):
@@ -235,7 +238,8 @@ def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
 
 def _priors(log: Recording, columns: Columns) -> tuple[list[tuple[Fields, float]], str]:
     """Ways to read the attitude with their priors, and the usual axis that is up."""
-    z, usual = _words(columns.get("z", "z")), log.up
+    z = _words(columns.get("z", "z"))
+    usual = log.up
     if not re.search("z$", z):
         usual = "-z" if re.search("down|unten|bas|abajo", z) else "z"
     attitude = columns.get("attitude")
@@ -401,7 +405,8 @@ def _other_bodies(log: Recording, columns: Columns) -> str:
     own, attitude = (columns.get(q) for q in ("position", "attitude"))
     if not isinstance(own, str) or not isinstance(attitude, str):
         return ""
-    end, turn = own.rpartition(".")[2], attitude.rpartition(".")[2]
+    end = own.rpartition(".")[2]
+    turn = attitude.rpartition(".")[2]
     names = [split_suffix(name)[0] for name in _addresses(log)]
     stems = dict.fromkeys(re.sub(r"[._ ]?[xX]$", "", name) for name in names)
     owners = [s.removesuffix(end) for s in stems if s.endswith(f".{end}") and s != own]
@@ -446,7 +451,8 @@ def _guess_units(
         turns = quantity in ("elevator", _ANGLE)
         ranges = _TRAVEL if turns else _RANGES[kind]
         fits = [unit for most, unit in ranges if reach > most]
-        why, unit = f"'{quantity}' reaches {reach:.4g}", found[0][1]
+        why = f"'{quantity}' reaches {reach:.4g}"
+        unit = found[0][1]
         if unit is None and turns and _are_pulses(values):
             why = f"? {why}: microseconds, and gain is the angle of one in rad"
             units[quantity] = _PULSE_SCALE, why

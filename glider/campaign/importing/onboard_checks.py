@@ -37,7 +37,9 @@ def read_sensors(flight: Track, gravity: float) -> dict[str, np.ndarray]:
     velocity [m/s], or of speeds over ground and in the air [m/s]; and the pitch rates
     of the gyro (n,) [rad/s], NaN in rows that no value of its own is near.
     """
-    turn, time, onboard = flight.rotation, flight.time, flight.onboard
+    turn = flight.rotation
+    time = flight.time
+    onboard = flight.onboard
     pitch = angles_of(flight)[0][:, None]
     turn = Rotation.from_euler("y", pitch).as_matrix() if turn is None else turn
     stride = max(round(_SPAN / float(np.median(np.diff(time)))), 1)
@@ -55,7 +57,8 @@ def read_sensors(flight: Track, gravity: float) -> dict[str, np.ndarray]:
         readings[PITCH_RATE] = np.sum(body * _averaged(gyro, time), axis=1)
     if onboard.acceleration is not None:
         push = np.einsum("nij,nj->ni", turn, _at(onboard.acceleration, time))
-        push, velocity = push - [0.0, 0.0, gravity], motion.velocity[:, :3]
+        push = push - [0.0, 0.0, gravity]
+        velocity = motion.velocity[:, :3]
         readings["acceleration"] = _changes(motion.time, velocity, time, push)
     if onboard.airspeed is not None and len(motion.time):
         speed = np.linalg.norm(motion.velocity[:, :3], axis=1, keepdims=True)
@@ -73,7 +76,8 @@ def check_sensors(
         if len(pairs) < _ENOUGH:
             continue
         (poses, both), (_, sensors) = pairs.T @ pairs + 1e-12
-        ratio, correlation = both / sensors, both / np.sqrt(poses * sensors)
+        ratio = both / sensors
+        correlation = both / np.sqrt(poses * sensors)
         error = np.sqrt(max(poses / sensors - ratio**2, 0.0) / len(pairs))
         off = abs(ratio - 1.0) - 2.0 * error
         words = (

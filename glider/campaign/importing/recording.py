@@ -187,7 +187,8 @@ class Scale:
 
     def __post_init__(self):
         """Raises InputError where a logged value would be lost."""
-        both, numbers = [self.gain, self.zero], "finite numbers, the gain other than 0"
+        both = [self.gain, self.zero]
+        numbers = "finite numbers, the gain other than 0"
         fits = self.gain and all(map(math.isfinite, both))
         expect(fits, "units: [gain, zero]", both, numbers)
 
@@ -211,7 +212,8 @@ def scale_of(unit: Unit, kind: str, source: str) -> Scale:
     """Scale of a unit of a kind; the source is for the message."""
     if isinstance(unit, Scale):
         return unit
-    factors, spelled = UNITS[kind], spell(unit)
+    factors = UNITS[kind]
+    spelled = spell(unit)
     if spelled not in factors:
         raise InputError(
             f"{source}: found {show(unit)}; expected one of {', '.join(factors)}, "

@@ -75,7 +75,8 @@ class Picker:
 
     def __init__(self, recording: Recording, mapping: Mapping) -> None:
         """Picks from a recording as a mapping specifies."""
-        self._recording, self._mapping = recording, mapping
+        self._recording = recording
+        self._mapping = mapping
 
     def position(self) -> Stream:
         """Positions (n, 3) x, y, z, or (n, 2) x and the axis that is vertical [m]."""
@@ -253,7 +254,8 @@ class Picker:
         if isinstance(name, str):  # Perhaps of a body or a marker.
             names = (name, f"{name}.Position")
             shapes = [(n, axes) for n in names for axes in _PLANE]
-            field, find = self._field(quantity), self._recording.find_all
+            field = self._field(quantity)
+            find = self._recording.find_all
             name = next((n for n, axes in shapes if find(n, axes, field)), name)
         axes, found = self._find(quantity, name, _PLANE, "with x, y, z")
         if len(axes) == 2:
@@ -264,7 +266,8 @@ class Picker:
 
     def _check_vertical(self, axes: Sequence[str]) -> None:
         """Refuses axes in a plane the second of which is not the vertical one."""
-        up, forward = self._mapping.frame.up, self._mapping.frame.forward or "x"
+        up = self._mapping.frame.up
+        forward = self._mapping.frame.forward or "x"
         if up[-1] != axes[1] or forward[-1] != "x":
             raise InputError(
                 f"{self._mapping.source}: frame: up is {up} and forward is {forward}, "
@@ -306,7 +309,8 @@ class Picker:
             raise self._error("time", f"{reason} (named {named!r})")
         time = self._scaled("time", times)
         known = np.isfinite(time)
-        time, values = time[known], values[known]
+        time = time[known]
+        values = values[known]
         later = np.diff(time, prepend=-np.inf) > 0.0
         starts = find_restarts(time)
         if starts or (len(later) and np.mean(later) < 0.9):
@@ -323,7 +327,8 @@ class Picker:
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
         """A column in SI; refuses a unit that the file contradicts."""
-        path, mapped = self._recording.path, self._mapping.units
+        path = self._recording.path
+        mapped = self._mapping.units
         if column.fault:
             raise InputError(f"{path}: {column.fault}")
         kind = QUANTITIES[quantity]

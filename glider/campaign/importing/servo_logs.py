@@ -105,7 +105,9 @@ def _from_angles(
             )
         rate = _row_rates(time, savgol_filter(measured, 5, 2))
         limit = max(float(np.max(np.abs(rate))), _LEAST_LIMIT)
-    step, goals, gaps = asked.step, asked.values[:, 0], np.diff(asked.time)
+    step = asked.step
+    goals = asked.values[:, 0]
+    gaps = np.diff(asked.time)
     is_step = (gaps > 1.5 * step) | (np.abs(np.diff(goals)) > limit * gaps)
     rows = np.flatnonzero(is_step)
     given = asked.time[rows + 1] - 0.5 * np.minimum(step, gaps[rows])
@@ -114,7 +116,8 @@ def _from_angles(
     angle = path(np.clip(time, begins[0], begins[-1]))
     for k, reach in enumerate(limit * np.diff(time)):
         angle[k + 1] = angle[k] + np.clip(angle[k + 1] - angle[k], -reach, reach)
-    rate, std = _row_rates(time, angle), step / math.sqrt(12.0)
+    rate = _row_rates(time, angle)
+    std = step / math.sqrt(12.0)
     note = f"the commanded angle became rates of at most {limit:.3g} rad/s"
     if measured is not None:
         log = ServoLog(command="converted", command_std=std)
@@ -144,7 +147,8 @@ def _from_rates(
     if (np.abs(rates.time[held] - time) < _SAME * step).all():
         return rates.values[held, 0], None
     near = _around(rates, time)
-    logged, values = rates.time[near], rates.values[near, 0]
+    logged = rates.time[near]
+    values = rates.values[near, 0]
     changes = np.flatnonzero(np.diff(values)) + 1
     begins, held = command_steps(logged, values, command_rate)
     if len(changes):
@@ -167,7 +171,8 @@ def _between_rows(time: np.ndarray, elevator: Stream, tape: Tape) -> np.ndarray:
     path is taken, with the delay and lag that fit best, and what it leaves is smooth.
     """
     used = _around(elevator, time)
-    rows, angle = elevator.time[used], elevator.values[used, 0]
+    rows = elevator.time[used]
+    angle = elevator.values[used, 0]
 
     def path(query: np.ndarray, late: np.ndarray) -> np.ndarray:
         lag = abs(late[1])
@@ -184,7 +189,8 @@ def align_commands(campaign: Campaign) -> Campaign:
     Each file leaves open when a command was given, within the steps of its log.
     """
     delays = [calc_correlation([f], {}, _DELAYS)[1] for f in campaign.flights]
-    most, flights = _ALIGNED * campaign.servo.command_std, []
+    most = _ALIGNED * campaign.servo.command_std
+    flights = []
     late = np.clip(np.array(delays) - np.median(delays), -most, most)
     for flight, seconds in zip(campaign.flights, late, strict=True):
         assert flight.command is not None
@@ -218,7 +224,8 @@ def _check_reach(
 
 def _check_covered(flight: Track, stream: Stream, source: str) -> None:
     """Refuses a log that does not last over the flight."""
-    begin, end = flight.time[0], flight.time[-1]
+    begin = flight.time[0]
+    end = flight.time[-1]
     pause = np.max(np.diff(stream.time), initial=_SLACK)  # Of a log of changes.
     if stream.time[0] > begin + _SLACK or stream.time[-1] < end - pause:
         raise InputError(

@@ -66,7 +66,8 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
 def misfit_of(campaign: Campaign) -> float:
     """Misfit of forces [m/s²], times the share of moments that is left if a servo."""
     motions = {f.name: forces.usable_motion(f, {}) for f in campaign.flights}
-    motion, down = forces.join(list(motions.values())), [0.0, -campaign.gravity]
+    motion = forces.join(list(motions.values()))
+    down = [0.0, -campaign.gravity]
     misfit = forces.fit_forces(motion, np.array(down), signs=(1,)).misfit
     if campaign.elevator != "servo":
         return misfit

@@ -26,7 +26,8 @@ def find_restarts(time: np.ndarray) -> list[int]:
     """Rows at which times (n,) start again: they fall back, and stay behind."""
     known = np.flatnonzero(np.isfinite(time))
     values = time[known]
-    starts, begin = [], 0
+    starts = []
+    begin = 0
     for row in (np.flatnonzero(np.diff(values) < 0.0) + 1).tolist():
         following = values[row : row + FEWEST_ROWS]
         behind = np.max(following) < np.max(values[begin:row])
@@ -92,7 +93,8 @@ def _spans(
 ) -> list[tuple[str, slice]]:
     """A name for each flight of a group, and its rows."""
     rows = max((len(column.values) for column in group.columns.values()), default=0)
-    name, cells = columns.get(FLIGHT, FLIGHT), [""] * rows
+    name = columns.get(FLIGHT, FLIGHT)
+    cells = [""] * rows
     column = group.columns.get(name.removeprefix(f"{group.name}."))
     if column is not None:
         numbers = (f"{v:g}" if np.isfinite(v) else "" for v in column.values)
@@ -108,7 +110,8 @@ def _spans(
         )
     is_flag = len(set(labels)) < min(len(labels), 3) and FLIGHT not in columns
     if is_short or is_flag:  # It says something else, such as whether it flies.
-        changes, labels = [], []
+        changes = []
+        labels = []
     time = recording.find_times(group, columns.get("time", "time"), rows)
     starts = sorted({0, *changes, *(find_restarts(time.values) if time else [])})
     pairs = list(itertools.pairwise((*starts, rows)))
@@ -127,6 +130,7 @@ def _take(group: Group, rows: slice) -> Group:
     """Some rows of a group."""
     columns = {}
     for name, column in group.columns.items():
-        values, labels = column.values[rows], column.labels and column.labels[rows]
+        values = column.values[rows]
+        labels = column.labels and column.labels[rows]
         columns[name] = dataclasses.replace(column, values=values, labels=labels)
     return dataclasses.replace(group, columns=columns)

@@ -43,12 +43,14 @@ class Track:
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:
     """Turns a recording into the axes and signs of this project."""
-    frame, pick = mapping.frame, Picker(recording, mapping)
+    frame = mapping.frame
+    pick = Picker(recording, mapping)
     logged = pick.position()
     attitude = pick.attitude() or pick.scalars(("pitch",))
     signs = (frame.elevator, frame.command, frame.command)
     servo = ServoLogs(*map(_signed, pick.servo(), signs))
-    time, position = logged.time, logged.values
+    time = logged.time
+    position = logged.values
     planar = position.shape[1] == 2
     world, along_throw = _world_axes(frame, planar)
     if planar:
@@ -89,7 +91,8 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
     if rotation is not None:
         position = position - rotation @ np.array([ahead, 0.0, above])
     elif pitch is not None and (ahead or above):
-        cos, sin = np.cos(pitch), np.sin(pitch)
+        cos = np.cos(pitch)
+        sin = np.sin(pitch)
         position[:, 0] -= ahead * cos + above * sin
         position[:, 2] -= above * cos - ahead * sin
     return Track(
@@ -190,7 +193,8 @@ def _world_axes(frame: Frame, planar: bool) -> tuple[np.ndarray, bool]:
 
     In a plane the log's axes are x and the vertical one, which becomes z.
     """
-    forward, up = frame.forward, unit_vector(frame.up)
+    forward = frame.forward
+    up = unit_vector(frame.up)
     if planar:
         forward = forward or "x"
         # y is not logged: it is what makes the axes right-handed.

@@ -285,7 +285,8 @@ class EffectKind:
         """Returns this effect with the given coefficients, others at default."""
         names = [c.name for c in self.coefficients]
         for name in values:
-            known, what = f"one of {', '.join(names)}", f"effect '{self.kind}'"
+            known = f"one of {', '.join(names)}"
+            what = f"effect '{self.kind}'"
             expect(name in names, f"{what}: a coefficient", name, known)
         complete = []
         for c in self.coefficients:
@@ -321,7 +322,8 @@ def _check_form(kind: EffectKind) -> None:
     where = f"effect '{kind.kind}'"
     needed = f"one of {', '.join(STAGES)}"
     expect(kind.stage in STAGES, f"{where}: stage", kind.stage, needed)
-    terms, is_actuator = STAGES[kind.stage], kind.stage == "actuator"
+    terms = STAGES[kind.stage]
+    is_actuator = kind.stage == "actuator"
     fits = bool(kind.adds_to) != is_actuator and set(kind.adds_to) <= set(terms)
     needed = f"a choice of {', '.join(terms) or '()'} at stage {kind.stage}"
     expect(fits, f"{where}: adds_to", kind.adds_to, needed)
@@ -345,7 +347,8 @@ def _check_form(kind: EffectKind) -> None:
     if kind.unknown_without:
         facts.add(kind.unknown_without[0])
     expect(facts <= {*FACTS}, f"{where}: its needs", sorted(facts), needed)
-    scales, states = len(kind.state_scales), len(kind.states)
+    scales = len(kind.state_scales)
+    states = len(kind.states)
     what = f"{where}: the length of state_scales"
     expect(scales in (0, states), what, scales, f"{states}, one for each state")
 
@@ -364,7 +367,8 @@ def _check_coefficient(where: str, c: Coefficient) -> None:
 
 def _check_defaults(kind: EffectKind) -> None:
     """Checks that the effect does nothing, whatever its shapes, with default sizes."""
-    is_actuator, defaults = kind.stage == "actuator", kind.defaults
+    is_actuator = kind.stage == "actuator"
+    defaults = kind.defaults
     where = f"effect '{kind.kind}'"
     if kind.replay is not None:
         found = kind.replay(Replay(), *defaults)
@@ -406,7 +410,8 @@ def try_formulas(
     Raises:
         InputError: a formula fails, or returns other than finite numbers.
     """
-    is_actuator, flow = kind.stage == "actuator", _TRIAL_FLOW
+    is_actuator = kind.stage == "actuator"
+    flow = _TRIAL_FLOW
     along = flow.elevator_rate if is_actuator else flow
     given = Motion(*flow[: len(Motion._fields)]) if kind.stage == "air" else along
 

@@ -37,14 +37,14 @@ AIR_TERMS = ("wind_x", "wind_z")
 COEFFICIENTS = ("c_lift", "c_drag", "c_moment")
 """Coefficients referred to ½ ρ V² S_w, the moment without a chord [-, -, m]."""
 
-TAIL_TERMS = ("elevator_factor", "tail_downwash", "tail_angle")
+_TAIL_TERMS = ("elevator_factor", "tail_downwash", "tail_angle")
 """Relative change of the elevator's force [-]; angle by which the stream at the tail is
 turned down, as by the wing's downwash; angle that is added to the elevator's [rad]."""
 
-WING_TERMS = ("wing_factor", "c_normal")
+_WING_TERMS = ("wing_factor", "c_normal")
 """Relative change of the wing's force; coefficient of its normal force [-]."""
 
-BODY_TERMS = ("push", "c_axial")
+_BODY_TERMS = ("push", "c_axial")
 """Force forward along the body axis over the mass [m/s²]; coefficient of one backward,
 referred to ½ ρ V² S_w [-]."""
 
@@ -58,7 +58,7 @@ SENSOR_TERMS = ("pose_x", "pose_z", "pose_pitch")
 _SENSOR_VARIABLES = "x", "z", "pitch"
 
 FIELD_TERMS = (
-    *(*AIR_TERMS, *COEFFICIENTS, *TAIL_TERMS, *WING_TERMS, *BODY_TERMS),
+    *(*AIR_TERMS, *COEFFICIENTS, *_TAIL_TERMS, *_WING_TERMS, *_BODY_TERMS),
     *INERTIA_TERMS,
     *SENSOR_TERMS,
 )
@@ -143,7 +143,8 @@ def field_air(flow, field):
         variables = field_variables(flow)
         last = field.tangent.shape[0] - 1
         for d in range(last + 1):
-            slopes, apart = field.tangent[d], 1.0
+            slopes = field.tangent[d]
+            apart = 1.0
             if d < last:
                 apart = variables[d] - slopes[0]
             wind_x = wind_x + apart * slopes[1]
@@ -181,7 +182,8 @@ def field_terms(flow, field):
         variables = field_variables(flow)
         last = field.tangent.shape[0] - 1
         for d in range(last + 1):
-            slopes, apart = field.tangent[d], 1.0
+            slopes = field.tangent[d]
+            apart = 1.0
             if d < last:
                 apart = variables[d] - slopes[0]
             lift = lift + apart * slopes[3]
@@ -300,7 +302,8 @@ def make_field(data: FieldData) -> Field:
     inverse_widths = np.zeros_like(centers)
     rows = [FIELD_VARIABLES.index(name) for name in data.variables]
     for m, center in enumerate(data.centers):
-        good, needed = len(center) == len(rows), f"{len(rows)} numbers"
+        good = len(center) == len(rows)
+        needed = f"{len(rows)} numbers"
         expect(good, f"{field}: center {m}", center, needed)
         centers[rows, m] = center
     for row, own in zip(rows, data.widths, strict=True):

@@ -27,7 +27,8 @@ def _attached_lift(flow, slope, stall_angle, fade):
 
 @scalar
 def _camber(flow, zero_lift_angle):
-    sine, cosine = np.sin(zero_lift_angle), np.cos(zero_lift_angle)
+    sine = np.sin(zero_lift_angle)
+    cosine = np.cos(zero_lift_angle)
     return 2.0 * (flow.sin_alpha * (cosine - 1.0) - flow.cos_alpha * sine)
 
 

@@ -18,7 +18,9 @@ from matplotlib.ticker import NullLocator
 from glider.report.plots import figure as spec
 from glider.report.plots.style import COLORS, STYLE
 
-_WIDTH, _DPI = 720.0, 110.0  # Of a picture in points, and its dots per inch.
+# Of a picture in points, and its dots per inch.
+_WIDTH = 720.0
+_DPI = 110.0
 _PIXEL = 72.0 / 92.0  # Height of a page's pixel in points.
 _LETTER = 5.2  # Width of a letter in points.
 _LINE = 13.0  # Height of a line of text in points.

@@ -94,7 +94,9 @@ VARIABLES = {
 }
 """Variable to its axis label and the factor from SI."""
 
-_FRAME, _GRID = "#444444", "#E4E4E4"  # Colours of axes.
+# Colours of axes.
+_FRAME = "#444444"
+_GRID = "#E4E4E4"
 
 STYLE: Any = {
     "axes.axisbelow": True,

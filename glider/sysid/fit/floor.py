@@ -82,7 +82,8 @@ class Floor:
         """
         if not 0 < flights <= len(self.rows) or not self._is_known[:flights].all():
             return np.inf
-        of_flights, rows = self.squares[:flights, 0], self.rows[:flights]
+        of_flights = self.squares[:flights, 0]
+        rows = self.rows[:flights]
         squares = np.average(of_flights, axis=0, weights=rows)
         logs = 0.5 * np.log(squares / squares.mean())
         spread = np.hypot(logs.std(), self.accuracy)
@@ -135,10 +136,12 @@ def _squares(
     pitch_ratio: float,
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
-    flight, count = linearize(record, model.theta, model.field), _REPLICAS
+    flight = linearize(record, model.theta, model.field)
+    count = _REPLICAS
     moves, shows = _transitions(flight, truth)
     (nodes, channels, total), n = shows.shape, len(flight.states)
-    seen, sensors = record.seen, np.array(model.scales.sensors[:channels])
+    seen = record.seen
+    sensors = np.array(model.scales.sensors[:channels])
     first = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
     stds = np.sqrt(start_variances(flight, truth))
     # The launch but for the elevator's rest and memory; unmodelled accelerations.
@@ -156,13 +159,15 @@ def _squares(
     if not np.max(np.abs(shown)) < _GROWTH:
         return np.full((4, count), np.inf)
     weights = first[..., None] / sensors[:, None]
-    columns, values = (weights * shown).reshape(-1, total), weights * measured
+    columns = (weights * shown).reshape(-1, total)
+    values = weights * measured
     prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
     right = columns.T @ values.reshape(-1, count)
     known = np.linalg.solve(columns.T @ columns + prior, right)
     known[n : n + PROCESSES] = 0.0
     error = (measured - shown @ known)[seen[:, 0]]
-    free, pitch = np.sum(error[:, :2] ** 2, axis=1), error[:, PITCH] ** 2
+    free = np.sum(error[:, :2] ** 2, axis=1)
+    pitch = error[:, PITCH] ** 2
 
     maps = smoothing_maps(record.time[seen[:, 2]], record.time, pitch_ratio)[:2]
     known[_TRANSLATED] = 0.0
@@ -175,7 +180,8 @@ def _squares(
     guided = (shows @ _flown(moves, start))[:, :2]
     if not np.max(np.abs(guided)) < _GROWTH:
         return np.full((4, count), np.inf)
-    left, columns = measured[:, :2] - guided[..., :count], guided[..., count:]
+    left = measured[:, :2] - guided[..., :count]
+    columns = guided[..., count:]
     fitted = first[:, :2]
     step = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]
     along = np.sum((left - columns @ step)[seen[:, 0]] ** 2, axis=1)
@@ -184,7 +190,8 @@ def _squares(
 
 def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.ndarray]:
     """How deviations move, (K, n + 8, n + 8), and show, (K + 1, C, n + 8)."""
-    n, total = len(flight.states), len(flight.start)
+    n = len(flight.states)
+    total = len(flight.start)
     steps = np.diff(flight.record.time)[:, None]
     moves = np.tile(np.eye(total), (len(steps), 1, 1))
     moves[:, :n, :n] = flight.by_x
@@ -244,7 +251,8 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
         curvature = (costs[0] - 2.0 * here + costs[1]) / _STEP**2
         return (costs[0] - costs[1]) / (2.0 * _STEP), float(curvature.sum())
 
-    theta, field = model.theta, field_of(model)
+    theta = model.theta
+    field = field_of(model)
     values = [variables_between(values_at_nodes(f, theta, field)) for f in flights]
     sizes = np.abs(np.concatenate(values))
     overall, _ = slopes(np.ones(len(sizes)))

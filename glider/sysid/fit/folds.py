@@ -42,7 +42,8 @@ class Gains:
     @property
     def least_t(self) -> float:
         """Student's t within which so many gains of nothing are, with LEVEL."""
-        count, level = len(self.values), 0.5 * (1.0 + LEVEL)
+        count = len(self.values)
+        level = 0.5 * (1.0 + LEVEL)
         return float(stdtrit(count - 1, level)) if count > 1 else np.inf
 
     @property
@@ -73,7 +74,8 @@ class HeldOut:
 
         A few flights, such as one on which a model diverges, decide nothing.
         """
-        place, names = WAYS.index(way), (model, "corrected")
+        place = WAYS.index(way)
+        names = (model, "corrected")
         both = np.array([[p[n][place] for n in names] for p in self.paths.values()])
         flown = both[np.isfinite(both).any(axis=1)]
         lost = np.log([ratio_of(*own) + 1e-12 for own in flown])
@@ -119,9 +121,11 @@ def hold_out(
     refits = {n: _Refits(task, m, m is corrected) for n, m in models.items()}
     rollouts = {name: flown_by(task, own, scales) for name, own in models.items()}
     costs = {name: np.zeros(count) for name in models}
-    paths, folds = dict[str, dict[str, np.ndarray]](), []
+    paths = dict[str, dict[str, np.ndarray]]()
+    folds = []
     for part in parts:
-        unseen, rest = [task.records[i] for i in part], is_fitted.astype(float)
+        unseen = [task.records[i] for i in part]
+        rest = is_fitted.astype(float)
         rest[part] = 0.0
         flown = {}
         for name, refit in refits.items():
@@ -146,7 +150,8 @@ class _Refits:
     """A model, made again from some flights."""
 
     def __init__(self, task: Task, model: FitResult, is_searched: bool):
-        self.task, self.is_searched = task, is_searched
+        self.task = task
+        self.is_searched = is_searched
         self.model = model = model_fit.in_surroundings(
             task, model, model_fit.error_flights(task, model)
         )
@@ -159,7 +164,8 @@ class _Refits:
             # What of each column acts in the model, and the error.
             self.given = np.append(shifted[:-1, -1], 1.0)
         else:
-            self.given, self.prior = unit[-1], model_fit.prior_of(task, model)
+            self.given = unit[-1]
+            self.prior = model_fit.prior_of(task, model)
         # The likelihood is a square of changes and what depends on the scales alone.
         self.constant = now - 0.5 * self.grams[:, -1, -1]
 
@@ -172,11 +178,13 @@ class _Refits:
         unknown of the coefficients counts with the noise, so that a flight beyond the
         range of the others is not held against a model that does not know it.
         """
-        model, columns = self.model, list(range(len(self.prior.mean)))
+        model = self.model
+        columns = list(range(len(self.prior.mean)))
         if self.is_searched:
             model, found = search_about(self.candidates, self.grams, counts)
             columns = [*self.candidates.always, *found]
-        keep, step = [*columns, len(self.prior.mean)], np.zeros(len(self.prior.mean))
+        keep = [*columns, len(self.prior.mean)]
+        step = np.zeros(len(self.prior.mean))
         total = counted_from(np.tensordot(counts, self.grams, 1), self.given[:-1])
         prior = self.prior.among(columns)
         change = prior.best_step(total[np.ix_(keep, keep)])
@@ -185,7 +193,8 @@ class _Refits:
         own = np.array(columns, dtype=int)[is_open]
         known = total[np.ix_(own, own)] + np.diag(prior.precision[is_open])
         others = counted_from(self.grams[unseen], self.given[:-1] - step)
-        added, error = others[:, own[:, None], own], others[:, own, -1]
+        added = others[:, own[:, None], own]
+        error = others[:, own, -1]
         more = np.sum(solve_scaled(known + added, error, 0.0) * error, axis=1)
         volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, added))[1]
         costs = self.constant[unseen] + 0.5 * (others[:, -1, -1] - more + volume)

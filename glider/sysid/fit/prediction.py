@@ -51,7 +51,8 @@ class RolloutModel:
         A rollout has no gusts: a launch must fit all rows of the beginning, not only
         the first. Flights on which the model diverges do not count.
         """
-        scales, flights = self.scales.without("air", "moment", "servo"), []
+        scales = self.scales.without("air", "moment", "servo")
+        flights = []
         for record in typical_flights(records):
             rows = beginning_rows(record.time, self.per_flight_trims)
             flights.append(linearize(record.first(rows), self.theta, self.field))
@@ -130,7 +131,8 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
     about = STILL_AIR
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.field, (), about)
-        launch, n = flight.nodes[0].copy(), len(flight.states)
+        launch = flight.nodes[0].copy()
+        n = len(flight.states)
         own = smooth(flight, model.scales).start
         if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
             return launch, about
@@ -150,7 +152,8 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     launch[OFFSET] = 0.0
     space, (*_, trim, pitch_zero) = record.space, about.constants
     path, dynamics = path_of(record, model.theta, about)
-    kinds, zero = space.flown, np.array([0.0, 0.0, pitch_zero])
+    kinds = space.flown
+    zero = np.array([0.0, 0.0, pitch_zero])
     states = roll_out(kinds, path, launch, dynamics, model.field)
 
     nodes = true_nodes(record, model.theta, model.field)
@@ -167,7 +170,9 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
         moved = roll_out(kinds, along, state, dynamics, model.field)
         return sensed(space, moved, model.theta, model.field)[:, :2]
 
-    change, step, seen = np.zeros(4), 1e-5, record.seen[:rows, :2]
+    change = np.zeros(4)
+    step = 1e-5
+    seen = record.seen[:rows, :2]
     first = guided.first(rows)
     for _ in range(3):
         flown = places(change, first)
@@ -259,6 +264,7 @@ def mean_squares(record: Record, predicted: Prediction) -> np.ndarray:
     """
     seen = record.seen[:, 0]
     error = (record.pose - predicted.pose)[seen]
-    free, pitch = np.sum(error[:, :2] ** 2, axis=1), error[:, 2] ** 2
+    free = np.sum(error[:, :2] ** 2, axis=1)
+    pitch = error[:, 2] ** 2
     along = np.sum((record.pose[:, :2] - predicted.translated)[seen] ** 2, axis=1)
     return np.array([free.mean(), along.mean(), pitch.mean(), free[-1]])

@@ -40,19 +40,19 @@ SPREADS = {
 tail's force, a fifth of a wing's, a tenth of the weight, of mass and inertia, of a
 reading what a wide lens or a tilted axis does."""
 
-ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
+_ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
 """Terms of blocks that vary about their means: effects of the library, and of measured
 positions nothing that a flight shows."""
 
 LEVELS = (8, 1.0), (32, 0.3)
 """Gaussians over one variable, and their prior spread over that of a block: wide ones,
 and narrow ones for kinks that only sharp flights show."""
-PAIR_COUNTS = {"x": 8, "z": 4}
+_PAIR_COUNTS = {"x": 8, "z": 4}
 """Those over each of two variables; over others there are 5."""
-WIDEST = {"alpha": (0.14, 0.035)}
+_WIDEST = {"alpha": (0.14, 0.035)}
 """Widths of the levels at most, of two variables twice that: flow separates within two
 degrees, and a glider that tumbles may pass through all angles [rad]."""
-OF_POSITIONS = 1.5, 1e-4
+_OF_POSITIONS = 1.5, 1e-4
 """Width in distances of centers, and RMS along flights over its prior's, of what an
 error of a measured position shows, which has wide Gaussians alone: a lens bends
 smoothly, and cameras resolve a thousandth of that. With widths of one and `RESOLVED`, a
@@ -87,7 +87,8 @@ class Block:
     @property
     def leading_only(self) -> "Block":
         """The block with its leading coordinates alone."""
-        mix, coordinates = self.mix[:, : self.leading], self.coordinates[: self.leading]
+        mix = self.mix[:, : self.leading]
+        coordinates = self.coordinates[: self.leading]
         return dataclasses.replace(self, mix=mix, coordinates=coordinates)
 
     @property
@@ -193,7 +194,8 @@ def between(values: np.ndarray) -> np.ndarray:
 
 def variables_between(values: np.ndarray) -> np.ndarray:
     """Returns FIELD_VARIABLES at the midpoints, (K, v): angles of attack turn by ±π."""
-    middle, alpha = between(values), FIELD_VARIABLES.index("alpha")
+    middle = between(values)
+    alpha = FIELD_VARIABLES.index("alpha")
     turned = between(np.unwrap(values[:, alpha]))
     middle[:, alpha] = np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
     return middle
@@ -203,7 +205,8 @@ def values_at_nodes(
     flight: LinearFlight, theta: np.ndarray, field: Field
 ) -> np.ndarray:
     """Returns FIELD_VARIABLES at the nodes of a flight of a model, (K + 1, v)."""
-    nodes, wind = flight.nodes.copy(), flight.about.wind(flight.record)
+    nodes = flight.nodes.copy()
+    wind = flight.about.wind(flight.record)
     nodes[:, 4:6] -= np.vstack([wind[:1], between(wind), wind[-1:]])
     flow = flow_at_nodes(flight.record, theta, nodes, field)
     return flow[:, -len(FIELD_VARIABLES) :]
@@ -212,7 +215,8 @@ def values_at_nodes(
 def make_blocks(flown: np.ndarray) -> dict[str, Block]:
     """Spreads the bases of BLOCKS over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
-    flown, reached = flown[:: max(1, len(flown) // 2000)], dict[str, list[int]]()
+    flown = flown[:: max(1, len(flown) // 2000)]
+    reached = dict[str, list[int]]()
     for name, kind in BLOCKS.items():
         columns = [FIELD_VARIABLES.index(name) for name in kind.variables]
         if np.all(high[columns] - low[columns] >= _LEAST_RANGE):
@@ -234,14 +238,15 @@ def _make_block(
     Mixtures that no flight shows are left out.
     """
     of_position = kind.term in ("pose_x", "pose_z")
-    width, resolved = OF_POSITIONS if of_position else (1.0, RESOLVED)
+    width, resolved = _OF_POSITIONS if of_position else (1.0, RESOLVED)
     levels = LEVELS[:1] if of_position else LEVELS
     own = [_grid(kind.variables, range_, width, i) for i in range(len(levels))]
     centers, widths = map(np.vstack, zip(*own, strict=True))
     pairs = zip(own, levels, strict=True)
     shares = [np.full(len(c), share) for (c, _), (_, share) in pairs]
-    basis, shown = np.diag(np.concatenate(shares)), gaussian(flown, centers, widths)
-    if kind.term in ABOUT_MEAN:
+    basis = np.diag(np.concatenate(shares))
+    shown = gaussian(flown, centers, widths)
+    if kind.term in _ABOUT_MEAN:
         mean = shown.mean(axis=0, keepdims=True) @ basis
         basis = basis @ scipy.linalg.null_space(mean)
     squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
@@ -269,11 +274,13 @@ def _grid(
     grows towards it takes large weights that nearly cancel, and a lens of 68 mm (RMS)
     is missed by 1 mm instead of 0.06.
     """
-    is_pair, beyond, axes = len(variables) == 2, math.ceil(width), []
+    is_pair = len(variables) == 2
+    beyond = math.ceil(width)
+    axes = []
     for variable, low, high in zip(variables, *range_, strict=True):
-        count = PAIR_COUNTS.get(variable, 5) if is_pair else LEVELS[level][0]
-        if variable in WIDEST:
-            widest = (1 + is_pair) * WIDEST[variable][level]
+        count = _PAIR_COUNTS.get(variable, 5) if is_pair else LEVELS[level][0]
+        if variable in _WIDEST:
+            widest = (1 + is_pair) * _WIDEST[variable][level]
             count = max(3, 1 + math.ceil((high - low) / widest))
         apart = (high - low) / (count - 1)
         axes.append(low + apart * np.arange(-beyond, count + beyond))

@@ -55,7 +55,8 @@ class Candidates:
     @property
     def always(self) -> list[int]:
         """Columns that act in every set: unknown parameters, carried functions."""
-        own, model = set(self.task.vehicle.nuisance), self.model
+        own = set(self.task.vehicle.nuisance)
+        model = self.model
         places = model.places(len(self.directions))
         carried = (places[name] for name in places.keys() - {*model.kinds})
         unknown = [j for j, slot in enumerate(self.slots) if slot in own]
@@ -65,7 +66,9 @@ class Candidates:
         """Returns the candidates with those blocks that do not act yet; once."""
         assert not self.blocks
         new = tuple(b for b in blocks if b.count and b.name not in self.model.kinds)
-        scaled, variants, first = [*self.columns], {**self.variants}, len(self.columns)
+        scaled = [*self.columns]
+        variants = {**self.variants}
+        first = len(self.columns)
         for block in new:
             own = list[Variant]()
             for strength in _STRENGTHS:
@@ -93,7 +96,9 @@ class Candidates:
     def _grams(
         self, flights: Sequence[LinearFlight], scales: Scales
     ) -> list[np.ndarray]:
-        theta, field, blocks = self.model.theta, field_of(self.model), self.blocks
+        theta = self.model.theta
+        field = field_of(self.model)
+        blocks = self.blocks
 
         def one(flight: LinearFlight) -> np.ndarray:  # It holds one flight's only.
             whole = model_fit.with_blocks(flight, theta, field, blocks)
@@ -114,7 +119,8 @@ class Candidates:
         ]
         share = -prior.mean
         share[self.always + is_shape] = 0.0  # They count from where they are.
-        lower, upper = prior.lower + share, prior.upper + share
+        lower = prior.lower + share
+        upper = prior.upper + share
         prior = dataclasses.replace(prior, mean=0.0 * share, lower=lower, upper=upper)
         return counted_from(grams, share), prior
 
@@ -144,7 +150,8 @@ class HeldOutEvidence:
     def __init__(self, candidates: Candidates, grams: np.ndarray, counts: np.ndarray):
         """Takes the flights' information and how often each counts."""
         drawn = np.flatnonzero(counts)
-        self._counts, self._always = counts[drawn], np.array(candidates.always, int)
+        self._counts = counts[drawn]
+        self._always = np.array(candidates.always, int)
         self._own, self._prior = candidates.from_nothing(grams[drawn])
         weighted = self._counts[:, None, None] * self._own
         self._sum = weighted.sum(axis=0, keepdims=True)
@@ -172,7 +179,8 @@ class HeldOutEvidence:
     def _gains(self, sets: np.ndarray) -> np.ndarray:
         """Returns the gains of sets of columns (v, m) over what always acts, (v,)."""
         steps = self._steps(self._sum, sets)[0]
-        lower, upper = self._prior.lower[sets], self._prior.upper[sets]
+        lower = self._prior.lower[sets]
+        upper = self._prior.upper[sets]
         is_out = steps < lower - _SLACK * np.abs(lower)
         is_out |= steps > upper + _SLACK * np.abs(upper)
         is_out[:, : len(self._always)] = False
@@ -200,8 +208,10 @@ def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidate
     Blocks that act in the model are candidates too; others, of `terms`, may be offered
     later.
     """
-    space, own = task.space, set(task.vehicle.nuisance)
-    directions, idle = slopes(space, model.free), own | _at_bounds(task, model)
+    space = task.space
+    own = set(task.vehicle.nuisance)
+    directions = slopes(space, model.free)
+    idle = own | _at_bounds(task, model)
     acting = [(j, d.kind) for j, d in enumerate(directions) if d.slot not in idle]
     # No columns of an effect that is at its bounds.
     variants: dict[str, list[Variant]] = {
@@ -240,7 +250,9 @@ def gather_in_parts(
         the candidates without flights, `grams` of all, and the cost of each flight at
         the model (flights,) [nats].
     """
-    records, costs, parts = task.records, [], list[Candidates]()
+    records = task.records
+    costs = []
+    parts = list[Candidates]()
     grams = np.empty((0, 0, 0))
     for k in range(0, len(records), _IN_PART):
         part = gather(task.on(records[k : k + _IN_PART]), model)
@@ -268,7 +280,8 @@ def _at_bounds(task: Task, model: FitResult) -> set[int]:
     and sizes whose bound is that of no effect.
     """
     slots = [i for i in model.free if i not in task.vehicle.nuisance]
-    ends, values = np.array(task.bounds(slots)), model.theta[slots]
+    ends = np.array(task.bounds(slots))
+    values = model.theta[slots]
     is_at_end = np.any(np.abs(values - ends) < 1e-6 * task.space.scale[slots], axis=0)
     is_none = values == task.vehicle.theta[slots]
     is_shape = np.array([slot in task.space.shapes for slot in slots], dtype=bool)

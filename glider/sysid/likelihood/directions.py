@@ -9,7 +9,7 @@ import numpy as np
 from glider.physics.effects import EffectKind
 from glider.physics.parameter_space import ParameterSpace
 
-SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
+_SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
 _SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
 Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and values.
 
@@ -40,8 +40,9 @@ def slopes(
     space: ParameterSpace, free: Iterable[int], shapes: Shapes = ()
 ) -> list[Direction]:
     """Returns the directions of slots as they are, for a fit."""
-    scale, first = space.scale.tolist(), space.num_flown
-    sizes = {i: scale[i] * (SMALL if i < first else _SMALL_SIGNAL) for i in free}
+    scale = space.scale.tolist()
+    first = space.num_flown
+    sizes = {i: scale[i] * (_SMALL if i < first else _SMALL_SIGNAL) for i in free}
     return [Direction(space.owners[i], i, s, shapes) for i, s in sizes.items()]
 
 

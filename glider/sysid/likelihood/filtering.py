@@ -59,8 +59,10 @@ def rests(record: Record, scales: Scales) -> bool:
 
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
-    s, record = scales, flight.record
-    launch, servo = [*LAUNCH_SPREAD], s.servo
+    s = scales
+    record = flight.record
+    launch = [*LAUNCH_SPREAD]
+    servo = s.servo
     off = abs(record.rest - record.usual_rest)
     if record.is_cut:  # It was logged with noise.
         off = max(off, Z * Scales.elevator)
@@ -88,8 +90,10 @@ def _filter_arguments(
     smoothed: int = 0,
 ) -> tuple[np.ndarray, ...]:
     """Arguments of `filter_flight`, with so many nodes to be smoothed."""
-    record, n = flight.record, flight.by_x.shape[1]
-    usual, channels = start_variances(flight, scales), record.seen.shape[1]
+    record = flight.record
+    n = flight.by_x.shape[1]
+    usual = start_variances(flight, scales)
+    channels = record.seen.shape[1]
     return (
         *(record.time, flight.by_x, flight.by_air, flight.by_trim, flight.inputs),
         *(flight.pose_by_x, flight.outputs, record.seen),
@@ -170,9 +174,12 @@ def negative_log_likelihood(
 def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
     """Returns the cost of a flight of one column [nats], and its slopes by `logs`."""
     arguments = _filter_arguments(flight, scales, smoothed=len(flight.record.time))
-    start, n = arguments[9], flight.by_x.shape[1]
-    by_sensor, by_start = np.empty_like(arguments[8]), np.empty_like(start)
-    by_power, by_time = np.empty(PROCESSES), np.empty(2)
+    start = arguments[9]
+    n = flight.by_x.shape[1]
+    by_sensor = np.empty_like(arguments[8])
+    by_start = np.empty_like(start)
+    by_power = np.empty(PROCESSES)
+    by_time = np.empty(2)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         score_flight(by_sensor, by_start, by_power, by_time, *arguments)
         sensors = np.zeros(5)

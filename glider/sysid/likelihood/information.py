@@ -50,7 +50,8 @@ def bounded_step(
     outside = (step < lower) | (step > upper)
     if not outside.any() or not np.all(np.isfinite(step)):  # Or it diverges.
         return step
-    hessian, right = information[:-1, :-1], information[:-1, -1]
+    hessian = information[:-1, :-1]
+    right = information[:-1, -1]
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
     values, vectors = np.linalg.eigh(hessian * scale[:, None] * scale)
     roots = np.sqrt(np.maximum(values, 0.0) + RIDGE)
@@ -126,6 +127,7 @@ def eliminate(
     Their changes have a prior of such precisions and means (len(always),); their own
     rows mean nothing afterwards.
     """
-    side, corner = gram[:, list(always)], gram[np.ix_(always, always)]
+    side = gram[:, list(always)]
+    corner = gram[np.ix_(always, always)]
     side[-1] += precision * mean
     return gram - side @ solve_scaled(corner + np.diag(precision), side, 1e-11).T

@@ -83,7 +83,8 @@ class LinearFlight:
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
-        flight, mix = self.whole(), np.append(-weights, 1.0)
+        flight = self.whole()
+        mix = np.append(-weights, 1.0)
         return dataclasses.replace(
             flight,
             by_term=np.empty((*flight.inputs.shape[:2], 0)),
@@ -165,11 +166,15 @@ def linearize(
 
     Forces may be added to it later only by `terms` of FIELD_TERMS.
     """
-    space, theta, constants = record.space, theta.copy(), about.constants
+    space = record.space
+    theta = theta.copy()
+    constants = about.constants
     theta[list(space.slots_of(PITCH_OFFSET.kind))] += constants[3]  # It reads too much.
     with_states = any(d.kind in space.states for d in directions)
-    kinds, nodes = space.flown, true_nodes(record, theta, field, with_states)
-    states, columns = space.acting_states(theta), len(directions) + 1
+    kinds = space.flown
+    nodes = true_nodes(record, theta, field, with_states)
+    states = space.acting_states(theta)
+    columns = len(directions) + 1
     terms = dict.fromkeys(t for t in (*AIR_TERMS, *terms) if t not in SENSOR_TERMS)
     if record.trim_is_moment:
         terms["c_moment"] = None
@@ -183,7 +188,8 @@ def linearize(
         for j, d in moving.items()
         if d.slot < space.num_flown and not (d.shapes and d.kind in space.states)
     ]
-    moved, sizes = np.empty((len(plain), len(dynamics))), np.empty(len(plain))
+    moved = np.empty((len(plain), len(dynamics)))
+    sizes = np.empty(len(plain))
     start = np.zeros((len(states) + OWN_STATES, columns))
     start[len(states) + PROCESSES :, -1] = -constants
     if record.seen[:, 3].any():  # Elevators rest at one angle, but for a scale.
@@ -195,7 +201,8 @@ def linearize(
             begins = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
             own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
             start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
-    index, width = [FIELD_TERMS.index(name) for name in shown], states[-1] + 1
+    index = [FIELD_TERMS.index(name) for name in shown]
+    width = states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
         kinds, path, nodes, dynamics, moved, sizes, field, index, width
     )
@@ -210,7 +217,8 @@ def linearize(
     secants = _secants(record, theta, field, [*beside.values()], about, (nodes, ends))
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
-    by_x, by_term = by_x.take(states, 1).take(states, 2), by_term.take(states, 1)
+    by_x = by_x.take(states, 1).take(states, 2)
+    by_term = by_term.take(states, 1)
     by_trim = by_x[:, :, OFFSET].copy()
     by_trim[:, OFFSET] = 0.0
     if record.trim_is_moment:
@@ -246,9 +254,11 @@ def _secants(
 
     `usual` are nodes and ends where no shapes are set.
     """
-    space, kinds = record.space, {d.shapes: d.kind for d in directions if d.shapes}
+    space = record.space
+    kinds = {d.shapes: d.kind for d in directions if d.shapes}
     bases = {d.shapes: d.base(theta) for d in directions}
-    nodes, ends = dict.fromkeys(bases, usual[0]), dict[Shapes, np.ndarray]()
+    nodes = dict.fromkeys(bases, usual[0])
+    ends = dict[Shapes, np.ndarray]()
     ends[()] = usual[1]
     with_states = [s for s, kind in kinds.items() if kind in space.states]
     if with_states:  # The path is the same, and the motion too without the effect.
@@ -284,7 +294,8 @@ def _outputs(
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
     space = record.space
-    pose, logged = sensed(space, nodes, theta, field), _logged(record, nodes, theta)
+    pose = sensed(space, nodes, theta, field)
+    logged = _logged(record, nodes, theta)
     shown = np.hstack([pose, logged])
     outputs = np.zeros((*shown.shape, len(directions) + 1))
     for j, d in enumerate(directions):

@@ -34,9 +34,9 @@ from glider.sysid.likelihood.scales import NAMES, Scales, lifted
 from glider.sysid.likelihood.task import FitResult, Task, field_of
 from glider.sysid.replay.record import Record
 
-FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
+_FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
 # Of free functions, in prior spreads: a fit that diverges does not overflow.
-LARGEST_COORDINATE = 30.0
+_LARGEST_COORDINATE = 30.0
 _TOLERANCE = 0.3  # Gain of an iteration below which a fit stops [nats].
 _MOST_TRIES = 3  # Of shorter steps in place of one.
 _TRUSTED = 0.25  # Share of a promised gain that comes true where all is nearly linear.
@@ -67,7 +67,8 @@ def linear_flight(
     terms: Iterable[str] = (),
 ) -> LinearFlight:
     """Returns one flight, linear about a model; see `linear_flights`."""
-    field, blocks = field_of(model), model.blocks
+    field = field_of(model)
+    blocks = model.blocks
     terms = {*terms, *terms_of(blocks), *(FORCES if model.has_force_errors else ())}
     own = model.about.get(record.name, STILL_AIR)
     flight = linearize(record, model.theta, field, directions, own, sorted(terms))
@@ -123,7 +124,8 @@ class Prior:
 
     def gain(self, gram: np.ndarray, step: np.ndarray) -> float:
         """Returns by how much a change (m,) is more probable than none [nats]."""
-        total, left = self.added_to(gram), np.append(-step, 1.0)
+        total = self.added_to(gram)
+        left = np.append(-step, 1.0)
         return 0.5 * float(total[-1, -1] - left @ total @ left)
 
 
@@ -145,8 +147,8 @@ def prior_of(
     return Prior(
         mean=np.append(mean - value, -free),
         precision=np.append(precision, np.array(spreads) ** -2.0),
-        lower=np.append(lower - value, -LARGEST_COORDINATE - free),
-        upper=np.append(upper - value, LARGEST_COORDINATE - free),
+        lower=np.append(lower - value, -_LARGEST_COORDINATE - free),
+        upper=np.append(upper - value, _LARGEST_COORDINATE - free),
     )
 
 
@@ -164,8 +166,13 @@ def fit_model(
     And the strengths of its blocks if asked, see `fit_strength`. It stops early where
     another gain as large as the last would leave the cost above `most`.
     """
-    best, step, tries, current, curvature = None, None, 0, model, None
-    about_moves, promised = True, np.inf
+    best = None
+    step = None
+    tries = 0
+    current = model
+    curvature = None
+    about_moves = True
+    promised = np.inf
     flights = now = list[LinearFlight]()
     for iteration in range(iterations + 1):
         flights = now = []  # Before there are others.
@@ -202,12 +209,13 @@ def fit_model(
             current = moved(task, best, step)
             continue
         gained = np.inf if best is None else best.cost - value
-        best, tries = current, 0
+        best = current
+        tries = 0
         if iteration == iterations:
             break
         is_done = gained < _TOLERANCE and _TRUSTED * promised < _TOLERANCE
         is_done |= best.cost - gained > most
-        if is_done and iteration >= FEWEST_ITERATIONS:
+        if is_done and iteration >= _FEWEST_ITERATIONS:
             break
         gram = grams_of(flights, scales).sum(axis=0)
         step = prior.best_step(gram)
@@ -222,7 +230,8 @@ def fit_model(
     best = best or current
     if not with_strength:
         return best
-    flights, now = flights if current is best else [], []
+    flights = flights if current is best else []
+    now = []
     return fit_strength(task, best, flights or None)
 
 
@@ -233,7 +242,8 @@ def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
 
 def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
     """Returns a model with its free parameters and its blocks changed by a step."""
-    index, theta = list(model.free), model.theta.copy()
+    index = list(model.free)
+    theta = model.theta.copy()
     theta[index] = np.clip(theta[index] + step[: len(index)], *task.bounds(index))
     parts = zip(model.blocks, model.split(step[len(index) :]), strict=True)
     blocks = tuple(
@@ -271,7 +281,8 @@ def fit_strength(
     gram = grams_of(flights, model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
-    of_blocks, start = slice(len(model.free), None), model.coordinates
+    of_blocks = slice(len(model.free), None)
+    start = model.coordinates
     unit = np.eye(len(gram) - 1)
     before = float(prior_of(task, model).added_to(gram)[-1, -1])
     for _ in range(_STRENGTH_ROUNDS if model.blocks else 0):
@@ -299,7 +310,8 @@ def fit_strength(
     count = len(model.free)
     linear = [j for j, slot in enumerate(model.free) if slot not in task.space.shapes]
     linear += range(count, count + len(start))
-    step, keep = np.zeros(len(total) - 1), [*linear, len(total) - 1]
+    step = np.zeros(len(total) - 1)
+    keep = [*linear, len(total) - 1]
     step[linear] = prior.among(linear).best_step(gram[np.ix_(keep, keep)])
     left = np.append(-step, 1.0)
     gained = 0.5 * (before - float(left @ total @ left))

@@ -58,8 +58,10 @@ def fit_scales(
     has_gyro = any(flight.record.seen.shape[1] > 4 for flight in flights)
     shown = [name for name in free if has_gyro or name != "rate"]
     index = np.array([NAMES.index(name) for name in shown], dtype=int)
-    low, high = FLOOR.logs, CEILING.logs
-    logs, damping = np.clip(scales.logs, low, high), 0.0
+    low = FLOOR.logs
+    high = CEILING.logs
+    logs = np.clip(scales.logs, low, high)
+    damping = 0.0
     is_given = curvature is not None  # Of another model, whose errors may be larger.
     value, slopes = _score(flights, logs)
     # Else there is none, or it diverges.
@@ -92,14 +94,19 @@ def fit_scales(
                 change = there - slopes - PRECISION * step
                 is_far = np.abs(own).max() >= _LARGEST_STEP
                 curvature = None if is_far else _updated(curvature, step, change)
-                gained, slopes, logs, value = value - lower, there, moved, lower
+                gained = value - lower
+                slopes = there
+                logs = moved
+                value = lower
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
             damping = max(10.0 * damping, 0.1)
         if gained < tolerance:
             if not is_given:
                 break
-            curvature, damping, is_given = None, 0.0, False
+            curvature = None
+            damping = 0.0
+            is_given = False
     return FittedScales(Scales.from_logs(logs), value, curvature)
 
 
@@ -121,7 +128,8 @@ def _information(
 ) -> np.ndarray:
     """Returns the information of flights on logarithms of some scales, of a few."""
     steps = _STEP_OF_LOG * np.eye(len(logs))[index]
-    moved, scales = [Scales.from_logs(logs + s) for s in steps], Scales.from_logs(logs)
+    moved = [Scales.from_logs(logs + s) for s in steps]
+    scales = Scales.from_logs(logs)
     few = typical_flights(flights)
 
     def one(flight: LinearFlight) -> np.ndarray:
@@ -144,7 +152,8 @@ def _information(
 def _updated(matrix: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
     """Returns second derivatives that explain the change of a gradient (BFGS)."""
     expected = matrix @ step
-    along, before = float(step @ change), float(step @ expected)
+    along = float(step @ change)
+    before = float(step @ expected)
     if not (along > 1e-9 and before > 1e-9):
         return matrix
     return (

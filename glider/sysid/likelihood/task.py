@@ -53,7 +53,8 @@ class Task:
         self, slots: Sequence[int], theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Returns prior means and precisions of slots; shapes are where they are."""
-        vehicle, scale = self.vehicle, PRIOR_SCALES * self.space.scale
+        vehicle = self.vehicle
+        scale = PRIOR_SCALES * self.space.scale
         means = [
             theta[i] if i in self.space.shapes else vehicle.theta[i] for i in slots
         ]
@@ -62,8 +63,10 @@ class Task:
 
     def bounds(self, slots: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Returns the least and the largest values of slots that are possible."""
-        slots, of_log = list(slots), self.vehicle.of_log
-        lower, upper = self.space.lower.copy(), self.space.upper.copy()
+        slots = list(slots)
+        of_log = self.vehicle.of_log
+        lower = self.space.lower.copy()
+        upper = self.space.upper.copy()
         poses, commands, *_ = self.space.slots_of(SERVO_LOG.kind)
         for slot in of_log.keys() & {poses, commands}:
             upper[slot] = min(ndtri(0.5 + 0.5 * LEVEL) * of_log[slot], upper[slot])
@@ -138,7 +141,8 @@ class FitResult:
 
     def places(self, first: int | None = None) -> dict[str, range]:
         """Returns the columns of each block; by default after those of `free`."""
-        first, found = len(self.free) if first is None else first, {}
+        first = len(self.free) if first is None else first
+        found = {}
         for own in self.blocks:
             found[own.name] = range(first, first + own.count)
             first += own.count

@@ -80,10 +80,12 @@ def averaged(
     The mean of their covariances and of the squares of what they differ by: where an
     effect is absent, by all of its size. Errors of each hold if it is right.
     """
-    first, total = models[0].theta, np.zeros(2 * models[0].theta.shape)
+    first = models[0].theta
+    total = np.zeros(2 * models[0].theta.shape)
     for probability, model, own in zip(probabilities, models, known, strict=True):
         change = model.theta - first
-        named, spread = list(own.named), np.outer(change, change)
+        named = list(own.named)
+        spread = np.outer(change, change)
         spread[np.ix_(named, named)] += own.covariance[0]
         total += probability * spread
     slots = list(known[0].named)
@@ -97,7 +99,8 @@ def jackknife(
 
     Their squares sum to the jackknife's covariance.
     """
-    flights, m = len(grams), grams.shape[1] - 1
+    flights = len(grams)
+    m = grams.shape[1] - 1
     hessians = grams[:, :m, :m]
     total = hessians.sum(axis=0) + np.diag(precision)
     covariance = solve_scaled(total, np.eye(m), 1e-12)

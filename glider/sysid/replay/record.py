@@ -17,7 +17,8 @@ from glider.physics.servo import NO_LIMITS, Servo, elevator_path
 from glider.sysid.replay.log_space import LIBRARY_SPACE
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.
-_LEAST_POSITION, _LEAST_ANGLE = 1e-6, 1e-5
+_LEAST_POSITION = 1e-6
+_LEAST_ANGLE = 1e-5
 _GAP = 1.6  # Time between rows, over the usual one, above which nodes are inserted.
 
 
@@ -39,7 +40,9 @@ def measure_noise(
     pairs = [(f, masks.get(f.name) or no_masks(f)) for f in campaign.flights]
     times = [f.time[m.usable] for f, m in pairs]
     smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
-    elevator, times, errors = 0.0, [], []
+    elevator = 0.0
+    times = []
+    errors = []
     for flight, mask in pairs if campaign.elevator == "servo" else ():
         seen = ~mask.elevator
         if np.count_nonzero(seen) > 3:  # A parabola leaves no error of fewer rows.
@@ -132,10 +135,13 @@ def _record(
     rows = slice(good[0], good[-1] + 1)
     clock = flight.time - flight.time[good[0]]
     time, place = _with_gaps_filled(clock[rows])
-    n, at = len(time), place[good - good[0]]
+    n = len(time)
+    at = place[good - good[0]]
     query = np.concatenate([time, 0.5 * (time[1:] + time[:-1])])
     maps = [smoothing_maps(clock[good], query, s.ratio) for s in noise.smoothing]
-    pose, bank, side_wind = flight.pose[good], np.ones(n - 1), np.zeros((n - 1, 2))
+    pose = flight.pose[good]
+    bank = np.ones(n - 1)
+    side_wind = np.zeros((n - 1, 2))
     if flight.attitude is not None:
         turned_by = maps[1][0, :n] @ np.unwrap(flight.attitude[good, 1:], axis=0)
         sideways = maps[0][1, :n] @ flight.attitude[good, 0]
@@ -146,11 +152,14 @@ def _record(
     nodes[:, 0:3], nodes[:, 4:7] = curves[:2, :n]
     pitch = curves[:2, :, 2].T
     levels = (noise.smoothing[0].noise, noise.smoothing[1].noise, noise.pitch)
-    measured, seen = curves[0, :n].copy(), np.zeros((n, 4), dtype=bool)
+    measured = curves[0, :n].copy()
+    seen = np.zeros((n, 4), dtype=bool)
     measured[at], seen[at, :3] = pose, True
     pitch_rate, by_gyro = _pitch_rates(flight, good, time, at)
-    elevator, rest = np.zeros(n), 0.0
-    switches, commands = np.zeros(1), np.zeros(1)
+    elevator = np.zeros(n)
+    rest = 0.0
+    switches = np.zeros(1)
+    commands = np.zeros(1)
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.elevator is not None and has_servo:
         switches, commands, rest = _tape(flight, mask, clock, campaign.switch_rate)
@@ -204,7 +213,8 @@ def _pitch_rates(
     """Pitch rates of a gyro (n,) [rad/s]; which count, (n, 1), without one (n, 0)."""
     if flight.pitch_rate is None:
         return np.zeros(len(time)), np.zeros((len(time), 0), dtype=bool)
-    own, seen = flight.pitch_rate[good], np.zeros((len(time), 1), dtype=bool)
+    own = flight.pitch_rate[good]
+    seen = np.zeros((len(time), 1), dtype=bool)
     shown = np.isfinite(own)
     shown[[0, -1]] = False  # With late poses, other times are compared.
     seen[at[shown]] = True

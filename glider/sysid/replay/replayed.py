@@ -55,7 +55,8 @@ def signals(record: Record, theta: np.ndarray) -> Signals:
 @functools.lru_cache(_REPLAYS)
 def _replayed(record: Record, last: bytes) -> Signals:
     """The same by the last entries of theta, which replay a log's signals."""
-    n, space = len(record.time), record.space
+    n = len(record.time)
+    space = record.space
     replay = space.replay(np.pad(np.frombuffer(last), (space.num_flown, 0)))
     if not record.has_servo:
         still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
@@ -94,7 +95,8 @@ def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray,
     """
     if not record.trim_is_moment:
         return theta, trim
-    index, moved = record.space.index, theta.copy()
+    index = record.space.index
+    moved = theta.copy()
     area, tail, hinge, offset = (
         theta[index[name]]
         for name in ("wing_area", "elevator_area", "hinge_offset", "elevator_offset")
@@ -155,7 +157,9 @@ def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.n
 
 def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
     """Undoes the sensor effects, also of the nodes a short time later."""
-    space, n, step = record.space, len(record.time), 1e-4
+    space = record.space
+    n = len(record.time)
+    step = 1e-4
     is_read = of_sensors(field).weights.shape[1] > 0
     if not is_read and not np.any(theta[list(space.sensor_slots)]):
         return record.nodes.copy()
@@ -167,7 +171,8 @@ def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndar
         states[:, :3] += missed
         if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
             break
-    nodes, later = states[:n], states[n:]
+    nodes = states[:n]
+    later = states[n:]
     nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
     return nodes
 
@@ -227,17 +232,21 @@ def make_table(
         for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
     )
     pressure = 0.5 * density * of_flow["V"] ** 2 * area
-    sine, cosine = np.sin(pitch), np.cos(pitch)
+    sine = np.sin(pitch)
+    cosine = np.cos(pitch)
 
     def coefficients(accelerations: np.ndarray) -> dict[str, np.ndarray]:
         x, z, angular = accelerations.T
-        along, z = pressure * of_flow["V"] / mass, z + gravity
-        lift, drag = (z * air_x - x * air_z) / along, -(x * air_x + z * air_z) / along
+        along = pressure * of_flow["V"] / mass
+        z = z + gravity
+        lift = (z * air_x - x * air_z) / along
+        drag = -(x * air_x + z * air_z) / along
         moment = inertia * angular / pressure
         return dict(zip(COEFFICIENTS, (lift, drag, moment), strict=True))
 
     (x, z, angular), (std_x, std_z, std_angular) = (measured - modelled).T, std.T
-    along, normal = x * cosine - z * sine, x * sine + z * cosine
+    along = x * cosine - z * sine
+    normal = x * sine + z * cosine
     noise = (
         np.hypot(std_x * cosine, std_z * sine),
         np.hypot(std_x * sine, std_z * cosine),

@@ -43,7 +43,8 @@ def best(search: Search, model: FitResult) -> FitResult | None:
 
 def pruned(search: Search, model: FitResult) -> FitResult | None:
     """The model without effects that do not reach their thresholds."""
-    shown, found = shown_by(search.task, model), model
+    shown = shown_by(search.task, model)
+    found = model
     for kind in sorted(shown, key=shown.__getitem__):
         if shown[kind] > CLEAR:
             break
@@ -62,10 +63,13 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
 
     Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
     """
-    known, blocks, found = uncertainty_of(task, model), model.by_name, {}
+    known = uncertainty_of(task, model)
+    blocks = model.by_name
+    found = {}
     for kind in model.kinds:
         if kind in blocks:
-            places, value = [*known.places[kind]], blocks[kind].coordinates
+            places = [*known.places[kind]]
+            value = blocks[kind].coordinates
         else:
             slots = [i for i in task.space.slots_of(kind) if i in known.free]
             slots = [i for i in slots if i not in task.space.shapes] or slots
@@ -80,14 +84,16 @@ def with_mean(search: Search, model: FitResult) -> FitResult | None:
     """The model with the mean of per-flight constants that is not zero."""
     task = search.task
     own = flight_values(error_flights(task, model), model.scales)
-    mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
+    mean = own.mean(axis=0)
+    error = own.std(axis=0) / np.sqrt(len(own))
     is_off = np.abs(mean) > Z * error
     for kind, places in PER_FLIGHT.items():
         slots = list(task.space.slots_of(kind))
         is_free = bool(set(slots) & set(model.free))
         if kind not in task.kinds or is_free or not is_off[places].any():
             continue
-        theta, shift = model.theta.copy(), np.zeros(len(mean))
+        theta = model.theta.copy()
+        shift = np.zeros(len(mean))
         theta[slots] += mean[places]
         shift[places] = mean[places]
         other = dataclasses.replace(

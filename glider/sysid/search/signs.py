@@ -50,7 +50,9 @@ def find_signs(
         fitted = fit_model(task, model, iterations=2, free_scales=())
         return 0.5 * grams_of(error_flights(task, fitted), COARSE_SCALES).ravel()
 
-    logged, best, most = costs(Signs()), Signs(), 0.0
+    logged = costs(Signs())
+    best = Signs()
+    most = 0.0
     if np.median(logged) < CLEAR:
         return best
     angles = 3 if campaign.elevator == "servo" else 1
@@ -59,7 +61,8 @@ def find_signs(
         signs = Signs(**dict(zip(names, option, strict=True)))
         gain = float(np.median(logged - costs(signs)))
         if gain > most:
-            best, most = signs, gain
+            best = signs
+            most = gain
     if best.are_right or most < CLEAR:
         return Signs()
     rows = 4 * np.mean([len(f.time) for f in few])

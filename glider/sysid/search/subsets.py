@@ -33,10 +33,13 @@ class Scorer:
         penalty: Callable[[str, Collection[str]], float],
     ):
         """Takes the columns' evidence and the penalty of a kind in a set [nats]."""
-        self.candidates, self.variants = candidates, candidates.variants
-        self.evidence, self.penalty = evidence, penalty
+        self.candidates = candidates
+        self.variants = candidates.variants
+        self.evidence = evidence
+        self.penalty = penalty
         # Of sorted members: a frozenset takes seven times the memory.
-        self._kept, self._scores = dict[Members, float](), dict[Members, float]()
+        self._kept = dict[Members, float]()
+        self._scores = dict[Members, float]()
 
     def __call__(self, members: Members) -> float:
         """Returns the evidence of a set less its penalty [nats]."""
@@ -92,7 +95,8 @@ class Scorer:
 
     def begin(self, members: Members) -> FitResult:
         """Returns the model with the coefficients of a set, not fitted yet."""
-        task, model = self.candidates.task, self.candidates.model
+        task = self.candidates.task
+        model = self.candidates.model
         kinds = tuple(kind for kind, _ in members)
         model = model.without(task, *(set(model.kinds) - set(kinds)))
         theta = model.theta

@@ -21,7 +21,9 @@ from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.report import Combination, EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer, climb, scorer_of, threshold_of
 
-_LEAST_DRAWS, _MOST_DRAWS = 25, 200  # Sets of flights: the most where in doubt.
+# Sets of flights: the most where in doubt.
+_LEAST_DRAWS = 25
+_MOST_DRAWS = 200
 
 
 @dataclasses.dataclass
@@ -61,7 +63,8 @@ class Search:
         Clearly so, unless it has some of the other's effects, or formulas beside them
         or in the place of free functions, which their thresholds are for.
         """
-        own, its = set(model.kinds), set(other.kinds)
+        own = set(model.kinds)
+        its = set(other.kinds)
         is_simpler = own <= its
         is_named = its - own <= BLOCKS.keys() and not (own - its) & BLOCKS.keys()
         margin = 0.0 if is_simpler or is_named else RIVAL_GAP
@@ -81,7 +84,8 @@ class Search:
         a set is fitted once more. A known set is fitted again from another start if
         asked; that fit is kept where it is clearly better.
         """
-        key, most = frozenset(model.kinds), np.inf
+        key = frozenset(model.kinds)
+        most = np.inf
         known = self.fitted.get(key)
         if rival is not None:
             most = self.penalized_cost(rival) - self._penalty_of(model) + CLEAR
@@ -225,10 +229,12 @@ def near_and_rivals(
 ) -> tuple[set[str], dict[str, set[str]]]:
     """Returns the effects to offer to resampled flights, and each member's rivals."""
     kinds = {kind for kind, _ in chosen}
-    near, best = set(kinds), score(chosen)
+    near = set(kinds)
+    best = score(chosen)
     rivals: dict[str, set[str]] = {kind: set() for kind in kinds}
     for other in (*score.larger(chosen), *score.swapped(chosen)):
-        kind, value = other[-1][0], score(other)
+        kind = other[-1][0]
+        value = score(other)
         if value > best - CLEAR:
             near.add(kind)
         lost = kinds - {k for k, _ in other}

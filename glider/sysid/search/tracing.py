@@ -50,7 +50,8 @@ def trace(
     """
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
-    search, start = Search(task, progress), start_of(task, noise)
+    search = Search(task, progress)
+    start = start_of(task, noise)
     model = resumed(search, start, earlier) if earlier else None
     if model is None:
         search = Search(task, progress)
@@ -96,7 +97,8 @@ def _begun_from(task: Task, earlier: FitResult) -> FitResult:
 
     Free functions begin at zero: their Gaussians are where these flights are.
     """
-    free, theta = list(task.free(earlier.kinds)), task.vehicle.theta.copy()
+    free = list(task.free(earlier.kinds))
+    theta = task.vehicle.theta.copy()
     theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
     blocks = tuple(
         dataclasses.replace(task.blocks[own.name], strength=own.strength)
@@ -117,7 +119,8 @@ def searched(search: Search, model: FitResult) -> Iterator[FitResult]:
     No move betters the last one with effects that are tried early, nor the best set
     with all.
     """
-    task, early = search.task, without_late(search.task, model.kinds)
+    task = search.task
+    early = without_late(search.task, model.kinds)
     if not model.kinds:  # A formula's own free function would come before it.
         search.task = early.offering(early.kinds)
         model = yield from _improvements(search, model, _FIRST)
@@ -138,7 +141,8 @@ def rivals_of(
     First those without one of the effects. The best without each formula, whatever
     stands for it, is fitted now if it may be nearly as likely.
     """
-    own, best = set(model.kinds), search.penalized_cost(model)
+    own = set(model.kinds)
+    best = search.penalized_cost(model)
     swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
     if (near := search.near(model)) is not None:
         members = near.by_first(model.kinds)
@@ -148,7 +152,8 @@ def rivals_of(
             others = climb(near.among(offered - {kind}), rest)
             if near(others) > near(members) - CLEAR:
                 search.fit(near.begin(others))
-    found, allowed = [], search.task.offered
+    found = []
+    allowed = search.task.offered
     for kinds, other in search.fitted.items():
         lack = search.penalized_cost(other) - best
         if kinds in swapped or (kinds <= allowed and lack > -RIVAL_GAP):
@@ -207,7 +212,8 @@ def supported(
         weak = weakest(weighed, evidence)
         if weak is None:
             return model, evidence, weighed
-        task, least = search.task, model
+        task = search.task
+        least = model
         search.task = task.offering(task.offered - {weak})
         model = grown(search.fit(model.without(task, weak)))
 

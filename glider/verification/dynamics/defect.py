@@ -17,7 +17,7 @@ from glider.verification.dynamics.taylor_models import Recording, spread
 DEGREE = 5
 """Degree in time; of more, the bounds of the shipped funnels are no lower."""
 
-PIECES = 4
+_PIECES = 4
 """Parts of each interval that are enclosed separately. The bound over a whole one is
 five times as large as the defect."""
 
@@ -31,7 +31,7 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     if not np.all(np.isfinite(nominal.slopes)):
         return np.full_like(nominal.states[1:], np.inf)
     curve = nominal.path.c  # (4, F, n), powers of t - t_k, highest first.
-    share = (np.arange(PIECES) + 0.5) / PIECES
+    share = (np.arange(_PIECES) + 0.5) / _PIECES
     steps = np.diff(nominal.times)[nominal.flows]
     table = monomials(1, DEGREE)
     recording = Recording(table)
@@ -43,10 +43,11 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
         total = 0.0
         for power in powers[::-1]:
             total = total * time + recording.add(INPUT, len(values))
-            values.append(np.repeat(power, PIECES))
+            values.append(np.repeat(power, _PIECES))
         return total
 
-    states, slopes = [], []
+    states = []
+    slopes = []
     for a3, a2, a1, a0 in np.moveaxis(curve, 2, 0):
         states.append(model([a0, a1, a2, a3]))
         slopes.append(model([a1, 2.0 * a2, 3.0 * a3]))
@@ -56,12 +57,12 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     defects = [rate - slope for rate, slope in zip(rates, slopes, strict=True)]
     inputs = np.zeros((len(values), len(table.degrees), len(values[0])))
     inputs[:, 0] = values
-    inputs[0, 1] = np.repeat(steps * (0.5 / PIECES), PIECES)
+    inputs[0, 1] = np.repeat(steps * (0.5 / _PIECES), _PIECES)
     errors = ROUNDING * (1.0 + np.abs(inputs).sum(axis=1))
     program = recording.program(defects, np.any(inputs != 0.0, axis=2))
     found, left = program.run(inputs, errors)
     sizes = (np.abs(found[:, 0]) + spread(found, left)) * WIDER
-    sizes = sizes.reshape(len(sizes), len(steps), PIECES).max(axis=2)
+    sizes = sizes.reshape(len(sizes), len(steps), _PIECES).max(axis=2)
     bounds = np.zeros_like(nominal.states[1:])
     bounds[nominal.flows] = sizes.T
     return np.where(np.isfinite(bounds), bounds, np.inf)

@@ -181,7 +181,8 @@ class Monomials:
 
     def __init__(self, num_variables: int, degree: int):
         """Lists the monomials and prepares their multiplication table."""
-        self.num_variables, self.degree = num_variables, degree
+        self.num_variables = num_variables
+        self.degree = degree
         rows = [exponents_of(num_variables, d) for d in range(degree + 1)]
         self.exponents = np.concatenate(rows)
         self.degrees = self.exponents.sum(axis=1)

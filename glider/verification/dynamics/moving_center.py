@@ -53,18 +53,22 @@ def make_moving_center(
     nominal: Nominal, confidence: ConfidenceSet, held: bool = False
 ) -> MovingCenter:
     """Integrates X along a nominal flight; its commands may be held."""
-    times, names = nominal.times, confidence.names
+    times = nominal.times
+    names = confidence.names
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names, held) for share in shares]
     A, B, push = ends = _linear(nominal, names, held)
     first, last = ([of[k] for of in ends] for k in (nominal.flows, nominal.flows + 1))
     nodes = [first, *between, last]
-    shifts, commands = np.zeros_like(push), np.zeros((len(times), len(names)))
+    shifts = np.zeros_like(push)
+    commands = np.zeros((len(times), len(names)))
     for number, k in enumerate(nominal.flows):
         if held and nominal.starts[k] == k:
             shifts[k] = shifts[max(k - 1, 0)]
             commands[k] = -nominal.gains[k] @ shifts[k]
-        U, X, step = commands[k], shifts[k], (times[k + 1] - times[k]) / STEPS
+        U = commands[k]
+        X = shifts[k]
+        step = (times[k + 1] - times[k]) / STEPS
         for i in range(STEPS):
 
             def rate(X, since, first=2 * i, step=step, number=number, U=U):
@@ -91,7 +95,8 @@ def _linear(nominal, names, held):
 
     A is of the closed loop, or of the glider alone if its commands are held.
     """
-    x, push = list(nominal.states.T), np.zeros((*nominal.states.shape, len(names)))
+    x = list(nominal.states.T)
+    push = np.zeros((*nominal.states.shape, len(names)))
     for j, nudge in enumerate(TINY * 1j * np.eye(len(names))):
         theta = theta_at(nominal.model, names, nudge)
         rates = open_loop_rates(nominal.model, x, nominal.inputs, theta)

@@ -37,7 +37,7 @@ from glider.verification.dynamics.jets import (
 
 T = TypeVar("T")
 
-FLIGHT_STEP = 0.0005
+_FLIGHT_STEP = 0.0005
 """Longest step of the integration [s]."""
 
 ORDER = 3
@@ -75,7 +75,8 @@ class Nominal:
     @functools.cached_property
     def demanded(self) -> np.ndarray:
         """Slopes (n,) of the servo's demanded angle by the states: it is linear."""
-        chain, c = self.model.chain, self.model.numbers.c
+        chain = self.model.chain
+        c = self.model.numbers.c
         n = self.model.num_states
         return np.array([chain.demanded_angle(unit, c) for unit in np.eye(n)])
 
@@ -118,7 +119,8 @@ class Nominal:
     @functools.cached_property
     def push_slopes(self) -> np.ndarray:
         """G = ∂f/∂(u, w) (T, n, 3, 1 + n) in (1, e): of the command and the wind."""
-        n, still = self.states.shape[1], np.zeros((2, len(self.times)))
+        n = self.states.shape[1]
+        still = np.zeros((2, len(self.times)))
         own = variables(np.vstack([self.states.T, self.inputs, still]), 2)
         rates = open_loop_rates(self.model, own[:n], own[n], wind=own[n + 1 :])
         table = own[n].table
@@ -172,7 +174,7 @@ def make_nominal(
     if model.is_time_varying:
         raise InputError("A funnel needs a glider whose dynamics do not vary in time.")
     if period > 0.0:
-        flight = fly_held(model, policy, period, step, FLIGHT_STEP)
+        flight = fly_held(model, policy, period, step, _FLIGHT_STEP)
     else:
         flight = _continuous_flight(model, policy, step)
     gains = policy.sample(flight[0])[1]
@@ -187,8 +189,9 @@ def make_nominal(
 
 def _continuous_flight(model, policy, step):
     """Returns times, states and inputs of the feedback as it is."""
-    plan, count = policy.plan, aligned_count(policy.plan, step)
-    fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
+    plan = policy.plan
+    count = aligned_count(policy.plan, step)
+    fine = aligned_count(plan, min(_FLIGHT_STEP, plan.duration / count))
     every = -(-fine // count)
     step = plan.duration / (count * every)
     states = fly_plan(model, policy, plan.states[:1], step, every)[0]
@@ -214,7 +217,8 @@ def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> P
     """Returns cubic Hermite polynomials, with a kink where a time stands twice."""
     k = np.flatnonzero(np.diff(times) > 0.0)
     step = np.diff(times)[k].reshape(-1, *(1,) * (values.ndim - 1))
-    first, last = slopes[k], slopes[k + 1]
+    first = slopes[k]
+    last = slopes[k + 1]
     mean = (values[k + 1] - values[k]) / step
     bend = (first + last - 2.0 * mean) / step
     powers = [bend / step, (mean - first) / step - bend, first, values[k]]
@@ -275,7 +279,8 @@ def rate_dependences(
     Variables are the n states, the command, the named numbers that deviate, and the
     wind along x and z.
     """
-    n, of = model.num_states, model.num_states + 1 + len(names)
+    n = model.num_states
+    of = model.num_states + 1 + len(names)
     own = dependences(of + 2)
     theta = theta_at(model, names, own[n + 1 : of])
     wind = own[of:] if in_wind else (0.0, 0.0)
@@ -294,7 +299,8 @@ def nonlinear_parts(
 
 def evaluate(coefficients: np.ndarray, errors: np.ndarray) -> np.ndarray:
     """Returns ė (..., B, n) by the Taylor polynomials, at errors (..., B, n)."""
-    n, shape = errors.shape[-1], (*errors.shape[:-1], -1)
+    n = errors.shape[-1]
+    shape = (*errors.shape[:-1], -1)
     values = table_of(n).values(errors.reshape(-1, n)).reshape(shape)
     return values @ np.swapaxes(coefficients, -1, -2)
 

@@ -47,7 +47,8 @@ class Recording:
             present: (I, M) which coefficients of each input may not be zero.
         """
         wanted = [result.exactly() for result in results]
-        steps, order = list(self._places), dict[int, None]()
+        steps = list(self._places)
+        order = dict[int, None]()
 
         def operands(place):
             return () if steps[place][0] == INPUT else steps[place][1]
@@ -63,9 +64,13 @@ class Recording:
             visit(place)
         last = {i: place for place in order for i in operands(place)}
         last |= dict.fromkeys(wanted, -1)
-        products, there = _Products(self.table), dict[int, np.ndarray]()
-        slots, free, count = dict[int, int](), list[int](), 0
-        code, rows = [], []
+        products = _Products(self.table)
+        there = dict[int, np.ndarray]()
+        slots = dict[int, int]()
+        free = list[int]()
+        count = 0
+        code = []
+        rows = []
         for place in order:
             what, of, *numbers = steps[place]
             if not free:
@@ -113,11 +118,13 @@ class _Products:
     def __init__(self, table):
         self._table = table
         self._known = {}
-        self._starts, self._used = [], []
+        self._starts = []
+        self._used = []
 
     def add(self, a, b):
         """Returns which coefficients (M,) a product has, and where its starts are."""
-        table, key = self._table, a.tobytes() + b.tobytes()
+        table = self._table
+        key = a.tobytes() + b.tobytes()
         if key not in self._known:
             used = a[table.left] & b[table.right]
             counts = np.add.reduceat(used, table.starts, dtype=int)
@@ -183,7 +190,8 @@ class TaylorModel(Number):
         return TaylorModel(self.recording, self.exactly())._sum(other, 0.0)
 
     def apply(self, function: np.ufunc) -> "TaylorModel":
-        place, add = self.exactly(), self.recording.add
+        place = self.exactly()
+        add = self.recording.add
         powers = [add(CHANGE, place).place]
         while len(powers) < self.recording.table.degree:
             powers.append(add(PRODUCT, powers[-1], powers[0]).place)

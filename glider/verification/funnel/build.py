@@ -54,7 +54,7 @@ ROUNDS = 40
 """Rounds of scaling: four or five as a rule, eleven where commands are held. For a set
 of gliders of four numbers then, 14 were needed, and 31 for one of six."""
 
-MARGIN_SHARE = 0.6
+_MARGIN_SHARE = 0.6
 """Share of the margin that is enough, everywhere, to end the rounds."""
 
 STARTS = 60
@@ -62,7 +62,7 @@ STARTS = 60
 quadratic part. With 12, and none from neighbors in time, one funnel was not certified,
 and another not proven between two times."""
 
-EIGENVALUE_SHARE = 0.1
+_EIGENVALUE_SHARE = 0.1
 """Least eigenvalue of a Gram matrix over the margin of V̇/V; all of it would be 0.5."""
 
 
@@ -107,7 +107,8 @@ def make_funnel(
     if hook_of is not None:
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
         settings = dataclasses.replace(settings, goal=goal)
-    n, of_set = model.num_states, confidence.dimension if confidence else 0
+    n = model.num_states
+    of_set = confidence.dimension if confidence else 0
     of_pushes = 3 if settings.pushes.any() or settings.period else 0
     directions = normalized(rng.normal(size=(SAMPLES, n + of_set + of_pushes)))
     if settings.elevator_gain > 0.0:
@@ -129,7 +130,8 @@ def make_funnel(
     progress("funnel: its certificate")
     grams = certify(nominal.times, forms, settings.margin)
     made = {field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)}
-    solver, seconds = next(iter(SOLVERS)), time.perf_counter() - began
+    solver = next(iter(SOLVERS))
+    seconds = time.perf_counter() - began
     return Funnel(**made, grams=grams, solver=solver, seconds=seconds, gliders=center)
 
 
@@ -145,14 +147,14 @@ def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarra
     """Returns a Gram matrix (T, E) of -V̇/V on the boundary, at each time.
 
     It comes from its neighbor, or from a solver where that fails. Least eigenvalues are
-    EIGENVALUE_SHARE of the margin [1/s].
+    _EIGENVALUE_SHARE of the margin [1/s].
 
     Raises:
         SolverError: at some time -V̇/V is no sum of squares.
     """
     tables = sphere(forms.quadratic.shape[1])
     polynomials = tables.coefficients(-forms.quadratic, -forms.cubic, -forms.quartic)
-    least = EIGENVALUE_SHARE * margin
+    least = _EIGENVALUE_SHARE * margin
     grams = np.zeros((len(polynomials), len(tables.rows)))
     gram: np.ndarray | None = None
     for k in range(len(polynomials) - 1, -1, -1):
@@ -183,7 +185,8 @@ class Gauge:
     def __init__(self, task: FunnelTask):
         """Expands the dynamics between the times."""
         nominal = task.nominal
-        self._task, self._nominal = task, nominal
+        self._task = task
+        self._nominal = nominal
         self._starts = normalized(task.directions[:STARTS, : nominal.states.shape[1]])
         self._between = {share: nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(nominal)
@@ -208,13 +211,14 @@ class Gauge:
             ) from None
 
     def _scale(self, S):
-        times, margin = self._nominal.times, self._task.settings.margin
+        times = self._nominal.times
+        margin = self._task.settings.margin
         for turn in range(ROUNDS):
             growth, (directions, limits) = self.growth(S), self._limits
             errors, _ = self._task.errors(S, np.arange(len(S)))
             left = limits - servo_limits.error_reach(errors)
             largest = servo_limits.margin_to_limits(S, directions, left)
-            if growth.max() <= -MARGIN_SHARE * margin and largest.min() >= 1.0 - 1e-9:
+            if growth.max() <= -_MARGIN_SHARE * margin and largest.min() >= 1.0 - 1e-9:
                 break
             excess = growth + margin
             # At first as the equation says; then only what is still missing.
@@ -224,7 +228,8 @@ class Gauge:
 
     def _sets(self, S):
         """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
-        times, at = self._nominal.times, np.arange(len(S))
+        times = self._nominal.times
+        at = np.arange(len(S))
         holds = np.split(at, self._nominal.samples[1:])
         slopes = [CubicSpline(times[k], S[k])(times[k], 1) for k in holds]
         sets = self._task.sets(self._nominal, S, np.concatenate(slopes), at)

@@ -68,7 +68,8 @@ def with_held_gains(nominal: Nominal) -> Nominal:
     """
     nominal = nominal.writable()
     for first in nominal.samples:
-        gains, last = nominal.gains[first], np.flatnonzero(nominal.starts == first)[-1]
+        gains = nominal.gains[first]
+        last = np.flatnonzero(nominal.starts == first)[-1]
         for move, push in _steps(nominal, first, last):
             gains = np.linalg.solve((move - np.outer(push, gains)).T, gains)
         undo_hold(nominal, first, last, gains)
@@ -77,8 +78,10 @@ def with_held_gains(nominal: Nominal) -> Nominal:
 
 def _bend_rates(nominal, here=slice(None)):
     """Returns K F₂ (K, n, n), K B (K,) and A (K, n, n) at some times."""
-    n, rates = nominal.states.shape[1], nominal.closed_loop[here]
-    gains, push = nominal.gains[here], nominal.push_slopes[here][:, :, 0, 0]
+    n = nominal.states.shape[1]
+    rates = nominal.closed_loop[here]
+    gains = nominal.gains[here]
+    push = nominal.push_slopes[here][:, :, 0, 0]
     own = np.einsum("ti,tim->tm", gains, rates)
     square = spread_form(own[:, table_of(n).of_degree(2)], n, 2)
     return square, np.einsum("ti,ti->t", gains, push), linear_part(rates)
@@ -131,11 +134,13 @@ def command_errors(
     beta = np.zeros(S.shape[:2]) if beta is None else beta
     focus = np.zeros_like(S) if focus is None else focus
     growth, pulls, apart = _error_growth(nominal, S, at, beta, focus, settings.wind)
-    starts, first = nominal.starts, settings.command_error
+    starts = nominal.starts
+    first = settings.command_error
     if len(at) < len(starts):
         since = nominal.times[at] - nominal.times[starts[at]]
         return (first + ROOM * since * growth) * np.exp(since * pulls) + apart
-    step, q = np.diff(nominal.times), np.full(len(S), first)
+    step = np.diff(nominal.times)
+    q = np.full(len(S), first)
     for i in np.flatnonzero(starts < at):
         last = slice(i - 1, i + 1)
         q[i] = q[i - 1] + step[i - 1] * ROOM * growth[last].max()
@@ -145,7 +150,8 @@ def command_errors(
 
 def _apart(nominal, S, at):
     """Returns how far K e - eᵀ M e is from straight lines around K times, nearly."""
-    k, turn = nominal.flows, to_ball(S)[1]
+    k = nominal.flows
+    turn = to_ball(S)[1]
     steps = np.diff(nominal.times)[k]
     bends = [np.zeros((2, *v.shape)) for v in (nominal.gains, nominal.bends)]
     for bend, slopes in zip(bends, hold_slopes(nominal), strict=True):
@@ -159,9 +165,13 @@ def _apart(nominal, S, at):
 
 def _error_growth(nominal, S, at, beta, focus, wind):
     """Returns a, b (K,) of |q̇| <= a + b |q|, nearly, and what lines leave out of q."""
-    n, table = S.shape[-1], table_of(S.shape[-1])
-    turn, gains, M = to_ball(S)[1], nominal.gains[at], nominal.bends[at]
-    rates, G = nominal.closed_loop[at], nominal.push_slopes[at]
+    n = S.shape[-1]
+    table = table_of(S.shape[-1])
+    turn = to_ball(S)[1]
+    gains = nominal.gains[at]
+    M = nominal.bends[at]
+    rates = nominal.closed_loop[at]
+    G = nominal.push_slopes[at]
     square = spread_form(rates[..., table.of_degree(2)], n, 2)
     square = square + np.einsum("ti,tab->tiab", G[:, :, 0, 0], M)
     cube = spread_form(rates[..., table.of_degree(3)], n, 3)

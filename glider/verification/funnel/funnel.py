@@ -51,7 +51,8 @@ class Funnel(BoundarySets):
         """Returns the funnel from one of its times to another, given their indices."""
         here = slice(first, last + 1)
         own = {name: getattr(self, name)[here] for name in _OWN_ARRAYS}
-        nominal, gliders = self.nominal.part(here), self.gliders
+        nominal = self.nominal.part(here)
+        gliders = self.gliders
         gliders = gliders and gliders.part(here)
         return dataclasses.replace(self, nominal=nominal, gliders=gliders, **own)
 
@@ -118,7 +119,8 @@ def gliders_note(funnel: Funnel) -> GlidersNote | None:
     if funnel.gliders is None:
         return None
     confidence = funnel.gliders.confidence
-    known, level = vars(confidence.covariance), confidence.level
+    known = vars(confidence.covariance)
+    level = confidence.level
     return GlidersNote(**known, level=level, shape=confidence.shape)
 
 
@@ -190,7 +192,8 @@ def funnel_policy(funnel: Funnel, first: int = 0, held: bool = False) -> Trackin
     Raises:
         InputError: it is for held commands, and these are not.
     """
-    nominal, period = funnel.nominal, funnel.settings.period
+    nominal = funnel.nominal
+    period = funnel.settings.period
     if period and not held:
         raise InputError(
             "The funnel is for commands that are held; expected one for a feedback "

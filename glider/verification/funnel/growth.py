@@ -89,7 +89,8 @@ PUSHES = [0, 1, 1]
 
 def boundary_forms(sets: BoundarySets, G: np.ndarray) -> BoundaryForms:
     """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R and `push_form`."""
-    S, nominal = sets.S, sets.nominal
+    S = sets.S
+    nominal = sets.nominal
     cubic, quartic = higher_forms(S, nominal.closed_loop)
     _, L_inv_T = to_ball(S)
     L_inv = np.swapaxes(L_inv_T, 1, 2)
@@ -196,7 +197,7 @@ def growth_between(
 ROUNDS, CLIMB_ROUNDS = 40, 8
 """Steps of the power iteration on a polynomial, and of a climb on any function."""
 
-STRIDE = 0.3
+_STRIDE = 0.3
 """First step of a climb on the unit sphere."""
 
 DIFFERENCE = 1e-4
@@ -211,8 +212,10 @@ def largest_values(
     Shifted power iteration (Kolda and Mayo 2011): z ← (∇p + α z) / |∇p + α z|, from
     starts (T, B, n) and their negatives.
     """
-    n, z = quadratic.shape[-1], np.concatenate([starts, -starts], axis=1)
-    third, fourth = spread_form(cubic, n, 3), spread_form(quartic, n, 4)
+    n = quadratic.shape[-1]
+    z = np.concatenate([starts, -starts], axis=1)
+    third = spread_form(cubic, n, 3)
+    fourth = spread_form(quartic, n, 4)
     norms = [np.linalg.norm(a.reshape(len(a), -1), axis=1) for a in (third, fourth)]
     bound = np.linalg.norm(quadratic, axis=(1, 2)) + 2.0 * norms[0] + 3.0 * norms[1]
     shift = np.broadcast_to(0.2 * bound[:, None, None], (*z.shape[:2], 1)).copy()
@@ -235,8 +238,10 @@ def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndar
     The function is of points (K, B N, n), N in a row for each of B, to values (K, B N);
     z (K, B, n) is where to start.
     """
-    n, value = z.shape[-1], function(z)
-    stride, steps = np.full((*value.shape, 1), STRIDE), DIFFERENCE * np.eye(n)
+    n = z.shape[-1]
+    value = function(z)
+    stride = np.full((*value.shape, 1), _STRIDE)
+    steps = DIFFERENCE * np.eye(n)
     for _ in range(CLIMB_ROUNDS):
         around = function((z[:, :, None] + steps).reshape(len(z), -1, n))
         slope = around.reshape(*value.shape, n) - value[..., None]

@@ -28,7 +28,7 @@ from glider.verification.sos.sphere import normalized
 SAMPLES = 500
 """Directions in which the remainder is sampled; the same at all times."""
 
-CLIMBS = 4
+_CLIMBS = 4
 """Climbs for each rate and sign, each from the best of its share of the directions."""
 
 NEIGHBORS = 2
@@ -72,8 +72,11 @@ class _Remainders:
     def __init__(self, nominal, S, at, center, focus, pushes):
         self._names = center.confidence.names if center else ()
         self.which, self.rows = nonlinear_parts(nominal.model, self._names)
-        self._nominal, self._center, self._at = nominal, center, at
-        self._pushes, self._L_inv = pushes, np.swapaxes(to_ball(S)[1], 1, 2)
+        self._nominal = nominal
+        self._center = center
+        self._at = at
+        self._pushes = pushes
+        self._L_inv = np.swapaxes(to_ball(S)[1], 1, 2)
         self.focus = np.zeros_like(S) if focus is None else focus
 
     def errors(self, y, here):
@@ -83,14 +86,17 @@ class _Remainders:
 
     def __call__(self, y, here=slice(None)):
         """Returns values (K, B, rows) at points (K, B, n + r + 3), at some times."""
-        errors, center = self.errors(y, here), self._center
+        errors = self.errors(y, here)
+        center = self._center
         deviations = push = None
         if center:
-            n, r = errors.shape[-1], center.confidence.dimension
+            n = errors.shape[-1]
+            r = center.confidence.dimension
             on_boundary = center.confidence.on_boundary(y[..., n : n + r])
             deviations = physical(self._nominal.model, self._names, on_boundary)
         if self._pushes is not None:
-            error, wind = np.sign(y[..., -3:-2]), normalized(y[..., -2:])
+            error = np.sign(y[..., -3:-2])
+            wind = normalized(y[..., -2:])
             push = np.concatenate([error, wind], axis=-1)
             push *= self._pushes[here][:, None, PUSHES]
         given = errors, center, deviations, push
@@ -101,9 +107,10 @@ class _Remainders:
 
     def climb(self, directions):
         """Returns the highest of each rate and sign, (K, 2 rows), and where."""
-        count, total = len(self.rows), directions.shape[-1]
-        shares = np.array_split(np.concatenate([directions, -directions]), CLIMBS)
-        starts = np.empty((len(self._at), 2 * count, CLIMBS, total))
+        count = len(self.rows)
+        total = directions.shape[-1]
+        shares = np.array_split(np.concatenate([directions, -directions]), _CLIMBS)
+        starts = np.empty((len(self._at), 2 * count, _CLIMBS, total))
         for k in range(len(self._at)):  # One by one: all do not fit the cache.
             for i, points in enumerate(shares):
                 seen = self(points[None], slice(k, k + 1))[0]
@@ -157,7 +164,8 @@ def find_focus(
     bare, bent = (_Remainders(nominal, S, at, center, None, pushes) for _ in range(2))
     states = [i for i in bare.which if i < S.shape[-1]]
     scales = np.sqrt(np.diagonal(np.linalg.inv(S), axis1=1, axis2=2))[:, states]
-    square, block = scales[:, :, None] * scales[:, None], np.ix_(states, states)
+    square = scales[:, :, None] * scales[:, None]
+    block = np.ix_(states, states)
     seen: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in at]
     for turn in range(ROUNDS):
         highest, tops = bent.climb(directions)
@@ -166,7 +174,8 @@ def find_focus(
             largest = np.where(top > LEAST_REMAINDER, top, np.inf)
         for k in range(len(at)):
             more = [] if turn else [directions, -directions]
-            points, here = np.concatenate([tops[k], *more])[None], slice(k, k + 1)
+            points = np.concatenate([tops[k], *more])[None]
+            here = slice(k, k + 1)
             values = np.abs(bare(points, here)[0]) / largest[k]
             own = bare.errors(points, here)[0][:, states] / scales[k]
             seen[k].append((values.max(axis=1), own))
@@ -213,7 +222,8 @@ def remainder_of(
         moved = deviations @ np.swapaxes(center.shifts[at], 1, 2)
         commanded = np.einsum("kbm,km->kb", deviations, center.commands[at])
         drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
-        names, each = center.confidence.names, np.moveaxis(deviations, 2, 0)
+        names = center.confidence.names
+        each = np.moveaxis(deviations, 2, 0)
         theta = theta_at(nominal.model, names, each)
     rates = rates_about(nominal, at, errors, theta, push, moved, commanded)
     return rates - nominal.slopes[at][:, None] - drift - known

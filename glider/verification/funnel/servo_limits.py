@@ -18,7 +18,7 @@ from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.settings import FunnelSettings
 
-SHRINK = 0.995
+_SHRINK = 0.995
 """Factor on the bounds, to keep them between the times too; shipped funnels reach
 0.9942 of them there."""
 
@@ -27,7 +27,7 @@ def servo_bounds(
     nominal: Nominal,
     settings: FunnelSettings,
     center: MovingCenter | None = None,
-    shrink: float = SHRINK,
+    shrink: float = _SHRINK,
     errors: np.ndarray | float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.

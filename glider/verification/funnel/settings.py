@@ -65,10 +65,12 @@ class FunnelSettings:
                 good = good and len(values) == NUM_STATES
                 expect(good, f"field '{name}'", values, vector)
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin", "floor"):
-            value, words = getattr(self, name), "a positive number"
+            value = getattr(self, name)
+            words = "a positive number"
             expect(0.0 < value < math.inf, f"field '{name}'", value, words)
         for name in ("remainder", "elevator_gain", "command_error", "wind", "period"):
-            value, words = getattr(self, name), "a number that is zero or positive"
+            value = getattr(self, name)
+            words = "a number that is zero or positive"
             expect(0.0 <= value < math.inf, f"field '{name}'", value, words)
         good = self.remainder > 0.0 or not (self.pushes.any() or self.period)
         words = "a positive number where there is a command_error, wind or period"
@@ -88,7 +90,7 @@ class FunnelSettings:
         return np.append(self.sizes, [self.sizes_extra] * (num_states - NUM_STATES))
 
 
-HOOK_MARGIN = 1e-6
+_HOOK_MARGIN = 1e-6
 """Margin to the hook's limits [m, m/s, rad], which are compared in floating point."""
 
 
@@ -116,10 +118,10 @@ def hook_goal(
     }
     goal = np.array(axes, dtype=float)
     for name, (value, left, of) in limits.items():
-        if left <= HOOK_MARGIN:
+        if left <= _HOOK_MARGIN:
             raise InputError(
                 f"The flight ends with a {name} of {value:.4g}, which the hook does "
                 "not accept; expected a plan that ends within its limits."
             )
-        goal[of] = left - HOOK_MARGIN
+        goal[of] = left - _HOOK_MARGIN
     return tuple(map(float, goal))

@@ -54,7 +54,8 @@ class FunnelTask:
     @functools.cached_property
     def sizes(self) -> np.ndarray:
         """Σ (T, n, n), in squared units of the states."""
-        nominal, settings = self.nominal, self.settings
+        nominal = self.nominal
+        settings = self.settings
         count, n = nominal.states.shape
         steady = np.diag(np.square(settings.size_axes(n)))
         if settings.launch_sizes is None:
@@ -89,11 +90,13 @@ class FunnelTask:
         β (1 + eᵀ F e) is the inflated remainder, but for rounding. All is zero where
         the funnel is to be of the Taylor polynomial alone.
         """
-        inflation, sizes = self.settings.remainder, self.sizes[at]
+        inflation = self.settings.remainder
+        sizes = self.sizes[at]
         pushes = pushes_of(self.errors(S, at)[0], self.settings)
         given = self.nominal, S, self.directions, at, self.center
         acting = pushes if pushes.any() else None
-        focus, beta = np.zeros_like(S), np.zeros(S.shape[:2])
+        focus = np.zeros_like(S)
+        beta = np.zeros(S.shape[:2])
         floor = self.settings.floor
         if inflation > 0.0 and floor < 1.0:
             focus = smoothed(find_focus(*given, sizes, acting, floor))
@@ -125,10 +128,10 @@ def smoothed(values: np.ndarray) -> np.ndarray:
     return 0.25 * padded[:-2] + 0.5 * values + 0.25 * padded[2:]
 
 
-SAMPLE_ROOM = 1e-9
+_SAMPLE_ROOM = 1e-9
 """Share by which S is larger before a sample than after it."""
 
-CHANGE_SHARE = 0.3
+_CHANGE_SHARE = 0.3
 """Largest change of N, as a share of it, on its line to the next program."""
 
 
@@ -145,7 +148,9 @@ class ShapeFlow:
         if steer:
             nominal = nominal.writable()
             task = dataclasses.replace(task, nominal=nominal)
-        self._task, self.nominal, self._sizes = task, nominal, task.sizes
+        self._task = task
+        self.nominal = nominal
+        self._sizes = task.sizes
         self._bounds = servo_limits.servo_bounds(nominal, task.settings, task.center)
         self._slopes = nominal.push_slopes[:, :, 0, 0] if steer else None
 
@@ -163,19 +168,23 @@ class ShapeFlow:
         hold = max(1, round(hold / (times[1] - times[0])))
         S = servo_limits.goal_about(settings.goal_axes(n), self._task.center)
         self._steer(S, last)
-        shapes, before, since = np.zeros((count, n, n)), None, 0
+        shapes = np.zeros((count, n, n))
+        before = None
+        since = 0
         shapes[last] = S = self._cut(S, last)
         for k in range(last, 0, -1):
             self._steer(S, k - 1)
             if times[k] == times[k - 1]:  # A sample: the set must not be larger before.
-                before, since, S = None, 0, S * (1.0 + SAMPLE_ROOM)
+                before = None
+                since = 0
+                S = S * (1.0 + _SAMPLE_ROOM)
             else:
                 if since == 0:
                     growth = self._growth(S, k)
                     slope = 0.0 * growth if before is None else (growth - before) / hold
                     before = growth
                     change = max(hold * np.linalg.norm(slope), 1e-300)
-                    slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
+                    slope *= min(1.0, _CHANGE_SHARE * np.linalg.norm(growth) / change)
                     progress((last - k) / last)
                 S = self._step(S, k, growth + since * slope, slope)
                 since = (since + 1) % hold
@@ -187,8 +196,10 @@ class ShapeFlow:
         if self._slopes is None:
             return
         nominal, (directions, bounds) = self.nominal, self._bounds
-        times, settings = nominal.times, self._task.settings
-        first, toward = k, self._slopes[k]
+        times = nominal.times
+        settings = self._task.settings
+        first = k
+        toward = self._slopes[k]
         if settings.period:
             if k + 1 < len(times) and times[k + 1] > times[k]:
                 return  # It was made from the end of its hold.
@@ -209,7 +220,8 @@ class ShapeFlow:
 
     def _growth(self, S, k):
         """Returns N + D at a time."""
-        at, L = np.array([k]), np.linalg.cholesky(S)
+        at = np.array([k])
+        L = np.linalg.cholesky(S)
         nominal = self.nominal.part(slice(k, k + 1))
         # What is left of V̇ where S moves with the linear part of the flow.
         still = -quadratic_form(S, np.zeros_like(S), nominal.closed_loop[0])
@@ -226,7 +238,8 @@ class ShapeFlow:
         first, second = linear_part(self.nominal.closed_loop[[k, k - 1]])
 
         def rate(S, since):
-            L, share = np.linalg.cholesky(S), since / step
+            L = np.linalg.cholesky(S)
+            share = since / step
             product = S @ ((1.0 - share) * first + share * second)
             return product + product.T + L @ (growth + share * slope) @ L.T
 

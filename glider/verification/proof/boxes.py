@@ -13,7 +13,7 @@ from glider.compiled.boxes import shift, top_in_balls
 from glider.compiled.taylor import ROUNDING, TERMS, WIDER
 from glider.verification.dynamics.jets import Monomials
 
-SLOPE_BLAME = 0.2
+_SLOPE_BLAME = 0.2
 """Blame of a box's linear terms, which the ball bounds too, beside 1 for those
 of higher degree."""
 
@@ -61,7 +61,8 @@ def excess_in_balls(table, polynomials, remainders, limits, rates, center, half,
     highest degree of rates (R, M, B) in it indicates what is beyond. The balls are
     those coordinates of each.
     """
-    exponents, m = table.exponents, table.num_variables
+    exponents = table.exponents
+    m = table.num_variables
     which = np.full(m, -1)
     for k, ball in enumerate(balls):
         which[ball] = k
@@ -80,5 +81,5 @@ def excess_in_balls(table, polynomials, remainders, limits, rates, center, half,
     top = table.of_degree(table.degree)
     highest = exponents[top].T @ np.abs(rates[:, top])
     share = highest / np.maximum(highest.sum(axis=1, keepdims=True), 1e-300)
-    own += SLOPE_BLAME * sizes[:, 1 : m + 1] + share * remainders[:, None]
+    own += _SLOPE_BLAME * sizes[:, 1 : m + 1] + share * remainders[:, None]
     return np.max(tops, axis=0), own

@@ -127,7 +127,9 @@ def check_funnel(
     level = None
     if covariance and funnel.gliders:
         level = purpose.compared_level(funnel.gliders.confidence, least_level)
-    rounding, seen, between = 0.0, 0.0, np.inf
+    rounding = 0.0
+    seen = 0.0
+    between = np.inf
     if not faults:
         faults, rounding = exact_faults(funnel, at, growth, progress)
     if not faults:
@@ -149,7 +151,8 @@ def check_funnel(
 
 def _defect_faults(funnel, growth):
     """Returns whether the nominal is no flight, given the growth (T,) by its defect."""
-    worst, margin = int(np.argmax(growth)), funnel.settings.margin
+    worst = int(np.argmax(growth))
+    margin = funnel.settings.margin
     words = "The nominal is not a flight: its defect makes V̇/V as large as"
     where = f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s"
     fault = f"{words} {where}; the margin is {margin:.2g} 1/s."
@@ -168,7 +171,8 @@ def _sampled_faults(funnel, at, growth, rng, every):
 
 def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> float:
     """Returns the largest |R_k| / β_k found at some times, also of a set's gliders."""
-    pushes, worst = funnel.pushes[at] if funnel.pushes.any() else None, 0.0
+    pushes = funnel.pushes[at] if funnel.pushes.any() else None
+    worst = 0.0
     for center in dict.fromkeys((None, funnel.gliders)):
         total = funnel.num_states + (0 if pushes is None else 3)
         total += center.confidence.dimension if center else 0
@@ -211,7 +215,8 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     directions, bounds = servo_limits.servo_bounds(*given)
     try:
         reach = servo_limits.margin_to_limits(funnel.S, directions, bounds)
-        goal, last = np.diag(1.0 / axes**2), funnel.S[-1]
+        goal = np.diag(1.0 / axes**2)
+        last = funnel.S[-1]
         largest = scipy.linalg.eigh(goal, last, eigvals_only=True)[-1]
         end = math.sqrt(largest) + servo_limits.goal_reach(axes, funnel.gliders)
     except (np.linalg.LinAlgError, ValueError):

@@ -83,7 +83,8 @@ class TaylorRemainder:
     @property
     def balls(self) -> tuple[slice, ...]:
         """Coordinates of w, of the wind, and of v where they are in a ball."""
-        m, found = len(self.basis), [slice(0, len(self.basis))]
+        m = len(self.basis)
+        found = [slice(0, len(self.basis))]
         if self.allowed.dimension and self.allowed.shape == "ellipsoid":
             found.append(slice(m, m + self.allowed.dimension))
         if self.pushes[1] > 0.0:
@@ -110,8 +111,10 @@ class TaylorRemainder:
         excess, blame = excess_in_balls(
             table, remainders, lost, limits, rates, center, half, self.balls
         )
-        reach, mean = spread(limits, lost), limits[:, 0]
-        high, low = mean + reach, mean - reach
+        reach = spread(limits, lost)
+        mean = limits[:, 0]
+        high = mean + reach
+        low = mean - reach
         inside = [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls]
         within = np.all(inside, axis=0)
         surely = np.abs(remainders[:, 0])
@@ -129,7 +132,8 @@ class TaylorRemainder:
         Returned with the polynomials (I, M) that are its inputs and what these lack,
         (I,).
         """
-        m, d = len(self.basis), self.dimension
+        m = len(self.basis)
+        d = self.dimension
         unit = np.eye(1 + d, self.inputs.shape[1])
         factor = self.allowed.factor
         deviations = factor @ unit[1 + m : 1 + m + factor.shape[1]]
@@ -193,7 +197,9 @@ def make_remainder(
     middle = np.append(path @ s ** np.arange(ORDER + 1), command @ [1.0, s])
     basis = _turned(nominal.model, middle, P_mean + s * P_change, basis)
 
-    pushes, first = piece.pushes.max(axis=0), len(which) + moved.shape[1]  # Of q.
+    # Of q.
+    pushes = piece.pushes.max(axis=0)
+    first = len(which) + moved.shape[1]
     table = monomials(first + len(_acting(pushes)) + 1, ORDER)
     path = np.vstack([path, np.pad(command, (0, ORDER - 1))])
     inputs = _along(table, len(which), path, moved[..., :ORDER])

@@ -19,7 +19,7 @@ from glider.verification.sos.exact import exact, is_positive_definite, joined, r
 from glider.verification.sos.forms import exact_product, has_definite_gram, to_ball
 from glider.verification.sos.sphere import represent, sphere
 
-SLACK_SHARE = 0.1
+_SLACK_SHARE = 0.1
 """Share of the margin of V̇/V that is proven; what is left of it is for rounding."""
 
 GRAM_BITS = 26
@@ -32,7 +32,7 @@ funnels, their difference is not definite."""
 
 def proven_slack(funnel: Funnel) -> float:
     """Returns the slack of V̇ <= -slack V that is to be proven [1/s]."""
-    return SLACK_SHARE * funnel.settings.margin
+    return _SLACK_SHARE * funnel.settings.margin
 
 
 def exact_faults(
@@ -43,7 +43,8 @@ def exact_faults(
     Returns what is wrong, a sentence each, and the largest change of an eigenvalue by
     what rounding left over.
     """
-    slack, rounding = proven_slack(funnel), 0.0
+    slack = proven_slack(funnel)
+    rounding = 0.0
     found: dict[str, list[float]] = {}
     for number, k in enumerate(at):
         faults, change = check_time(funnel, k, slack + defect[k])
@@ -69,7 +70,9 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
 
     Where floating point fails to propose a Gram matrix, nothing is.
     """
-    S, beta, weights = funnel.S[k], funnel.beta[k], funnel.weights[k]
+    S = funnel.S[k]
+    beta = funnel.beta[k]
+    weights = funnel.weights[k]
     if not np.all(np.isfinite(funnel.nominal.closed_loop[k])):
         return ["The glider's dynamics have no Taylor polynomial"], 0.0
     if not is_positive_definite(exact(S)):
@@ -79,7 +82,8 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         return [rises], 0.0
     if np.any((funnel.unknown_pushes[k] > 0.0) & (funnel.push_weights[k] == 0.0)):
         return ["A weight of the command's error or the wind is zero"], 0.0
-    tables, faults = sphere(len(S)), []
+    tables = sphere(len(S))
+    faults = []
     try:
         here = at_time(funnel, k)
         if not keeps_servo(here):

@@ -111,7 +111,8 @@ def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
     """
     if proof is None or not proof.count or not funnel.beta.any():
         return "sampled" if funnel.beta.any() else "none"
-    status, tried = f"rigorous until t={proof.until:.4f}", len(proof.outcomes)
+    status = f"rigorous until t={proof.until:.4f}"
+    tried = len(proof.outcomes)
     if tried == proof.of_intervals or not proof.complete:
         return status
     return f"{status} in {tried} of {proof.of_intervals} intervals"
@@ -151,7 +152,8 @@ def prove_flights(
     lines = read_sealed(resume, header, _Record, "a proof", "funnel") if resume else []
     known = {line.interval: line for line in lines if line.proven}
     done = {k: known[k] for k in wanted if k in known}
-    left, from_file = [k for k in wanted if k not in known], len(done)
+    left = [k for k in wanted if k not in known]
+    from_file = len(done)
     found = joblib.Parallel(n_jobs=workers, return_as="generator")(
         joblib.delayed(prove_interval)(funnel.between(k, k + 1), budget) for k in left
     )
@@ -194,5 +196,6 @@ class _Record(IntervalProof):
 
     def __post_init__(self):
         for name in ("interval", "boxes", "parts", "ratio"):
-            value, words = getattr(self, name), "a number that is zero or positive"
+            value = getattr(self, name)
+            words = "a number that is zero or positive"
             expect(0 <= value < math.inf, f"field '{name}'", value, words)

@@ -37,22 +37,25 @@ from glider.verification.sos.exact import (
 )
 from glider.verification.sos.forms import exact_product, gathered, spread_form
 
-PERIOD_ROUNDING = 1e-9
+_PERIOD_ROUNDING = 1e-9
 """Time by which the samples in a file may be off the clock's [s]."""
 
 
 def held_faults(funnel: Funnel, progress: Shares = silent) -> list[str]:
     """Returns why held commands are not proven to be the feedback, a sentence each."""
-    settings, nominal = funnel.settings, funnel.nominal
+    settings = funnel.settings
+    nominal = funnel.nominal
     if np.any(np.minimum(funnel.errors, funnel.rests) < settings.command_error):
         return ["The command's error is smaller than the settings' somewhere."]
     if not settings.period:
         fault = "The command's error has a known part, but no command is held."
         return [fault] if nominal.bends.any() else []
-    times, starts, samples = nominal.times, nominal.starts, nominal.samples
+    times = nominal.times
+    starts = nominal.starts
+    samples = nominal.samples
     clock = settings.period * np.arange(len(samples))
     off = np.abs(times[samples] - clock).max()
-    if max(off, times[-1] - clock[-1] - settings.period) > PERIOD_ROUNDING:
+    if max(off, times[-1] - clock[-1] - settings.period) > _PERIOD_ROUNDING:
         return [f"The samples are not {settings.period:g} s apart."]
     if np.any(nominal.inputs != nominal.inputs[starts]):
         return ["The nominal's commands are not held."]
@@ -67,7 +70,8 @@ def held_faults(funnel: Funnel, progress: Shares = silent) -> list[str]:
     error = settings.command_error
     for k in nominal.flows:
         progress(k / len(times))
-        before, ends = settings.command_error if starts[k] == k else error, [k, k + 1]
+        before = settings.command_error if starts[k] == k else error
+        ends = [k, k + 1]
         error, apart, known = _error_after(funnel.between(*ends), before)
         rests = np.array([before, error]) + apart
         pairs = (funnel.rests[ends], rests), (funnel.errors[ends], rests + known)
@@ -113,17 +117,22 @@ def _error_after(piece: Funnel, before: float) -> tuple[float, float, np.ndarray
 
 def _bounded_after(piece, before):
     """Returns the same; raises ValueError and others where numbers do not allow it."""
-    nominal, n, interval = piece.nominal, piece.num_states, make_interval(piece)
+    nominal = piece.nominal
+    n = piece.num_states
+    interval = make_interval(piece)
     whole = exact(np.eye(n))
     states = dataclasses.replace(interval, outputs=whole, which=list(range(n)))
     B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BALL_BITS)
     if not covers(states, B.to_float()):
         return np.inf, np.inf, np.zeros(2)
-    slopes, step = hold_slopes(nominal), np.diff(nominal.times)[0]
+    slopes = hold_slopes(nominal)
+    step = np.diff(nominal.times)[0]
     K, K_rise = hermite(nominal.gains, slopes[0], interval.step)
     M, M_rise = hermite(nominal.bends, slopes[1], interval.step)
-    rise, square = K_rise @ B, gathered(B.T @ M_rise @ B, n)
-    M, known = B.T @ M, B.T @ interval.bends @ B
+    rise = K_rise @ B
+    square = gathered(B.T @ M_rise @ B, n)
+    M = B.T @ M
+    known = B.T @ interval.bends @ B
     parts = _rate_forms(interval, B, K, M, known)
     total = _size(rise + parts[0] * interval.step, n, 1) / step
     total += _size(parts[1] * interval.step - square, n, 2) / step
@@ -147,12 +156,16 @@ def _rate_forms(interval, B, K, M, known):
 
     K is (n,), M is Bᵀ M (n, n), and known is Bᵀ M B of the straight line.
     """
-    push, field = interval.push_slopes[:, 0], interval.linear @ interval.outputs @ B
-    rates, rows = interval.rates(B), interval.rows
+    push = interval.push_slopes[:, 0]
+    field = interval.linear @ interval.outputs @ B
+    rates = interval.rates(B)
+    rows = interval.rows
     square, cube = pulled_forms(rates, K[rows])
     bent_square, bent_cube = pulled_forms(rates, M.T[rows])
-    pull, tilt = K @ push[:, 0], K @ push[:, 1:] @ B
-    bent, twist = M @ push[:, 0], M @ push[:, 1:] @ B
+    pull = K @ push[:, 0]
+    tilt = K @ push[:, 1:] @ B
+    bent = M @ push[:, 0]
+    twist = M @ push[:, 1:] @ B
     bent_square = bent_square + exact_product(bent, known)
     return (
         K @ field,

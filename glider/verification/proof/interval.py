@@ -74,7 +74,9 @@ class Interval:
                 return tuple(half(part, side) for part in value)
             return value.halves()[side] if isinstance(value, Exact) else value
 
-        first, middle, last = self.span[0], 0.5 * sum(self.span), self.span[1]
+        first = self.span[0]
+        middle = 0.5 * sum(self.span)
+        last = self.span[1]
         return tuple(
             Interval(**{k: half(v, side) for k, v in vars(self).items()} | {"span": of})
             for side, of in enumerate([(first, middle), (middle, last)])
@@ -88,7 +90,8 @@ class Interval:
 
 def make_interval(piece: Funnel) -> Interval:
     """Returns the polynomials of a funnel of two times; λ > 0 where β is."""
-    nominal, n = piece.nominal, piece.num_states
+    nominal = piece.nominal
+    n = piece.num_states
     which, rows = nonlinear_parts(nominal.model)
     first, last = map(exact, nominal.times)
     step = last - first
@@ -109,8 +112,10 @@ def at_time(funnel: Funnel, k: int) -> Interval:
 
     They are of the closed loop, so that which and rows are of e alone, and h is 1 s.
     """
-    piece, n = funnel.between(k, k), funnel.num_states
-    rates, degrees = funnel.nominal.closed_loop[[k]], table_of(n).degrees
+    piece = funnel.between(k, k)
+    n = funnel.num_states
+    rates = funnel.nominal.closed_loop[[k]]
+    degrees = table_of(n).degrees
     rows = np.flatnonzero(rates[0, :, degrees > 1].any(axis=0)).tolist()
     return _interval(
         piece,
@@ -191,7 +196,7 @@ def _limits(piece, path, reach=(0.0, 0.0)):
 HALVINGS = 3
 """Times that an interval is halved where a form is not seen to be definite."""
 
-COVER_ROOM = 1e-4
+_COVER_ROOM = 1e-4
 """Share by which a ball is larger than it need be, for what was not sampled."""
 
 FLOOR = 0.05
@@ -201,7 +206,7 @@ where they are flatter they may be covered loosely, but that must not tilt the b
 LEAST_SPREAD = 1e-4
 """Spread that each variable has at least: without feedback, the command has none."""
 
-COVER_SAMPLES = 9
+_COVER_SAMPLES = 9
 """Times of an interval that the ball is made for."""
 
 
@@ -234,7 +239,8 @@ def covers(interval: Interval, basis: np.ndarray) -> bool:
         C   basis basisᵀ
     is positive definite.
     """
-    B, C = exact(basis), interval.outputs[interval.which]
+    B = exact(basis)
+    C = interval.outputs[interval.which]
     rows = joined(interval.S, C.T, axis=2), joined(C, B @ B.T, axis=2)
     return stays_definite(joined(*rows, axis=1))
 
@@ -245,12 +251,12 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
     That is how much wider it is than the set in the middle, along some axis.
     """
     shadows = []
-    for k in range(COVER_SAMPLES):
-        share = Fraction(k, COVER_SAMPLES - 1)
+    for k in range(_COVER_SAMPLES):
+        share = Fraction(k, _COVER_SAMPLES - 1)
         S = interval.S.at(share).to_float()
         C = interval.outputs.at(share).to_float()[interval.which]
         shadows.append(C @ np.linalg.solve(S, C.T))
-    middle = np.maximum(np.diagonal(shadows[COVER_SAMPLES // 2]), LEAST_SPREAD**2)
+    middle = np.maximum(np.diagonal(shadows[_COVER_SAMPLES // 2]), LEAST_SPREAD**2)
     turned = np.array(shadows) + FLOOR**2 * np.diag(middle)
     # The least that holds two ellipsoids, nearly: their mean and half their difference.
     L = np.linalg.cholesky(0.5 * (turned[0] + turned[-1]))
@@ -260,7 +266,7 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
     cover = np.eye(len(L)) + (vectors * np.abs(values)) @ vectors.T
     more = max(np.linalg.eigvalsh(one - cover)[-1] for one in turned)
     values, vectors = np.linalg.eigh(cover)
-    wider = np.sqrt(values + max(more, 0.0) + COVER_ROOM)
+    wider = np.sqrt(values + max(more, 0.0) + _COVER_ROOM)
     basis = L @ (vectors * wider) @ vectors.T
     return basis, float(np.sqrt(np.max(np.sum(basis**2, axis=1) / middle)))
 
@@ -271,10 +277,13 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     That is X A of the states and U A of the command, (n + 1, r, 5), and Ẋ A
     (n, r, 3) [1/s]; r is 0 for the model's own glider alone.
     """
-    nominal, n, gliders = piece.nominal, piece.num_states, piece.gliders
+    nominal = piece.nominal
+    n = piece.num_states
+    gliders = piece.gliders
     if gliders is None:
         return np.zeros((n + 1, 0, 5)), np.zeros((n, 0, 3))
-    A, times = gliders.confidence.factor, nominal.times
+    A = gliders.confidence.factor
+    times = nominal.times
     path, slopes = hermite_powers(times, gliders.shifts @ A, gliders.slopes @ A)
     states = np.pad(path, ((0, 0), (0, 0), (0, 1)))
     if piece.settings.period:  # It is held.
@@ -325,7 +334,8 @@ def acts_elsewhere(piece: Funnel) -> str:
 
     That is in an otherwise linear rate, or on a state that R does not depend on.
     """
-    model, n = piece.nominal.model, piece.num_states
+    model = piece.nominal.model
+    n = piece.num_states
     which, rows = nonlinear_parts(model)
     is_windy = piece.settings.wind > 0.0
     for fault, names, in_wind in (

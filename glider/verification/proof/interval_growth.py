@@ -37,7 +37,7 @@ BALL_BITS = 30
 LEAST = 2e-5
 """Least eigenvalue of Gram matrices of -V̇/V that will do [1/s]."""
 
-AIM = 3e-3
+_AIM = 3e-3
 """Least eigenvalue that the search for them aims at [1/s]; few have it."""
 
 ROUNDS = 150
@@ -158,7 +158,9 @@ def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
 
 def _search(tables, guess, coefficients, h, block=None):
     """Returns the entries of a Gram matrix of h V̇ near a guess; None for none."""
-    entries, least, aim = tables.entries(guess), LEAST * h, AIM * h
+    entries = tables.entries(guess)
+    least = LEAST * h
+    aim = _AIM * h
     return nearby_gram(tables, entries, coefficients, least, aim, ROUNDS, block)
 
 
@@ -181,7 +183,8 @@ def _definite_grams(
     scales = np.multiply.outer(tables.scales, tables.scales)
     for j, (corner, cubic, quartic) in enumerate(parts):
         share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
-        others, block = joined(cubic, quartic, axis=1), corner.to_float() / share
+        others = joined(cubic, quartic, axis=1)
+        block = corner.to_float() / share
         found = _search(tables, guesses[j], others.to_float() / share, h, block)
         if found is None:
             return None

@@ -161,13 +161,16 @@ class Candidate:
 @np.errstate(all="ignore")
 def worst_candidate(piece: Funnel) -> Candidate:
     """Returns the worst state and time that were found on the boundary."""
-    n, shares = piece.num_states, np.linspace(0.0, 1.0, TIMES)
+    n = piece.num_states
+    shares = np.linspace(0.0, 1.0, TIMES)
     here = [piece.nominal.between(share) for share in shares]
     arrays = {k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS}
     nominal = Nominal(model=piece.nominal.model, **arrays)
-    times, at = nominal.times, np.arange(TIMES)
+    times = nominal.times
+    at = np.arange(TIMES)
     drift = piece.nominal.path(times, 1)[:, None]
-    S, slopes = piece.curve(times), piece.curve(times, 1)
+    S = piece.curve(times)
+    slopes = piece.curve(times, 1)
     turn = np.swapaxes(to_ball(S)[1], 1, 2)
 
     def growth(z):
@@ -204,10 +207,12 @@ def prove_remainder(
             found = bound_remainder(remainder, most)
     if found.proven or not halvings:
         return found
-    boxes, ratio = found.boxes, 0.0
+    boxes = found.boxes
+    ratio = 0.0
     for half in interval.halves():
         found = prove_remainder(piece, half, budget - boxes, halvings - 1)
-        boxes, ratio = boxes + found.boxes, max(ratio, found.ratio)
+        boxes = boxes + found.boxes
+        ratio = max(ratio, found.ratio)
         if not found.proven:
             break
     return _bounded(found.proven, boxes, ratio)
@@ -218,13 +223,18 @@ def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
 
     R is a `TaylorRemainder`, or what has its span, dimension, balls and bounds.
     """
-    ratio, boxes, size = 0.0, 0, remainder.dimension
-    center, half = np.zeros((size, 1)), np.ones((size, 1))
+    ratio = 0.0
+    boxes = 0
+    size = remainder.dimension
+    center = np.zeros((size, 1))
+    half = np.ones((size, 1))
     first, last = remainder.span
     center[-1], half[-1] = 0.5 * (first + last), 0.5 * (last - first)
     while ratio <= 1.0 and center.shape[1] > 0 and boxes < budget:
-        here, width = center[:, -BATCH:].copy(), half[:, -BATCH:].copy()
-        center, half = center[:, :-BATCH], half[:, :-BATCH]
+        here = center[:, -BATCH:].copy()
+        width = half[:, -BATCH:].copy()
+        center = center[:, :-BATCH]
+        half = half[:, :-BATCH]
         boxes += here.shape[1]
         bounds, reached, blame = remainder.bounds(here, width)
         ratio = max(ratio, float(np.nan_to_num(reached, nan=0.0).max()))
@@ -232,7 +242,9 @@ def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
         split = bad.any(axis=0)
         # Each rate that is not yet bounded has its say in the axis.
         blame = np.where(bad[:, None], blame, 0.0).sum(axis=0)
-        here, width, blame = here[:, split], width[:, split], blame[:, split]
+        here = here[:, split]
+        width = width[:, split]
+        blame = blame[:, split]
         new, smaller, of = halve(here, width, blame, remainder.balls)
         again = ~(bounds.max(axis=0)[split][of] <= FAR)
         left = blame[:, of] * (smaller / width[:, of]) ** LEFT
@@ -268,7 +280,8 @@ def halve(center, half, blame, balls=(slice(0, -1),)):
     step[axis, boxes] = 0.5 * half[axis, boxes]
     center = np.concatenate([center - step, center + step], axis=1)
     half = np.tile(half - step, 2)
-    low, high = center - half, center + half
+    low = center - half
+    high = center + half
     touches = np.full(len(center[0]), True)
     for ball in balls:
         nearest = np.maximum(np.abs(center[ball]) - half[ball], 0.0) ** 2
@@ -279,5 +292,6 @@ def halve(center, half, blame, balls=(slice(0, -1),)):
         low[ball] = np.maximum(low[ball], -reach)
         high[ball] = np.minimum(high[ball], reach)
     # A little wider, so that rounding leaves no gap between them.
-    center, half = 0.5 * (low + high), 0.5 * (high - low) + 1e-15
+    center = 0.5 * (low + high)
+    half = 0.5 * (high - low) + 1e-15
     return center[:, touches], half[:, touches], np.tile(boxes, 2)[touches]

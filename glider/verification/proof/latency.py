@@ -30,18 +30,18 @@ from glider.verification.sos.forms import linear_part
 PARTS, TERMS = 4, 30
 """Straight lines of λ, and terms of the series that bounds |δ|, but for their rest."""
 
-NEARBY, TURNS = 1.1, 4
+_NEARBY, TURNS = 1.1, 4
 """Distance from the sets on which slopes are bounded, over |δ| by the turn before, and
 turns until |δ| is no larger; two are enough as a rule."""
 
-COARSE, FINE = (2.5,), (1.1, 1.2, 1.5)
+_COARSE, FINE = (2.5,), (1.1, 1.2, 1.5)
 """Bounds over the largest sampled value that are tried in turn: for all predictions,
 then for those that leave least."""
 
-DIGIT = 1e-4
+_DIGIT = 1e-4
 """Step to which the error that is left is rounded down [rad/s]."""
 
-CHOICE_ROOM = 1.001
+_CHOICE_ROOM = 1.001
 """Factor on the inlet of one funnel that holds those of all."""
 
 
@@ -93,7 +93,8 @@ def check_latency(funnel: Funnel, latency: float) -> None:
         )
     words = f"0 or more, and less than the funnel's period, {period:g} s"
     expect(0.0 <= latency < period, "the latency", latency, words)
-    duration, words = float(funnel.nominal.times[-1]), "more than one command's"
+    duration = float(funnel.nominal.times[-1])
+    words = "more than one command's"
     expect(duration > period + GRID_ROOM, "the funnel's duration", duration, words)
 
 
@@ -133,7 +134,7 @@ def first_predictions(
     sets = np.array([own.S[0] for own in rests])
     try:
         wider = np.linalg.eigvals(np.linalg.solve(sets[0], sets)).real.max()
-        root = np.linalg.cholesky(CHOICE_ROOM * wider * sets[0]).T
+        root = np.linalg.cholesky(_CHOICE_ROOM * wider * sets[0]).T
     except np.linalg.LinAlgError:
         root = np.zeros_like(sets[0])
     whole = exact(root).T @ exact(root)
@@ -166,8 +167,9 @@ def prove_latency(
         least: what has to be left [rad/s].
         workers: processes; as many as there are cores if -1.
     """
-    slopes, lefts = Slopes(predictions[0].window), list[float]()
-    tasks = (joblib.delayed(own.error_left)(slopes, COARSE) for own in predictions)
+    slopes = Slopes(predictions[0].window)
+    lefts = list[float]()
+    tasks = (joblib.delayed(own.error_left)(slopes, _COARSE) for own in predictions)
     for left in joblib.Parallel(n_jobs=workers, return_as="generator")(tasks):
         lefts.append(left)
         progress(len(lefts) / len(predictions))
@@ -175,7 +177,7 @@ def prove_latency(
     while (k := int(np.argmin(lefts))) not in fine:
         fine.add(k)
         lefts[k] = max(lefts[k], predictions[k].error_left(slopes, FINE))
-    left = round(float(np.floor(lefts[k] / DIGIT) * DIGIT), 6)
+    left = round(float(np.floor(lefts[k] / _DIGIT) * _DIGIT), 6)
     return ProvenLatency(latency=predictions[0].latency, error_left=left, least=least)
 
 
@@ -185,8 +187,10 @@ def _missed(prediction, slopes, directions, rooms):
 
     λ are directions (R, n); bounds are infinite where nothing is proven.
     """
-    window, duration = prediction.window, prediction.latency / PARTS
-    near, flows = np.zeros(window.num_states), window.nominal.flows
+    window = prediction.window
+    duration = prediction.latency / PARTS
+    near = np.zeros(window.num_states)
+    flows = window.nominal.flows
     nothing = np.full((len(directions), 2), np.inf)
     for _ in range(TURNS):
         enclosed = [NearSets(slopes, window.between(k, k + 1), near) for k in flows]
@@ -196,13 +200,14 @@ def _missed(prediction, slopes, directions, rooms):
         farthest = apart[0] @ pushes
         if np.all(farthest <= near):
             break
-        near = NEARBY * farthest
+        near = _NEARBY * farthest
         if not np.all(np.isfinite(near)):
             return nothing
     else:
         return nothing
     step = scipy.linalg.expm(duration * linear_part(window.nominal.open_loop).mean(0))
-    first, total = directions, np.zeros((len(directions), len(pushes)))
+    first = directions
+    total = np.zeros((len(directions), len(pushes)))
     for k, away in enumerate(apart):
         last = first @ step
         begins = prediction.ends[0] - (k + 1) * duration

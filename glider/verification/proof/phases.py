@@ -40,13 +40,13 @@ from glider.verification.sos.exact import exact, hermite, rounded
 LEVEL = 0.98
 """V at which flights begin in a funnel of held commands at most: 0.99² and less."""
 
-WIDENED = 1e-9
+_WIDENED = 1e-9
 """What is added to a bound of √V that was sampled, for rounding, before it is seen."""
 
 PREDICTED = 0.005
 """How far √V of a predicted state may be off, in any of the inlets."""
 
-MULTIPLIER_BITS = 20
+_MULTIPLIER_BITS = 20
 """Binary places of λ, which is below 1. Any that is not negative is right."""
 
 GRID_ROOM = 1e-9
@@ -71,7 +71,8 @@ def phase_faults(
         InputError: there is none for held commands.
     """
     expect(len(rests) > 0, "the phases' funnels", len(rests), "at least one")
-    nominal, periods = launch.nominal, sorted({own.settings.period for own in rests})
+    nominal = launch.nominal
+    periods = sorted({own.settings.period for own in rests})
     for own in rests:
         if faults := model_faults(own, nominal.model):
             return faults
@@ -83,7 +84,9 @@ def phase_faults(
         return [f"{words}one period for all."]
     commands = nominal.inputs, nominal.gains, nominal.bends, launch.settings.period
     earliest, end = first_commands(launch, rests)
-    first, last, period = 1e3 * earliest, 1e3 * end, 1e3 * periods[0]
+    first = 1e3 * earliest
+    last = 1e3 * end
+    period = 1e3 * periods[0]
     wanted = earliest if latency is None else latency
     faults = _problem_faults(launch, rests, problem) if problem else []
     faults += unmet(
@@ -147,18 +150,21 @@ def phase_intervals(launch: Funnel, rests: Sequence[Funnel]) -> list[int]:
 @np.errstate(all="ignore")
 def is_inside(piece: Funnel, rest: Funnel) -> bool:
     """Determines whether in an interval's sets V of another inlet is at most LEVEL."""
-    nominal, n = piece.nominal, piece.num_states
+    nominal = piece.nominal
+    n = piece.num_states
     first, last = map(exact, nominal.times)
     try:
         S, _ = hermite(piece.S, piece.slopes, last - first)
         path, _ = hermite(nominal.states, nominal.slopes, last - first)
-        away, inlet = path - exact(rest.nominal.states[0]), exact(rest.S[0])
+        away = path - exact(rest.nominal.states[0])
+        inlet = exact(rest.S[0])
         level = LEVEL - 2.0 * _centers_reach(piece, rest.S[0])
-        multiplier = rounded(_multiplier(S, away, rest.S[0], level), MULTIPLIER_BITS)
+        multiplier = rounded(_multiplier(S, away, rest.S[0], level), _MULTIPLIER_BITS)
         least = exact(level)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return False
-    own, one = exact(np.eye(n, n + 1)), exact(np.eye(n + 1)[[n]])
+    own = exact(np.eye(n, n + 1))
+    one = exact(np.eye(n + 1)[[n]])
     reach = own + away[:, None] @ one
     left = (own.T @ S @ own - one.T @ one) * multiplier
     left = left + one.T @ one * least - reach.T @ inlet @ reach
@@ -167,13 +173,15 @@ def is_inside(piece: Funnel, rest: Funnel) -> bool:
 
 def _centers_reach(piece, inlet):
     """Returns how far a set's centers move in an interval, as √V in another inlet."""
-    allowed, gliders = piece.allowed, piece.gliders
+    allowed = piece.allowed
+    gliders = piece.gliders
     if gliders is None or not allowed.dimension:
         return 0.0
     step = exact(piece.nominal.times[1]) - exact(piece.nominal.times[0])
     X, _ = hermite(gliders.shifts, gliders.slopes, step)
-    moved, R = X @ exact(allowed.factor), np.linalg.cholesky(inlet).T
-    widest = np.linalg.norm(R @ moved.bernstein(), 2, axis=(1, 2)).max() + WIDENED
+    moved = X @ exact(allowed.factor)
+    R = np.linalg.cholesky(inlet).T
+    widest = np.linalg.norm(R @ moved.bernstein(), 2, axis=(1, 2)).max() + _WIDENED
     square = exact(widest) * exact(widest) * exact(np.eye(allowed.dimension))
     if not stays_definite(square - moved.T @ exact(inlet) @ moved):
         return np.inf
@@ -183,9 +191,12 @@ def _centers_reach(piece, inlet):
 
 def _multiplier(S, away, inlet, level):
     """Returns the λ that leaves most at both ends and in the middle, nearly."""
-    n, R = len(inlet), np.linalg.cholesky(inlet).T
-    R_inv, one = np.linalg.inv(R), np.diag([0.0] * n + [1.0])
-    sets, rests = [], []
+    n = len(inlet)
+    R = np.linalg.cholesky(inlet).T
+    R_inv = np.linalg.inv(R)
+    one = np.diag([0.0] * n + [1.0])
+    sets = []
+    rests = []
     for share in (Fraction(0), Fraction(1, 2), Fraction(1)):
         reach = np.hstack([np.eye(n), R @ away.at(share).to_float()[:, None]])
         rests.append(level * one - reach.T @ reach)

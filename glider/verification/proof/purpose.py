@@ -26,11 +26,11 @@ from glider.planning.constraints import Bound, constraints_of
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel
 
-PLAN_TOLERANCE = 1e-4
+_PLAN_TOLERANCE = 1e-4
 """Amount by which a nominal may exceed the limits of its plan [m, rad, m/s]: planners
 keep them up to a tolerance. The shipped funnels exceed them by up to 2e-6."""
 
-PLACE_TOLERANCE = 1e-6
+_PLACE_TOLERANCE = 1e-6
 """Amount by which launch and wire may be off [m, rad, m/s, rad/s], where it is 6e-8 in
 the shipped funnels, and commands and times of the same feedback [rad/s, s]."""
 
@@ -52,7 +52,8 @@ class Arrival:
 
 def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
     """Returns what the goal about the nominal's end reaches, at most."""
-    end, axes = funnel.nominal.states[-1], np.array(funnel.settings.goal)
+    end = funnel.nominal.states[-1]
+    axes = np.array(funnel.settings.goal)
     miss = np.linalg.norm(end[POSITION] - problem.wire) + axes[POSITION].max()
     return Arrival(
         time=float(funnel.nominal.times[-1]),
@@ -84,18 +85,22 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     place = ""
     while own != other:
         if isinstance(own, list) and isinstance(other, list) and len(own) == len(other):
-            own, other = dict(enumerate(own)), dict(enumerate(other))
+            own = dict(enumerate(own))
+            other = dict(enumerate(other))
         if not (isinstance(own, dict) and isinstance(other, dict)):
             break
         key = next(k for k in {**own, **other} if own.get(k) != other.get(k))
         place += f".{key}" if place else key
-        own, other = own.get(key), other.get(key)
+        own = own.get(key)
+        other = other.get(key)
     if own == other:
         return []
     # Digits that a message omits may be all that differs.
-    found, expected = show(own), show(other)
+    found = show(own)
+    expected = show(other)
     if found == expected:
-        found, expected = repr(own), repr(other)
+        found = repr(own)
+        expected = repr(other)
     words = f"The funnel is of another glider: '{place}' of its model is {found};"
     return [f"{words} expected {expected}."]
 
@@ -118,7 +123,8 @@ def set_faults(
     if funnel.gliders is None:
         words = "The funnel is of one glider; expected a set that contains the model's"
         return [f"{words} {describe_level(least)} set."] if least else []
-    own, model = funnel.gliders.confidence, funnel.nominal.model
+    own = funnel.gliders.confidence
+    model = funnel.nominal.model
     level = compared_level(own, least)
     given = make_confidence(model, covariance, level, own.shape)
     words = f"The funnel's set of gliders, the {describe_set(own)}, is smaller than"
@@ -141,7 +147,8 @@ def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
 
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
     """Returns where the inlet is narrower than least half-widths of states alone."""
-    names, faults = funnel.nominal.model.state_names, []
+    names = funnel.nominal.model.state_names
+    faults = []
     widths = dict(zip(names, funnel.half_widths(), strict=True))
     known = f"one of {', '.join(names)}"
     for name, width in least.items():
@@ -180,7 +187,7 @@ def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
         for name, value, expected in zip(
             nominal.model.state_names, nominal.states[0], launch, strict=True
         )
-        if not abs(value - expected) <= PLACE_TOLERANCE
+        if not abs(value - expected) <= _PLACE_TOLERANCE
     ]
 
 
@@ -197,7 +204,7 @@ def path_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     for inequality in constraints.inequalities:
         least = float(inequality.formula(states.T).min())
         words = f"The flight's {inequality.name} is {least:.4g} {inequality.unit};"
-        faults += unmet((least >= -PLAN_TOLERANCE, f"{words} expected at least 0."))
+        faults += unmet((least >= -_PLAN_TOLERANCE, f"{words} expected at least 0."))
     return faults
 
 
@@ -207,7 +214,7 @@ def _beyond(words: str, bound: Bound, values: np.ndarray) -> list[str]:
     value = values[np.argmax(beyond)]
     allowed = f"the problem allows {bound.low:.4g} to {bound.high:.4g}."
     sentence = f"{words} {bound.name} = {value:.4g} {bound.unit}; {allowed}"
-    return unmet((np.max(beyond) <= PLAN_TOLERANCE, sentence))
+    return unmet((np.max(beyond) <= _PLAN_TOLERANCE, sentence))
 
 
 def problem_faults(
@@ -228,7 +235,7 @@ def problem_faults(
     steep = f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem allows"
     faults = launch_faults(funnel, problem) if from_launch else []
     faults += unmet(
-        (reached.miss <= reach + PLACE_TOLERANCE, f"{far} {reach:.4g} m."),
+        (reached.miss <= reach + _PLACE_TOLERANCE, f"{far} {reach:.4g} m."),
         (
             duration.low <= reached.time <= duration.high,
             f"{late} {duration.low:.4g} to {duration.high:.4g} s.",

@@ -53,16 +53,21 @@ class Slopes:
 
     def __init__(self, funnel: Funnel):
         """Records how they are computed, and Jᵀ λ - dλ/dσ and λᵀ (G, H) of a line."""
-        model, self.num_states = funnel.nominal.model, funnel.num_states
+        model = funnel.nominal.model
+        self.num_states = funnel.num_states
         n = self.num_states
         self.which, _ = nonlinear_parts(model)
-        self.allowed, m = funnel.allowed, len(self.which)
-        names, A = self.allowed.names, self.allowed.factor
+        self.allowed = funnel.allowed
+        m = len(self.which)
+        names = self.allowed.names
+        A = self.allowed.factor
         self.table = monomials(m + 5, DEGREE)
         self.balls = slice(m), slice(m + 1, m + 3)
         recording = Recording(self.table)
         inputs = [recording.add(INPUT, i) for i in range(3 * n + 3 + len(names))]
-        zero, lines, changes = inputs[0] * 0.0, inputs[-2 * n : -n], inputs[-n:]
+        zero = inputs[0] * 0.0
+        lines = inputs[-2 * n : -n]
+        changes = inputs[-n:]
         unit = scipy.linalg.block_diag(np.eye(n + 3), A).tolist()
         own = [Slope(x, tuple(row)) for x, row in zip(inputs, unit, strict=False)]
         theta = theta_at(model, names, own[n + 3 :])
@@ -88,15 +93,19 @@ class NearSets:
 
     def __init__(self, slopes: Slopes, part: Funnel, near: np.ndarray):
         """Covers those of a funnel of two times, and what is as near as `near` (n,)."""
-        nominal, n, m = part.nominal, part.num_states, len(slopes.which)
+        nominal = part.nominal
+        n = part.num_states
+        m = len(slopes.which)
         self.first, self.last = nominal.times
-        self._slopes, allowed = slopes, part.allowed
+        self._slopes = slopes
+        allowed = part.allowed
         bounds = part.settings.wind, part.settings.command_error, 1.0
         self.pushes = np.array(bounds if allowed.names else bounds[:2])
         turned = np.abs(nominal.demanded) @ near
         ahead = part.settings.command_error + turned / STOPPING_TIME
         wider = dataclasses.replace(part, errors=part.errors + ahead)
-        interval, place = make_interval(wider), slopes.table.place
+        interval = make_interval(wider)
+        place = slopes.table.place
         basis, _ = tight_cover(interval)
         unit = np.eye(m + 5, dtype=int)
         self._time = [place(j * unit[-1]) for j in range(DEGREE + 1)]
@@ -173,9 +182,12 @@ class _Boxes:
     def __init__(self, slopes, programs, polynomials, lacks):
         """Takes inputs (I, M) of each run, and bounds (I,) of what these lack."""
         self._program, self._at_points = programs
-        self._polynomials, self._lacks = polynomials, lacks
-        self._slopes, self.balls = slopes, slopes.balls
-        self.dimension, self.limits = slopes.table.num_variables, np.zeros(0)
+        self._polynomials = polynomials
+        self._lacks = lacks
+        self._slopes = slopes
+        self.balls = slopes.balls
+        self.dimension = slopes.table.num_variables
+        self.limits = np.zeros(0)
 
     def bounds(self, center, half):
         """Returns bounds over limits, what centers reach, and what is to blame."""
@@ -192,7 +204,8 @@ class _Boxes:
 
     def largest(self) -> np.ndarray:
         """Returns the largest values (rows,) that are found by a climb."""
-        rng, d = np.random.default_rng(0), self.dimension
+        rng = np.random.default_rng(0)
+        d = self.dimension
         points = rng.normal(size=(d, SAMPLES)) * rng.uniform(0.0, 2.0, SAMPLES)
         for width in (*WIDTHS, 0.0):
             for ball in self.balls:
@@ -207,7 +220,8 @@ class _Boxes:
 
     def _values(self, points):
         """Returns results (R K, B) at points (d, B)."""
-        monomials_there, found = self._slopes.table.values(points.T).T, []
+        monomials_there = self._slopes.table.values(points.T).T
+        found = []
         for own in self._polynomials:
             inputs = np.zeros((*own.shape, points.shape[1]))
             inputs[:, 0] = own @ monomials_there
@@ -229,7 +243,8 @@ class _Boxes:
 
     def _rows(self, values):
         """Returns rows by (x, w, u, v), given results by (x, u, w, v)."""
-        n, allowed = self._slopes.num_states, self._slopes.allowed
+        n = self._slopes.num_states
+        allowed = self._slopes.allowed
         each = values.reshape(-1, n + 3 + allowed.dimension, *values.shape[1:])
         of_x, of_u, of_w, of_v = np.split(each, [n, n + 1, n + 3], axis=1)
         wind = np.linalg.norm(of_w, axis=1, keepdims=True)

@@ -75,7 +75,8 @@ def _winds(model):
 
 def _header(funnel, problem):
     """Returns the glider and what it is to do."""
-    model, winds = funnel.nominal.model, _winds(funnel.nominal.model)
+    model = funnel.nominal.model
+    winds = _winds(funnel.nominal.model)
     return {
         "format": FORMAT,
         "funnel": funnel.sha256,
@@ -105,7 +106,8 @@ def _knots(funnel):
 
 def _interval_proof(piece):
     """Returns the slack, Gram matrices and balls of an interval."""
-    interval, n = make_interval(piece), piece.num_states
+    interval = make_interval(piece)
+    n = piece.num_states
     slack = needed_slack(piece, interval)
     proofs = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
     if proofs is None:

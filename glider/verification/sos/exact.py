@@ -44,7 +44,8 @@ class Exact:
     def __add__(self, other: "Exact") -> "Exact":
         if self.numbers.ndim != other.numbers.ndim:
             raise ValueError("exact arrays of different numbers of axes have no sum")
-        low, degree = min(self.exponent, other.exponent), max(self.degree, other.degree)
+        low = min(self.exponent, other.exponent)
+        degree = max(self.degree, other.degree)
         both = (one.raised(degree).integers(low) for one in (self, other))
         return Exact(operator.add(*both), low)
 
@@ -94,7 +95,8 @@ class Exact:
 
     def to_float(self) -> np.ndarray:
         """Returns the nearest doubles of a constant."""
-        more, less = 1 << max(self.exponent, 0), 1 << max(-self.exponent, 0)
+        more = 1 << max(self.exponent, 0)
+        less = 1 << max(-self.exponent, 0)
         values = [v * more / less for v in self.numbers.ravel()]
         return np.array(values).reshape(self.numbers.shape[1:])
 
@@ -189,7 +191,8 @@ def in_time(*parts: Exact) -> Exact:
 
 def joined(*parts: Exact, axis: int) -> Exact:
     """Returns arrays joined along an axis; 0 is that of the p_j."""
-    low, degree = min(p.exponent for p in parts), max(p.degree for p in parts)
+    low = min(p.exponent for p in parts)
+    degree = max(p.degree for p in parts)
     numbers = [part.raised(degree).integers(low) for part in parts]
     return Exact(np.concatenate(numbers, axis), low)
 
@@ -213,6 +216,7 @@ def hermite(values: np.ndarray, slopes: np.ndarray, step: Exact) -> tuple[Exact,
 
 def _first_half(numbers):
     """With τ = σ / 2 and 1 - τ = (1 - σ) + σ / 2; times 2^d."""
-    d, all_ = len(numbers) - 1, range(len(numbers))
+    d = len(numbers) - 1
+    all_ = range(len(numbers))
     rows = [[math.comb(d - j, d - i) << (d - i) for j in all_] for i in all_]
     return np.tensordot(np.array(rows, dtype=object), numbers, 1)

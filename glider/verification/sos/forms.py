@@ -71,7 +71,8 @@ def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
 
 def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """Returns coefficients (r, M) of p(basis w), given those of p by `table_of(n)`."""
-    n, changed = len(basis), coefficients.copy()
+    n = len(basis)
+    changed = coefficients.copy()
     for degree in (1, 2, 3):
         here = table_of(n).of_degree(degree)
         moved = _moved(spread_form(coefficients[:, here], n, degree), basis, degree)
@@ -150,8 +151,10 @@ def _places_of_products(n, first, second):
 
 def exact_product(first: Exact, second: Exact) -> Exact:
     """Returns what `product_form` does, exactly."""
-    n, degree = len(second), first.numbers.ndim - 1
-    A, B = first if degree == 1 else gathered(first, n), gathered(second, n)
+    n = len(second)
+    degree = first.numbers.ndim - 1
+    A = first if degree == 1 else gathered(first, n)
+    B = gathered(second, n)
     return gathered(A.product(B, np.multiply.outer), n, degree, 2)
 
 
@@ -164,7 +167,8 @@ def has_definite_gram(
     these differ by from those of the Gram matrix (s, s) is added to it, each in the
     first place that has its monomial. Returned is what `leaves_definite` does.
     """
-    places, mixed = tables.places, tables.places >= 0
+    places = tables.places
+    mixed = tables.places >= 0
     known = np.zeros(len(tables.map), dtype=object)
     np.add.at(known, places[mixed], gram.numbers[0, mixed])
     left_over = others - Exact([known], gram.exponent)

@@ -28,7 +28,7 @@ from glider.verification.sos.sphere import sphere
 SOLVERS = {"clarabel": ClarabelSolver, "scs": ScsSolver}
 """Solvers by name, in the order in which they are tried."""
 
-CLARABEL_TOLERANCE = 1e-4
+_CLARABEL_TOLERANCE = 1e-4
 """Gap and infeasibility where Clarabel stops: below the margins of a funnel. Its
 default, 1e-8, takes half as long again."""
 
@@ -70,7 +70,7 @@ def solve_moments(
     program.AddLinearCost(-polynomial, 0.0, moments)
     options = SolverOptions()
     for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
-        options.SetOption(ClarabelSolver.id(), name, CLARABEL_TOLERANCE)
+        options.SetOption(ClarabelSolver.id(), name, _CLARABEL_TOLERANCE)
     result = SOLVERS[solver]().Solve(program, None, options)
     multipliers = -np.asarray(result.GetDualSolution(equations), dtype=float)
     gram = np.asarray(result.GetDualSolution(positive), dtype=float)

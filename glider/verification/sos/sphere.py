@@ -49,7 +49,8 @@ class Sphere:
         self.size = len(self.basis)
         products = self.basis[:, None] + self.basis
         self.places = np.array([[place.get(tuple(e), -1) for e in r] for r in products])
-        self.lift, unit = np.zeros((len(self.quartic), n, n)), self.basis[:n]
+        self.lift = np.zeros((len(self.quartic), n, n))
+        unit = self.basis[:n]
         for i, j, k in itertools.product(range(n), repeat=3):
             even = place[tuple(unit[i] + unit[j] + 2 * unit[k])] - len(self.cubic)
             self.lift[even, i, j] += 1.0
@@ -97,7 +98,8 @@ class Sphere:
 
     def substitution(self, turn: np.ndarray) -> np.ndarray:
         """Returns the matrix (s, s) of b(turn z) = matrix b(z)."""
-        n, scales = self.n, self.scales[self.n :]
+        n = self.n
+        scales = self.scales[self.n :]
         i, j = np.array([np.repeat(np.arange(n), e) for e in self.basis[n:]]).T
         both = turn[i][:, i] * turn[j][:, j] + turn[i][:, j] * turn[j][:, i]
         matrix = np.zeros((self.size, self.size))
@@ -140,7 +142,8 @@ def represent(
     """
     linear, least = tables.whole if block is None else tables.rest
     if block is not None:
-        entries, own = entries.copy(), tables.rows < tables.n
+        entries = entries.copy()
+        own = tables.rows < tables.n
         entries[own] = block[tables.rows[own], tables.columns[own]]
     return entries + least @ (coefficients - linear @ entries)
 

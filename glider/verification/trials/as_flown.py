@@ -42,7 +42,7 @@ from glider.verification.trials.falsify import (
     check_gliders,
 )
 
-MOST_WIND, MOST_ERROR = 20.0, 100.0
+_MOST_WIND, _MOST_ERROR = 20.0, 100.0
 """Strongest wind [m/s] and largest error of the command [rad/s] that are flown."""
 
 _FRESH = 1e-3
@@ -60,10 +60,12 @@ class FlownLoop:
 
     def __post_init__(self):
         """Raises InputError where the wind or the error is out of range."""
-        wind, words = self.wind, f"a speed from 0 to {MOST_WIND:g} m/s"
-        expect(0.0 <= wind <= MOST_WIND, "the wind", wind, words)
-        error, words = self.command_error, f"from 0 to {MOST_ERROR:g} rad/s"
-        expect(0.0 <= error <= MOST_ERROR, "the command error", error, words)
+        wind = self.wind
+        words = f"a speed from 0 to {_MOST_WIND:g} m/s"
+        expect(0.0 <= wind <= _MOST_WIND, "the wind", wind, words)
+        error = self.command_error
+        words = f"from 0 to {_MOST_ERROR:g} rad/s"
+        expect(0.0 <= error <= _MOST_ERROR, "the command error", error, words)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -105,7 +107,8 @@ def fly_loop(
         samples: flights from random points; the climb adds as many and a fifth more.
         rests: the funnels of held commands that go on from the launch funnel.
     """
-    n, fly = funnel.num_states, functools.partial(_flights, funnel, loop, rests=rests)
+    n = funnel.num_states
+    fly = functools.partial(_flights, funnel, loop, rests=rests)
     check_clock(funnel, loop.hold, rests)
     check_gliders(funnel, loop.gliders)
     # Directions of start (n) and wind (2), the phase, whether the wind is steady, and
@@ -152,7 +155,8 @@ def _phases(funnel, hold, genes, rests=()):
 
 def check_clock(funnel: Funnel, hold: Hold, rests: Sequence[Funnel] = ()) -> None:
     """Raises InputError where funnels' clock is not that of the commands."""
-    latency, found = hold.latency, hold.period
+    latency = hold.latency
+    found = hold.period
     for own in rests or (funnel,):
         if period := own.settings.period:
             expect(found == period, "the period of commands", found, "the funnel's")
@@ -185,12 +189,15 @@ def _flights(funnel, loop, genes, rests=()):
 
 def _phase_levels(launch, rests, loop, genes):
     """Returns the same of flights from a launch funnel on in one of the others."""
-    model, latency = launch.nominal.model, loop.hold.latency
-    flight, still = _Flight(launch, loop, genes), np.zeros(len(genes))
+    model = launch.nominal.model
+    latency = loop.hold.latency
+    flight = _Flight(launch, loop, genes)
+    still = np.zeros(len(genes))
     flight.fly(still, _phases(launch, loop.hold, genes, rests), begins=True)
     predicted = flown_under(model, flight.states, latency, lambda x, t: still)
     flight.fly(still, latency)
-    chosen, levels = choose(rests, predicted), np.zeros((3, len(genes)))
+    chosen = choose(rests, predicted)
+    levels = np.zeros((3, len(genes)))
     for j in np.unique(chosen):
         here = chosen == j
         states = flight.states[here]
@@ -208,7 +215,8 @@ class _Flight:
     def __init__(self, funnel, loop, genes, states=None):
         """Launches them, from the boundary if not from some states."""
         n = funnel.num_states
-        self._funnel, self._loop = funnel, loop
+        self._funnel = funnel
+        self._loop = loop
         self._model = funnel.nominal.model
         self._theta = self._glider = None
         if allowed := loop.gliders:
@@ -229,7 +237,9 @@ class _Flight:
 
         The first command is computed from the states, or from those that are seen.
         """
-        hold, model, policy = self._loop.hold, self._model, self._policy
+        hold = self._loop.hold
+        model = self._model
+        policy = self._policy
         # Until the clock's first command acts, that of the launch does.
         seen = self.states if seen is None else seen
         before = policy_command(policy, self._times, seen)
@@ -251,7 +261,8 @@ class _Flight:
         The command begins to act, or it has acted before.
         """
         count = max(math.ceil(np.max(duration) / STEP - 1e-9), 1)
-        step, end = duration / count * np.ones(len(self._times)), self._policy.duration
+        step = duration / count * np.ones(len(self._times))
+        end = self._policy.duration
         for number in range(count):
             left = np.clip(end - self._times, 0.0, step)
             chooses = (begins and number == 0) or not self._funnel.settings.period

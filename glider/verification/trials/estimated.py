@@ -31,7 +31,7 @@ NOISES = (0.0001, 0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02)
 UNKNOWN = (0.1, 0.2, 0.5, 1.0)
 """Shares of a launch's deviation that the filter does not know."""
 
-TICKS = 4
+_TICKS = 4
 """Predictions of the filter, each followed by a command, to each sample."""
 
 
@@ -109,19 +109,23 @@ def fly_estimated(
     """
     good = math.isfinite(noise) and noise > 0.0
     expect(good, "fly_estimated: the noise", noise, "a positive number of meters")
-    good, what = 0.0 <= unknown <= 1.0, "fly_estimated: the unknown share"
+    good = 0.0 <= unknown <= 1.0
+    what = "fly_estimated: the unknown share"
     expect(good, what, unknown, "a number from 0 to 1")
     std = CAPTURE.std * (noise / CAPTURE.position)
-    rate, policy = TICKS * CAPTURE.rate, funnel_policy(funnel)
+    rate = _TICKS * CAPTURE.rate
+    policy = funnel_policy(funnel)
     ekf = make_ekf(funnel.nominal.model, rate=rate, process=PROCESS, noise=std**2)
     spread = np.linalg.inv(funnel.shape(0.0)) / (funnel.num_states + 2)
     mean = starts - unknown * (starts - funnel.center(0.0))
     prior = Belief(mean=mean, covariance=unknown**2 * spread)
-    states, means = fly_on_estimate(policy, ekf, starts, prior, draws * std, TICKS)
+    states, means = fly_on_estimate(policy, ekf, starts, prior, draws * std, _TICKS)
     times = np.arange(states.shape[1]) / rate
     passes = [closest_pass(times, path, np.zeros(2)) for path in states]
     kept = times <= funnel.nominal.times[-1]
-    truth, estimate, times = states[:, kept], means[:, kept], times[kept]
+    truth = states[:, kept]
+    estimate = means[:, kept]
+    times = times[kept]
     errors = np.sqrt(funnel.level(times, funnel.center(times) + estimate - truth))
     off = np.einsum("bki,ki->bk", estimate - truth, policy.sample(times)[1])
     return EstimatedFlights(

@@ -26,7 +26,7 @@ ESCAPE_LEVEL = 1.005
 """Level V that only flights which have left the funnel exceed: from 1, rounding and
 integration take others to 1 + 1e-6."""
 
-START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
+_START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
 """Times when flights start, as shares of the funnel's duration."""
 
 CLIMB_ROUNDS = 6
@@ -36,11 +36,11 @@ CLIMB_WIDTH, CLIMB_NARROWING = 0.3, 0.6
 """Length by which the first round strays from the worst points, on the unit sphere, and
 the factor on it from a round to the next."""
 
-GLIDERS, CLIMBERS = 24, 8
+_GLIDERS, _CLIMBERS = 24, 8
 """Gliders drawn at each start time, besides the set's corners, half of them within the
 set and half on its boundary; and those that fly in each round of the climb."""
 
-NUDGE = 0.05
+_NUDGE = 0.05
 """Step towards the set's boundary by which its worst corner is looked for."""
 
 
@@ -74,7 +74,7 @@ def falsify_funnel(
     *,
     model: GliderModel | None = None,
     confidence: ConfidenceSet | None = None,
-    shares: Sequence[float] = START_SHARES,
+    shares: Sequence[float] = _START_SHARES,
     climb: bool = True,
     progress: Shares = silent,
 ) -> Falsification:
@@ -117,8 +117,10 @@ class _Trial:
 
     def __init__(self, funnel, rng, model, confidence):
         """Has flown nothing yet."""
-        self._funnel, self._rng = funnel, rng
-        self._model, self._confidence = model, confidence
+        self._funnel = funnel
+        self._rng = rng
+        self._model = model
+        self._confidence = confidence
         self._found = []
 
     def fly_at(self, share, count, climb):
@@ -126,7 +128,8 @@ class _Trial:
         last = len(self._funnel.nominal.times) - 1
         k = min(round(share * last), last - 1)
         found = self._fly_all(k, self._draw(count))
-        width, kept = CLIMB_WIDTH, max(1, count // 25)
+        width = CLIMB_WIDTH
+        kept = max(1, count // 25)
         for _ in range(CLIMB_ROUNDS if climb else 0):
             found = self._fly_all(k, self._stray(_worst(found, kept), width))
             width *= CLIMB_NARROWING
@@ -142,10 +145,12 @@ class _Trial:
 
     def _draw(self, count):
         """Returns gliders, and random points for each: [(δ, points)]."""
-        rng, allowed, gliders = self._rng, self._confidence, np.empty((1, 0))
+        rng = self._rng
+        allowed = self._confidence
+        gliders = np.empty((1, 0))
         if allowed is not None:
-            inside = allowed.draw(GLIDERS // 2, rng)
-            directions = rng.normal(size=(GLIDERS // 2, allowed.dimension))
+            inside = allowed.draw(_GLIDERS // 2, rng)
+            directions = rng.normal(size=(_GLIDERS // 2, allowed.dimension))
             at_edge = allowed.on_boundary(directions)
             gliders = np.concatenate([allowed.corners(), inside, at_edge])
         points = normalized(rng.normal(size=(count, self._funnel.num_states)))
@@ -154,7 +159,8 @@ class _Trial:
     def _stray(self, worst, width):
         """Returns points near the worst, and gliders near theirs."""
         (_, points, gliders), allowed, rng = worst, self._confidence, self._rng
-        flights, climbers = [], min(CLIMBERS, len(points)) if allowed else 1
+        flights = []
+        climbers = min(_CLIMBERS, len(points)) if allowed else 1
         for first in range(climbers):
             glider = gliders[first]
             if allowed:
@@ -169,8 +175,9 @@ class _Trial:
         values, points, gliders = worst
         if not allowed.dimension or not np.isfinite(values[0]):
             return
-        shrunk, start = (1.0 - NUDGE) * gliders[0], points[:1]
-        around = [self._fly(k, shrunk + NUDGE * a, start)[0] for a in allowed.factor.T]
+        shrunk = (1.0 - _NUDGE) * gliders[0]
+        start = points[:1]
+        around = [self._fly(k, shrunk + _NUDGE * a, start)[0] for a in allowed.factor.T]
         slope = np.array(around)[:, 0] - self._fly(k, shrunk, start)[0]
         if allowed.shape == "box":
             slope = np.sign(slope)
@@ -184,9 +191,12 @@ class _Trial:
 
     def _fly(self, k, deviation, points):
         """Flies a glider from points; returns what to climb, points and gliders."""
-        funnel, glider, own = self._funnel, self._model, None
+        funnel = self._funnel
+        glider = self._model
+        own = None
         if self._confidence:
-            estimate, names = funnel.nominal.model, self._confidence.names
+            estimate = funnel.nominal.model
+            names = self._confidence.names
             own = deviation = physical(estimate, names, deviation)
             glider = glider_at(estimate, names, deviation)
         flown = np.tile(deviation, (len(points), 1))
@@ -197,7 +207,8 @@ class _Trial:
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
-        later, most = levels[:, 1:].max(axis=1), levels.max(axis=1)
+        later = levels[:, 1:].max(axis=1)
+        most = levels.max(axis=1)
         self._found.append((time, most, later, levels[:, -1], states, flown))
         return later, points, flown
 
@@ -231,7 +242,8 @@ def fly_from(
         V of each at the funnel's times from `first` on, (B, T - first), and the
         paths (B, T - first, n'), n' the states of the glider that flies.
     """
-    policy, times = funnel_policy(funnel, first), funnel.nominal.times[first:]
+    policy = funnel_policy(funnel, first)
+    times = funnel.nominal.times[first:]
     model = model or funnel.nominal.model
     paths = fly_plan(model, policy, states, (times[1] - times[0]) / 2.0, 2)
     return funnel.level(times, paths[..., : funnel.num_states], deviation), paths

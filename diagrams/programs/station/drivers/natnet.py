@@ -56,7 +56,8 @@ class _Reader:
     """Reads little-endian numbers one after the other."""
 
     def __init__(self, data: bytes) -> None:
-        self._data, self._place = data, 0
+        self._data = data
+        self._place = 0
 
     def take(self, form: str) -> tuple:
         values = struct.unpack_from(f"<{form}", self._data, self._place)
@@ -91,7 +92,8 @@ def parse_frame(data: bytes, version: tuple[int, int] = (4, 1)) -> MocapFrame | 
         identifier, size = struct.unpack_from("<HH", data)
         if identifier != _FRAME:
             return None
-        reader, sized = _Reader(data[4 : 4 + size]), version >= _SIZED
+        reader = _Reader(data[4 : 4 + size])
+        sized = version >= _SIZED
         (number,) = reader.take("i")
         count, length = reader.section(sized)
         if length is not None:

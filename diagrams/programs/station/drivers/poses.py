@@ -50,9 +50,11 @@ class Room:
     def __post_init__(self):
         """Raises InputError where an axis or a place cannot be."""
         for name in ("up", "forward", "nose"):
-            axis, expected = getattr(self, name), "x, y, z, -x, -y or -z"
+            axis = getattr(self, name)
+            expected = "x, y, z, -x, -y or -z"
             expect(re.fullmatch("-?[xyz]", axis), f"the axis '{name}'", axis, expected)
-        differ, expected = self.up[-1] != self.forward[-1], f"one across {self.up}"
+        differ = self.up[-1] != self.forward[-1]
+        expected = f"one across {self.up}"
         expect(differ, "the axis 'forward'", self.forward, expected)
         for name, count in (("wire", 3), ("tracked_point", 2)):
             place = getattr(self, name)
@@ -72,7 +74,8 @@ class Room:
         """Place (x, z) of the center of mass [m], of a rigid body's position (3,)."""
         away = np.asarray(position, dtype=float) - np.asarray(self.wire)
         ahead, above = self.tracked_point
-        cos, sin = math.cos(pitch), math.sin(pitch)
+        cos = math.cos(pitch)
+        sin = math.sin(pitch)
         x = away @ unit_vector(self.forward) - ahead * cos - above * sin
         z = away @ unit_vector(self.up) + ahead * sin - above * cos
         return float(x), float(z)

@@ -30,10 +30,10 @@ PERIOD = 0.005
 """Time between two packets [s]: an analog servo takes one each 20 ms."""
 
 
-PULSES = 500.0, 2500.0
+_PULSES = 500.0, 2500.0
 """Shortest and longest pulse that servos are made for [µs]."""
 
-AGAIN = 1.0
+_AGAIN = 1.0
 """Time after which a line that is down is opened again [s]."""
 
 
@@ -59,10 +59,13 @@ class ServoBoard:
         center: float = 1500.0,
         gain: float = 600.0,
     ) -> None:
-        self._wire, self._send, self._channel = wire, send, channel
-        self._center, self._gain = center, gain
+        self._wire = wire
+        self._send = send
+        self._channel = channel
+        self._center = center
+        self._gain = gain
         ends = [center + gain * angle for angle in (wire.servo.low, wire.servo.high)]
-        low, high = PULSES
+        low, high = _PULSES
         good = gain != 0.0 and all(low <= pulse <= high for pulse in ends)
         expected = f"{low:g} to {high:g} µs, both within (--center, --gain)"
         expect(good, "the pulse at the ends of the elevator's travel", ends, expected)
@@ -87,7 +90,8 @@ class SerialLine:
     """
 
     def __init__(self, port: str) -> None:
-        self._port, self._again = port, 0.0
+        self._port = port
+        self._again = 0.0
         self._line: Any = None
         self._open()
 
@@ -117,7 +121,8 @@ class SerialLine:
                 self._line.reset_output_buffer()
         except (OSError, termios.error) as error:
             print(f"{self._port}: {error}; it is tried again.", file=sys.stderr)
-            self._line, self._again = None, time.monotonic() + AGAIN
+            self._line = None
+            self._again = time.monotonic() + _AGAIN
 
 
 def open_line(serial_port: str | None, udp: str | None) -> Callable[[bytes], object]:

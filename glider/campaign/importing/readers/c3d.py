@@ -34,12 +34,15 @@ def read(path: Path) -> Recording:
     """Reads points, rigid bodies and analog channels."""
     parameters, data = _load(path)
     groups = []
-    points, turns, analogs = data["points"], data["rotations"], data["analogs"][0]
+    points = data["points"]
+    turns = data["rotations"]
+    analogs = data["analogs"][0]
     if points.shape[1] and points.shape[2]:
         columns = _points(parameters, points, data["residuals"][0])
         groups.append(_group("", columns, _rate(path, parameters, "POINT")))
     if turns.ndim == 4 and turns.shape[2] and turns.shape[3]:
-        name, columns = "ROTATION" if groups else "", _bodies(parameters, turns)
+        name = "ROTATION" if groups else ""
+        columns = _bodies(parameters, turns)
         groups.append(_group(name, columns, _rate(path, parameters, "ROTATION")))
     if analogs.shape[0] and analogs.shape[1]:
         labels = _labels(parameters, "ANALOG", len(analogs))

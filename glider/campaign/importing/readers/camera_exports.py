@@ -52,8 +52,10 @@ def _parse_motive(path: Path, text: str) -> Recording:
             f"{path}: starts as an export of Motive does, but its rows 'Name' and "
             "'Frame' are missing; expected an export with its header."
         )
-    axes, trimmed = rows[last], [""] * len(rows[last])
-    names, parts = rows[heads["Name"]] + trimmed, rows[last - 1] + trimmed
+    axes = rows[last]
+    trimmed = [""] * len(rows[last])
+    names = rows[heads["Name"]] + trimmed
+    parts = rows[last - 1] + trimmed
     length = spell(facts.get("Length Units", ""))
     euler = facts.get("Rotation Type", "")
     data = number_rows(rows, last + 1)
@@ -125,14 +127,16 @@ def _parse_qtm(path: Path, text: str) -> Recording:
     heads = itertools.takewhile(lambda r: not r or _QTM_KEY.fullmatch(r[0]), rows)
     facts = {row[0]: [c for c in row[1:] if c] for row in heads if row}
     first = next((i for i, r in enumerate(rows) if r and r[0] not in facts), None)
-    bodies, markers = facts.get("BODY_NAMES", []), facts.get("MARKER_NAMES", [])
+    bodies = facts.get("BODY_NAMES", [])
+    markers = facts.get("MARKER_NAMES", [])
     if first is None or not (bodies or markers):
         kind = ", ".join(facts.get("DATA_INCLUDED", [])) or "no data"
         raise InputError(
             f"{path}: is a TSV of QTM with {kind}; expected an export of 6D or 3D data "
             "with its header and rows."
         )
-    names, angles = rows[first], facts.get("BODY_EULER_NAMES", _QTM_ANGLES)
+    names = rows[first]
+    angles = facts.get("BODY_EULER_NAMES", _QTM_ANGLES)
     if math.isfinite(to_float(names[0])):  # The names are omitted.
         parts = ("X", "Y", "Z", *angles, "Residual", *_MATRIX)
         each = [f"{body} {part}" for body in bodies for part in parts]
@@ -140,7 +144,8 @@ def _parse_qtm(path: Path, text: str) -> Recording:
         names = ["Frame", _TIME][: max(len(names) - len(each), 0)] + each
     else:
         first += 1
-    data, owner = number_rows(rows, first), ""
+    data = number_rows(rows, first)
+    owner = ""
     units = dict.fromkeys("XYZ", "mm") | dict.fromkeys(angles, "deg") | {_TIME: "s"}
     columns: dict[str, Column] = {}
     for j, cell in enumerate(names):

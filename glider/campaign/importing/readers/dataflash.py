@@ -41,7 +41,8 @@ def read(path: Path) -> Recording:
         contextlib.closing(kind(str(path))) as log,
     ):
         for message in iter(log.recv_msg, None):
-            name, fields = message.get_type(), message.get_fieldnames()
+            name = message.get_type()
+            fields = message.get_fieldnames()
             instance = message.fmt.instance_field
             if instance and (number := _number(message, instance)) > 0.0:
                 name = f"{name}_{number:.0f}"

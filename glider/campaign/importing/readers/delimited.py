@@ -115,7 +115,8 @@ def parse_rows(path: Path, rows: Rows) -> Recording:
                 "as in the rows before."
             )
     columns: dict[str, Column] = {}
-    owner, above = "", header[-2] if len(header) > 1 else [""] * width
+    owner = ""
+    above = header[-2] if len(header) > 1 else [""] * width
     for j, name in enumerate(header[-1]):
         bare, unit = split_unit(name)
         owner = above[j] or owner
@@ -163,7 +164,8 @@ def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Colu
         if not np.isnan(instants[filled]).any():
             epoch = float(instants[filled][0])
             return Column(instants - epoch, "s", epoch=epoch)
-    line, cell = rows[bad[0]][0], cells[bad[0]]
+    line = rows[bad[0]][0]
+    cell = cells[bad[0]]
     times = "a time in ISO 8601 or as h:mm:ss.fff, or a number"
     expected = times if ":" in cell else "a number"
     fault = f"column '{name}', row {line}: found {show(cell)}; expected {expected}."

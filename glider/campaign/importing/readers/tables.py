@@ -19,7 +19,8 @@ _WIDEST = 16  # Columns of a matrix that is looked into.
 
 def read_parquet(path: Path) -> Recording:
     """Reads one table; structs become a.b, a column of short lists name[0], name[1]."""
-    parquet, types = need("pyarrow.parquet", path), need("pyarrow.types", path)
+    parquet = need("pyarrow.parquet", path)
+    types = need("pyarrow.types", path)
     arrow = need("pyarrow", path)
     table = parquet.read_table(path)
     while any(types.is_struct(field.type) for field in table.schema):
@@ -127,7 +128,8 @@ def vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
 def read_workbook(path: Path) -> list[Recording]:
     """Reads the sheets of a workbook that have numbers, each a recording."""
     openpyxl = need("openpyxl", path)
-    recordings, reason = [], InputError(f"{path}: has no sheet of cells.")
+    recordings = []
+    reason = InputError(f"{path}: has no sheet of cells.")
     opened = openpyxl.load_workbook(path, read_only=True, data_only=True)
     with contextlib.closing(opened) as book:
         sheets = [sheet for sheet in book.worksheets if sheet.max_row != 0]

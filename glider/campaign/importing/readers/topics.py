@@ -21,7 +21,8 @@ from glider.campaign.importing.recording import Column, Group, Recording, need
 from glider.campaign.importing.splitting import find_restarts
 from glider.errors import InputError
 
-_TIME, _STAMP = "time", "\0stamp"
+_TIME = "time"
+_STAMP = "\0stamp"
 _STAMPS = ("header.stamp", "timestamp", "stamp")
 _SECONDS = ("sec", "secs", "seconds")
 _NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos")
@@ -73,7 +74,8 @@ def read_bag(path: Path) -> Recording:
 
     They are PACKAGE/msg/NAME.msg, in the folder of the bag or beside it.
     """
-    highlevel, typesys = need("rosbags.highlevel", path), need("rosbags.typesys", path)
+    highlevel = need("rosbags.highlevel", path)
+    typesys = need("rosbags.typesys", path)
     bag = path.parent if path.suffix == ".db3" else path
     store = typesys.get_typestore(typesys.Stores.LATEST)
     types: dict[str, Any] = {}
