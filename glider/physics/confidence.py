@@ -87,11 +87,13 @@ def glider_at(
     space = space_of(tuple(effect.kind for effect in model.effects))
     vector = space.pack(model.parameters, model.effects)
     places = space.places(names)
-    vector[places] += deviation
-    if truncate:
-        vector[places] = np.clip(
-            vector[places], space.lower[places], space.upper[places]
-        )
+    estimate = vector[places]
+    drawn = estimate + np.reshape(deviation, len(places))
+    if truncate:  # An estimate beyond a bound may stay.
+        lowest = np.minimum(space.lower[places], estimate)
+        highest = np.maximum(space.upper[places], estimate)
+        drawn = np.clip(drawn, lowest, highest)
+    vector[places] = drawn
     parameters, effects = space.unpack(vector, model.parameters)
     return dataclasses.replace(model, parameters=parameters, effects=effects)
 
