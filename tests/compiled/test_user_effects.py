@@ -215,7 +215,7 @@ def test_an_own_actuator_of_the_servos_formula_replays_as_the_servo_does():
     ("pending", "message"),
     [
         (lambda late: late, "its pending fails"),
-        (lambda late, gain, time: -gain * time * late, "the rate of pending is 0.03; expected -0.03"),
+        (lambda late, gain, time: -gain * time * late, "is 0.03; expected -0.03, the"),
     ],
 )
 def test_what_is_pending_is_checked(pending, message):
