@@ -5,12 +5,14 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
 from glider.errors import InputError
+from glider.errors import InputError
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import STOPPING_TIME, Servo, limited_rate
 from glider.systems.elevator_servo import ElevatorServo
 
+LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.1),))
 LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.1),))
 LOW, HIGH, LIMIT = -0.4463, 0.9473, 13.0
 
@@ -76,4 +78,16 @@ def test_a_model_can_be_the_path_of_its_file(tmp_path):
 
 def test_too_few_states_are_refused():
     with pytest.raises(InputError, match="num_states is 7; expected at least the"):
+        ElevatorServo(LAGGING, 7)
+
+
+def test_a_model_can_be_the_path_of_its_file(tmp_path):
+    LAGGING.save(tmp_path / "lagging.yaml")
+    assert ElevatorServo(tmp_path / "lagging.yaml").GetInputPort("state").size() == 8
+    with pytest.raises(InputError, match="expected a GliderModel or the path"):
+        ElevatorServo(GliderParameters())
+
+
+def test_too_few_states_are_refused():
+    with pytest.raises(InputError, match="num_states: found 7; expected at least"):
         ElevatorServo(LAGGING, 7)
