@@ -156,7 +156,7 @@ def test_a_failure_survives_a_journey(article_plan):
     error = PlanningError(article_plan.attempts, violations)
     again = pickle.loads(pickle.dumps(error))
     assert str(again) == str(error)
-    assert "violates pitch at the wire by 0.25 rad most" in str(again)
+    assert "violates 'pitch at the wire' the most, by 0.25 rad." in str(again)
     assert vars(again) == vars(error)
 
 

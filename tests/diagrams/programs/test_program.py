@@ -226,7 +226,10 @@ def test_a_problem_without_a_plan_is_one_sentence(capsys):
         raise PlanningError((attempt,), [violation])
 
     assert run(fail) == 2
-    assert "position at the wire by 0.25 m" in capsys.readouterr().err
+    assert (
+        "violates 'position at the wire' the most, by 0.25 m."
+        in capsys.readouterr().err
+    )
 
 
 def test_a_fault_of_ours_is_not_hidden():
