@@ -14,7 +14,6 @@ from glider.physics.effects.families import BLOCKS
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
 from glider.physics.parameter_space import OF_VEHICLE
-from glider.physics.parameter_space import OF_VEHICLE
 from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
 from glider.sysid.likelihood.blocks import Block

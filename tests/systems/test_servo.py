@@ -5,7 +5,6 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
 from glider.errors import InputError
-from glider.errors import InputError
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
