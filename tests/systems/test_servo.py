@@ -78,15 +78,3 @@ def test_a_model_can_be_the_path_of_its_file(tmp_path):
 def test_too_few_states_are_refused():
     with pytest.raises(InputError, match="num_states is 7; expected at least the"):
         ElevatorServo(LAGGING, 7)
-
-
-def test_a_model_can_be_the_path_of_its_file(tmp_path):
-    LAGGING.save(tmp_path / "lagging.yaml")
-    assert ElevatorServo(tmp_path / "lagging.yaml").GetInputPort("state").size() == 8
-    with pytest.raises(InputError, match="expected a GliderModel or the path"):
-        ElevatorServo(GliderParameters())
-
-
-def test_too_few_states_are_refused():
-    with pytest.raises(InputError, match="num_states: found 7; expected at least"):
-        ElevatorServo(LAGGING, 7)

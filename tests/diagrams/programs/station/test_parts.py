@@ -153,19 +153,6 @@ def test_the_tape_has_what_the_servo_did_in_a_silence():
     tape.add(0.2, 0.0, 1.0)
     times = np.array([0.1, 0.2, 0.2, 0.3])
     rates = mean_rates(tape.rows, times, SERVO)
-    at_stop = 0.4463 * (1.0 - math.exp(-(0.1 - 0.4463 / 5.0 + 0.005) / 0.005 - 0.0))
-    assert rates[0] == pytest.approx(10.0 * 0.4463, rel=0.01), at_stop
-    assert rates[1:] == pytest.approx([0.0, 1.0])
-
-
-def test_the_tape_has_what_the_servo_did_in_a_silence():
-    """It turned to neutral: the next command begins there."""
-    tape = CommandTape()
-    tape.rest_at(0.0)
-    tape.add(0.0, 0.0, -5.0)
-    tape.add(0.2, 0.0, 1.0)
-    times = np.array([0.1, 0.2, 0.2, 0.3])
-    rates = mean_rates(tape.rows, times, SERVO)
     assert rates[0] == pytest.approx(-10.0 * SERVO.low, rel=0.01)
     assert rates[1:] == pytest.approx([0.0, 1.0])
 
