@@ -179,3 +179,24 @@ def test_what_cannot_be_planned_for_is_refused(monkeypatch):
     )
     with pytest.raises(InputError, match="status is 'out of steps"):
         controller()
+
+
+def fly_replanned(problem):
+    """Returns the flight under MPC from the planned launch, and what it planned."""
+    made = []
+    system = ModelPredictiveController(NOMINAL, problem, watch=made.append)
+    diagram = closed_loop(NOMINAL, system, planned=NOMINAL)
+    [flight] = simulate_flights(diagram, LAUNCH, 1.1, problem=PROBLEM)
+    return flight, made[-1]
+
+
+def test_it_flies_round_an_obstacle():
+    """A pole in the way of the flight that there is without it."""
+    straight, _ = fly_replanned(REPLANNING)
+    x, z = straight.states[len(straight.states) // 2, :2]
+    pole = Obstacle(center=[x, z + 0.1], radius=0.15, clearance=0.03)
+    hindered, planned = fly_replanned(dataclasses.replace(REPLANNING, obstacles=[pole]))
+    assert pole.contains(straight.states[:, :2]).any()
+    assert not pole.contains(hindered.states[:, :2]).any()
+    assert hindered.perched
+    assert planned.failures < 0.2 * planned.plans
