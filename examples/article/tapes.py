@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from glider.compiled.rollouts import LOOPS
+from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.physics.model import GliderModel
+from glider.physics.servo import NO_LIMITS
 from glider.planning.plan import Plan
 
 
@@ -27,17 +28,10 @@ def fly_tapes(
         order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
             where the effects' own states ask for it.
     """
-    states = np.empty((len(commands), commands.shape[1] + 1, starts.shape[1]))
-    LOOPS.over(model.kinds, model.has_field).rollouts(
-        np.ascontiguousarray(starts, dtype=float),
-        np.ascontiguousarray(commands, dtype=float),
-        step,
-        order,
-        model.count_laps(step, order),
-        model.numbers,
-        states,
-    )
-    return states
+    laps = model.count_laps(step, order)
+    steps = Steps(commands.shape[1] * laps, step / laps, order, laps)
+    tape = make_tape(commands, laps)
+    return fly_batch(model, starts, steps, tape, servo=NO_LIMITS).states
 
 
 def held_plan(

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled import rollouts as tapes
+from glider.compiled import flight
+from glider.compiled.flight import flights
 from glider.compiled.kernel import Family
-from glider.compiled.rollouts import rollouts
 from glider.compiled.runge_kutta import BLOCK, put
 from glider.physics.chain import demanded_angle
 from glider.physics.servo import rate_bounds
@@ -34,18 +34,7 @@ def cost_to_go(states, command, nominal, penalty, step, cost, to_go):
 
 
 def sampled_costs(
-    start,
-    command,
-    nominal,
-    penalty,
-    step,
-    order,
-    laps,
-    servo,
-    cost,
-    theta,
-    to_go,
-    states,
+    start, command, nominal, penalty, steps, block, servos, cost, theta, to_go, states
 ):
     """Flies one launch under many command sequences and computes their costs.
 
@@ -58,45 +47,42 @@ def sampled_costs(
     cheapest. Still air.
 
     Args:
-        start: (n,) state at launch.
-        command: (B, N) elevator-rate commands, each held for one step [rad/s].
+        start: (1, n) state at launch.
+        command: (B, N) elevator-rate commands, each held for a time [rad/s].
         nominal: (N,) [rad/s].
         penalty: of the likelihood ratio; 0 for none.
-        step: [s].
-        order: 1 for explicit Euler, 4 for classical Runge-Kutta.
-        laps: equal steps of the integrator to one of them.
-        servo: its limits; the glider gets commands that it follows.
+        steps: of the flights, `steps.every` to a command.
+        block: tape and states of BLOCK flights, written.
+        servos: the glider's, and one without limits: the glider gets commands that
+            its servo follows.
         cost: of a flight, see `FlightCost`.
         theta: the glider's numbers.
         to_go: (B, N + 1), written.
         states: (B, N + 1, n), written; or (0, N + 1, n) to keep none.
     """
-    batch, steps = command.shape
-    n = start.shape[0]
-    given = np.empty((BLOCK, steps))
-    starts = np.empty((BLOCK, n))
-    path = np.empty((BLOCK, steps + 1, n))
-    for j in range(BLOCK):
-        put(start, starts[j])
+    tape, flown = block
+    servo, free = servos
+    batch, count = command.shape
+    hold = steps.length * steps.every
     for first in range(0, batch, BLOCK):
-        count = min(BLOCK, batch - first)
-        for j in range(BLOCK):  # What is left of the last block repeats a glider.
-            angle = demanded_angle(start, theta.c)
-            for k in range(steps):
-                low, high = rate_bounds(angle, servo, step)
-                rate = min(max(command[first + min(j, count - 1), k], low), high)
-                angle += rate * step
-                given[j, k] = rate
-        rollouts(starts, given, step, order, laps, theta, path)
-        for j in range(count):
-            row = first + j
-            cost_to_go(path[j], command[row], nominal, penalty, step, cost, to_go[row])
+        for j in range(BLOCK):  # What is left of the last block repeats a sequence.
+            row = min(first + j, batch - 1)
+            angle = demanded_angle(start[0], theta.c)
+            for k in range(count):
+                low, high = rate_bounds(angle, servo, hold)
+                rate = min(max(command[row, k], low), high)
+                angle += rate * hold
+                tape.offset[j, k] = rate
+        flights(start, steps, tape, free, (0.0, 0.0), theta, None, flown)
+        for row in range(first, min(first + BLOCK, batch)):
+            path = flown.states[row - first]
+            cost_to_go(path, command[row], nominal, penalty, hold, cost, to_go[row])
             if states.shape[0] > 0:
-                for k in range(steps + 1):
-                    put(path[j, k], states[row, k])
+                for k in range(count + 1):
+                    put(path[k], states[row, k])
 
 
-LOOPS = Family((cost_to_go, sampled_costs), (sampled_costs,), uses=(tapes.LOOPS,))
+LOOPS = Family((cost_to_go, sampled_costs), (sampled_costs,), uses=(flight.LOOPS,))
 
 
 class FlightCost(NamedTuple):

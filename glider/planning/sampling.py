@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 
+from glider.compiled.flight import Flown, Steps, make_tape
+from glider.compiled.runge_kutta import BLOCK
 from glider.compiled.sequence_costs import LOOPS, FlightCost
 from glider.errors import expect
 from glider.physics.model import GliderModel
@@ -134,17 +136,22 @@ class SequenceCost:
         expect(good, what, shapes, needed)
         model = self.model
         batch = len(commands)
+        shape = (self.steps + 1, self.num_states)
         to_go = np.empty((batch, self.steps + 1))
-        states = np.empty((batch if keep else 0, self.steps + 1, self.num_states))
+        states = np.empty((batch if keep else 0, *shape))
+        laps = model.count_laps(self.step, self._order)
+        steps = Steps(self.steps * laps, self.step / laps, self._order, laps)
+        tape = make_tape(np.empty((BLOCK, self.steps)), laps)
+        nothing = np.empty((0, self.num_states))
+        flown = Flown(np.empty((BLOCK, *shape)), nothing[:, 0], nothing)
         LOOPS.over(model.kinds, model.has_field).sampled_costs(
-            start,
+            start[None],
             commands,
             np.zeros(self.steps) if nominal is None else nominal,
             penalty,
-            self.step,
-            self._order,
-            model.count_laps(self.step, self._order),
-            self.servo,
+            steps,
+            (tape, flown),
+            (self.servo, NO_LIMITS),
             self._cost,
             model.numbers,
             to_go,

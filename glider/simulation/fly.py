@@ -9,7 +9,7 @@ from typing import Protocol
 import joblib
 import numpy as np
 
-from glider.compiled.closed_loop import Feedback, fly_feedback
+from glider.compiled.flight import Feedback, Steps, fly_batch
 from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.physics.state import NUM_STATES
@@ -143,16 +143,11 @@ def fly(
         sampled = np.arange(2 * clock.steps * laps + 1) * 0.5 * clock.step / laps
     offset, gain = policy.sample(sampled)
     problem = PerchingProblem() if problem is None else problem
-    miss, arrivals, states = fly_feedback(
-        model,
-        starts,
-        clock.steps * laps,
-        clock.step / laps,
-        Feedback(offset, gain, clock.hold * laps, noise),
-        wire=(problem.wire[0], problem.wire[1]),
-        keep_paths=keep_paths,
-    )
-    states = states[:, ::laps]
+    count = clock.steps * laps
+    steps = Steps(count, clock.step / laps, every=laps if keep_paths else count)
+    feedback = Feedback(offset[None], gain[None], clock.hold * laps, noise)
+    flown = fly_batch(model, starts, steps, feedback, wire=problem.wire)
+    states = flown.states
     commands = None
     if keep_paths and clock.hold:
         begins = states[:, : -1 : clock.hold]
@@ -162,8 +157,8 @@ def fly(
         commands = np.clip(wanted, -fastest, fastest)
     return Flights(
         times=np.arange(clock.steps + 1) * clock.step,
-        miss=miss,
-        arrivals=arrivals,
+        miss=flown.miss,
+        arrivals=flown.arrivals,
         problem=problem,
         ends=states[:, -1].copy(),
         paths=states if keep_paths else None,

@@ -15,9 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glider.compiled.runge_kutta import TINY
-from glider.control.predictor import advance
 from glider.physics.confidence import ConfidenceSet, theta_at
-from glider.verification.dynamics.nominal import Nominal, hermite_path, open_loop_rates
+from glider.verification.dynamics.nominal import (
+    Nominal,
+    advanced,
+    hermite_path,
+    open_loop_rates,
+)
 
 STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
@@ -71,12 +75,12 @@ def make_moving_center(
         step = (times[k + 1] - times[k]) / STEPS
         for i in range(STEPS):
 
-            def rate(X, since, first=2 * i, step=step, number=number, U=U):
-                here = nodes[first + round(2.0 * since / step)]
+            def rate(share, X, first=2 * i, number=number, U=U):
+                here = nodes[first + round(2.0 * share)]
                 A, B, push = (of[number] for of in here)
                 return A @ X + np.outer(B, U) + push
 
-            X = advance(rate, X, step)
+            X = advanced(rate, X, step)
         shifts[k + 1], commands[k + 1] = X, U
     slopes = A @ shifts + B[:, :, None] * commands[:, None] + push
     if not held:

@@ -18,12 +18,13 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.interpolate import PPoly
 
+from glider.compiled.runge_kutta import advance
 from glider.control.predictor import fly_held, policy_command
 from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.confidence import theta_at
 from glider.physics.model import GliderModel
-from glider.physics.servo import limited_rates
+from glider.physics.servo import limited_rate
 from glider.simulation.fly import fly
 from glider.verification.dynamics.jets import (
     Dependence,
@@ -181,8 +182,9 @@ def make_nominal(
     arrays = *flight, gains, np.zeros((*gains.shape, gains.shape[1]))
     nominal = Nominal(model=model, **dict(zip(ARRAYS, arrays, strict=True)))
     angles = nominal.states @ nominal.demanded
-    rates = limited_rates(nominal.inputs, angles, model.parameters.servo)
-    if np.any(rates != nominal.inputs):
+    servo = model.parameters.servo
+    commands = zip(nominal.inputs, angles, strict=True)
+    if any(limited_rate(u, angle, servo) != u for u, angle in commands):
         raise InputError("The plan needs its servo at a limit: no funnel about it.")
     return nominal
 
@@ -211,6 +213,22 @@ def fly_plan(
     flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
     assert flights.paths is not None
     return flights.paths[:, ::every]
+
+
+def advanced(
+    rate: Callable[[float, np.ndarray], np.ndarray], x: np.ndarray, step: float
+) -> np.ndarray:
+    """Returns a matrix x one Runge-Kutta step [s] later.
+
+    Its derivative is `rate(share, x)`, after a share of the step.
+    """
+
+    def slope(t, node, x, data, rates):
+        rates[:] = rate(0.5 * node, x)
+
+    x = x.copy()
+    advance(slope, 0.0, x, step, 4, None, np.empty((3, *x.shape)))
+    return x
 
 
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:

@@ -13,8 +13,7 @@ import itertools
 import numpy as np
 from scipy.linalg import expm
 
-from glider.control.predictor import advance
-from glider.verification.dynamics.nominal import Nominal, table_of
+from glider.verification.dynamics.nominal import Nominal, advanced, table_of
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
@@ -52,12 +51,11 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
     ends = _bend_rates(nominal, here)
     for k, step in enumerate(np.diff(nominal.times[here])):
 
-        def rate(M, since, k=k, step=step):
-            share = since / step
+        def rate(share, M, k=k):
             between = ((1.0 - share) * of[k] + share * of[k + 1] for of in ends)
             return _bend_slope(M, *between)
 
-        M = advance(rate, nominal.bends[first + k], step)
+        M = advanced(rate, nominal.bends[first + k], step)
         nominal.bends[first + k + 1] = 0.5 * (M + M.T)
 
 

@@ -19,11 +19,10 @@ import functools
 import numpy as np
 from scipy.linalg import expm
 
-from glider.control.predictor import advance
 from glider.control.tvlqr import weight_matrix
 from glider.progress import Shares, silent
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import Nominal, advanced
 from glider.verification.funnel import clock, servo_limits
 from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
 from glider.verification.funnel.remainder import (
@@ -237,13 +236,12 @@ class ShapeFlow:
         step = self.nominal.times[k] - self.nominal.times[k - 1]
         first, second = linear_part(self.nominal.closed_loop[[k, k - 1]])
 
-        def rate(S, since):
+        def rate(share, S):
             L = np.linalg.cholesky(S)
-            share = since / step
             product = S @ ((1.0 - share) * first + share * second)
             return product + product.T + L @ (growth + share * slope) @ L.T
 
-        S = advance(rate, S, step)
+        S = advanced(rate, S, step)
         if not np.all(np.isfinite(S)):
             raise SolverError(f"The funnel vanishes at {self.nominal.times[k]:.3f} s.")
         return 0.5 * (S + S.T)

@@ -18,17 +18,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.compiled.flight import Differences, Steps, fly_batch, make_tape
 from glider.control.predictor import (
     STEP,
     Hold,
-    advance,
     flown_under,
     held_command,
     policy_command,
-    rates_of,
 )
 from glider.errors import expect
-from glider.physics.confidence import ConfidenceSet, physical, theta_at
+from glider.physics.confidence import ConfidenceSet, physical
 from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
@@ -194,7 +193,7 @@ def _phase_levels(launch, rests, loop, genes):
     flight = _Flight(launch, loop, genes)
     still = np.zeros(len(genes))
     flight.fly(still, _phases(launch, loop.hold, genes, rests), begins=True)
-    predicted = flown_under(model, flight.states, latency, lambda x, t: still)
+    predicted = flown_under(model, flight.states, latency, still)
     flight.fly(still, latency)
     chosen = choose(rests, predicted)
     levels = np.zeros((3, len(genes)))
@@ -218,11 +217,14 @@ class _Flight:
         self._funnel = funnel
         self._loop = loop
         self._model = funnel.nominal.model
-        self._theta = self._glider = None
+        self._glider = None
+        self._numbers = self._model.vector[None].copy()
         if allowed := loop.gliders:
             on_boundary = allowed.on_boundary(genes[:, n + 4 :])
             self._glider = physical(self._model, allowed.names, on_boundary)
-            self._theta = theta_at(self._model, allowed.names, self._glider.T)
+            self._numbers = np.tile(self._numbers, (len(genes), 1))
+            places = self._model.space.places(allowed.names)
+            self._numbers[:, places] += self._glider
         self._policy = funnel_policy(funnel, held=True)
         self._wind = loop.wind * genes[:, n : n + 2]
         self._error = loop.command_error * np.sign(genes[:, n])
@@ -267,17 +269,19 @@ class _Flight:
             left = np.clip(end - self._times, 0.0, step)
             chooses = (begins and number == 0) or not self._funnel.settings.period
             error, wind = self._pushes_now(command, chooses)
-
-            def rates(x, t, u=command + error, w=wind):
-                return rates_of(self._model, x, u, w, self._theta)
-
-            flown = advance(rates, self.states, left[:, None])
-            self.states = np.where(left[:, None] > 0.0, flown, self.states)
+            self.states = self._step(left, command + error, wind)
             self._times = np.where(left < step - 1e-15, end, self._times + left)
             level = self._funnel.level(self._times, self.states, self._glider)
             self.largest = np.maximum(self.largest, level)
             acts = self._times > self._first + self._loop.hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)
+
+    def _step(self, duration, command, wind, order=4):
+        """Returns states (B, n) one step of durations (B,) [s] later."""
+        own = Differences(self._numbers, wind, duration)
+        steps = Steps(1, 1.0, order)
+        tape = make_tape(command[:, None])
+        return fly_batch(self._model, self.states, steps, tape, own=own).states[:, 1]
 
     def _pushes_now(self, command, chooses):
         """Returns error (B,) and wind (B, 2): steady, or where V rises fastest.
@@ -285,17 +289,16 @@ class _Flight:
         The error is that of before where it may not choose another.
         """
         if not (self._loop.wind or self._loop.command_error):
-            return 0.0, None
+            return 0.0, np.zeros_like(self._wind)
         error = self._funnel.error(self._times, self.states, self._glider)
         pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
         slopes = []
+        second = np.ones(len(self._times))
         for push in _FRESH * np.eye(3):
-            ahead, behind = (
-                rates_of(
-                    self._model, self.states, command + p[0], p[None, 1:], self._theta
-                )
-                for p in (push, -push)
-            )
+            wind = np.tile(push[1:], (len(second), 1))
+            # Euler's step of a second ends a derivative away.
+            ahead = self._step(second, command + push[0], wind, order=1)
+            behind = self._step(second, command - push[0], -wind, order=1)
             slopes.append(np.sum(pull * (ahead - behind), axis=1))
         toward = np.array(slopes[1:]).T
         size = np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)

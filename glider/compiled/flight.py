@@ -1,0 +1,299 @@
+"""The loop that flies gliders: batches under a feedback, which may be a tape.
+
+Gliders go in blocks, and of a block all take a step before any takes the next: so the
+compiler puts several gliders into one instruction. For that it must see that nothing
+overlaps, hence one work array of a fixed width.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import BLOCK, advance_block, put
+from glider.physics.chain import demanded_angle, derivatives, theta_of
+from glider.physics.model import GliderModel
+from glider.physics.servo import Servo, limited_rate
+
+
+def feed_back(row, first, feedback, error, work):
+    """Writes into work[n, 1] the commands for states that are seen with an error.
+
+    Args:
+        row: of the feedback's table.
+        first: index of the block's first glider.
+        feedback: see `Feedback`.
+        error: (m, BLOCK) added to the states that are fed back.
+        work: of the block, see `slopes_alike`.
+    """
+    n = work.shape[0] - 1
+    fed = feedback.gain.shape[2]
+    tables = feedback.offset.shape[0]
+    if tables == 1:
+        for j in range(BLOCK):
+            work[n, 1, j] = feedback.offset[0, row]
+        for i in range(fed):
+            for j in range(BLOCK):
+                seen = work[i, 0, j] + error[i, j]
+                work[n, 1, j] -= feedback.gain[0, row, i] * seen
+    else:
+        for j in range(BLOCK):
+            table = min(first + j, tables - 1)
+            work[n, 1, j] = feedback.offset[table, row]
+            for i in range(fed):
+                seen = work[i, 0, j] + error[i, j]
+                work[n, 1, j] -= feedback.gain[table, row, i] * seen
+
+
+def slopes_alike(t, node, work, data):
+    """Writes into work[:n, 1] the derivatives of the states work[:n, 0].
+
+    The gliders have the same numbers, and the air is still. Between the command,
+    work[n, 1], and the elevator's rate, work[n, 0], lies the servo's `limited_rate`.
+    Without a hold, commands follow the state at once.
+    """
+    k, first, feedback, error, servo, theta = data
+    n = work.shape[0] - 1
+    if feedback.hold == 0:
+        feed_back(2 * k + node, first, feedback, error, work)
+    for j in range(BLOCK):
+        angle = demanded_angle(work[:, 0, j], theta.c)
+        work[n, 0, j] = limited_rate(work[n, 1, j], angle, servo)
+    for j in range(BLOCK):
+        d = derivatives(t, work[:, 0, j], work[n, 0, j], 0.0, 0.0, theta)
+        for i in range(len(d)):
+            work[i, 1, j] = d[i]
+
+
+def slopes_apart(t, node, work, data):
+    """Writes the derivatives of gliders that differ, see `Differences`."""
+    alike, own = data
+    k, first, feedback, error, servo, theta = alike
+    n = work.shape[0] - 1
+    if feedback.hold == 0:
+        feed_back(2 * k + node, first, feedback, error, work)
+    for j in range(BLOCK):
+        glider = min(first + j, own.pace.shape[0] - 1)
+        numbers = own.numbers[min(glider, own.numbers.shape[0] - 1)]
+        theta_j = theta_of(numbers, theta.field)
+        x = work[:, 0, j]
+        rate = limited_rate(work[n, 1, j], demanded_angle(x, theta_j.c), servo)
+        pace = own.pace[glider]
+        wind_x = own.wind[glider, 0]
+        wind_z = own.wind[glider, 1]
+        d = derivatives(pace * t, x, rate, wind_x, wind_z, theta_j)
+        for i in range(len(d)):
+            work[i, 1, j] = pace * d[i]
+
+
+def approach(wire, before, work, nearest, arrival):
+    """Lowers the least squared distances from the wire by one segment of the path.
+
+    Args:
+        wire: (x, z) [m].
+        before: (n, BLOCK) states where the segment begins.
+        work: work[:n, 0] where it ends.
+        nearest: (BLOCK,) least squared distances so far, lowered [m²].
+        arrival: (n, BLOCK) states there, written with them.
+    """
+    for j in range(BLOCK):
+        from_x = before[0, j] - wire[0]
+        from_z = before[1, j] - wire[1]
+        along_x = work[0, 0, j] - before[0, j]
+        along_z = work[1, 0, j] - before[1, j]
+        square = along_x * along_x + along_z * along_z + 1e-300
+        share = -(from_x * along_x + from_z * along_z) / square
+        share = min(max(share, 0.0), 1.0)
+        x = from_x + share * along_x
+        z = from_z + share * along_z
+        if x * x + z * z < nearest[j]:
+            nearest[j] = x * x + z * z
+            for i in range(before.shape[0]):
+                arrival[i, j] = before[i, j] + share * (work[i, 0, j] - before[i, j])
+
+
+def flights(start, steps, feedback, servo, wire, theta, own, found):
+    """Flies a batch of gliders.
+
+    Args:
+        start: (B, n) states at launch, or (1, n).
+        steps: see `Steps`.
+        feedback: see `Feedback`.
+        servo: its limits.
+        wire: (x, z) [m].
+        theta: the gliders' numbers.
+        own: how they differ, see `Differences`; or None.
+        found: written, see `Flown`.
+    """
+    batch = found.states.shape[0]
+    n = start.shape[1]
+    hold = feedback.hold
+    noise = feedback.noise
+    fed = feedback.gain.shape[2]
+    passes_wire = found.miss.shape[0] > 0
+    work = np.empty((n + 1, 4, BLOCK))
+    error = np.zeros((fed, BLOCK))
+    before = np.empty((n, BLOCK))
+    nearest = np.empty(BLOCK)
+    arrival = np.empty((n, BLOCK))
+    path = np.empty((found.states.shape[1], n, BLOCK))
+    for first in range(0, batch, BLOCK):
+        count = min(BLOCK, batch - first)
+        for j in range(BLOCK):  # What is left of the last block repeats a glider.
+            launch = min(first + j, start.shape[0] - 1)
+            for i in range(n):
+                work[i, 0, j] = start[launch, i]
+        for i in range(n):
+            put(work[i, 0], path[0, i])
+        nearest[:] = np.inf
+        arrival[:] = np.nan
+        for k in range(steps.count):
+            if passes_wire:
+                for i in range(n):
+                    put(work[i, 0], before[i])
+            if hold > 0 and k % hold == 0:
+                if noise.shape[1] > 0:
+                    for j in range(BLOCK):
+                        glider = min(first + j, batch - 1)
+                        for i in range(fed):
+                            error[i, j] = noise[glider, k // hold, i]
+                feed_back(k // hold, first, feedback, error, work)
+            t = steps.length * k
+            alike = (k, first, feedback, error, servo, theta)
+            if own is None:
+                advance_block(slopes_alike, t, work, steps.length, steps.order, alike)
+            else:
+                data = (alike, own)
+                advance_block(slopes_apart, t, work, steps.length, steps.order, data)
+            if passes_wire:
+                approach(wire, before, work, nearest, arrival)
+            if (k + 1) % steps.every == 0:
+                for i in range(n):
+                    put(work[i, 0], path[(k + 1) // steps.every, i])
+        for j in range(count):
+            for k in range(path.shape[0]):
+                for i in range(n):
+                    found.states[first + j, k, i] = path[k, i, j]
+            if passes_wire:
+                found.miss[first + j] = np.sqrt(nearest[j])
+                for i in range(n):
+                    found.arrivals[first + j, i] = arrival[i, j]
+
+
+LOOPS = Family((feed_back, slopes_alike, slopes_apart, approach, flights), (flights,))
+
+
+class Steps(NamedTuple):
+    """The steps of a flight.
+
+    Attributes:
+        count: their number, N.
+        length: of each [s].
+        order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        every: number of steps from a state that is kept to the next.
+    """
+
+    count: int
+    length: float
+    order: int = 4
+    every: int = 1
+
+
+class Feedback(NamedTuple):
+    """A feedback u = offset - gain x of N steps, as a table.
+
+    One for all gliders, G = 1, or one for each.
+
+    Attributes:
+        offset: (G, 2 N + 1) at the steps and half steps, or with a hold (G, H), one for
+            each command [rad/s].
+        gain: (G, 2 N + 1, m) or (G, H, m); the first m states are fed back.
+        hold: number of steps that a command is held; 0 where it follows at once.
+        noise: (B, H, m) added to the states fed back; (B, 0, m) for none.
+    """
+
+    offset: np.ndarray
+    gain: np.ndarray
+    hold: int
+    noise: np.ndarray
+
+
+def make_tape(commands: np.ndarray, hold: int = 1) -> Feedback:
+    """Returns commands (G, H) [rad/s], each held for some steps, as a feedback."""
+    commands = np.asarray(commands, dtype=float)
+    nothing = np.empty((*commands.shape, 0))
+    return Feedback(commands, nothing, hold, nothing[:, :0])
+
+
+class Differences(NamedTuple):
+    """How the gliders of a batch differ.
+
+    Attributes:
+        numbers: (B, P) as in `GliderModel.vector`, or (1, P).
+        wind: (B, 2) beyond the model's own [m/s].
+        pace: (B,) its own time that passes in a second of the loop.
+    """
+
+    numbers: np.ndarray
+    wind: np.ndarray
+    pace: np.ndarray
+
+
+class Flown(NamedTuple):
+    """What a batch of gliders flew.
+
+    Attributes:
+        states: (B, K + 1, n) at the launch, and each that was kept.
+        miss: (B,) least distance of the path from the wire, by straight segments
+            between the steps [m]; (0,) without a wire.
+        arrivals: (B, n) states there; NaN where no distance is finite.
+    """
+
+    states: np.ndarray
+    miss: np.ndarray
+    arrivals: np.ndarray
+
+
+def fly_batch(
+    model: GliderModel,
+    starts: np.ndarray,
+    steps: Steps,
+    feedback: Feedback,
+    *,
+    servo: Servo | None = None,
+    wire: Sequence[float] | None = None,
+    own: Differences | None = None,
+) -> Flown:
+    """Flies launches of a glider, or of several that differ from it.
+
+    Args:
+        model: the glider.
+        starts: (B, n) states at launch.
+        steps: of the flight.
+        feedback: over these steps.
+        servo: its limits; None for the model's.
+        wire: (x, z) [m]; None where no distance is asked for.
+        own: how the gliders differ; None if they are alike and the air is still.
+    """
+    batch, n = starts.shape
+    passing = batch if wire is not None else 0
+    found = Flown(
+        states=np.empty((batch, steps.count // steps.every + 1, n)),
+        miss=np.empty(passing),
+        arrivals=np.empty((passing, n)),
+    )
+    x, z = (0.0, 0.0) if wire is None else wire
+    tables = feedback.offset, feedback.gain, feedback.noise
+    offset, gain, noise = (np.ascontiguousarray(table) for table in tables)
+    LOOPS.over(model.kinds, model.has_field).flights(
+        np.array(starts, dtype=float, order="C"),
+        steps,
+        Feedback(offset, gain, feedback.hold, noise),
+        model.parameters.servo if servo is None else servo,
+        (float(x), float(z)),
+        model.numbers,
+        own,
+        found,
+    )
+    return found
