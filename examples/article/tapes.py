@@ -1,37 +1,11 @@
-"""Flights under tapes of commands, each held for a step, and plans of them."""
+"""Plans of flights under tapes of commands, each held for a step."""
 
 from typing import Any
 
 import numpy as np
 
-from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.physics.model import GliderModel
-from glider.physics.servo import NO_LIMITS
 from glider.planning.plan import Plan
-
-
-def fly_tapes(
-    model: GliderModel,
-    starts: np.ndarray,
-    commands: np.ndarray,
-    step: float,
-    *,
-    order: int = 4,
-) -> np.ndarray:
-    """Computes states (B, N + 1, n) of a glider under command tapes in still air.
-
-    Args:
-        model: the glider.
-        starts: (B, n) states at launch.
-        commands: (B, N) elevator-rate commands, each held for a step [rad/s].
-        step: [s].
-        order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
-            where the effects' own states ask for it.
-    """
-    laps = model.count_laps(step, order)
-    steps = Steps(commands.shape[1] * laps, step / laps, order, laps)
-    tape = make_tape(commands, laps)
-    return fly_batch(model, starts, steps, tape, servo=NO_LIMITS).states
 
 
 def held_plan(

@@ -14,7 +14,7 @@ from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import BLOCK, advance_block, put
 from glider.physics.chain import demanded_angle, derivatives, theta_of
 from glider.physics.model import GliderModel
-from glider.physics.servo import Servo, limited_rate
+from glider.physics.servo import NO_LIMITS, Servo, limited_rate, rate_bounds
 
 
 def feed_back(row, first, feedback, error, work):
@@ -50,16 +50,20 @@ def slopes_alike(t, node, work, data):
     """Writes into work[:n, 1] the derivatives of the states work[:n, 0].
 
     The gliders have the same numbers, and the air is still. Between the command,
-    work[n, 1], and the elevator's rate, work[n, 0], lies the servo's `limited_rate`.
-    Without a hold, commands follow the state at once.
+    work[n, 1], and the elevator's rate, work[n, 0], lies the servo's `limited_rate`,
+    unless the command is cut to what the servo follows. Without a hold, commands follow
+    the state at once.
     """
     k, first, feedback, error, servo, theta = data
     n = work.shape[0] - 1
     if feedback.hold == 0:
         feed_back(2 * k + node, first, feedback, error, work)
-    for j in range(BLOCK):
-        angle = demanded_angle(work[:, 0, j], theta.c)
-        work[n, 0, j] = limited_rate(work[n, 1, j], angle, servo)
+    if feedback.cut:
+        put(work[n, 1], work[n, 0])
+    else:
+        for j in range(BLOCK):
+            angle = demanded_angle(work[:, 0, j], theta.c)
+            work[n, 0, j] = limited_rate(work[n, 1, j], angle, servo)
     for j in range(BLOCK):
         d = derivatives(t, work[:, 0, j], work[n, 0, j], 0.0, 0.0, theta)
         for i in range(len(d)):
@@ -159,6 +163,11 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
                         for i in range(fed):
                             error[i, j] = noise[glider, k // hold, i]
                 feed_back(k // hold, first, feedback, error, work)
+                if feedback.cut:
+                    for j in range(BLOCK):
+                        angle = demanded_angle(work[:, 0, j], theta.c)
+                        low, high = rate_bounds(angle, servo, hold * steps.length)
+                        work[n, 1, j] = min(max(work[n, 1, j], low), high)
             t = steps.length * k
             alike = (k, first, feedback, error, servo, theta)
             if own is None:
@@ -211,19 +220,21 @@ class Feedback(NamedTuple):
         gain: (G, 2 N + 1, m) or (G, H, m); the first m states are fed back.
         hold: number of steps that a command is held; 0 where it follows at once.
         noise: (B, H, m) added to the states fed back; (B, 0, m) for none.
+        cut: whether a command is cut to what the servo follows while it is held (of
+            gliders that are alike); if not, the servo limits it at each moment.
     """
 
     offset: np.ndarray
     gain: np.ndarray
     hold: int
     noise: np.ndarray
+    cut: bool = False
 
 
-def make_tape(commands: np.ndarray, hold: int = 1) -> Feedback:
+def make_tape(commands: np.ndarray, hold: int = 1, cut: bool = False) -> Feedback:
     """Returns commands (G, H) [rad/s], each held for some steps, as a feedback."""
-    commands = np.asarray(commands, dtype=float)
     nothing = np.empty((*commands.shape, 0))
-    return Feedback(commands, nothing, hold, nothing[:, :0])
+    return Feedback(commands, nothing, hold, nothing[:, :0], cut)
 
 
 class Differences(NamedTuple):
@@ -269,14 +280,15 @@ def fly_batch(
 
     Args:
         model: the glider.
-        starts: (B, n) states at launch.
+        starts: (B, n) states at launch, or (1, n).
         steps: of the flight.
         feedback: over these steps.
         servo: its limits; None for the model's.
         wire: (x, z) [m]; None where no distance is asked for.
         own: how the gliders differ; None if they are alike and the air is still.
     """
-    batch, n = starts.shape
+    n = starts.shape[1]
+    batch = len(feedback.offset) if len(starts) == 1 else len(starts)
     passing = batch if wire is not None else 0
     found = Flown(
         states=np.empty((batch, steps.count // steps.every + 1, n)),
@@ -289,7 +301,7 @@ def fly_batch(
     LOOPS.over(model.kinds, model.has_field).flights(
         np.array(starts, dtype=float, order="C"),
         steps,
-        Feedback(offset, gain, feedback.hold, noise),
+        Feedback(offset, gain, feedback.hold, noise, feedback.cut),
         model.parameters.servo if servo is None else servo,
         (float(x), float(z)),
         model.numbers,
@@ -297,3 +309,30 @@ def fly_batch(
         found,
     )
     return found
+
+
+def fly_tapes(
+    model: GliderModel,
+    starts: np.ndarray,
+    commands: np.ndarray,
+    step: float,
+    order: int = 4,
+    *,
+    servo: Servo = NO_LIMITS,
+) -> np.ndarray:
+    """Returns states (B, N + 1, n) of a glider under tapes of commands in still air.
+
+    Args:
+        model: the glider.
+        starts: (B, n) states at launch, or (1, n).
+        commands: (B, N) elevator-rate commands, each held for a step [rad/s], and cut
+            to what the servo follows.
+        step: [s].
+        order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
+            where the effects' own states ask for it.
+        servo: its limits.
+    """
+    laps = model.count_laps(step, order)
+    steps = Steps(commands.shape[1] * laps, step / laps, order, laps)
+    tape = make_tape(commands, laps, cut=True)
+    return fly_batch(model, starts, steps, tape, servo=servo).states

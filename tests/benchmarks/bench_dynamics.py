@@ -11,10 +11,9 @@ import time
 import numpy as np
 from pydrake.autodiffutils import InitializeAutoDiff
 
-from glider.compiled.flight import Steps, fly_batch, make_tape
+from glider.compiled.flight import fly_tapes
 from glider.physics.effects import LIBRARY, PROFILE_DRAG, SERVO_LAG
 from glider.physics.model import GliderModel
-from glider.physics.servo import NO_LIMITS
 from glider.systems.plant import GliderPlant
 
 STATE = np.array([-3.5, 0.1, -0.3, 0.1, 7.0, 0.0, 0.5])
@@ -55,12 +54,7 @@ def flights_per_second(effects, order, batch=10_000, steps=75):
     model = GliderModel(effects=effects)
     start = np.tile(model.initial_state(STATE), (batch, 1))
     command = np.random.default_rng(0).uniform(-5, 5, (batch, steps))
-    laps = model.count_laps(0.01, order)
-    taken = Steps(steps * laps, 0.01 / laps, order, laps)
-    tape = make_tape(command, laps)
-    seconds = best_seconds(
-        lambda: fly_batch(model, start, taken, tape, servo=NO_LIMITS), 1, 10
-    )
+    seconds = best_seconds(lambda: fly_tapes(model, start, command, 0.01, order), 1, 10)
     return batch / seconds
 
 

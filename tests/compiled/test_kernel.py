@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from examples.article.tapes import fly_tapes
 from glider.compiled import (
     barrier,
     collocation,
@@ -24,6 +23,7 @@ from glider.compiled import (
     riccati,
     stages,
 )
+from glider.compiled.flight import fly_tapes
 from glider.compiled.kernel import Family, reached
 from glider.compiled.replay import flow_at
 from glider.compiled.runge_kutta import BLOCK
@@ -51,7 +51,7 @@ def pull(flow, force):
 SCALAR = "from glider.physics.formulas import scalar\n"
 SESSION = """
 import numpy as np
-from examples.article.tapes import fly_tapes
+from glider.compiled.flight import fly_tapes
 from glider.physics.effects import Coefficient, EffectKind
 from glider.physics.model import GliderModel
 from users_helper import gain
