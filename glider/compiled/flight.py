@@ -5,7 +5,7 @@ compiler puts several gliders into one instruction. For that it must see that no
 overlaps, hence one work array of a fixed width.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -231,10 +231,32 @@ class Feedback(NamedTuple):
     cut: bool = False
 
 
+_AT_LAUNCH = np.zeros(1)
+
+
 def make_tape(commands: np.ndarray, hold: int = 1, cut: bool = False) -> Feedback:
     """Returns commands (G, H) [rad/s], each held for some steps, as a feedback."""
     nothing = np.empty((*commands.shape, 0))
     return Feedback(commands, nothing, hold, nothing[:, :0], cut)
+
+
+def make_feedback(
+    sample: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    steps: Steps,
+    begin: np.ndarray = _AT_LAUNCH,
+) -> Feedback:
+    """Returns a feedback that acts at once, as a table.
+
+    Args:
+        sample: returns offset (J,) [rad/s] and gain (J, m) at times (J,) [s].
+        steps: of the flight.
+        begin: (G,) when it begins [s].
+    """
+    nodes = 0.5 * steps.length * np.arange(2 * steps.count + 1)
+    times = begin[:, None] + nodes
+    offset, gain = sample(times.ravel())
+    gain = gain.reshape(*times.shape, -1)
+    return Feedback(offset.reshape(times.shape), gain, 0, gain[:, :0])
 
 
 class Differences(NamedTuple):

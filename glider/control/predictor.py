@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.compiled.flight import Feedback, Steps, fly_batch, make_tape
+from glider.compiled.flight import Steps, fly_batch, make_feedback, make_tape
 from glider.control.tvlqr import TrackingPolicy
 from glider.errors import expect
 from glider.physics.model import GliderModel
@@ -150,9 +150,7 @@ def _flown_by(
     if duration == 0.0:
         return states
     steps = _steps(duration)
-    nodes = np.linspace(0.0, duration, 2 * steps.count + 1)
-    offset, gain = policy.sample(times[:, None] + nodes)
-    feedback = Feedback(offset, gain, 0, gain[:, :0])
+    feedback = make_feedback(policy.sample, steps, times)
     return fly_batch(model, states, steps, feedback).states[:, -1]
 
 

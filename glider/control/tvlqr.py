@@ -103,15 +103,15 @@ class TrackingPolicy:
         After the plan's end its last values stay, as with Drake's regulator.
 
         Args:
-            times: (...) [s].
+            times: (J,) [s].
 
         Returns:
-            offset (...) [rad/s] and gain (..., n).
+            offset (J,) [rad/s] and gain (J, n).
         """
         at = np.clip(times, 0.0, self.duration)
         gain, correction = (curve(at) for curve in self._curves)
         nominal, _, inputs = sample_plan(self.plan, at)
-        return inputs - correction + np.sum(gain * nominal, axis=-1), gain
+        return inputs - correction + np.sum(gain * nominal, axis=1), gain
 
 
 def linear_policy(
@@ -164,7 +164,7 @@ def check_plan(model: GliderModel, plan: Plan) -> None:
 def sample_plan(
     plan: Plan, times: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns states (..., n), their slopes (..., n) and inputs at times (...)."""
+    """Returns states (J, n), their slopes (J, n) and inputs (J,) at some times."""
     path = CubicHermiteSpline(plan.times, plan.states, plan.slopes)
     if plan.is_held:
         knot = latest_command(plan.times, times)

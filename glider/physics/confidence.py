@@ -52,6 +52,15 @@ def physical(
     return deviations * np.where(share < 1.0, share * (1.0 - _INSIDE), 1.0)
 
 
+def numbers_at(
+    model: GliderModel, names: tuple[str, ...], deviations: np.ndarray
+) -> np.ndarray:
+    """Returns all numbers (B, P) of gliders that deviate from a model by (B, m)."""
+    numbers = np.tile(model.vector, (len(deviations), 1))
+    numbers[:, model.space.places(names)] += deviations
+    return numbers
+
+
 def theta_at(
     model: GliderModel, names: tuple[str, ...], deviations: Iterable[Any]
 ) -> Theta:

@@ -9,7 +9,7 @@ from typing import Protocol
 import joblib
 import numpy as np
 
-from glider.compiled.flight import Feedback, Steps, fly_batch
+from glider.compiled.flight import Feedback, Steps, fly_batch, make_feedback
 from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.physics.state import NUM_STATES
@@ -137,15 +137,15 @@ def fly(
     laps = model.count_laps(clock.step)
     starts = full_starts(model, starts)
     noise = _checked_noise(noise, (len(starts), clock.commands, len(known)))
-    if clock.hold:
-        sampled = np.arange(clock.commands) * clock.hold * clock.step
-    else:
-        sampled = np.arange(2 * clock.steps * laps + 1) * 0.5 * clock.step / laps
-    offset, gain = policy.sample(sampled)
-    problem = PerchingProblem() if problem is None else problem
     count = clock.steps * laps
     steps = Steps(count, clock.step / laps, every=laps if keep_paths else count)
-    feedback = Feedback(offset[None], gain[None], clock.hold * laps, noise)
+    problem = PerchingProblem() if problem is None else problem
+    if clock.hold:
+        sampled = np.arange(clock.commands) * clock.hold * clock.step
+        offset, gain = policy.sample(sampled)
+        feedback = Feedback(offset[None], gain[None], clock.hold * laps, noise)
+    else:
+        feedback = make_feedback(policy.sample, steps)
     flown = fly_batch(model, starts, steps, feedback, wire=problem.wire)
     states = flown.states
     commands = None

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.interpolate import PPoly
 
+from glider.compiled.flight import Steps, fly_batch, make_feedback
 from glider.compiled.runge_kutta import advance
 from glider.control.predictor import fly_held, policy_command
 from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
@@ -25,7 +26,6 @@ from glider.errors import InputError
 from glider.physics.confidence import theta_at
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
-from glider.simulation.fly import fly
 from glider.verification.dynamics.jets import (
     Dependence,
     Jet,
@@ -192,27 +192,15 @@ def make_nominal(
 def _continuous_flight(model, policy, step):
     """Returns times, states and inputs of the feedback as it is."""
     plan = policy.plan
-    count = aligned_count(policy.plan, step)
+    count = aligned_count(plan, step)
     fine = aligned_count(plan, min(_FLIGHT_STEP, plan.duration / count))
     every = -(-fine // count)
-    step = plan.duration / (count * every)
-    states = fly_plan(model, policy, plan.states[:1], step, every)[0]
+    every *= model.count_laps(plan.duration / (count * every))
+    steps = Steps(count * every, plan.duration / (count * every), every=every)
+    feedback = make_feedback(policy.sample, steps)
+    [states] = fly_batch(model, plan.states[:1], steps, feedback).states
     times = np.linspace(0.0, plan.duration, count + 1)
     return times, states, policy_command(policy, times, states)
-
-
-def fly_plan(
-    model: GliderModel,
-    policy: TrackingPolicy,
-    states: np.ndarray,
-    step: float,
-    every: int,
-) -> np.ndarray:
-    """Flies states (B, n) to a plan's end; returns every so many steps, (B, T, n)."""
-    step = step * (1.0 + 1e-9)  # They divide the plan.
-    flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
-    assert flights.paths is not None
-    return flights.paths[:, ::every]
 
 
 def advanced(

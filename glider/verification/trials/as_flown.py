@@ -27,7 +27,7 @@ from glider.control.predictor import (
     policy_command,
 )
 from glider.errors import expect
-from glider.physics.confidence import ConfidenceSet, physical
+from glider.physics.confidence import ConfidenceSet, numbers_at, physical
 from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
@@ -218,13 +218,13 @@ class _Flight:
         self._loop = loop
         self._model = funnel.nominal.model
         self._glider = None
-        self._numbers = self._model.vector[None].copy()
+        names = ()
+        deviations = np.empty((1, 0))
         if allowed := loop.gliders:
+            names = allowed.names
             on_boundary = allowed.on_boundary(genes[:, n + 4 :])
-            self._glider = physical(self._model, allowed.names, on_boundary)
-            self._numbers = np.tile(self._numbers, (len(genes), 1))
-            places = self._model.space.places(allowed.names)
-            self._numbers[:, places] += self._glider
+            self._glider = deviations = physical(self._model, names, on_boundary)
+        self._numbers = numbers_at(self._model, names, deviations)
         self._policy = funnel_policy(funnel, held=True)
         self._wind = loop.wind * genes[:, n : n + 2]
         self._error = loop.command_error * np.sign(genes[:, n])

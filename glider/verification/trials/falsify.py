@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from glider.compiled.flight import Differences, Steps, fly_batch, make_feedback
 from glider.errors import InputError
-from glider.physics.confidence import ConfidenceSet, glider_at, physical
+from glider.physics.confidence import ConfidenceSet, numbers_at, physical
 from glider.physics.model import GliderModel
 from glider.progress import Shares, silent
-from glider.verification.dynamics.nominal import fly_plan
+from glider.simulation.fly import full_starts
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
@@ -119,7 +120,7 @@ class _Trial:
         """Has flown nothing yet."""
         self._funnel = funnel
         self._rng = rng
-        self._model = model
+        self._model = None if confidence else model
         self._confidence = confidence
         self._found = []
 
@@ -127,11 +128,11 @@ class _Trial:
         """Flies from one time: random points first, then near the worst."""
         last = len(self._funnel.nominal.times) - 1
         k = min(round(share * last), last - 1)
-        found = self._fly_all(k, self._draw(count))
+        found = self._fly(k, *self._draw(count))
         width = CLIMB_WIDTH
         kept = max(1, count // 25)
         for _ in range(CLIMB_ROUNDS if climb else 0):
-            found = self._fly_all(k, self._stray(_worst(found, kept), width))
+            found = self._fly(k, *self._stray(_worst(found, kept), width))
             width *= CLIMB_NARROWING
         if climb and self._confidence:
             self._fly_corner(self._confidence, k, _worst(found, kept), width)
@@ -144,7 +145,7 @@ class _Trial:
         return Falsification(**found, confidence=self._confidence)
 
     def _draw(self, count):
-        """Returns gliders, and random points for each: [(δ, points)]."""
+        """Returns deviations (B, m) of gliders, and a random point (B, n) of each."""
         rng = self._rng
         allowed = self._confidence
         gliders = np.empty((1, 0))
@@ -154,12 +155,16 @@ class _Trial:
             at_edge = allowed.on_boundary(directions)
             gliders = np.concatenate([allowed.corners(), inside, at_edge])
         points = normalized(rng.normal(size=(count, self._funnel.num_states)))
-        return [*zip(gliders, np.array_split(points, len(gliders)), strict=True)]
+        shares = [len(part) for part in np.array_split(points, len(gliders))]
+        return np.repeat(gliders, shares, axis=0), points
 
     def _stray(self, worst, width):
         """Returns points near the worst, and gliders near theirs."""
-        (_, points, gliders), allowed, rng = worst, self._confidence, self._rng
-        flights = []
+        _, points, gliders = worst
+        allowed = self._confidence
+        rng = self._rng
+        near_gliders = []
+        near_points = []
         climbers = min(_CLIMBERS, len(points)) if allowed else 1
         for first in range(climbers):
             glider = gliders[first]
@@ -167,8 +172,10 @@ class _Trial:
                 w = np.linalg.pinv(allowed.factor) @ glider
                 w = w / max(np.linalg.norm(w), 1e-300)
                 glider = allowed.on_boundary(w + width * rng.normal(size=w.shape))
-            flights.append((glider, strayed(points[first::climbers], width, rng)))
-        return flights
+            near = strayed(points[first::climbers], width, rng)
+            near_points.append(near)
+            near_gliders.append(np.tile(glider, (len(near), 1)))
+        return np.concatenate(near_gliders), np.concatenate(near_points)
 
     def _fly_corner(self, allowed, k, worst, width):
         """Flies the worst corner of the set, to first order from the worst flight."""
@@ -176,41 +183,33 @@ class _Trial:
         if not allowed.dimension or not np.isfinite(values[0]):
             return
         shrunk = (1.0 - _NUDGE) * gliders[0]
-        start = points[:1]
-        around = [self._fly(k, shrunk + _NUDGE * a, start)[0] for a in allowed.factor.T]
-        slope = np.array(around)[:, 0] - self._fly(k, shrunk, start)[0]
+        around = np.vstack([shrunk + _NUDGE * allowed.factor.T, shrunk])
+        start = np.repeat(points[:1], len(around), axis=0)
+        *moved, usual = self._fly(k, around, start)[0]
+        slope = np.array(moved) - usual
         if allowed.shape == "box":
             slope = np.sign(slope)
         points = strayed(points, width, self._rng)
-        self._fly_all(k, [(allowed.on_boundary(slope), points)])
+        corner = np.tile(allowed.on_boundary(slope), (len(points), 1))
+        self._fly(k, corner, points)
 
-    def _fly_all(self, k, flights):
-        """Flies gliders from points each; returns what to climb, points, gliders."""
-        found = (self._fly(k, glider, points) for glider, points in flights)
-        return tuple(map(np.concatenate, zip(*found, strict=True)))
-
-    def _fly(self, k, deviation, points):
-        """Flies a glider from points; returns what to climb, points and gliders."""
+    def _fly(self, k, deviations, points):
+        """Flies gliders from points; returns what to climb, points and gliders."""
         funnel = self._funnel
-        glider = self._model
+        names = ()
         own = None
         if self._confidence:
-            estimate = funnel.nominal.model
             names = self._confidence.names
-            own = deviation = physical(estimate, names, deviation)
-            glider = glider_at(estimate, names, deviation)
-        flown = np.tile(deviation, (len(points), 1))
-        if not len(points):
-            return np.empty(0), points, flown
+            own = deviations = physical(funnel.nominal.model, names, deviations)
         states = boundary_states(funnel, k, points, own)
-        levels, _ = fly_from(funnel, k, states, glider, own)
+        levels, _ = fly_from(funnel, k, states, self._model, names, deviations)
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
         later = levels[:, 1:].max(axis=1)
         most = levels.max(axis=1)
-        self._found.append((time, most, later, levels[:, -1], states, flown))
-        return later, points, flown
+        self._found.append((time, most, later, levels[:, -1], states, deviations))
+        return later, points, deviations
 
 
 def _worst(found, kept):
@@ -231,22 +230,34 @@ def fly_from(
     first: int,
     states: np.ndarray,
     model: GliderModel | None = None,
-    deviation: np.ndarray | None = None,
+    names: tuple[str, ...] = (),
+    deviations: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flies states (B, n) from one of the funnel's times to its end.
 
-    V is about the center of a glider with a deviation δ (m,) in the funnel's set, or
-    about the nominal. The funnel's own glider flies if no other does.
+    The funnel's own glider flies if no other does, or gliders that deviate from it in
+    some numbers by (B, m). V is about the center of each if the funnel is of a set.
 
     Returns:
         V of each at the funnel's times from `first` on, (B, T - first), and the
         paths (B, T - first, n'), n' the states of the glider that flies.
     """
-    policy = funnel_policy(funnel, first)
-    times = funnel.nominal.times[first:]
     model = model or funnel.nominal.model
-    paths = fly_plan(model, policy, states, (times[1] - times[0]) / 2.0, 2)
-    return funnel.level(times, paths[..., : funnel.num_states], deviation), paths
+    times = funnel.nominal.times[first:]
+    intervals = len(times) - 1
+    interval = (times[-1] - times[0]) / intervals
+    laps = 2 * model.count_laps(0.5 * interval)
+    steps = Steps(intervals * laps, interval / laps, every=laps)
+    feedback = make_feedback(funnel_policy(funnel, first).sample, steps)
+    own = center = None
+    if names:
+        still = np.zeros((len(states), 2))
+        numbers = numbers_at(model, names, deviations)
+        own = Differences(numbers, still, np.ones(len(states)))
+        center = deviations[:, None]
+    states = full_starts(model, states)
+    paths = fly_batch(model, states, steps, feedback, own=own).states
+    return funnel.level(times, paths[..., : funnel.num_states], center), paths
 
 
 def boundary_states(
@@ -254,11 +265,11 @@ def boundary_states(
 ) -> np.ndarray:
     """Returns states (B, n) on the boundary at a time, given unit vectors (B, n).
 
-    Those of a glider of the funnel's set are about its own center.
+    Those of gliders of the funnel's set, (m,) or (B, m), are about their own centers.
     """
     states = funnel.nominal.states[k] + directions @ to_ball(funnel.S[k])[1].T
     if deviation is not None and funnel.gliders:
-        states = states + funnel.gliders.shifts[k] @ deviation
+        states = states + deviation @ funnel.gliders.shifts[k].T
     return states
 
 
