@@ -17,15 +17,14 @@ from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS, Servo, limited_rate, rate_bounds
 
 
-def feed_back(row, first, feedback, error, work):
-    """Writes into work[n, 1] the commands for states that are seen with an error.
+def feed_back(row, first, feedback, work):
+    """Writes into work[n, 1] the commands for the states work[:n, 0].
 
     Args:
         row: of the feedback's table.
         first: index of the block's first glider.
         feedback: see `Feedback`.
-        error: (m, BLOCK) added to the states that are fed back.
-        work: of the block, see `slopes_alike`.
+        work: of the block, see `slopes_held`.
     """
     n = work.shape[0] - 1
     fed = feedback.gain.shape[2]
@@ -35,30 +34,25 @@ def feed_back(row, first, feedback, error, work):
             work[n, 1, j] = feedback.offset[0, row]
         for i in range(fed):
             for j in range(BLOCK):
-                seen = work[i, 0, j] + error[i, j]
-                work[n, 1, j] -= feedback.gain[0, row, i] * seen
+                work[n, 1, j] -= feedback.gain[0, row, i] * work[i, 0, j]
     else:
         for j in range(BLOCK):
-            table = min(first + j, tables - 1)
-            work[n, 1, j] = feedback.offset[table, row]
+            own = min(first + j, tables - 1)
+            work[n, 1, j] = feedback.offset[own, row]
             for i in range(fed):
-                seen = work[i, 0, j] + error[i, j]
-                work[n, 1, j] -= feedback.gain[table, row, i] * seen
+                work[n, 1, j] -= feedback.gain[own, row, i] * work[i, 0, j]
 
 
-def slopes_alike(t, node, work, data):
+def slopes_held(t, node, work, data):
     """Writes into work[:n, 1] the derivatives of the states work[:n, 0].
 
-    The gliders have the same numbers, and the air is still. Between the command,
-    work[n, 1], and the elevator's rate, work[n, 0], lies the servo's `limited_rate`,
-    unless the command is cut to what the servo follows. Without a hold, commands follow
-    the state at once.
+    Between the command, work[n, 1], and the elevator's rate, work[n, 0], lies the
+    servo's `limited_rate`, unless the command is cut to what the servo follows. Few
+    arrays are handed over: references to each are counted at every stage.
     """
-    k, first, feedback, error, servo, theta = data
+    cut, servo, theta = data
     n = work.shape[0] - 1
-    if feedback.hold == 0:
-        feed_back(2 * k + node, first, feedback, error, work)
-    if feedback.cut:
+    if cut:
         put(work[n, 1], work[n, 0])
     else:
         for j in range(BLOCK):
@@ -70,23 +64,28 @@ def slopes_alike(t, node, work, data):
             work[i, 1, j] = d[i]
 
 
+def slopes_guided(t, node, work, data):
+    """Writes the derivatives under commands that follow the state at once."""
+    k, first, feedback, servo, theta = data
+    feed_back(2 * k + node, first, feedback, work)
+    slopes_held(t, node, work, (False, servo, theta))
+
+
 def slopes_apart(t, node, work, data):
     """Writes the derivatives of gliders that differ, see `Differences`."""
-    alike, own = data
-    k, first, feedback, error, servo, theta = alike
+    k, first, feedback, servo, field, own = data
     n = work.shape[0] - 1
     if feedback.hold == 0:
-        feed_back(2 * k + node, first, feedback, error, work)
+        feed_back(2 * k + node, first, feedback, work)
     for j in range(BLOCK):
         glider = min(first + j, own.pace.shape[0] - 1)
-        numbers = own.numbers[min(glider, own.numbers.shape[0] - 1)]
-        theta_j = theta_of(numbers, theta.field)
+        theta = theta_of(own.numbers[min(glider, own.numbers.shape[0] - 1)], field)
         x = work[:, 0, j]
-        rate = limited_rate(work[n, 1, j], demanded_angle(x, theta_j.c), servo)
+        rate = limited_rate(work[n, 1, j], demanded_angle(x, theta.c), servo)
         pace = own.pace[glider]
         wind_x = own.wind[glider, 0]
         wind_z = own.wind[glider, 1]
-        d = derivatives(pace * t, x, rate, wind_x, wind_z, theta_j)
+        d = derivatives(pace * t, x, rate, wind_x, wind_z, theta)
         for i in range(len(d)):
             work[i, 1, j] = pace * d[i]
 
@@ -137,7 +136,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
     fed = feedback.gain.shape[2]
     passes_wire = found.miss.shape[0] > 0
     work = np.empty((n + 1, 4, BLOCK))
-    error = np.zeros((fed, BLOCK))
+    tables = feedback.offset.shape[0]
     before = np.empty((n, BLOCK))
     nearest = np.empty(BLOCK)
     arrival = np.empty((n, BLOCK))
@@ -157,24 +156,28 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
                 for i in range(n):
                     put(work[i, 0], before[i])
             if hold > 0 and k % hold == 0:
-                if noise.shape[1] > 0:
+                row = k // hold
+                feed_back(row, first, feedback, work)
+                for i in range(fed if noise.shape[1] > 0 else 0):
                     for j in range(BLOCK):
-                        glider = min(first + j, batch - 1)
-                        for i in range(fed):
-                            error[i, j] = noise[glider, k // hold, i]
-                feed_back(k // hold, first, feedback, error, work)
+                        gain = feedback.gain[min(first + j, tables - 1), row, i]
+                        work[n, 1, j] -= gain * noise[min(first + j, batch - 1), row, i]
                 if feedback.cut:
                     for j in range(BLOCK):
                         angle = demanded_angle(work[:, 0, j], theta.c)
                         low, high = rate_bounds(angle, servo, hold * steps.length)
                         work[n, 1, j] = min(max(work[n, 1, j], low), high)
-            t = steps.length * k
-            alike = (k, first, feedback, error, servo, theta)
-            if own is None:
-                advance_block(slopes_alike, t, work, steps.length, steps.order, alike)
+            step = steps.length
+            t = step * k
+            if own is not None:
+                apart = (k, first, feedback, servo, theta.field, own)
+                advance_block(slopes_apart, t, work, step, steps.order, apart)
+            elif hold > 0:
+                held = (feedback.cut, servo, theta)
+                advance_block(slopes_held, t, work, step, steps.order, held)
             else:
-                data = (alike, own)
-                advance_block(slopes_apart, t, work, steps.length, steps.order, data)
+                guided = (k, first, feedback, servo, theta)
+                advance_block(slopes_guided, t, work, step, steps.order, guided)
             if passes_wire:
                 approach(wire, before, work, nearest, arrival)
             if (k + 1) % steps.every == 0:
@@ -190,7 +193,9 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
                     found.arrivals[first + j, i] = arrival[i, j]
 
 
-LOOPS = Family((feed_back, slopes_alike, slopes_apart, approach, flights), (flights,))
+LOOPS = Family(
+    (feed_back, slopes_held, slopes_guided, slopes_apart, approach, flights), (flights,)
+)
 
 
 class Steps(NamedTuple):
