@@ -132,11 +132,8 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
     batch = found.states.shape[0]
     n = start.shape[1]
     hold = feedback.hold
-    noise = feedback.noise
-    fed = feedback.gain.shape[2]
     passes_wire = found.miss.shape[0] > 0
     work = np.empty((n + 1, 4, BLOCK))
-    tables = feedback.offset.shape[0]
     before = np.empty((n, BLOCK))
     nearest = np.empty(BLOCK)
     arrival = np.empty((n, BLOCK))
@@ -156,12 +153,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
                 for i in range(n):
                     put(work[i, 0], before[i])
             if hold > 0 and k % hold == 0:
-                row = k // hold
-                feed_back(row, first, feedback, work)
-                for i in range(fed if noise.shape[1] > 0 else 0):
-                    for j in range(BLOCK):
-                        gain = feedback.gain[min(first + j, tables - 1), row, i]
-                        work[n, 1, j] -= gain * noise[min(first + j, batch - 1), row, i]
+                feed_back(k // hold, first, feedback, work)
                 if feedback.cut:
                     for j in range(BLOCK):
                         angle = demanded_angle(work[:, 0, j], theta.c)
@@ -224,7 +216,6 @@ class Feedback(NamedTuple):
             each command [rad/s].
         gain: (G, 2 N + 1, m) or (G, H, m); the first m states are fed back.
         hold: number of steps that a command is held; 0 where it follows at once.
-        noise: (B, H, m) added to the states fed back; (B, 0, m) for none.
         cut: whether a command is cut to what the servo follows while it is held (of
             gliders that are alike); if not, the servo limits it at each moment.
     """
@@ -232,7 +223,6 @@ class Feedback(NamedTuple):
     offset: np.ndarray
     gain: np.ndarray
     hold: int
-    noise: np.ndarray
     cut: bool = False
 
 
@@ -241,8 +231,7 @@ _AT_LAUNCH = np.zeros(1)
 
 def make_tape(commands: np.ndarray, hold: int = 1, cut: bool = False) -> Feedback:
     """Returns commands (G, H) [rad/s], each held for some steps, as a feedback."""
-    nothing = np.empty((*commands.shape, 0))
-    return Feedback(commands, nothing, hold, nothing[:, :0], cut)
+    return Feedback(commands, np.empty((*commands.shape, 0)), hold, cut)
 
 
 def make_feedback(
@@ -260,8 +249,7 @@ def make_feedback(
     nodes = 0.5 * steps.length * np.arange(2 * steps.count + 1)
     times = begin[:, None] + nodes
     offset, gain = sample(times.ravel())
-    gain = gain.reshape(*times.shape, -1)
-    return Feedback(offset.reshape(times.shape), gain, 0, gain[:, :0])
+    return Feedback(offset.reshape(times.shape), gain.reshape(*times.shape, -1), 0)
 
 
 class Differences(NamedTuple):
@@ -323,12 +311,12 @@ def fly_batch(
         arrivals=np.empty((passing, n)),
     )
     x, z = (0.0, 0.0) if wire is None else wire
-    tables = feedback.offset, feedback.gain, feedback.noise
-    offset, gain, noise = (np.ascontiguousarray(table) for table in tables)
+    offset = np.ascontiguousarray(feedback.offset)
+    gain = np.ascontiguousarray(feedback.gain)
     LOOPS.over(model.kinds, model.has_field).flights(
         np.array(starts, dtype=float, order="C"),
         steps,
-        Feedback(offset, gain, feedback.hold, noise, feedback.cut),
+        feedback._replace(offset=offset, gain=gain),
         model.parameters.servo if servo is None else servo,
         (float(x), float(z)),
         model.numbers,

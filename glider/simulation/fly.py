@@ -136,23 +136,29 @@ def fly(
     clock = make_clock(policy, command_rate, step, after)
     laps = model.count_laps(clock.step)
     starts = full_starts(model, starts)
-    noise = _checked_noise(noise, (len(starts), clock.commands, len(known)))
+    if noise is not None:
+        noise = np.asarray(noise, dtype=float)
+        shape = len(starts), clock.commands, len(known)
+        expect(clock.hold, "the command rate", None, "a number, as there is noise")
+        expect(noise.shape == shape, "the noise's shape", noise.shape, str(shape))
     count = clock.steps * laps
     steps = Steps(count, clock.step / laps, every=laps if keep_paths else count)
     problem = PerchingProblem() if problem is None else problem
     if clock.hold:
         sampled = np.arange(clock.commands) * clock.hold * clock.step
-        offset, gain = policy.sample(sampled)
-        feedback = Feedback(offset[None], gain[None], clock.hold * laps, noise)
+        offset, gain = (table[None] for table in policy.sample(sampled))
+        if noise is not None:
+            offset = offset - np.sum(gain * noise, axis=2)
+            gain = np.broadcast_to(gain, noise.shape)
+        feedback = Feedback(offset, gain, clock.hold * laps)
     else:
         feedback = make_feedback(policy.sample, steps)
     flown = fly_batch(model, starts, steps, feedback, wire=problem.wire)
     states = flown.states
     commands = None
     if keep_paths and clock.hold:
-        begins = states[:, : -1 : clock.hold]
-        seen = begins[:, :, : len(known)] + (noise if noise.shape[1] else 0.0)
-        wanted = offset - np.sum(gain * seen, axis=2)
+        begins = states[:, : -1 : clock.hold, : len(known)]
+        wanted = offset - np.sum(gain * begins, axis=2)
         fastest = model.parameters.servo.rate
         commands = np.clip(wanted, -fastest, fastest)
     return Flights(
@@ -165,17 +171,6 @@ def fly(
         command_times=sampled if clock.hold else None,
         commands=commands,
     )
-
-
-def _checked_noise(noise: np.ndarray | None, shape: tuple[int, int, int]) -> np.ndarray:
-    """Returns the noise of B launches, H commands and m states; (B, 0, m) for none."""
-    if noise is None:
-        return np.empty((shape[0], 0, shape[2]))
-    noise = np.asarray(noise, dtype=float)
-    if noise.shape[1:2] != (0,):
-        expect(shape[1], "the command rate", None, "a number, as there is noise")
-        expect(noise.shape == shape, "the noise's shape", noise.shape, str(shape))
-    return noise
 
 
 def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:
