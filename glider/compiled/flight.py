@@ -17,7 +17,7 @@ from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS, Servo, limited_rate, rate_bounds
 
 
-def feed_back(row, first, feedback, work):
+def _feed_back(row, first, feedback, work):
     """Writes into work[n, 1] the commands for the states work[:n, 0].
 
     Args:
@@ -67,7 +67,7 @@ def slopes_held(t, node, work, data):
 def slopes_guided(t, node, work, data):
     """Writes the derivatives under commands that follow the state at once."""
     k, first, feedback, servo, theta = data
-    feed_back(2 * k + node, first, feedback, work)
+    _feed_back(2 * k + node, first, feedback, work)
     slopes_held(t, node, work, (False, servo, theta))
 
 
@@ -76,7 +76,7 @@ def slopes_apart(t, node, work, data):
     k, first, feedback, servo, field, own = data
     n = work.shape[0] - 1
     if feedback.hold == 0:
-        feed_back(2 * k + node, first, feedback, work)
+        _feed_back(2 * k + node, first, feedback, work)
     for j in range(BLOCK):
         glider = min(first + j, own.pace.shape[0] - 1)
         theta = theta_of(own.numbers[min(glider, own.numbers.shape[0] - 1)], field)
@@ -90,7 +90,7 @@ def slopes_apart(t, node, work, data):
             work[i, 1, j] = pace * d[i]
 
 
-def approach(wire, before, work, nearest, arrival):
+def _approach(wire, before, work, nearest, arrival):
     """Lowers the least squared distances from the wire by one segment of the path.
 
     Args:
@@ -153,7 +153,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
                 for i in range(n):
                     put(work[i, 0], before[i])
             if hold > 0 and k % hold == 0:
-                feed_back(k // hold, first, feedback, work)
+                _feed_back(k // hold, first, feedback, work)
                 if feedback.cut:
                     for j in range(BLOCK):
                         angle = demanded_angle(work[:, 0, j], theta.c)
@@ -171,7 +171,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
                 guided = (k, first, feedback, servo, theta)
                 advance_block(slopes_guided, t, work, step, steps.order, guided)
             if passes_wire:
-                approach(wire, before, work, nearest, arrival)
+                _approach(wire, before, work, nearest, arrival)
             if (k + 1) % steps.every == 0:
                 for i in range(n):
                     put(work[i, 0], path[(k + 1) // steps.every, i])
@@ -186,7 +186,8 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
 
 
 LOOPS = Family(
-    (feed_back, slopes_held, slopes_guided, slopes_apart, approach, flights), (flights,)
+    (_feed_back, slopes_held, slopes_guided, slopes_apart, _approach, flights),
+    (flights,),
 )
 
 
@@ -289,7 +290,9 @@ def fly_batch(
     *,
     servo: Servo | None = None,
     wire: Sequence[float] | None = None,
-    own: Differences | None = None,
+    numbers: np.ndarray | None = None,
+    wind: np.ndarray | None = None,
+    pace: np.ndarray | None = None,
 ) -> Flown:
     """Flies launches of a glider, or of several that differ from it.
 
@@ -300,7 +303,10 @@ def fly_batch(
         feedback: over these steps.
         servo: its limits; None for the model's.
         wire: (x, z) [m]; None where no distance is asked for.
-        own: how the gliders differ; None if they are alike and the air is still.
+        numbers: of each glider, (B, P) or (1, P) as in `GliderModel.vector`; None if
+            they are alike, in still air.
+        wind: with numbers: (B, 2) beyond the model's own [m/s].
+        pace: with numbers: (B,) its own time that passes in a second of the loop.
     """
     n = starts.shape[1]
     batch = len(feedback.offset) if len(starts) == 1 else len(starts)
@@ -310,6 +316,11 @@ def fly_batch(
         miss=np.empty(passing),
         arrivals=np.empty((passing, n)),
     )
+    own = None
+    if numbers is not None:
+        wind = np.zeros((batch, 2)) if wind is None else wind
+        pace = np.ones(batch) if pace is None else pace
+        own = Differences(numbers, wind, pace)
     x, z = (0.0, 0.0) if wire is None else wire
     offset = np.ascontiguousarray(feedback.offset)
     gain = np.ascontiguousarray(feedback.gain)

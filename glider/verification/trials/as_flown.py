@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.compiled.flight import Differences, Steps, fly_batch, make_tape
+from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.control.predictor import (
     STEP,
     Hold,
@@ -278,10 +278,16 @@ class _Flight:
 
     def _step(self, duration, command, wind, order=4):
         """Returns states (B, n) one step of durations (B,) [s] later."""
-        own = Differences(self._numbers, wind, duration)
-        steps = Steps(1, 1.0, order)
-        tape = make_tape(command[:, None])
-        return fly_batch(self._model, self.states, steps, tape, own=own).states[:, 1]
+        flown = fly_batch(
+            self._model,
+            self.states,
+            Steps(1, 1.0, order),
+            make_tape(command[:, None]),
+            numbers=self._numbers,
+            wind=wind,
+            pace=duration,
+        )
+        return flown.states[:, 1]
 
     def _pushes_now(self, command, chooses):
         """Returns error (B,) and wind (B, 2): steady, or where V rises fastest.
@@ -289,7 +295,7 @@ class _Flight:
         The error is that of before where it may not choose another.
         """
         if not (self._loop.wind or self._loop.command_error):
-            return 0.0, np.zeros_like(self._wind)
+            return 0.0, None
         error = self._funnel.error(self._times, self.states, self._glider)
         pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
         slopes = []

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.compiled.flight import Differences, Steps, fly_batch, make_feedback
+from glider.compiled.flight import Steps, fly_batch, make_feedback
 from glider.errors import InputError
 from glider.physics.confidence import ConfidenceSet, numbers_at, physical
 from glider.physics.model import GliderModel
@@ -202,7 +202,7 @@ class _Trial:
             names = self._confidence.names
             own = deviations = physical(funnel.nominal.model, names, deviations)
         states = boundary_states(funnel, k, points, own)
-        levels, _ = fly_from(funnel, k, states, self._model, names, deviations)
+        levels, _ = fly_from(funnel, k, states, self._model, names, own)
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
@@ -249,14 +249,13 @@ def fly_from(
     laps = 2 * model.count_laps(0.5 * interval)
     steps = Steps(intervals * laps, interval / laps, every=laps)
     feedback = make_feedback(funnel_policy(funnel, first).sample, steps)
-    own = center = None
-    if names:
-        still = np.zeros((len(states), 2))
+    numbers = None
+    center = None
+    if deviations is not None:
         numbers = numbers_at(model, names, deviations)
-        own = Differences(numbers, still, np.ones(len(states)))
         center = deviations[:, None]
     states = full_starts(model, states)
-    paths = fly_batch(model, states, steps, feedback, own=own).states
+    paths = fly_batch(model, states, steps, feedback, numbers=numbers).states
     return funnel.level(times, paths[..., : funnel.num_states], center), paths
 
 
