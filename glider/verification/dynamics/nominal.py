@@ -12,6 +12,7 @@ as long as the servo follows its command, which the funnel ensures; `defect` bou
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -193,10 +194,10 @@ def _continuous_flight(model, policy, step):
     """Returns times, states and inputs of the feedback as it is."""
     plan = policy.plan
     count = aligned_count(plan, step)
-    fine = aligned_count(plan, min(_FLIGHT_STEP, plan.duration / count))
-    every = -(-fine // count)
-    every *= model.count_laps(plan.duration / (count * every))
-    steps = Steps(count * every, plan.duration / (count * every), every=every)
+    interval = plan.duration / count
+    every = math.ceil(interval / _FLIGHT_STEP - 1e-9)
+    every *= model.count_laps(interval / every)
+    steps = Steps(count * every, interval / every, every=every)
     feedback = make_feedback(policy.sample, steps)
     [states] = fly_batch(model, plan.states[:1], steps, feedback).states
     times = np.linspace(0.0, plan.duration, count + 1)

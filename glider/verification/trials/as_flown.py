@@ -27,7 +27,7 @@ from glider.control.predictor import (
     policy_command,
 )
 from glider.errors import expect
-from glider.physics.confidence import ConfidenceSet, numbers_at, physical
+from glider.physics.confidence import ALONE, ConfidenceSet, numbers_at, physical
 from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
@@ -217,14 +217,11 @@ class _Flight:
         self._funnel = funnel
         self._loop = loop
         self._model = funnel.nominal.model
-        self._glider = None
-        names = ()
-        deviations = np.empty((1, 0))
-        if allowed := loop.gliders:
-            names = allowed.names
-            on_boundary = allowed.on_boundary(genes[:, n + 4 :])
-            self._glider = deviations = physical(self._model, names, on_boundary)
-        self._numbers = numbers_at(self._model, names, deviations)
+        allowed = loop.gliders or ALONE
+        on_boundary = allowed.on_boundary(genes[:, n + 4 :])
+        deviations = physical(self._model, allowed.names, on_boundary)
+        self._numbers = numbers_at(self._model, allowed.names, deviations)
+        self._glider = deviations if loop.gliders else None
         self._policy = funnel_policy(funnel, held=True)
         self._wind = loop.wind * genes[:, n : n + 2]
         self._error = loop.command_error * np.sign(genes[:, n])

@@ -15,7 +15,7 @@ import numpy as np
 
 from glider.compiled.flight import Steps, fly_batch, make_feedback
 from glider.errors import InputError
-from glider.physics.confidence import ConfidenceSet, numbers_at, physical
+from glider.physics.confidence import ALONE, ConfidenceSet, numbers_at, physical
 from glider.physics.model import GliderModel
 from glider.progress import Shares, silent
 from glider.simulation.fly import full_starts
@@ -196,13 +196,12 @@ class _Trial:
     def _fly(self, k, deviations, points):
         """Flies gliders from points; returns what to climb, points and gliders."""
         funnel = self._funnel
-        names = ()
-        own = None
-        if self._confidence:
-            names = self._confidence.names
-            own = deviations = physical(funnel.nominal.model, names, deviations)
+        allowed = self._confidence or ALONE
+        deviations = physical(funnel.nominal.model, allowed.names, deviations)
+        own = deviations if self._confidence else None
         states = boundary_states(funnel, k, points, own)
-        levels, _ = fly_from(funnel, k, states, self._model, names, own)
+        given = self._model, allowed.names, own
+        levels, _ = fly_from(funnel, k, states, *given)
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
