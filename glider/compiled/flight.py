@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import BLOCK, advance_block, put
@@ -72,22 +73,22 @@ def slopes_guided(t, node, work, data):
 
 
 def slopes_apart(t, node, work, data):
-    """Writes the derivatives of gliders that differ, see `Differences`."""
+    """Writes the derivatives of gliders that differ, see `flights`."""
     k, first, feedback, servo, field, own = data
+    numbers, wind, pace = own
     n = work.shape[0] - 1
     if feedback.hold == 0:
         _feed_back(2 * k + node, first, feedback, work)
     for j in range(BLOCK):
-        glider = min(first + j, own.pace.shape[0] - 1)
-        theta = theta_of(own.numbers[min(glider, own.numbers.shape[0] - 1)], field)
+        glider = min(first + j, pace.shape[0] - 1)
+        theta = theta_of(numbers[min(glider, numbers.shape[0] - 1)], field)
         x = work[:, 0, j]
         rate = limited_rate(work[n, 1, j], demanded_angle(x, theta.c), servo)
-        pace = own.pace[glider]
-        wind_x = own.wind[glider, 0]
-        wind_z = own.wind[glider, 1]
-        d = derivatives(pace * t, x, rate, wind_x, wind_z, theta)
+        wind_x = wind[glider, 0]
+        wind_z = wind[glider, 1]
+        d = derivatives(pace[glider] * t, x, rate, wind_x, wind_z, theta)
         for i in range(len(d)):
-            work[i, 1, j] = pace * d[i]
+            work[i, 1, j] = pace[glider] * d[i]
 
 
 def _approach(wire, before, work, nearest, arrival):
@@ -126,7 +127,8 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
         servo: its limits.
         wire: (x, z) [m].
         theta: the gliders' numbers.
-        own: how they differ, see `Differences`; or None.
+        own: how they differ, see `fly_batch`: numbers (B, P) or (1, P), wind (B, 2) and
+            pace (B,); or None.
         found: written, see `Flown`.
     """
     batch = found.states.shape[0]
@@ -227,9 +229,6 @@ class Feedback(NamedTuple):
     cut: bool = False
 
 
-_AT_LAUNCH = np.zeros(1)
-
-
 def make_tape(commands: np.ndarray, hold: int = 1, cut: bool = False) -> Feedback:
     """Returns commands (G, H) [rad/s], each held for some steps, as a feedback."""
     return Feedback(commands, np.empty((*commands.shape, 0)), hold, cut)
@@ -238,33 +237,19 @@ def make_tape(commands: np.ndarray, hold: int = 1, cut: bool = False) -> Feedbac
 def make_feedback(
     sample: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     steps: Steps,
-    begin: np.ndarray = _AT_LAUNCH,
+    begin: ArrayLike = 0.0,
 ) -> Feedback:
     """Returns a feedback that acts at once, as a table.
 
     Args:
         sample: returns offset (J,) [rad/s] and gain (J, m) at times (J,) [s].
         steps: of the flight.
-        begin: (G,) when it begins [s].
+        begin: when it begins, or (G,) for each glider [s].
     """
     nodes = 0.5 * steps.length * np.arange(2 * steps.count + 1)
-    times = begin[:, None] + nodes
+    times = np.reshape(begin, (-1, 1)) + nodes
     offset, gain = sample(times.ravel())
     return Feedback(offset.reshape(times.shape), gain.reshape(*times.shape, -1), 0)
-
-
-class Differences(NamedTuple):
-    """How the gliders of a batch differ.
-
-    Attributes:
-        numbers: (B, P) as in `GliderModel.vector`, or (1, P).
-        wind: (B, 2) beyond the model's own [m/s].
-        pace: (B,) its own time that passes in a second of the loop.
-    """
-
-    numbers: np.ndarray
-    wind: np.ndarray
-    pace: np.ndarray
 
 
 class Flown(NamedTuple):
@@ -320,7 +305,7 @@ def fly_batch(
     if numbers is not None:
         wind = np.zeros((batch, 2)) if wind is None else wind
         pace = np.ones(batch) if pace is None else pace
-        own = Differences(numbers, wind, pace)
+        own = numbers, wind, pace
     x, z = (0.0, 0.0) if wire is None else wire
     offset = np.ascontiguousarray(feedback.offset)
     gain = np.ascontiguousarray(feedback.gain)

@@ -82,9 +82,13 @@ def held_command(
         time = hold.rest if number == 0 else hold.period
         states = flown_under(model, states, time, command)
         times = times + time
+
+    def feedback(steps):
+        return make_feedback(policy.sample, steps, times)
+
     # What is made for held commands makes up for the hold itself.
     ahead = 0.0 if policy.period else 0.5 * hold.period
-    states = _flown_by(model, policy, times, states, ahead)
+    states = _flown(model, states, ahead, feedback)
     return policy_command(policy, times + ahead, states)
 
 
@@ -132,29 +136,17 @@ def flown_under(
     model: GliderModel, states: np.ndarray, duration: float, commands: np.ndarray
 ) -> np.ndarray:
     """Returns states (B, n) some time [s] later, under held commands (B,) [rad/s]."""
+
+    def tape(steps):
+        return make_tape(commands[:, None], steps.count)
+
+    return _flown(model, states, duration, tape)
+
+
+def _flown(model, states, duration, feedback):
+    """Returns states (B, n) some time [s] later, under a feedback of these steps."""
     if duration == 0.0:
         return states
-    steps = _steps(duration)
-    tape = make_tape(commands[:, None], steps.count)
-    return fly_batch(model, states, steps, tape).states[:, -1]
-
-
-def _flown_by(
-    model: GliderModel,
-    policy: TrackingPolicy,
-    times: np.ndarray,
-    states: np.ndarray,
-    duration: float,
-) -> np.ndarray:
-    """Returns states (B, n) of times (B,) some time [s] later, under the policy."""
-    if duration == 0.0:
-        return states
-    steps = _steps(duration)
-    feedback = make_feedback(policy.sample, steps, times)
-    return fly_batch(model, states, steps, feedback).states[:, -1]
-
-
-def _steps(duration: float) -> Steps:
-    """Returns the steps of a flight of which only the end is kept."""
     count = math.ceil(duration / STEP - 1e-9)
-    return Steps(count, duration / count, every=count)
+    steps = Steps(count, duration / count, every=count)
+    return fly_batch(model, states, steps, feedback(steps)).states[:, -1]

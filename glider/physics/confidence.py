@@ -26,7 +26,6 @@ from glider.errors import expect
 from glider.physics.chain import theta_of
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from glider.physics.parameter_space import space_of
 from glider.physics.parameters import PARAMETER_NAMES, Theta
 
 
@@ -93,10 +92,9 @@ def glider_at(
     Raises:
         InputError: it is not physical.
     """
-    space = space_of(tuple(effect.kind for effect in model.effects))
-    vector = space.pack(model.parameters, model.effects)
+    space = model.space
     places = space.places(names)
-    vector[places] += deviation
+    [vector] = numbers_at(model, names, deviation[None])
     if truncate:
         vector[places] = np.clip(
             vector[places], space.lower[places], space.upper[places]

@@ -194,14 +194,35 @@ def _continuous_flight(model, policy, step):
     """Returns times, states and inputs of the feedback as it is."""
     plan = policy.plan
     count = aligned_count(plan, step)
-    interval = plan.duration / count
-    every = math.ceil(interval / _FLIGHT_STEP - 1e-9)
+    times = np.linspace(0.0, plan.duration, count + 1)
+    [states] = fly_plan(model, policy, plan.states[:1], count, _FLIGHT_STEP)
+    return times, states, policy_command(policy, times, states)
+
+
+def fly_plan(
+    model: GliderModel,
+    policy: TrackingPolicy,
+    states: np.ndarray,
+    count: int,
+    step: float,
+    numbers: np.ndarray | None = None,
+) -> np.ndarray:
+    """Flies states (B, n) to a plan's end.
+
+    Args:
+        count: of equal intervals, at whose ends states are returned.
+        step: longest step of the integration [s].
+        numbers: (B, P) of gliders that differ, as in `GliderModel.vector`.
+
+    Returns:
+        states (B, count + 1, n).
+    """
+    interval = policy.duration / count
+    every = math.ceil(interval / step - 1e-9)
     every *= model.count_laps(interval / every)
     steps = Steps(count * every, interval / every, every=every)
     feedback = make_feedback(policy.sample, steps)
-    [states] = fly_batch(model, plan.states[:1], steps, feedback).states
-    times = np.linspace(0.0, plan.duration, count + 1)
-    return times, states, policy_command(policy, times, states)
+    return fly_batch(model, states, steps, feedback, numbers=numbers).states
 
 
 def advanced(

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from glider.compiled.flight import Steps, fly_batch, make_feedback
 from glider.errors import InputError
 from glider.physics.confidence import ALONE, ConfidenceSet, numbers_at, physical
 from glider.physics.model import GliderModel
 from glider.progress import Shares, silent
 from glider.simulation.fly import full_starts
+from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
@@ -242,19 +242,16 @@ def fly_from(
         paths (B, T - first, n'), n' the states of the glider that flies.
     """
     model = model or funnel.nominal.model
+    policy = funnel_policy(funnel, first)
     times = funnel.nominal.times[first:]
-    intervals = len(times) - 1
-    interval = (times[-1] - times[0]) / intervals
-    laps = 2 * model.count_laps(0.5 * interval)
-    steps = Steps(intervals * laps, interval / laps, every=laps)
-    feedback = make_feedback(funnel_policy(funnel, first).sample, steps)
     numbers = None
     center = None
     if deviations is not None:
         numbers = numbers_at(model, names, deviations)
         center = deviations[:, None]
-    states = full_starts(model, states)
-    paths = fly_batch(model, states, steps, feedback, numbers=numbers).states
+    starts = full_starts(model, states)
+    step = 0.5 * (times[1] - times[0])
+    paths = fly_plan(model, policy, starts, len(times) - 1, step, numbers)
     return funnel.level(times, paths[..., : funnel.num_states], center), paths
 
 
