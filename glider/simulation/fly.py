@@ -128,17 +128,13 @@ def fly(
         InputError: what is given does not fit together.
     """
     model = as_model(model)
-    known = tuple(policy.state_names)
-    fed_back = model.state_names[: len(known)]
-    needed = f"{', '.join(known)} first"
-    needed += ", as the policy feeds them back, or diagrams.closed_loop's observer"
-    expect(fed_back == known, "the glider's states", model.state_names, needed)
+    check_states(model, policy)
     clock = make_clock(policy, command_rate, step, after)
     laps = model.count_laps(clock.step)
     starts = full_starts(model, starts)
     if noise is not None:
         noise = np.asarray(noise, dtype=float)
-        shape = len(starts), clock.commands, len(known)
+        shape = len(starts), clock.commands, len(policy.state_names)
         expect(clock.hold, "the command rate", None, "a number, as there is noise")
         expect(noise.shape == shape, "the noise's shape", noise.shape, str(shape))
     count = clock.steps * laps
@@ -157,7 +153,7 @@ def fly(
     states = flown.states
     commands = None
     if keep_paths and clock.hold:
-        begins = states[:, : -1 : clock.hold, : len(known)]
+        begins = states[:, : -1 : clock.hold, : gain.shape[2]]
         wanted = offset - np.sum(gain * begins, axis=2)
         fastest = model.parameters.servo.rate
         commands = np.clip(wanted, -fastest, fastest)
@@ -171,6 +167,15 @@ def fly(
         command_times=sampled if clock.hold else None,
         commands=commands,
     )
+
+
+def check_states(model: GliderModel, policy: Policy) -> None:
+    """Raises InputError unless a glider's first states are those that are fed back."""
+    known = tuple(policy.state_names)
+    fed_back = model.state_names[: len(known)]
+    needed = f"{', '.join(known)} first"
+    needed += ", as the policy feeds them back, or diagrams.closed_loop's observer"
+    expect(fed_back == known, "the glider's states", model.state_names, needed)
 
 
 def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from glider.errors import InputError
 from glider.physics.confidence import ALONE, ConfidenceSet, numbers_at, physical
 from glider.physics.model import GliderModel
 from glider.progress import Shares, silent
-from glider.simulation.fly import full_starts
+from glider.simulation.fly import check_states, full_starts
 from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
@@ -243,6 +243,7 @@ def fly_from(
     """
     model = model or funnel.nominal.model
     policy = funnel_policy(funnel, first)
+    check_states(model, policy)
     times = funnel.nominal.times[first:]
     numbers = None
     center = None
