@@ -13,6 +13,7 @@ from glider.physics.effects import ANGLE_SIGN, CAMBER, LIBRARY, POSE_LATENCY
 from glider.physics.effects.families import BLOCKS
 from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
 from glider.physics.model import GliderModel
+from glider.physics.parameter_space import OF_VEHICLE
 from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
 from glider.sysid.likelihood.blocks import Block
@@ -288,7 +289,8 @@ def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Es
     found = {}
     for slot in task.vehicle.unknown:
         unit = space.entries[slot].unit
-        unit = per_kilogram.get(unit, unit)
+        if space.owners[slot] == OF_VEHICLE:
+            unit = per_kilogram.get(unit, unit)
         value = float(model.theta[slot])
         found[space.names[slot]] = Estimate(value, known.std(slot), unit)
     return found
