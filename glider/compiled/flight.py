@@ -150,7 +150,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
             put(work[i, 0], path[0, i])
         nearest[:] = np.inf
         arrival[:] = np.nan
-        for k in range(steps.count):
+        for k in range(steps.number):
             if passes_wire:
                 for i in range(n):
                     put(work[i, 0], before[i])
@@ -197,13 +197,13 @@ class Steps(NamedTuple):
     """The steps of a flight.
 
     Attributes:
-        count: their number, N.
+        number: N, how many they are.
         length: of each [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
         every: number of steps from a state that is kept to the next.
     """
 
-    count: int
+    number: int
     length: float
     order: int = 4
     every: int = 1
@@ -246,7 +246,7 @@ def make_feedback(
         steps: of the flight.
         begin: when it begins, or (G,) for each glider [s].
     """
-    nodes = 0.5 * steps.length * np.arange(2 * steps.count + 1)
+    nodes = 0.5 * steps.length * np.arange(2 * steps.number + 1)
     times = np.reshape(begin, (-1, 1)) + nodes
     offset, gain = sample(times.ravel())
     return Feedback(offset.reshape(times.shape), gain.reshape(*times.shape, -1), 0)
@@ -297,7 +297,7 @@ def fly_batch(
     batch = len(feedback.offset) if len(starts) == 1 else len(starts)
     passing = batch if wire is not None else 0
     found = Flown(
-        states=np.empty((batch, steps.count // steps.every + 1, n)),
+        states=np.empty((batch, steps.number // steps.every + 1, n)),
         miss=np.empty(passing),
         arrivals=np.empty((passing, n)),
     )

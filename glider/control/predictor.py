@@ -138,7 +138,7 @@ def flown_under(
     """Returns states (B, n) some time [s] later, under held commands (B,) [rad/s]."""
 
     def tape(steps):
-        return make_tape(commands[:, None], steps.count)
+        return make_tape(commands[:, None], steps.number)
 
     return _flown(model, states, duration, tape)
 
