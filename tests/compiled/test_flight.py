@@ -25,7 +25,7 @@ def deviations():
 
 def table_of_each(rng, hold):
     """A feedback of COUNT gliders, each with gains of its own."""
-    rows = 2 * STEPS.count + 1 if hold == 0 else -(-STEPS.count // hold)
+    rows = 2 * STEPS.number + 1 if hold == 0 else -(-STEPS.number // hold)
     offset = rng.uniform(-5.0, 5.0, (COUNT, rows))
     return Feedback(offset, rng.normal(size=(COUNT, rows, 7)), hold)
 
@@ -42,7 +42,7 @@ def test_gliders_that_differ_fly_in_their_own_wind_and_time(deviations, order):
         MODEL,
         states,
         STEPS._replace(order=order),
-        make_tape(command[:, None], STEPS.count),
+        make_tape(command[:, None], STEPS.number),
         numbers=numbers_at(MODEL, NAMES, deviations),
         wind=wind,
         pace=pace,
@@ -54,7 +54,7 @@ def test_gliders_that_differ_fly_in_their_own_wind_and_time(deviations, order):
         def rates(y, since, own=own, j=j):
             return rates_of(own, y, command[[j]], wind[[j]])
 
-        for k in range(STEPS.count):
+        for k in range(STEPS.number):
             step = pace[j] * STEPS.length
             x = advance(rates, x, step) if order == 4 else x + step * rates(x, 0.0)
             np.testing.assert_allclose(flown[j, k + 1], x[0], rtol=1e-9, atol=1e-9)
@@ -78,7 +78,7 @@ def test_each_glider_follows_its_own_table(deviations, hold, differs):
 
 def test_one_launch_flies_under_many_tapes():
     state = random_states(1)
-    tape = make_tape(np.linspace(-9.0, 9.0, COUNT)[:, None], STEPS.count)
+    tape = make_tape(np.linspace(-9.0, 9.0, COUNT)[:, None], STEPS.number)
     many = fly_batch(MODEL, state, STEPS, tape).states
     each = fly_batch(MODEL, np.repeat(state, COUNT, axis=0), STEPS, tape).states
     np.testing.assert_array_equal(many, each)
@@ -89,6 +89,6 @@ def test_states_are_kept_after_every_so_many_steps():
     states = random_states(3)
     feedback = make_feedback(lambda t: (np.sin(40.0 * t), np.ones((len(t), 7))), STEPS)
     every = fly_batch(MODEL, states, STEPS, feedback).states
-    for kept in (2, 3, STEPS.count):
+    for kept in (2, 3, STEPS.number):
         some = fly_batch(MODEL, states, STEPS._replace(every=kept), feedback).states
         np.testing.assert_array_equal(some, every[:, ::kept])
