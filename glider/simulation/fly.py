@@ -175,7 +175,8 @@ def check_states(model: GliderModel, policy: Policy) -> None:
     fed_back = model.state_names[: len(known)]
     needed = f"{', '.join(known)} first"
     needed += ", as the policy feeds them back, or diagrams.closed_loop's observer"
-    expect(fed_back == known, "the glider's states", model.state_names, needed)
+    what = "the list of the glider's states"
+    expect(fed_back == known, what, model.state_names, needed)
 
 
 def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:

@@ -61,8 +61,10 @@ def make_moving_center(
     names = confidence.names
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names, held) for share in shares]
-    A, B, push = ends = _linear(nominal, names, held)
-    first, last = ([of[k] for of in ends] for k in (nominal.flows, nominal.flows + 1))
+    ends = _linear(nominal, names, held)
+    A, B, push = ends
+    first = [of[nominal.flows] for of in ends]
+    last = [of[nominal.flows + 1] for of in ends]
     nodes = [first, *between, last]
     shifts = np.zeros_like(push)
     commands = np.zeros((len(times), len(names)))
@@ -81,7 +83,8 @@ def make_moving_center(
                 return A @ X + np.outer(B, U) + push
 
             X = advanced(rate, X, step)
-        shifts[k + 1], commands[k + 1] = X, U
+        shifts[k + 1] = X
+        commands[k + 1] = U
     slopes = A @ shifts + B[:, :, None] * commands[:, None] + push
     if not held:
         commands = -np.einsum("ti,tim->tm", nominal.gains, shifts)

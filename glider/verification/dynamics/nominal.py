@@ -262,7 +262,8 @@ def hermite_powers(
     its slope in time, (..., 3).
     """
     half = 0.5 * (times[1] - times[0])
-    (a, b), (da, db) = values, half * slopes
+    a, b = values
+    da, db = half * slopes
     powers = [
         0.5 * (a + b) + 0.25 * (da - db),
         0.75 * (b - a) - 0.25 * (da + db),

@@ -17,8 +17,11 @@ from glider.verification.dynamics.nominal import Nominal, advanced, table_of
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
-ROOM, BEND_ROOM = 1.15, 1.05
-"""Factors on the largest q̇ and eᵀ M e at a time: for what is between, and norms."""
+ROOM = 1.15
+"""Factor on the largest q̇ at a time: for what is between, and norms."""
+
+BEND_ROOM = 1.05
+"""Factor on the largest eᵀ M e at a time: for what is between, and norms."""
 
 
 def _steps(nominal, first, last):
@@ -44,7 +47,8 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
     """Writes the feedback of a hold that ends with gains (n,) into a flight."""
     nominal.gains[last] = gains
     for k, (move, push) in reversed([*enumerate(_steps(nominal, first, last), first)]):
-        nominal.gains[k] = gains = gains @ move / (1.0 + gains @ push)
+        gains = gains @ move / (1.0 + gains @ push)
+        nominal.gains[k] = gains
     here = slice(first, last + 1)
     nominal.bends[here] = 0.0
     nominal.closed_loop[here] = nominal.part(here).closed_loop
@@ -154,7 +158,8 @@ def _apart(nominal, S, at):
     bends = [np.zeros((2, *v.shape)) for v in (nominal.gains, nominal.bends)]
     for bend, slopes in zip(bends, hold_slopes(nominal), strict=True):
         change = (slopes[k + 1] - slopes[k]).T * steps / 6.0
-        bend[0, k] = bend[1, k + 1] = change.T
+        bend[0, k] = change.T
+        bend[1, k + 1] = change.T
     of_gains, of_bends = (bend[:, at] for bend in bends)
     size = np.linalg.norm((of_gains[:, :, None] @ turn)[:, :, 0], axis=2)
     square = np.linalg.norm(turn.swapaxes(1, 2) @ of_bends @ turn, 2, axis=(2, 3))

@@ -160,7 +160,8 @@ class ShapeFlow:
             SolverError: no solver gave a usable answer, or the set vanishes.
         """
         times = self.nominal.times
-        settings, (count, n) = self._task.settings, self.nominal.states.shape
+        settings = self._task.settings
+        count, n = self.nominal.states.shape
         last = count - 1
         # Where commands are held, at least at the end of each and in its middle.
         hold = min(settings.hold, 0.5 * settings.period or np.inf)
@@ -170,7 +171,8 @@ class ShapeFlow:
         shapes = np.zeros((count, n, n))
         before = None
         since = 0
-        shapes[last] = S = self._cut(S, last)
+        S = self._cut(S, last)
+        shapes[last] = S
         for k in range(last, 0, -1):
             self._steer(S, k - 1)
             if times[k] == times[k - 1]:  # A sample: the set must not be larger before.
@@ -187,14 +189,16 @@ class ShapeFlow:
                     progress((last - k) / last)
                 S = self._step(S, k, growth + since * slope, slope)
                 since = (since + 1) % hold
-            S = shapes[k - 1] = self._cut(S, k - 1)
+            S = self._cut(S, k - 1)
+            shapes[k - 1] = S
         return shapes
 
     def _steer(self, S, k):
         """Makes the feedback at a time, for a set about then, if it is to be made."""
         if self._slopes is None:
             return
-        nominal, (directions, bounds) = self.nominal, self._bounds
+        nominal = self.nominal
+        directions, bounds = self._bounds
         times = nominal.times
         settings = self._task.settings
         first = k

@@ -41,8 +41,11 @@ from glider.verification.trials.falsify import (
     check_gliders,
 )
 
-_MOST_WIND, _MOST_ERROR = 20.0, 100.0
-"""Strongest wind [m/s] and largest error of the command [rad/s] that are flown."""
+_MOST_WIND = 20.0
+"""Strongest wind that is flown [m/s]."""
+
+_MOST_ERROR = 100.0
+"""Largest error of the command that is flown [rad/s]."""
 
 _FRESH = 1e-3
 """Push by which the direction where V rises fastest is found [m/s, rad/s]."""
@@ -146,7 +149,8 @@ def fly_loop(
 
 def _phases(funnel, hold, genes, rests=()):
     """Returns times (B,) from the launch to the clock's first sample after it [s]."""
-    if period := funnel.settings.period:  # Its second command was computed then.
+    period = funnel.settings.period
+    if period:  # Its second command was computed then.
         return np.full(len(genes), period - hold.latency)
     first = first_commands(funnel, rests)[0] - hold.latency if rests else 0.0
     return first + genes[:, funnel.num_states + 2] * hold.period
@@ -157,7 +161,8 @@ def check_clock(funnel: Funnel, hold: Hold, rests: Sequence[Funnel] = ()) -> Non
     latency = hold.latency
     found = hold.period
     for own in rests or (funnel,):
-        if period := own.settings.period:
+        period = own.settings.period
+        if period:
             expect(found == period, "the period of commands", found, "the funnel's")
             good = latency < period and (hold.predicts or latency == 0.0)
             words = "less than the period, with a predictor"

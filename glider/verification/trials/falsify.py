@@ -33,13 +33,18 @@ _START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
 CLIMB_ROUNDS = 6
 """Rounds of ascent along the boundary, each with a fifth as many flights."""
 
-CLIMB_WIDTH, CLIMB_NARROWING = 0.3, 0.6
-"""Length by which the first round strays from the worst points, on the unit sphere, and
-the factor on it from a round to the next."""
+CLIMB_WIDTH = 0.3
+"""Length by which the first round strays from the worst points, on the unit sphere."""
 
-_GLIDERS, _CLIMBERS = 24, 8
-"""Gliders drawn at each start time, besides the set's corners, half of them within the
-set and half on its boundary; and those that fly in each round of the climb."""
+CLIMB_NARROWING = 0.6
+"""Factor on this length from a round to the next."""
+
+_GLIDERS = 24
+"""Gliders drawn at each start time, besides the set's corners: half of them within the
+set and half on its boundary."""
+
+_CLIMBERS = 8
+"""Gliders that fly in each round of the climb."""
 
 _NUDGE = 0.05
 """Step towards the set's boundary by which its worst corner is looked for."""
@@ -200,8 +205,7 @@ class _Trial:
         deviations = physical(funnel.nominal.model, allowed.names, deviations)
         own = deviations if self._confidence else None
         states = boundary_states(funnel, k, points, own)
-        given = self._model, allowed.names, own
-        levels, _ = fly_from(funnel, k, states, *given)
+        levels, _ = fly_from(funnel, k, states, self._model, allowed.names, own)
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
