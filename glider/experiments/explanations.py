@@ -5,19 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.special import softmax
+from scipy.special import logsumexp, softmax
 
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.blocks import carried_blocks
-from glider.sysid.likelihood.candidates import gather, tamed
-from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
-from glider.sysid.likelihood.information import (
-    Evidence,
-    counted_from,
-    eliminate,
-    solve_scaled,
-)
+from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import (
     fit_model,
     grams_of,
@@ -48,27 +42,15 @@ _NEAR = 8.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Findings:
-    """A model, and sets of effects that may be the right ones in its place."""
+    """A model, and the flights and effects that it was found with."""
 
     model: GliderModel  #: The corrected glider.
     kinds: tuple[str, ...]  #: Of the effects that were identified.
-    #: Kind to those that would do as well in its place.
-    rivals: dict[str, tuple[str, ...]]
-    combinations: tuple[tuple[str, ...], ...]  #: Further sets that were fitted.
     flights: tuple[str, ...] | None = None  #: Names that were used; None for all.
     grades: tuple[str, ...] | None = None  #: Grades that were used; None for all.
     own: tuple[EffectKind, ...] = ()  #: User effects.
     #: Name of the campaign that was analysed; None where unspecified.
     campaign: str | None = None
-
-    @property
-    def swapped(self) -> list[frozenset[str]]:
-        """The chosen set with each rival in the place of what it rivals."""
-        return [
-            frozenset({*self.kinds} - {kind} | {other})
-            for kind, others in self.rivals.items()
-            for other in others
-        ]
 
 
 def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findings:
@@ -91,14 +73,11 @@ def _findings(
     report: Report, model: GliderModel, own_effects: Sequence[EffectKind]
 ) -> Findings:
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
-    effects = [e for e in report.effects if e.kind in carried]
     flights = report.settings.get("flights")
     grades = report.settings.get("grades")
     return Findings(
         model=model,
-        kinds=tuple(e.kind for e in effects),
-        rivals={e.kind: tuple(e.indistinguishable_from) for e in effects},
-        combinations=tuple(c.kinds for c in report.combinations),
+        kinds=tuple(e.kind for e in report.effects if e.kind in carried),
         flights=None if flights is None else tuple(flights),
         grades=None if grades is None else tuple(grades),
         own=tuple(own_effects),
@@ -129,46 +108,46 @@ class Explanation:
 def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, ...]:
     """Fits the sets of effects that may explain the flights, best first.
 
-    The chosen set; sets that differ from it by one effect and are nearly as good, by
-    closed forms for flights linear about it; and the sets and rivals of the analysis.
-    A priori each kind of the library is as probable as the next.
+    The chosen set and those near it: by closed forms for flights linear about it,
+    nearly as good. A priori each kind of the library is as probable as the next.
     """
     penalty = float(np.log(len(task.kinds)))
     chosen = _chosen(task, noise, findings)
     candidates = gather(task, chosen)
-    evidence = candidates.evidence(candidates.grams(chosen.scales).sum(axis=0))
+    evidence = candidates.evidence(candidates.total(chosen.scales))
     score = Scorer(candidates, evidence, lambda kind, kinds: penalty)
     own = score.by_first(chosen.kinds)
-    base = score(own)
-    near: dict[frozenset[str], tuple[float, Members]] = {}
-    named = {*findings.swapped, *_clocks_swapped(task, chosen)}
-    others = [*score.larger(own), *score.smaller(own), *score.swapped(own)]
-    others += _best_variants(score, [*map(frozenset, findings.combinations), *named])
-    for members in others:
-        kinds = frozenset(k for k, _ in members)
-        value = score(members)
-        best = near.get(kinds, (-np.inf, ()))[0]
-        least = -np.inf if kinds in named else base - _NEAR
-        if value > max(least, best) and kinds != frozenset(chosen.kinds):
-            near[kinds] = value, members
-    ranked = sorted(near.items(), key=lambda item: (item[0] not in named, -item[1][0]))[
-        : MOST - 1
-    ]
+    near = _near(score, own, _clocks_swapped(task, chosen))
     models = [chosen]
-    for _, (_, members) in ranked:
+    for members in near[: MOST - 1]:
         models.append(fit_model(task, score.begin(members), iterations=4))
     acting = [model for model in models if not _is_idle(task, model)]
-    weighed = [_weigh(task, m, penalty) for m in acting or [chosen]]
+    weighed = [_weigh(task, model, penalty) for model in acting or [chosen]]
     # Sets that were not fitted count by their closed form, against the chosen set's.
-    fitted = {kinds for kinds, _ in ranked}
-    left = [value for kinds, (value, _) in near.items() if kinds not in fitted]
-    every = np.array(
-        [e.log_evidence for e in weighed]
-        + [weighed[0].log_evidence + value - base for value in left]
-    )
+    first = weighed[0].log_evidence - score(own)
+    every = [e.log_evidence for e in weighed]
+    every += [first + score(members) for members in near[MOST - 1 :]]
     listed = float(softmax(every)[: len(weighed)].sum())
     missing = 1.0 - (1.0 - UNKNOWN) * listed
     return with_probabilities(_in_one_air(task, weighed, penalty), missing)
+
+
+def _near(score: Scorer, own: Members, named: set[frozenset[str]]) -> list[Members]:
+    """Sets that differ from one by an effect, or two in the place of one, best first.
+
+    Those that are nearly as good, each with its best variant, behind those named.
+    """
+    others = [*score.larger(own), *score.smaller(own)]
+    others += [*score.swapped(own), *score.merged(own)]
+    others.sort(key=score, reverse=True)
+    best: dict[frozenset[str], Members] = {}
+    for members in others:
+        best.setdefault(frozenset(kind for kind, _ in members), members)
+    least = score(own) - _NEAR
+    first = [members for kinds, members in best.items() if kinds in named]
+    first = [members for members in first if np.isfinite(score(members))]
+    rest = [members for kinds, members in best.items() if kinds not in named]
+    return first + [members for members in rest if score(members) > least]
 
 
 def with_probabilities(
@@ -222,24 +201,22 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
     return fit_model(task, start, iterations=4)
 
 
-def _clocks_swapped(task: Task, model: FitResult) -> list[frozenset[str]]:
+def _clocks_swapped(task: Task, model: FitResult) -> set[frozenset[str]]:
     """The set with lags and delays in the place of one another.
 
     Their columns are secants to where they are tried, five milliseconds and more: the
     closed form is far off for a smaller one.
     """
-    clocks = [
-        name
-        for name in task.kinds
-        if all(c.is_shape for c in task.space.kinds[name].coefficients)
-    ]
-    return [
-        frozenset({*model.kinds} - {kind} | {other})
-        for kind in model.kinds
-        if kind in clocks
-        for other in clocks
-        if other not in model.kinds
-    ]
+    clocks = {name for name in task.kinds if _is_clock(task, name)}
+    own = {*model.kinds}
+    return {
+        frozenset(own - {gone} | {new}) for gone in own & clocks for new in clocks - own
+    }
+
+
+def _is_clock(task: Task, kind: str) -> bool:
+    """Whether every coefficient of an effect is a shape, as of a lag or a delay."""
+    return all(c.is_shape for c in task.space.kinds[kind].coefficients)
 
 
 def _is_idle(task: Task, model: FitResult) -> bool:
@@ -252,37 +229,20 @@ def _is_idle(task: Task, model: FitResult) -> bool:
     return False
 
 
-def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Members]:
-    """Sets with the best variant of each member, given the others."""
-    found = []
-    for kinds in sets:
-        if not kinds <= set(score.variants):
-            continue
-        members = score.by_first(sorted(kinds))
-        for i, (kind, _) in enumerate(members):
-            options = [
-                (*members[:i], (kind, v), *members[i + 1 :])
-                for v in score.variants[kind]
-            ]
-            members = max(options, key=score)
-        found.append(members)
-    return found
-
-
 def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     """A model with its evidence: -cost + ½ log |Λ| - ½ log |A|, and shapes."""
     grams = grams_of(linear_flights(task, model), model.scales)
     prior = prior_of(task, model).precision
     information = grams.sum(axis=0)[:-1, :-1] + np.diag(prior)
-    size = np.linalg.slogdet(information)[1] if len(prior) else 0.0
-    evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - size)
-    evidence += choice_of_shapes(task, model)
-    matrix, _ = larger_of(*jackknife(grams, prior))
+    _, volume = np.linalg.slogdet(information)
+    evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - volume)
+    evidence += choice_of_shapes(task, model) - penalty * len(model.kinds)
+    covariance, _ = larger_of(*jackknife(grams, prior))
     return Explanation(
         model=model,
-        log_evidence=evidence - penalty * len(model.kinds),
+        log_evidence=evidence,
         probability=np.nan,
-        precision=solve_scaled(matrix, np.eye(len(prior))),
+        precision=solve_scaled(covariance, np.eye(len(prior))),
     )
 
 
@@ -291,58 +251,21 @@ def choice_of_shapes(task: Task, model: FitResult) -> float:
 
     Where a shape is fitted, the best of many was chosen, and noise alone makes the best
     of many good. Each of the library's starting shapes s is as probable as the next
-    a priori, and stands for those around it, so that an effect is worth
+    a priori, so that an effect is worth
         log mean_s exp E_s
-    of the evidence E_s with that shape, in closed form; around the fitted shape it is
-    that of the fit. An effect that shows well pays log(number of shapes), one that
-    barely does is worth the average of its shapes.
+    of the evidence E_s with that shape, in closed form about the model without the
+    effect. One that shows well pays log(number of shapes), one that barely does is
+    worth the average of its shapes.
     """
-    return sum(_choice(task, model, kind) for kind in model.kinds)
-
-
-def _choice(task: Task, model: FitResult, kind: str) -> float:
-    space = task.space
-    own = space.slots_of(kind)
-    shapes = [i for i in own if i in task.space.shapes]
-    sizes = [i for i in own if i in model.free and i not in shapes]
-    if not shapes or not sizes:
-        return 0.0
-    beside = [i for i in model.free if i not in own]
-    starts = [
-        [d for d in columns if d.slot in sizes]
-        for columns in starts_of(space, space.kinds[kind], model.theta)
-    ]
-    directions = slopes(space, [*sizes, *beside])
-    directions += [d for columns in starts for d in columns]
-    flights, wild = tamed(task, directions, linear_flights(task, model, directions))
-
-    # The error of the model without the effect, the others fitted to it.
-    count = len(sizes)
-    end = len(sizes) + len(beside)
-    last = len(directions)
-    prior = prior_of(task, model, [*sizes, *beside])  # And of carried functions.
-    mean = model.theta[sizes] + prior.mean[:count]
-    precision = prior.precision[:count]
-    share = np.zeros(last + len(model.coordinates))
-    share[:count] = -prior.mean[:count]
-    gram = counted_from(grams_of(flights, model.scales).sum(axis=0), share)
-    others = [*range(count, end), *range(last, len(share))]
-    variants = 1 + len(starts)
-    evidence = Evidence(
-        gram=eliminate(gram, others, prior.precision[count:], prior.mean[count:]),
-        at=np.delete(np.arange(last), np.arange(count, end)),
-        precision=np.tile(precision, variants),
-        lower=np.tile(space.lower[sizes] - mean, variants),
-        upper=np.tile(space.upper[sizes] - mean, variants),
-    )
-    sets = np.arange(variants * count).reshape(variants, count).tolist()
-    fitted, *others = evidence.extended((), sets)
-    if not np.isfinite(fitted):
-        return 0.0
-    nearest = nearest_start(space, starts, model.theta)
-    worth = np.exp(np.minimum(np.array(others) - fitted, 0.0))
-    worth[nearest] = 1.0  # Around the fitted shape.
-    columns = np.arange(end, end + len(worth) * count).reshape(-1, count)
-    sound = [wild.isdisjoint(own) for own in columns.tolist()]
-    sound[nearest] = True
-    return float(np.log(np.mean(worth[sound])))
+    lost = 0.0
+    offered = dataclasses.replace(task, kinds=model.kinds)
+    for kind in model.kinds:
+        if _is_clock(task, kind):
+            continue
+        candidates = gather(offered, model.without(task, kind))
+        *others, (_, variants) = [*candidates.variants.items()]
+        acting = [column for _, [variant] in others for column in variant]
+        evidence = candidates.evidence(candidates.total(model.scales))
+        gains = evidence.extended(acting, variants)
+        lost += logsumexp(gains) - np.log(len(gains)) - max(gains)
+    return lost

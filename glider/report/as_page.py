@@ -117,8 +117,8 @@ class _Columns:
         return self._places[key]
 
 
-_DERIVED = ("has_grid", "line_width", "dashes")
-"""Properties of axes and lines that a page is given as well."""
+_DERIVED = ("line_width", "dashes")
+"""Properties of lines that a page is given as well."""
 
 
 def rounded(values: np.ndarray) -> np.ndarray:

@@ -20,7 +20,6 @@ from glider.report.plots.style import LABELS
 from glider.sysid.result import Alternative, Result
 
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {
-    "errors": model_figures.errors_figure,
     "curves": model_figures.curves_figure,
     "carried": model_figures.carried_figure,
     "coefficients": model_figures.coefficients_figure,
