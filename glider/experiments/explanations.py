@@ -262,10 +262,13 @@ def choice_of_shapes(task: Task, model: FitResult) -> float:
     for kind in model.kinds:
         if _is_clock(task, kind):
             continue
-        candidates = gather(offered, model.without(task, kind))
-        *others, (_, variants) = [*candidates.variants.items()]
-        acting = [column for _, [variant] in others for column in variant]
+        without = model.without(task, kind)
+        candidates = gather(offered, without)
+        variants = candidates.variants.get(kind, ())
+        acting = [candidates.variants[other][0] for other in without.kinds]
+        columns = [column for variant in acting for column in variant]
         evidence = candidates.evidence(candidates.total(model.scales))
-        gains = evidence.extended(acting, variants)
-        lost += logsumexp(gains) - np.log(len(gains)) - max(gains)
+        gains = np.array(evidence.extended(columns, variants))
+        if np.isfinite(gains).any():
+            lost += float(logsumexp(gains - gains.max()) - np.log(len(gains)))
     return lost

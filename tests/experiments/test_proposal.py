@@ -17,7 +17,7 @@ from glider.report.next_throw import is_done, sentences
 from tests.helpers.late import LATE
 from tests.helpers.tasks import fly, typical
 
-FINDINGS = Findings(model=LATE, kinds=("servo_lag",), rivals={}, combinations=())
+FINDINGS = Findings(model=LATE, kinds=("servo_lag",))
 
 
 def test_both_explanations_are_left_and_weighed(late):
@@ -35,8 +35,6 @@ def test_a_small_lag_is_a_rival_of_a_delay_that_nobody_named(late):
     findings = Findings(
         model=GliderModel(effects=(KINDS["command_delay"](delay=0.002),)),
         kinds=("command_delay",),
-        rivals={},
-        combinations=(),
     )
     again = explain(task, noise, findings)
     assert {e.model.kinds for e in again} == {e.model.kinds for e in explanations}
@@ -99,10 +97,7 @@ def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
     monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
     campaign = fly(typical("servo_lag"), flights=6)
     findings = Findings(
-        model=GliderModel(effects=(typical("servo_lag"),)),
-        kinds=("servo_lag",),
-        rivals={"servo_lag": ("command_delay",)},
-        combinations=(),
+        model=GliderModel(effects=(typical("servo_lag"),)), kinds=("servo_lag",)
     )
     campaign, task, noise = read_task(campaign, findings)
     explanations = explain(task, noise, findings)

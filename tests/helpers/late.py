@@ -25,12 +25,7 @@ def late_posterior() -> Posterior:
     """Returns campaign, task, noise and explanations."""
     rng = np.random.default_rng(1)
     campaign = CampaignPlan(flights=4).simulate(LATE, rng)
-    findings = Findings(
-        model=LATE,
-        kinds=("servo_lag",),
-        rivals={"servo_lag": ("command_delay",)},
-        combinations=(),
-    )
+    findings = Findings(model=LATE, kinds=("servo_lag",))
     campaign, task, noise = read_task(campaign, findings)
     return campaign, task, noise, explain(task, noise, findings)
 
