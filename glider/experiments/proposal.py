@@ -70,6 +70,11 @@ class Proposal:
     seconds: float  #: That it took, once the explanations were fitted.
 
     @property
+    def noise(self) -> float:
+        """Standard deviation of a measured coordinate [m]."""
+        return self.explanations[0].model.scales.position
+
+    @property
     def is_still(self) -> bool:
         """Whether the flights show no moving air."""
         return self.explanations[0].model.scales.is_still

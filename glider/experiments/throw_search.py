@@ -63,33 +63,35 @@ def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
     """Computes the scatter of a task's flights under an explanation.
 
     The filter, given the launch and the last row alone, has it as the variance of its
-    innovation.
+    innovation. Noise at its floor, which the flights do not show, scatters nothing.
     """
     model = dataclasses.replace(explanation.model, about={})
+    scales = model.scales.without_floors
     directions = slopes(task.space, model.free)
 
     def scatter(record: Record) -> tuple[float, np.ndarray]:
         flight = linear_flight(model, directions, record)
-        start = start_variances(flight, model.scales)
+        start = start_variances(flight, scales)
         start[: flight.by_x.shape[1]] = 0.0
         variance = 0.0
         rows = []
         for channel in range(2):
             seen = np.zeros_like(record.seen)
             seen[-1, channel] = True
-            alone = dataclasses.replace(
-                flight, record=dataclasses.replace(record, seen=seen)
-            )
-            filtered = whiten(alone, model.scales, start)
+            last = dataclasses.replace(record, seen=seen)
+            alone = dataclasses.replace(flight, record=last)
+            filtered = whiten(alone, scales, start)
             own = float(np.exp(filtered.log_variances[-1, channel]))
-            variance += own - model.scales.position**2
+            variance += own - scales.position**2
             rows.append(np.sqrt(own) * filtered.innovations[-1, channel, :-1])
         return variance, np.array(rows)
 
     found = in_parallel(scatter, task.records)
+    variance = float(np.mean([own for own, _ in found]))
+    rows = np.vstack([rows for _, rows in found])
     return _EndScatter(
-        air=float(np.sqrt(max(np.mean([v for v, _ in found]), 0.0))),
-        slopes=np.vstack([rows for _, rows in found]) / np.sqrt(len(found)),
+        air=np.sqrt(max(variance, 0.0)),
+        slopes=rows / np.sqrt(len(found)),
     )
 
 

@@ -30,8 +30,8 @@ _SURE = 0.99
 """Probability of the best explanation among the listed ones above which it is alone."""
 
 _SMALL = 1.0 / 3.0
-"""Scatter by the coefficients over that by the air below which the air dominates: they
-then add less than 6 % to it."""
+"""Scatter by the coefficients over that by chance, or over the noise of a position,
+below which that dominates: they then add less than 6 % to it."""
 
 _LEAST_GAIN = 0.02  # Least gain of probability by throws that are worth flying.
 _NAMED = 0.01  # Probability above which an explanation is named.
@@ -50,7 +50,8 @@ def is_one_left(proposal: Proposal) -> bool:
 
 def is_done(proposal: Proposal) -> bool:
     """Checks whether more flights would show nothing more."""
-    is_known = proposal.ending_now < _SMALL * proposal.ending_air
+    least = max(proposal.ending_air, proposal.noise)
+    is_known = proposal.ending_now < _SMALL * least
     is_explained = not proposal.explanations[0].model.blocks
     return is_one_left(proposal) and is_known and is_explained
 

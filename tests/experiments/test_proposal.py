@@ -56,6 +56,13 @@ def test_designed_throws_are_worth_many_of_the_present_kind(late, proposal):
     assert not is_done(proposal)
 
 
+def test_still_air_leaves_nothing_to_chance(proposal):
+    """The flights differ by their launches, their commands and the sensors' noise."""
+    assert proposal.is_still
+    assert proposal.ending_air < proposal.noise
+    assert "less than the noise of a measured position" in " ".join(sentences(proposal))
+
+
 @pytest.mark.nightly
 def test_the_same_seed_proposes_the_same(late, monkeypatch):
     monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
