@@ -90,8 +90,7 @@ def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
     variance = float(np.mean([own for own, _ in found]))
     rows = np.vstack([rows for _, rows in found])
     return _EndScatter(
-        air=np.sqrt(max(variance, 0.0)),
-        slopes=rows / np.sqrt(len(found)),
+        air=np.sqrt(max(variance, 0.0)), slopes=rows / np.sqrt(len(found))
     )
 
 

@@ -1,4 +1,4 @@
-"""Tables of errors, before and after the correction: of models, of single flights."""
+"""Errors before and after the correction: of models, of single flights."""
 
 import math
 from operator import attrgetter
@@ -93,54 +93,6 @@ def columns_of(*reports: Report) -> list[str]:
 def baseline(result: Result) -> str:
     """Model that the correction is compared with."""
     return "nominal" if result.errors.get("nominal") is not None else "refitted"
-
-
-STANDS_OUT = 2.5
-"""A flight stands out where its error is so many times the median. Of errors like a
-half-normal's, one in eleven would; of RMS over a flight, fewer."""
-
-_MOST = 5  # Flights that the table shows, the worst.
-
-
-class _FlightRow(NamedTuple):
-    """A held-out flight's position RMS before and after, as text in one unit.
-
-    `times` is the latter over the median of all flights; `planarity` is a sentence,
-    empty where the log does not show it.
-    """
-
-    name: str
-    before: str
-    after: str
-    unit: str
-    times: str
-    stands_out: bool
-    planarity: str
-
-
-def worst_flights(result: Result) -> list[_FlightRow]:
-    """Held-out flights with the largest errors of the corrected model."""
-    ranked = rank_flights(result)[::-1]
-    after = [position_rms(f, "corrected") for f in ranked]
-    finite = [e for e in after if math.isfinite(e)]
-    median = float(np.median(finite)) if finite else math.nan
-    pairs = [
-        (position_rms(f, baseline(result)), e)
-        for f, e in zip(ranked, after, strict=True)
-    ][:_MOST]
-    unit = unit_beside_floor(result, *(e for pair in pairs for e in pair))
-    return [
-        _FlightRow(
-            name=flight.name,
-            before=unit.digits(old),
-            after=unit.digits(new),
-            unit=unit.name,
-            times=numbers.format_factor(new / median if median > 0.0 else math.nan),
-            stands_out=new > STANDS_OUT * median,
-            planarity=result.planarity.get(flight.name, ""),
-        )
-        for flight, (old, new) in zip(ranked[:_MOST], pairs, strict=True)
-    ]
 
 
 def rank_flights(result: Result) -> list[HeldOutFlight]:

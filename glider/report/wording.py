@@ -184,16 +184,6 @@ def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     return rows
 
 
-def spread_values(result: Result) -> list[tuple[str, list[str]]]:
-    """Values of each fitted flight, in the order of the variations."""
-    spreads = result.spreads.values()
-    flights = dict.fromkeys(flight for s in spreads for flight in s.values)
-    return [
-        (f, [numbers.format_spread(s.values.get(f, math.nan), s.unit) for s in spreads])
-        for f in flights
-    ]
-
-
 def _numbers_of(value: Any) -> str:
     if value is None:
         return "not given"
