@@ -9,8 +9,8 @@ from glider.errors import expect
 DESCRIPTION = """\
 Proposes the next throws of a campaign: launches and elevator commands that best
 distinguish the explanations that its flights leave, then tighten the coefficients that
-move the end of a flight. It reports what to expect of them, how many throws of the
-present kind would achieve the same, and when nothing more is to be learned.
+move the end of a flight. It reports what to expect of them, and when nothing more is to
+be learned.
 """
 
 EPILOG = """\

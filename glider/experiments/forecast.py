@@ -78,12 +78,13 @@ class Forecast:
 
     def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
         """Records of throws predicted by each explanation, one list a throw."""
-        count = len(self.explanations)
-        made = self._fly([(t, model) for t in throws for model in self._models])
-        return [
-            [r for r in made[k : k + count] if r is not None]
-            for k in range(0, len(made), count)
-        ]
+        count = len(self._models)
+        flights = [(throw, model) for throw in throws for model in self._models]
+        made = self._fly(flights)
+        found = []
+        for k in range(0, len(made), count):
+            found.append([r for r in made[k : k + count] if r is not None])
+        return found
 
     def _fly(self, flights: Sequence[tuple[Throw, FitResult]]) -> list[Record | None]:
         """Records of throws by models; None where one diverges."""
@@ -96,31 +97,37 @@ class Forecast:
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
         whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
-        records = prepare(whole, self.campaign, self.noise, space)
-        made = (dataclasses.replace(r, usual_rest=r.rest) for r in records)
-        return [next(made) if ok else None for ok in finite]
+        records = iter(prepare(whole, self.campaign, self.noise, space))
+        made: list[Record | None] = []
+        for ok in finite:
+            record = next(records) if ok else None
+            if record is not None:
+                record = dataclasses.replace(record, usual_rest=record.rest)
+            made.append(record)
+        return made
 
-    def safe(self, throws: Sequence[Throw], logs: Sequence[list[Record]]) -> list[bool]:
-        """Checks that throws keep the limits by every explanation."""
+    def _is_safe(self, throw: Throw, logs: list[Record]) -> bool:
+        """Checks that a throw keeps the limits by every explanation."""
         limits = self.place.limits
-
-        def check(pair: tuple[Throw, list[Record]]) -> bool:
-            throw, own = pair
-            return len(own) == len(self.explanations) and all(
-                is_safe(throw, record, model.theta, field_of(model), limits)
-                for record, model in zip(own, self._models, strict=True)
-            )
-
-        return in_parallel(check, zip(throws, logs, strict=True))
+        return len(logs) == len(self.explanations) and all(
+            is_safe(throw, record, model.theta, field_of(model), limits)
+            for record, model in zip(logs, self._models, strict=True)
+        )
 
     def predicted(self, throws: Sequence[Throw]) -> list[Grams | None]:
-        """Grams of throws; None for those that leave the limits."""
-        logs = self.logs(throws)
-        good = [k for k, safe in enumerate(self.safe(throws, logs)) if safe]
-        found: list[Grams | None] = [None] * len(throws)
-        for k, own in zip(good, self.grams([logs[k] for k in good]), strict=True):
-            found[k] = own if is_finite(own) else None
-        return found
+        """Grams of throws; None for those that leave the limits, or diverge."""
+
+        def weigh(pair: tuple[Throw, list[Record]]) -> Grams | None:
+            throw, logs = pair
+            if not self._is_safe(throw, logs):
+                return None
+            grams = tuple(map(self._gram, logs))
+            # An explanation may diverge.
+            finite = all(np.all(np.isfinite(own)) for own in grams)
+            return grams if finite else None
+
+        pairs = zip(throws, self.logs(throws), strict=True)
+        return in_parallel(weigh, pairs)
 
     def grams(self, logs: Sequence[list[Record]]) -> list[Grams]:
         """Grams of throws, from their records by each explanation."""
@@ -140,11 +147,13 @@ class Forecast:
     @functools.cached_property
     def _columns(self) -> list[slice]:
         """Columns X_k of each explanation; e_k comes next."""
-        ends = np.cumsum([len(e.precision) + 1 for e in self.explanations])
-        return [
-            slice(int(end) - len(e.precision) - 1, int(end) - 1)
-            for end, e in zip(ends, self.explanations, strict=True)
-        ]
+        columns = []
+        first = 0
+        for explanation in self.explanations:
+            last = first + len(explanation.precision)
+            columns.append(slice(first, last))
+            first = last + 1
+        return columns
 
     @functools.cached_property
     def _draws(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -185,12 +194,12 @@ class Forecast:
             own = self._columns[k]
             error = own.stop
             known = gram[own, own] + e.precision
-            scale = 1.0 / np.sqrt(np.diag(known))
-            side = scale[:, None] * (gram[own, error] + moved[:, own]).T
-            fitted = np.linalg.solve(known * scale[:, None] * scale, side)
-            loss = gram[error, error] + 2.0 * moved[:, error]
-            loss = loss - np.sum(side * fitted, axis=0)
-            volume = np.linalg.slogdet(known)[1] - np.linalg.slogdet(e.precision)[1]
+            side = gram[own, error] + moved[:, own]
+            fitted = np.sum(side * solve_scaled(known, side, 0.0), axis=1)
+            loss = gram[error, error] + 2.0 * moved[:, error] - fitted
+            _, after = np.linalg.slogdet(known)
+            _, before = np.linalg.slogdet(e.precision)
+            volume = after - before
             found[:, k] = np.log(e.probability) - 0.5 * (loss + volume)
         return found
 
@@ -238,34 +247,37 @@ class Forecast:
             draws: gliders, in proportion to the probability of their explanation; each
                 is flown with several draws of noise.
         """
-        p = self.probabilities
-        counts = np.maximum(2, 2 * np.round(0.5 * draws * p / p.sum()).astype(int))
         freedom = _PER_FLIGHT * len(self.task.records)
-        truths: list[tuple[int, float]] = []
+        gliders = draws * self.probabilities / np.sum(self.probabilities)
+        truths = []
         flights = []
-        for i, (e, count) in enumerate(zip(self.explanations, counts, strict=True)):
-            for numbers in self.numbers(e, rng, int(count) // 2):
+        for i, e in enumerate(self.explanations):
+            pairs = max(1, round(0.5 * gliders[i]))
+            for numbers in self.numbers(e, rng, pairs):
                 strength = float(np.sqrt(freedom / rng.chisquare(freedom)))
                 truth = moved(self.task, e.model, strength * numbers)
                 truths.append((i, strength))
-                flights += [
-                    (missed(throw, self.place.limits, rng), truth) for throw in throws
-                ]
-        diverged = np.full((self._columns[-1].stop + 1,) * 2, np.nan)
+                for throw in throws:
+                    thrown = missed(throw, self.place.limits, rng)
+                    flights.append((thrown, truth))
+        size = self._columns[-1].stop + 1
+        diverged = np.full((size, size), np.nan)
         grams = in_parallel(
             lambda record: diverged if record is None else self._gram(record),
             self._fly(flights),
         )
-        right: list[list[float]] = [[] for _ in p]
-        for d, (i, strength) in enumerate(truths):
-            gram = np.sum(grams[d * len(throws) : (d + 1) * len(throws)], axis=0)
-            if not np.all(np.isfinite(gram)):
-                right[i].append(0.0)  # Not promised where it diverges.
-                continue
-            noise = strength * rng.normal(size=(_NOISES, len(gram)))
-            odds = self.odds(gram, noise @ _root(gram))
-            right[i].append(float(np.mean(np.argmax(odds, axis=1) == i)))
-        return float(p @ [np.mean(r) for r in right])
+        right: list[list[float]] = [[] for _ in self.explanations]
+        for k, (i, strength) in enumerate(truths):
+            first = k * len(throws)
+            gram = np.sum(grams[first : first + len(throws)], axis=0)
+            share = 0.0  # Not promised where it diverges.
+            if np.all(np.isfinite(gram)):
+                noise = strength * rng.normal(size=(_NOISES, size))
+                odds = self.odds(gram, noise @ _root(gram))
+                share = float(np.mean(np.argmax(odds, axis=1) == i))
+            right[i].append(share)
+        chances = [np.mean(shares) for shares in right]
+        return float(self.probabilities @ chances)
 
     def covariance(self, grams: Grams | None = None) -> np.ndarray:
         """Covariance of the best explanation's free parameters, after throws if any."""
@@ -290,16 +302,6 @@ def _root(gram: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
 
 
-def is_finite(grams: Grams) -> bool:
-    """Checks that no explanation diverged."""
-    return all(bool(np.all(np.isfinite(own))) for own in grams)
-
-
 def added(parts: Sequence[Grams]) -> Grams:
     """Grams of several throws together."""
     return tuple(np.sum(own, axis=0) for own in zip(*parts, strict=True))
-
-
-def times(grams: Grams, count: float) -> Grams:
-    """Grams of so many throws of one kind."""
-    return tuple(count * gram for gram in grams)

@@ -145,18 +145,6 @@ def _tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarra
     return np.round(commands, 4)
 
 
-def flown_throw(record: Record) -> Throw:
-    """A flown flight as a throw, from its smoothed log."""
-    return Throw(
-        launch=np.append(
-            record.nodes[0, :ELEVATOR], [record.rest, *record.nodes[0, 4:7]]
-        ),
-        times=record.switch_times,
-        commands=record.commands,
-        duration=float(record.time[-1]),
-    )
-
-
 def log_of(
     throw: Throw, place: Range, space: ParameterSpace, theta: np.ndarray, field: Field
 ) -> Flight:

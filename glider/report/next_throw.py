@@ -16,7 +16,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from glider.experiments.proposal import MOST_THROWS, Proposal
+from glider.experiments.proposal import Proposal
 from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
 from glider.physics.servo import elevator_path
@@ -68,7 +68,6 @@ def sentences(proposal: Proposal) -> list[str]:
         is_one_left=is_one_left(p),
         is_better=p.chance_then >= p.chance_now + _LEAST_GAIN,
         is_done=is_done(p),
-        most=MOST_THROWS,
         inseparable=[
             (i, j)
             for i, j in itertools.combinations(likely, 2)
@@ -147,18 +146,12 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
                 }
                 for k, t in enumerate(p.throws, start=1)
             ],
-            "chance": {
-                "now": p.chance_now,
-                "then": p.chance_then,
-                "as_many_of_the_present_kind": p.chance_same_kind,
-            },
-            "throws_of_the_present_kind_for_the_same": p.equivalent,
+            "chance": {"now": p.chance_now, "then": p.chance_then},
             "expected_log_evidence": p.distances,
             "end_of_flight_m": {
                 "air": p.ending_air,
                 "coefficients_now": p.ending_now,
                 "coefficients_then": p.ending_then,
-                "coefficients_by_the_present_kind": p.ending_same_kind,
             },
             "coefficients": {
                 name: {"std_now": now, "std_then": then, "unit": unit}
