@@ -75,6 +75,7 @@ def _findings(
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
     flights = report.settings.get("flights")
     grades = report.settings.get("grades")
+
     return Findings(
         model=model,
         kinds=tuple(e.kind for e in report.effects if e.kind in carried),
@@ -119,8 +120,10 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     own = score.by_first(chosen.kinds)
     near = _near(score, own, _clocks_swapped(task, chosen))
     models = [chosen]
+
     for members in near[: MOST - 1]:
         models.append(fit_model(task, score.begin(members), iterations=4))
+
     acting = [model for model in models if not _is_idle(task, model)]
     weighed = [_weigh(task, model, penalty) for model in acting or [chosen]]
     # Sets that were not fitted count by their closed form, against the chosen set's.
@@ -129,6 +132,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     every += [first + score(members) for members in near[MOST - 1 :]]
     listed = float(softmax(every)[: len(weighed)].sum())
     missing = 1.0 - (1.0 - UNKNOWN) * listed
+
     return with_probabilities(_in_one_air(task, weighed, penalty), missing)
 
 
@@ -141,12 +145,15 @@ def _near(score: Scorer, own: Members, named: set[frozenset[str]]) -> list[Membe
     others += [*score.swapped(own), *score.merged(own)]
     others.sort(key=score, reverse=True)
     best: dict[frozenset[str], Members] = {}
+
     for members in others:
         best.setdefault(frozenset(kind for kind, _ in members), members)
+
     least = score(own) - _NEAR
     first = [members for kinds, members in best.items() if kinds in named]
     first = [members for members in first if np.isfinite(score(members))]
     rest = [members for kinds, members in best.items() if kinds not in named]
+
     return first + [members for members in rest if score(members) > least]
 
 
@@ -161,6 +168,7 @@ def with_probabilities(
     least = ranked[0].log_evidence + np.log(_LEAST)
     likely = [e for e in ranked if e.log_evidence > least]
     shares = (1.0 - missing) * softmax([e.log_evidence for e in likely])
+
     return tuple(
         dataclasses.replace(e, probability=float(share))
         for e, share in zip(likely, shares, strict=True)
@@ -179,10 +187,12 @@ def _in_one_air(
     shares = softmax([e.log_evidence for e in weighed])
     scales = Scales.from_logs(shares @ logs)
     found = []
+
     for explanation in weighed:
         model = dataclasses.replace(explanation.model, scales=scales)
         fitted = fit_model(task, model, iterations=3, free_scales=())
         found.append(_weigh(task, fitted, penalty))
+
     return found
 
 
@@ -198,6 +208,7 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
         free=task.free(kinds),
         blocks=carried_blocks(findings.model.field),
     )
+
     return fit_model(task, start, iterations=4)
 
 
@@ -209,6 +220,7 @@ def _clocks_swapped(task: Task, model: FitResult) -> set[frozenset[str]]:
     """
     clocks = {name for name in task.kinds if _is_clock(task, name)}
     own = {*model.kinds}
+
     return {
         frozenset(own - {gone} | {new}) for gone in own & clocks for new in clocks - own
     }
@@ -224,8 +236,10 @@ def _is_idle(task: Task, model: FitResult) -> bool:
     for kind in model.kinds:
         slots = list(task.space.slots_of(kind))
         moved = np.abs(model.theta - task.vehicle.theta)[slots]
+
         if np.all(moved <= 1e-9 * task.space.scale[slots]):
             return True
+
     return False
 
 
@@ -238,6 +252,7 @@ def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - volume)
     evidence += choice_of_shapes(task, model) - penalty * len(model.kinds)
     covariance, _ = larger_of(*jackknife(grams, prior))
+
     return Explanation(
         model=model,
         log_evidence=evidence,
@@ -259,9 +274,11 @@ def choice_of_shapes(task: Task, model: FitResult) -> float:
     """
     lost = 0.0
     offered = dataclasses.replace(task, kinds=model.kinds)
+
     for kind in model.kinds:
         if _is_clock(task, kind):
             continue
+
         without = model.without(task, kind)
         candidates = gather(offered, without)
         variants = candidates.variants.get(kind, ())
@@ -269,6 +286,8 @@ def choice_of_shapes(task: Task, model: FitResult) -> float:
         columns = [column for variant in acting for column in variant]
         evidence = candidates.evidence(candidates.total(model.scales))
         gains = np.array(evidence.extended(columns, variants))
+
         if np.isfinite(gains).any():
             lost += float(logsumexp(gains - gains.max()) - np.log(len(gains)))
+
     return lost

@@ -39,12 +39,15 @@ def curves_figure(result: Result) -> spec.Figure | None:
     """Terms that the plate lacks, over the angle of attack."""
     if not result.curves:
         return None
+
     keys = {
         "lack": f"the plate lacks, ± {_BAND:g} standard errors",
         "named": "identified",
         "rest": "unidentified",
     }
+
     panels = []
+
     for curve in result.curves:
         alpha = np.degrees(curve.alpha)
         half = _BAND * curve.std
@@ -56,13 +59,16 @@ def curves_figure(result: Result) -> spec.Figure | None:
             hover=_AT + " ± %{customdata:.2r}",
             extra=curve.std,
         )
+
         marks = [
             spec.Band("lack", alpha, curve.lack - half, curve.lack + half),
             lack,
             spec.Line("named", alpha, curve.named, hover=_AT),
             spec.Line("rest", alpha, rest, hover=_AT),
         ]
+
         panels.append(_term_panel(curve.term, marks, "alpha"))
+
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
@@ -87,9 +93,12 @@ def carried_figure(result: Result) -> spec.Figure | None:
     parts = [p for p in parts if len(p.variables) in (1, 2) and p.centers]
     flown = result.residual_after.variables
     panels = [panel for part in parts for panel in _carried_panels(part, flown)]
+
     if not panels:
         return None
+
     keys = {"rest": "unidentified, carried by the model"}
+
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
@@ -105,24 +114,29 @@ def _carried_panels(
     place = np.linspace(low[0], high[0], 121)
     slices = np.linspace(low[1:], high[1:], 3 if others else 1)
     lines: dict[str, list[spec.Line]] = {}
+
     for i, other in enumerate(slices):
         at = np.column_stack([place, np.tile(other, (len(place), 1))])
         values = gaussians(field, columns, at) @ field.weights.T
         width = 1.0 + i if others else None
+
         for term, value in zip(FIELD_TERMS, values.T, strict=True):
             scaled = place * VARIABLES[variable][1]
             line = spec.Line("rest", scaled, value, width=width, is_solid=True)
             lines.setdefault(term, []).append(line)
+
     panels = [
         _term_panel(term, [*own], variable)
         for term, own in lines.items()
         if any(np.any(line.y != 0.0) for line in own)
     ]
+
     for name in others:
         label, factor = VARIABLES[name][:2]
         shown = ", ".join(f"{value:.3g}" for value in slices[:, 0] * factor)
         words = f", thin to thick: {label} {shown}"
         panels = [dataclasses.replace(p, title=p.title + words) for p in panels]
+
     return panels
 
 
@@ -138,6 +152,7 @@ def coefficients_figure(result: Result) -> spec.Figure:
     """Force and moment coefficients, flight by flight, before and after."""
     tables = _residual_tables(result)
     panels = []
+
     for model, table in tables.items():
         for name, symbol in _COEFFICIENTS.items():
             shown = [t.coefficients[name] for t in tables.values()]
@@ -149,7 +164,9 @@ def coefficients_figure(result: Result) -> spec.Figure:
                 spec.Axis(range=binning.bounds(np.concatenate(shown)), link=name),
                 height=250,
             )
+
             panels.append(panel)
+
     return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *tables)},
         panels=panels,
@@ -166,6 +183,7 @@ def _coefficient_marks(
     alpha = []
     middle = []
     flight = []
+
     for number in np.unique(table.flight):  # NaN leaves a gap between flights.
         rows = table.flight == number
         place, [median] = binning.binned_quantiles(
@@ -174,6 +192,7 @@ def _coefficient_marks(
         alpha.append(np.append(place, math.nan))
         middle.append(np.append(median, math.nan))
         flight.append(np.full(len(place) + 1, number))
+
     each = spec.Line(
         "measured",
         np.concatenate(alpha),
@@ -184,11 +203,13 @@ def _coefficient_marks(
         opacity=0.4,
         flight=np.concatenate(flight),
     )
+
     place, [low, median, high] = binning.binned_quantiles(
         degrees, measured, (1 / 6, 0.5, 5 / 6)
     )
     over, [modelled] = binning.binned_quantiles(degrees, table.modelled[name])
     hover = f"{LABELS[model]}, median<br>{_AT}"
+
     return [
         each,
         spec.Band("measured", place, low, high),
@@ -201,16 +222,23 @@ def residual_figure(result: Result) -> spec.Figure | None:
     """Residuals against up to three variables, before and after."""
     tables = _residual_tables(result)
     wanted = [name for e in result.effects for name in e.depends_on]
+
     if len(set(wanted)) < 2:
         wanted += ["alpha", "V"]
+
     variables = []
+
     for name in dict.fromkeys(wanted):
         if all(_varies(table, name) for table in tables.values()):
             variables.append(name)
+
     variables = variables[:_MOST_VARIABLES]
+
     if not variables:
         return None
+
     pairs = itertools.product(range(len(RESIDUALS)), variables)
+
     return spec.Figure(
         keys={m: LABELS[m] for m in tables},
         panels=[residual_panel(tables, name, column) for column, name in pairs],
@@ -233,6 +261,7 @@ def residual_panel(
     label, factor = VARIABLES[variable]
     clouds = []
     medians = []
+
     for model, table in tables.items():
         x = table.variables[variable] * factor
         y = table.residual[:, column]
@@ -249,14 +278,17 @@ def residual_panel(
             flight=table.flight[rows],
             time=table.variables["t"][rows],
         )
+
         clouds.append(cloud)
         place, [median] = binning.binned_quantiles(x, y)
         hover = f"median, {LABELS[model]}<br>{said}"
         medians.append(
             spec.Line(model, place, median, hover=hover, width=2.4, is_solid=True)
         )
+
     everything = np.concatenate([t.residual[:, column] for t in tables.values()])
     over = np.concatenate([t.variables[variable] for t in tables.values()])
+
     return spec.Panel(
         f"{name} [{unit.name}]",
         [spec.Level(), *clouds, *medians],

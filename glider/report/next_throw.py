@@ -76,6 +76,7 @@ def sentences(proposal: Proposal) -> list[str]:
         chance=_chance,
         length=format_length,
     )
+
     return [line for line in text.splitlines() if line]
 
 
@@ -83,6 +84,7 @@ def throw_words(proposal: Proposal, number: int) -> str:
     """Returns a launch as people set it."""
     throw = proposal.throws[number - 1]
     pitch = float(throw.launch[2])
+
     return (
         f"release at {throw.launch[1]:.2f} m, {throw.speed:.2f} m/s, flight path "
         f"{_up_or_down(throw.climb)}, nose {_up_or_down(-pitch)}"
@@ -96,6 +98,7 @@ def _up_or_down(angle: float) -> str:
 def _chance(value: float) -> str:
     if value < 0.01:
         return "under 0.01"
+
     return "over 0.99" if value > 0.99 else f"{value:.2f}"
 
 
@@ -114,9 +117,11 @@ def write_proposal(proposal: Proposal, folder: Path) -> None:
     """
     old = [path.name for path in folder.glob("commands_*.csv")]
     files: dict[str, bytes | None] = dict.fromkeys(old)
+
     for number, throw in enumerate(proposal.throws, start=1):
         tape = tape_text(throw.times, throw.commands, throw.end)
         files[commands_name(number)] = tape.encode()
+
     files["next_throw.png"] = draw_proposal(proposal)
     files["next_throw.json"] = f"{json_text(to_json(proposal))}\n".encode()
     replace_files(folder, files, last="next_throw.json")
@@ -161,6 +166,7 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
             "seconds": p.seconds,
         }
     )
+
     return found
 
 
@@ -168,7 +174,9 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
     """Prints what is expected, the launches and where their commands are."""
     for sentence in sentences(proposal):
         console.print(sentence, highlight=False)
+
     console.print()
+
     for number in range(1, len(proposal.throws) + 1):
         console.print(
             f"Throw {number}: {throw_words(proposal, number)}; "
@@ -176,15 +184,20 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
             highlight=False,
             soft_wrap=True,
         )
+
     if not proposal.stds:
         return
+
     console.print()
     table = Table(box=box.SIMPLE_HEAD)
+
     for title in (proposal.explanations[0].name, "now ±", "then ±"):
         table.add_column(title)
+
     for name, (*stds, unit) in proposal.stds.items():
         estimates = [Estimate(value=std, std=0.0, unit=unit) for std in stds]
         table.add_row(name, *map(format_estimate, estimates))
+
     console.print(table)
 
 
@@ -197,24 +210,32 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         ("time since release [s]", "commanded elevator,\nup > 0 [°]"),
         ("time since release [s]", "difference of explanations,\nas fitted now [mm]"),
     ][: 3 if several else 2]
+
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 8.0 if several else 6.0), layout="constrained")
         axes = figure.subplots(len(labels))
+
         for k, path in enumerate(p.flown):
             label = "flown" if k == 0 else None
             axes[0].plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)
+
         for k in range(len(p.throws)):
             _draw_throw(axes, p, k)
+
         axes[0].axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
+
         for stop in p.place.limits.elevator:
             axes[1].axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
+
         for ax, (xlabel, ylabel) in zip(axes, labels, strict=True):
             ax.locator_params(nbins=5, steps=[1, 2, 5, 10])
             ax.set(xlabel=xlabel, ylabel=ylabel)
+
         entries = axes[0].get_legend_handles_labels()[1]
         figure.legend(loc="outside upper center", ncols=len(entries))
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
+
     return buffer.getvalue()
 
 
@@ -223,13 +244,16 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
     throw = p.throws[number]
     paths = p.paths[number]
     color = _COLORS[number % len(_COLORS)]
+
     for e, path in enumerate(paths):
         style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}
         label = f"throw {number + 1}" if e == 0 else None
         axes[0].plot(*path[:, :2].T, label=label, **style)
+
         if len(axes) > 2:
             apart = 1e3 * np.linalg.norm(path[:, :2] - paths[0, :, :2], axis=1)
             axes[2].plot(np.arange(len(path)) / p.place.pose_rate, apart, **style)
+
     axes[0].plot(*paths[0, 0, :2], "o", color=color, ms=4)
     times = np.append(throw.times, throw.end)
     tape = throw.times, throw.commands

@@ -80,6 +80,7 @@ def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
     items = list(effect.coefficients.items())
     units = {name: c.unit for name, c in items}
     others = effect.indistinguishable_from
+
     return {
         "kind": effect.kind,
         "is_unexplained": effect.kind == "unexplained",
@@ -117,6 +118,7 @@ def combination_rows(result: Result) -> list[_CombinationRow]:
     effects = {e.kind for e in result.effects if not math.isnan(e.evidence)}
     chosen = tried & effects
     best = result.combinations[0].evidence if result.combinations else math.nan
+
     return [
         _CombinationRow(
             words_of(result, c.kinds),
@@ -131,8 +133,10 @@ def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
     """File, effects and probability of the corrected model and its rivals, if any."""
     if not result.rivals:
         return []
+
     models = {"model.yaml": result.alternatives[0]}
     models |= {f"rivals/rival_{k}.yaml": own for k, own in enumerate(result.rivals, 1)}
+
     return [
         (file, _of_model(result, own.model), f"{100.0 * own.probability:.3g} %")
         for file, own in models.items()
@@ -154,7 +158,9 @@ def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
         for b, value in row.items()
         if a != b and abs(value) >= _WORTH_SHOWING  # False for NaN.
     }
+
     ranked = sorted(pairs.items(), key=lambda pair: -abs(pair[1]))
+
     return [(a, b, f"{value:+.2f}") for (a, b), value in ranked[:_MOST_PAIRS]]
 
 
@@ -173,20 +179,25 @@ def _values(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, str]]:
 def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     """Flight-to-flight variations: name, standard deviation, the largest value."""
     rows = []
+
     for name, spread in result.spreads.items():
         known = {f: v for f, v in spread.values.items() if math.isfinite(v)}
         most = max(known, key=lambda f: abs(known[f]), default=None)
         largest = numbers.MISSING
+
         if most is not None:
             largest = f"{most}: {numbers.format_spread(known[most], spread.unit)}"
+
         std = numbers.format_spread(spread.std, spread.unit, spread.std_error)
         rows.append((name_of(name), std, largest))
+
     return rows
 
 
 def _numbers_of(value: Any) -> str:
     if value is None:
         return "not given"
+
     return ", ".join(f"{v:g}" for v in np.atleast_1d(value))
 
 
