@@ -144,17 +144,26 @@ def _near(score: Scorer, own: Members, named: set[frozenset[str]]) -> list[Membe
     others = [*score.larger(own), *score.smaller(own)]
     others += [*score.swapped(own), *score.merged(own)]
     others.sort(key=score, reverse=True)
-    best: dict[frozenset[str], Members] = {}
+    least = score(own) - _NEAR
+    first = []
+    rest = []
+    done = {frozenset(kind for kind, _ in own)}
 
     for members in others:
-        best.setdefault(frozenset(kind for kind, _ in members), members)
+        kinds = frozenset(kind for kind, _ in members)
 
-    least = score(own) - _NEAR
-    first = [members for kinds, members in best.items() if kinds in named]
-    first = [members for members in first if np.isfinite(score(members))]
-    rest = [members for kinds, members in best.items() if kinds not in named]
+        if kinds in done:
+            continue
 
-    return first + [members for members in rest if score(members) > least]
+        done.add(kinds)
+        value = score(members)
+
+        if kinds in named and np.isfinite(value):
+            first.append(members)
+        elif value > least:
+            rest.append(members)
+
+    return first + rest
 
 
 def with_probabilities(

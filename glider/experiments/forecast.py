@@ -66,10 +66,13 @@ class Forecast:
     @functools.cached_property
     def _filters(self) -> list[Callable[[Record], LinearFlight]]:
         """What makes a record linear about each explanation."""
-        return [
-            functools.partial(linear_flight, m, slopes(self.task.space, m.free))
-            for m in self._models
-        ]
+        filters = []
+
+        for model in self._models:
+            directions = slopes(self.task.space, model.free)
+            filters.append(functools.partial(linear_flight, model, directions))
+
+        return filters
 
     @property
     def probabilities(self) -> np.ndarray:
@@ -78,13 +81,14 @@ class Forecast:
 
     def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
         """Records of throws predicted by each explanation, one list a throw."""
-        count = len(self._models)
         flights = [(throw, model) for throw in throws for model in self._models]
         made = self._fly(flights)
+        count = len(self._models)
         found = []
 
         for k in range(0, len(made), count):
-            found.append([r for r in made[k : k + count] if r is not None])
+            own = made[k : k + count]
+            found.append([record for record in own if record is not None])
 
         return found
 
@@ -103,9 +107,10 @@ class Forecast:
         made: list[Record | None] = []
 
         for ok in finite:
-            record = next(records) if ok else None
+            record = None
 
-            if record is not None:
+            if ok:
+                record = next(records)
                 record = dataclasses.replace(record, usual_rest=record.rest)
 
             made.append(record)
@@ -190,18 +195,21 @@ class Forecast:
     ) -> np.ndarray:
         """Draws departures δ of the true parameters from the fitted, (2 pairs, m)."""
         precision = explanation.precision
-        model = explanation.model
         standard = rng.normal(size=(pairs, len(precision)))
 
         if not len(precision):
             return np.zeros((2 * pairs, 0))
 
         scale = 1.0 / np.sqrt(np.diag(precision))
-        factor = np.linalg.cholesky(precision * scale[:, None] * scale)
-        drawn = np.linalg.solve(factor.T, standard.T).T * scale
-        prior = prior_of(self.task, model)
+        scaled = precision * scale[:, None] * scale
+        factor = np.linalg.cholesky(scaled)
+        drawn = np.linalg.solve(factor.T, standard.T).T
+        drawn = drawn * scale
 
-        return np.clip(np.vstack([drawn, -drawn]), prior.lower, prior.upper)
+        prior = prior_of(self.task, explanation.model)
+        mirrored = np.vstack([drawn, -drawn])
+
+        return np.clip(mirrored, prior.lower, prior.upper)
 
     def odds(self, gram: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Log-probability of each explanation in futures, (M, n), up to a constant.
@@ -215,11 +223,13 @@ class Forecast:
         for k, e in enumerate(self.explanations):
             own = self._columns[k]
             error = own.stop
-            known = gram[own, own] + e.precision
+            information = gram[own, own] + e.precision
             side = gram[own, error] + moved[:, own]
-            fitted = np.sum(side * solve_scaled(known, side, 0.0), axis=1)
-            loss = gram[error, error] + 2.0 * moved[:, error] - fitted
-            _, after = np.linalg.slogdet(known)
+            fitted = solve_scaled(information, side, 0.0)
+
+            loss = gram[error, error] + 2.0 * moved[:, error]
+            loss = loss - np.sum(side * fitted, axis=1)
+            _, after = np.linalg.slogdet(information)
             _, before = np.linalg.slogdet(e.precision)
             volume = after - before
             found[:, k] = np.log(e.probability) - 0.5 * (loss + volume)
@@ -232,23 +242,26 @@ class Forecast:
 
         for i, gram in enumerate(grams):
             numbers, noise = self._draws[i]
-            moved = numbers @ gram[self._columns[i]] + noise @ _root(gram)
-            found.append(log_softmax(self.odds(gram, moved), axis=-1))
+            by_numbers = numbers @ gram[self._columns[i]]
+            by_noise = noise @ _root(gram)
+            odds = self.odds(gram, by_numbers + by_noise)
+            found.append(log_softmax(odds, axis=-1))
 
         return np.array(found)
 
     def chance(self, futures: np.ndarray) -> float:
         """Probability that the best explanation will be the right one."""
         p = self.probabilities
-        best = np.exp(futures.max(axis=2)).mean(axis=1)
+        best = np.exp(futures.max(axis=2))
+        by_truth = best.mean(axis=1)
         # Throws that do not distinguish explanations leave the choice of today.
-        return float(max(p @ best, p.max()))
+        return float(max(p @ by_truth, p.max()))
 
     def open(self, futures: np.ndarray) -> float:
         """Uncertainty about the explanations that will remain, -E log p_i [nats]."""
-        p = self.probabilities
-        own = np.array([futures[i, :, i].mean() for i in range(len(p))])
-        return float(-p @ own)
+        mean = futures.mean(axis=1)
+        own = np.diagonal(mean)
+        return float(-self.probabilities @ own)
 
     def distances(self, futures: np.ndarray) -> np.ndarray:
         """Expected log-evidence of a true i (row) against each k [nats]."""
@@ -334,9 +347,14 @@ _NOISES = 8
 
 def _root(gram: np.ndarray) -> np.ndarray:
     """R with R' R = gram, which barely has full rank."""
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values, vectors = np.linalg.eigh(gram / size[:, None] / size)
-    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
+    diagonal = np.maximum(np.diag(gram), 1e-300)
+    size = np.sqrt(diagonal)
+    scaled = gram / size[:, None] / size
+    values, vectors = np.linalg.eigh(scaled)
+    values = np.maximum(values, 0.0)
+    roots = np.sqrt(values)
+
+    return roots[:, None] * vectors.T * size
 
 
 def added(parts: Sequence[Grams]) -> Grams:

@@ -132,10 +132,13 @@ def search(
 
         new = [throw_of(own, everything.place) for own in drawn]
         predicted = searched.predicted(new)
-        good = [k for k, own in enumerate(predicted) if own is not None]
-        genes += [drawn[k] for k in good]
-        throws += [new[k] for k in good]
-        grams += [own for own in predicted if own is not None]
+
+        for own, throw, gram in zip(drawn, new, predicted, strict=True):
+            if gram is not None:
+                genes.append(own)
+                throws.append(throw)
+                grams.append(gram)
+
         fresh = grams[len(alone) :]
         alone += in_parallel(lambda g: _uncertainty_after(searched, scatter, g), fresh)
         promising = [int(k) for k in np.argsort(alone)[:_PROMISING]]
@@ -143,11 +146,13 @@ def search(
         chosen = [promising[k] for k in best]
 
     while chosen:  # Less probable explanations must not predict a crash either.
-        predicted = everything.predicted([throws[k] for k in chosen])
-        bad = {k for k, own in zip(chosen, predicted, strict=True) if own is None}
+        found = [throws[k] for k in chosen]
+        predicted = everything.predicted(found)
+        pairs = zip(chosen, predicted, strict=True)
+        bad = {k for k, own in pairs if own is None}
 
         if not bad:
-            return [throws[k] for k in chosen]
+            return found
 
         promising = [k for k in promising if k not in bad]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
@@ -185,7 +190,9 @@ def choose(
 
 def _uncertainty_after(forecast: Forecast, scatter: _EndScatter, grams: Grams) -> float:
     """Uncertainty that throws leave: explanations first, then parameters [nats]."""
-    moved = scatter.by_parameters(forecast.covariance(grams))
-    return forecast.open(forecast.futures(grams)) + 2.0 * _PARAMETERS * np.log(
-        max(moved, 1e-9)
-    )
+    covariance = forecast.covariance(grams)
+    moved = max(scatter.by_parameters(covariance), 1e-9)
+    futures = forecast.futures(grams)
+    variance = 2.0 * np.log(moved)
+
+    return forecast.open(futures) + _PARAMETERS * variance

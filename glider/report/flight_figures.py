@@ -22,16 +22,19 @@ _ROWS = 120  # Rows that are drawn of a flight at most.
 def shown_flights(result: Result, count: int = _MOST_SHOWN) -> list[HeldOutFlight]:
     """Held-out flights from the best corrected to the worst, evenly by rank."""
     ranked = rank_flights(result)
-    count = min(count, len(ranked))
-    ranks = np.linspace(0, len(ranked) - 1, count).round().astype(int)
-    return [ranked[i] for i in ranks]
+    last = len(ranked) - 1
+    ranks = np.linspace(0, last, min(count, len(ranked)))
+    return [ranked[i] for i in ranks.round().astype(int)]
 
 
 def flights_in_page(result: Result) -> list[HeldOutFlight]:
     """Flights to choose from, from the worst corrected to the best."""
-    every = (*shown_flights(result, MOST_FLIGHTS), *shown_flights(result))
+    every = shown_flights(result, MOST_FLIGHTS)
+    every += shown_flights(result)
     kept = {flight.name for flight in every}
-    return [flight for flight in rank_flights(result)[::-1] if flight.name in kept]
+    ranked = rank_flights(result)[::-1]
+
+    return [flight for flight in ranked if flight.name in kept]
 
 
 def held_out_figure(result: Result) -> spec.Figure | None:
@@ -67,7 +70,8 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     """Path, pitch and distance of a flight, with the noise of a coordinate [m]."""
     name = _stem(flight.name)
     count = len(flight.time)
-    rows = np.unique(np.linspace(0, count - 1, min(_ROWS, count)).astype(int))
+    places = np.linspace(0, count - 1, min(_ROWS, count))
+    rows = np.unique(places.astype(int))
     time = flight.time[rows]
     measured = flight.measured[rows]
     poses = {"measured": measured}
@@ -109,28 +113,26 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     end = float(time[-1])
     start = spec.Ground(begin, flight.fitted_until, key="fitted")
     clock = spec.Axis("time [s]", (begin, end), link=f"time {flight.name}")
-    level = [spec.Level(noise, is_dotted=True)] if noise > 0.0 else []
+    level = []
+
+    if noise > 0.0:
+        level.append(spec.Level(noise, is_dotted=True))
+
+    x_axis = spec.Axis("x [m]", _range_of([line.x for line in paths]))
+    z_axis = spec.Axis("z [m]", _range_of([line.y for line in paths]))
+    angles = spec.Axis(range=_range_of([line.y for line in pitches]))
+    away_axis = spec.Axis(range=_range_of_distances(distances, noise), is_log=True)
 
     return [
+        spec.Panel(name, [launch, *paths], x_axis, z_axis, height=250),
         spec.Panel(
-            name,
-            [launch, *paths],
-            spec.Axis("x [m]", _range_of([line.x for line in paths])),
-            spec.Axis("z [m]", _range_of([line.y for line in paths])),
-            height=250,
-        ),
-        spec.Panel(
-            "pitch, nose down > 0 [°]",
-            [start, *pitches],
-            clock,
-            spec.Axis(range=_range_of([line.y for line in pitches])),
-            height=250,
+            "pitch, nose down > 0 [°]", [start, *pitches], clock, angles, height=250
         ),
         spec.Panel(
             "distance from the flight [m]",
             [start, *level, *distances],
             clock,
-            spec.Axis(range=_range_of_distances(distances, noise), is_log=True),
+            away_axis,
             height=250,
         ),
     ]
@@ -149,7 +151,8 @@ def _range_of(columns: list[np.ndarray]) -> tuple[float, float] | None:
     low = np.nanmin(measured)
     high = np.nanmax(measured)
     beyond = 1.5 * (high - low)
-    near = np.clip(np.concatenate(columns), low - beyond, high + beyond)
+    every = np.concatenate(columns)
+    near = np.clip(every, low - beyond, high + beyond)
 
     return bounds(near, quantile=0.0)
 
@@ -158,7 +161,8 @@ def _range_of_distances(
     lines: list[spec.Line], noise: float
 ) -> tuple[float, float] | None:
     """Limits of a logarithmic axis that show distances, and the noise if known."""
-    every = np.concatenate([np.zeros(0), *(line.y for line in lines)])
+    columns = [line.y for line in lines]
+    every = np.concatenate([np.zeros(0), *columns])
     every = every[np.isfinite(every)]
 
     if not every.size:

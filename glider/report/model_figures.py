@@ -1,7 +1,6 @@
 """Figures of models: what they lack and carry, coefficients, residuals."""
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Mapping
 
@@ -93,12 +92,9 @@ def carried_figure(result: Result) -> spec.Figure | None:
     parts = [p for p in parts if len(p.variables) in (1, 2) and p.centers]
     flown = result.residual_after.variables
     panels = [panel for part in parts for panel in _carried_panels(part, flown)]
-
     if not panels:
         return None
-
     keys = {"rest": "unidentified, carried by the model"}
-
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
@@ -114,29 +110,24 @@ def _carried_panels(
     place = np.linspace(low[0], high[0], 121)
     slices = np.linspace(low[1:], high[1:], 3 if others else 1)
     lines: dict[str, list[spec.Line]] = {}
-
     for i, other in enumerate(slices):
         at = np.column_stack([place, np.tile(other, (len(place), 1))])
         values = gaussians(field, columns, at) @ field.weights.T
         width = 1.0 + i if others else None
-
         for term, value in zip(FIELD_TERMS, values.T, strict=True):
             scaled = place * VARIABLES[variable][1]
             line = spec.Line("rest", scaled, value, width=width, is_solid=True)
             lines.setdefault(term, []).append(line)
-
     panels = [
         _term_panel(term, [*own], variable)
         for term, own in lines.items()
         if any(np.any(line.y != 0.0) for line in own)
     ]
-
     for name in others:
         label, factor = VARIABLES[name][:2]
         shown = ", ".join(f"{value:.3g}" for value in slices[:, 0] * factor)
         words = f", thin to thick: {label} {shown}"
         panels = [dataclasses.replace(p, title=p.title + words) for p in panels]
-
     return panels
 
 
@@ -157,14 +148,15 @@ def coefficients_figure(result: Result) -> spec.Figure:
         for name, symbol in _COEFFICIENTS.items():
             shown = [t.coefficients[name] for t in tables.values()]
             shown += [t.modelled[name] for t in tables.values()]
+            span = binning.bounds(np.concatenate(shown))
+
             panel = spec.Panel(
                 f"{symbol}, {LABELS[model]}",
                 _coefficient_marks(table, name, model),
                 spec.Axis(VARIABLES["alpha"][0], link="alpha"),
-                spec.Axis(range=binning.bounds(np.concatenate(shown)), link=name),
+                spec.Axis(range=span, link=name),
                 height=250,
             )
-
             panels.append(panel)
 
     return spec.Figure(
@@ -180,15 +172,17 @@ def _coefficient_marks(
     """A coefficient over the angle of attack: each flight, all of them, the model."""
     degrees = np.degrees(table.variables["alpha"])
     measured = table.coefficients[name]
+    modelled = table.modelled[name]
     alpha = []
     middle = []
     flight = []
 
-    for number in np.unique(table.flight):  # NaN leaves a gap between flights.
+    for number in np.unique(table.flight):
         rows = table.flight == number
         place, [median] = binning.binned_quantiles(
             degrees[rows], measured[rows], bins=12, fewest=2
         )
+        # NaN leaves a gap between flights.
         alpha.append(np.append(place, math.nan))
         middle.append(np.append(median, math.nan))
         flight.append(np.full(len(place) + 1, number))
@@ -204,53 +198,52 @@ def _coefficient_marks(
         flight=np.concatenate(flight),
     )
 
-    place, [low, median, high] = binning.binned_quantiles(
-        degrees, measured, (1 / 6, 0.5, 5 / 6)
-    )
-    over, [modelled] = binning.binned_quantiles(degrees, table.modelled[name])
-    hover = f"{LABELS[model]}, median<br>{_AT}"
+    sixths = (1 / 6, 0.5, 5 / 6)
+    place, [low, median, high] = binning.binned_quantiles(degrees, measured, sixths)
+    hover = f"measured, median<br>{_AT}"
+    band = spec.Band("measured", place, low, high)
+    middle_line = spec.Line("measured", place, median, hover=hover)
 
-    return [
-        each,
-        spec.Band("measured", place, low, high),
-        spec.Line("measured", place, median, hover=f"measured, median<br>{_AT}"),
-        spec.Line(model, over, modelled, hover=hover, width=2.0),
-    ]
+    place, [median] = binning.binned_quantiles(degrees, modelled)
+    hover = f"{LABELS[model]}, median<br>{_AT}"
+    model_line = spec.Line(model, place, median, hover=hover, width=2.0)
+    return [each, band, middle_line, model_line]
 
 
 def residual_figure(result: Result) -> spec.Figure | None:
     """Residuals against up to three variables, before and after."""
     tables = _residual_tables(result)
     wanted = [name for e in result.effects for name in e.depends_on]
-
     if len(set(wanted)) < 2:
         wanted += ["alpha", "V"]
 
     variables = []
-
     for name in dict.fromkeys(wanted):
         if all(_varies(table, name) for table in tables.values()):
             variables.append(name)
 
     variables = variables[:_MOST_VARIABLES]
-
     if not variables:
         return None
 
-    pairs = itertools.product(range(len(RESIDUALS)), variables)
+    panels = []
+    for column in range(len(RESIDUALS)):
+        for name in variables:
+            panels.append(residual_panel(tables, name, column))
 
     return spec.Figure(
         keys={m: LABELS[m] for m in tables},
-        panels=[residual_panel(tables, name, column) for column, name in pairs],
+        panels=panels,
         columns=len(variables),
         flights=result.residual_after.names,
     )
 
 
 def _varies(table: ResidualTable, name: str) -> bool:
+    """Whether a variable has more than one value."""
     values = table.variables.get(name, np.zeros(0))
-    values = values[np.isfinite(values)]
-    return values.size > 0 and float(np.ptp(values)) > 0.0
+    finite = values[np.isfinite(values)]
+    return len(np.unique(finite)) > 1
 
 
 def residual_panel(
@@ -259,15 +252,21 @@ def residual_panel(
     """Residuals of models against a variable, with their binned medians."""
     name, unit = list(RESIDUALS.items())[column]
     label, factor = VARIABLES[variable]
+    said = f"%{{x:.3r}}: %{{y:.3r}} {unit.name}"
     clouds = []
     medians = []
+    every_x = []
+    every_y = []
 
     for model, table in tables.items():
         x = table.variables[variable] * factor
         y = table.residual[:, column]
+        every_x.append(x)
+        every_y.append(y)
+
         # The same rows in all panels: a page holds each column once.
-        rows = binning.thin(np.sum(table.residual, axis=1), table.flight)
-        said = f"%{{x:.3r}}: %{{y:.3r}} {unit.name}"
+        total = np.sum(table.residual, axis=1)
+        rows = binning.thin(total, table.flight)
         cloud = spec.Points(
             model,
             x[rows],
@@ -278,21 +277,25 @@ def residual_panel(
             flight=table.flight[rows],
             time=table.variables["t"][rows],
         )
-
         clouds.append(cloud)
+
         place, [median] = binning.binned_quantiles(x, y)
-        hover = f"median, {LABELS[model]}<br>{said}"
-        medians.append(
-            spec.Line(model, place, median, hover=hover, width=2.4, is_solid=True)
+        line = spec.Line(
+            model,
+            place,
+            median,
+            hover=f"median, {LABELS[model]}<br>{said}",
+            width=2.4,
+            is_solid=True,
         )
+        medians.append(line)
 
-    everything = np.concatenate([t.residual[:, column] for t in tables.values()])
-    over = np.concatenate([t.variables[variable] for t in tables.values()])
-
+    across = binning.bounds(np.concatenate(every_x))
+    along = binning.bounds(np.concatenate(every_y), around=0.0)
     return spec.Panel(
         f"{name} [{unit.name}]",
         [spec.Level(), *clouds, *medians],
-        spec.Axis(label, binning.bounds(over * factor), link=variable),
-        spec.Axis(range=binning.bounds(everything, around=0.0), link=name),
+        spec.Axis(label, across, link=variable),
+        spec.Axis(range=along, link=name),
         height=240,
     )

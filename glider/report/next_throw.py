@@ -217,12 +217,14 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
 
         for k, path in enumerate(p.flown):
             label = "flown" if k == 0 else None
-            axes[0].plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)
+            x, z = path[:, :2].T
+            axes[0].plot(x, z, color="#C4C4C4", lw=0.9, label=label)
 
         for k in range(len(p.throws)):
             _draw_throw(axes, p, k)
 
-        axes[0].axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
+        floor = p.place.limits.z[0]
+        axes[0].axhline(floor, color="k", lw=0.9, ls=":", label="floor")
 
         for stop in p.place.limits.elevator:
             axes[1].axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
@@ -243,19 +245,26 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
     """Draws a throw: its paths by each explanation, its tape, how the paths differ."""
     throw = p.throws[number]
     paths = p.paths[number]
+    first = paths[0, :, :2]
     color = _COLORS[number % len(_COLORS)]
+    path_axes, tape_axes, *others = axes
 
     for e, path in enumerate(paths):
-        style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}
+        dashes = _LINES[e % len(_LINES)]
+        style: Any = {"color": color, "ls": dashes, "lw": 1.7}
         label = f"throw {number + 1}" if e == 0 else None
-        axes[0].plot(*path[:, :2].T, label=label, **style)
+        x, z = path[:, :2].T
+        path_axes.plot(x, z, label=label, **style)
 
-        if len(axes) > 2:
-            apart = 1e3 * np.linalg.norm(path[:, :2] - paths[0, :, :2], axis=1)
-            axes[2].plot(np.arange(len(path)) / p.place.pose_rate, apart, **style)
+        for ax in others:
+            time = np.arange(len(path)) / p.place.pose_rate
+            apart = np.linalg.norm(path[:, :2] - first, axis=1)
+            ax.plot(time, 1e3 * apart, **style)
 
-    axes[0].plot(*paths[0, 0, :2], "o", color=color, ms=4)
+    x, z = first[0]
+    path_axes.plot(x, z, "o", color=color, ms=4)
     times = np.append(throw.times, throw.end)
-    tape = throw.times, throw.commands
-    angles = elevator_path(*tape, times, p.place.servo, start=p.place.rest)
-    axes[1].plot(times, np.degrees(angles), color=color, lw=1.6)
+    angles = elevator_path(
+        throw.times, throw.commands, times, p.place.servo, start=p.place.rest
+    )
+    tape_axes.plot(times, np.degrees(angles), color=color, lw=1.6)

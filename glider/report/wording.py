@@ -119,14 +119,14 @@ def combination_rows(result: Result) -> list[_CombinationRow]:
     chosen = tried & effects
     best = result.combinations[0].evidence if result.combinations else math.nan
 
-    return [
-        _CombinationRow(
-            words_of(result, c.kinds),
-            numbers.format_evidence(c.evidence - best) if i else "",
-            set(c.kinds) == chosen,
-        )
-        for i, c in enumerate(result.combinations)
-    ]
+    rows = []
+
+    for i, c in enumerate(result.combinations):
+        words = words_of(result, c.kinds)
+        behind = numbers.format_evidence(c.evidence - best) if i else ""
+        rows.append(_CombinationRow(words, behind, set(c.kinds) == chosen))
+
+    return rows
 
 
 def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
@@ -135,12 +135,17 @@ def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
         return []
 
     models = {"model.yaml": result.alternatives[0]}
-    models |= {f"rivals/rival_{k}.yaml": own for k, own in enumerate(result.rivals, 1)}
 
-    return [
-        (file, _of_model(result, own.model), f"{100.0 * own.probability:.3g} %")
-        for file, own in models.items()
-    ]
+    for number, own in enumerate(result.rivals, 1):
+        models[f"rivals/rival_{number}.yaml"] = own
+
+    rows = []
+
+    for file, own in models.items():
+        share = f"{100.0 * own.probability:.3g} %"
+        rows.append((file, _of_model(result, own.model), share))
+
+    return rows
 
 
 def _of_model(result, model):
@@ -152,12 +157,13 @@ def _of_model(result, model):
 
 def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
     """Pairs of coefficients with correlated errors, the closest first."""
-    pairs = {
-        tuple(sorted((a, b))): value
-        for a, row in result.correlations.items()
-        for b, value in row.items()
-        if a != b and abs(value) >= _WORTH_SHOWING  # False for NaN.
-    }
+    pairs = {}
+
+    for a, row in result.correlations.items():
+        for b, value in row.items():
+            if a != b and abs(value) >= _WORTH_SHOWING:  # False for NaN.
+                pair = tuple(sorted((a, b)))
+                pairs[pair] = value
 
     ranked = sorted(pairs.items(), key=lambda pair: -abs(pair[1]))
 
@@ -170,10 +176,14 @@ def vehicle_rows(result: Result) -> list[tuple[str, str]]:
 
 
 def _values(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, str]]:
-    return [
-        (name_of(name), numbers.format_estimate(c) + numbers.in_degrees(c))
-        for name, c in estimates
-    ]
+    """Names and estimates, angles in degrees too."""
+    rows = []
+
+    for name, c in estimates:
+        text = numbers.format_estimate(c) + numbers.in_degrees(c)
+        rows.append((name_of(name), text))
+
+    return rows
 
 
 def spread_rows(result: Result) -> list[tuple[str, str, str]]:

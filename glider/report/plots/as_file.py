@@ -35,7 +35,8 @@ _BELOW = 36.0
 def to_png(figure: spec.Figure, dpi: float = _DPI, width: float = _WIDTH) -> bytes:
     """Draws a figure as a PNG file."""
     buffer = io.BytesIO()
-    draw(figure, width).savefig(buffer, format="png", dpi=dpi)
+    picture = draw(figure, width)
+    picture.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
 
 
@@ -47,8 +48,10 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
     row_height = _PIXEL * max(panel.height for panel in panels)
 
     longest = max(map(len, figure.keys.values()), default=0)
-    entries = max(1, int(width / (45.0 + _LETTER * longest)))  # In a row.
-    legend_height = 5.0 + _LINE * math.ceil(len(figure.keys) / entries)
+    entry = 45.0 + _LETTER * longest
+    entries = max(1, int(width / entry))  # In a row.
+    lines = math.ceil(len(figure.keys) / entries)
+    legend_height = 5.0 + _LINE * lines
     marks = [mark for panel in panels for mark in panel.marks]
     handles = [_legend_handle(key, marks) for key in figure.keys]
     labels = [_plain(label) for label in figure.keys.values()]
@@ -112,6 +115,7 @@ def _legend_handle(key: str, marks: Sequence[spec.Mark]) -> Artist:
 
 
 def _line_style(dashes: tuple[float, ...]) -> Any:
+    """Dashes as matplotlib has them."""
     return (0.0, dashes) if dashes else "solid"
 
 
