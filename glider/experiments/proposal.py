@@ -126,20 +126,15 @@ def next_throw(
         )
 
 
-def check_servo(campaign: Campaign) -> None:
-    """Raises InputError where a campaign's glider takes no commands."""
-    found = campaign.elevator
-    what = f"{campaign.path}: its elevator"
-    expect(found == "servo", what, found, "a servo that can be commanded")
-
-
 def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, Noise]:
     """A campaign as inspected, all its flights as a task, and their noise.
 
     Raises:
         InputError: no throw can be proposed for it.
     """
-    check_servo(campaign)
+    found = campaign.elevator
+    what = f"{campaign.path}: its elevator"
+    expect(found == "servo", what, found, "a servo that can be commanded")
     if not signs_of(findings.model).are_right:
         raise InputError(
             f"{campaign.path}: an angle is logged with the wrong sign (angle_sign); "
