@@ -72,6 +72,7 @@ def findings_of(result: Result) -> Findings:
 def _findings(
     report: Report, model: GliderModel, own_effects: Sequence[EffectKind]
 ) -> Findings:
+    """Findings of a report and its model."""
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
     flights = report.settings.get("flights")
     grades = report.settings.get("grades")

@@ -23,9 +23,14 @@ from glider.sysid.likelihood.model_fit import linear_flight
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 
-_FIRST, _DRAWN, _ELITES = 144, 48, 8
-"""Throws of a round that is drawn uniformly, of which many leave the limits; of the
-others; and those that the next round is drawn about."""
+_FIRST = 144
+"""Throws of a round that is drawn uniformly, of which many leave the limits."""
+
+_DRAWN = 48
+"""Throws of the other rounds."""
+
+_ELITES = 8
+"""Throws that the next round is drawn about."""
 
 ROUNDS = 4
 """Rounds of drawing throws."""

@@ -33,8 +33,11 @@ _SMALL = 1.0 / 3.0
 """Scatter by the coefficients over that by chance, or over the noise of a position,
 below which that dominates: they then add less than 6 % to it."""
 
-_LEAST_GAIN = 0.02  # Least gain of probability by throws that are worth flying.
-_NAMED = 0.01  # Probability above which an explanation is named.
+_LEAST_GAIN = 0.02
+"""Least gain of probability by throws that are worth flying."""
+
+_NAMED = 0.01
+"""Probability above which an explanation is named."""
 
 _INSEPARABLE = 3.0
 """Expected log-evidence below which explanations stay indistinguishable [nats]."""
@@ -92,10 +95,14 @@ def throw_words(proposal: Proposal, number: int) -> str:
 
 
 def _up_or_down(angle: float) -> str:
-    return f"{abs(math.degrees(angle)):.1f}° {'up' if angle >= 0.0 else 'down'}"
+    """An angle as people set it."""
+    size = abs(math.degrees(angle))
+    side = "up" if angle >= 0.0 else "down"
+    return f"{size:.1f}° {side}"
 
 
 def _chance(value: float) -> str:
+    """A probability of two digits."""
     if value < 0.01:
         return "under 0.01"
 

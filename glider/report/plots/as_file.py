@@ -52,7 +52,11 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
     entries = max(1, int(width / entry))  # In a row.
     lines = math.ceil(len(figure.keys) / entries)
     legend_height = 5.0 + _LINE * lines
-    marks = [mark for panel in panels for mark in panel.marks]
+
+    marks = []
+    for panel in panels:
+        marks += panel.marks
+
     handles = [_legend_handle(key, marks) for key in figure.keys]
     labels = [_plain(label) for label in figure.keys.values()]
 
