@@ -16,13 +16,14 @@ COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
 
 
 FREE = "rollout.position_rms_m"
-END = "rollout.position_end_m"
-PITCH, ALONG = "rollout.pitch_rms_rad", "rollout_measured_pitch.position_rms_m"
-"""Fields of `Errors`, as in report.json."""
+"""Field of `Errors`, as in report.json: the RMS distance of a free rollout."""
 
 
-FIT, CHANNELS = "Fit of free rollouts", ("x", "z", "pitch")
-"""Group of rows where more is better, without floor and gain; and the rows."""
+FIT = "Fit of free rollouts"
+"""Group of rows where more is better, without floor and gain."""
+
+CHANNELS = ("x", "z", "pitch")
+"""Rows of that group."""
 
 
 class _ErrorRow(NamedTuple):
@@ -45,9 +46,14 @@ _ROWS = (
     ("Acceleration, RMS", "normal", "equation.normal", Unit(name="m/s²")),
     ("Acceleration, RMS", "pitch", "equation.pitch", Unit(name="rad/s²")),
     ("Free rollout", "position, RMS", FREE, None),
-    ("Free rollout", "position, end", END, None),
-    ("Free rollout", "pitch, RMS", PITCH, DEGREE),
-    ("Along measured pitch", "position, RMS", ALONG, None),
+    ("Free rollout", "position, end", "rollout.position_end_m", None),
+    ("Free rollout", "pitch, RMS", "rollout.pitch_rms_rad", DEGREE),
+    (
+        "Along measured pitch",
+        "position, RMS",
+        "rollout_measured_pitch.position_rms_m",
+        None,
+    ),
     *((FIT, name, f"fit_percent.{name}", Unit(name="%")) for name in CHANNELS),
 )
 """Group, name and field of `Errors`, and its unit where that is always the same."""
