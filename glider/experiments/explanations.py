@@ -5,13 +5,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.special import logsumexp, softmax
+from scipy.special import softmax
 
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.blocks import carried_blocks
-from glider.sysid.likelihood.candidates import gather
-from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.candidates import gather, tamed
+from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
+from glider.sysid.likelihood.information import (
+    Evidence,
+    counted_from,
+    eliminate,
+    solve_scaled,
+)
 from glider.sysid.likelihood.model_fit import (
     fit_model,
     grams_of,
@@ -276,28 +282,65 @@ def choice_of_shapes(task: Task, model: FitResult) -> float:
 
     Where a shape is fitted, the best of many was chosen, and noise alone makes the best
     of many good. Each of the library's starting shapes s is as probable as the next
-    a priori, so that an effect is worth
+    a priori, and stands for those around it, so that an effect is worth
         log mean_s exp E_s
-    of the evidence E_s with that shape, in closed form about the model without the
-    effect. One that shows well pays log(number of shapes), one that barely does is
-    worth the average of its shapes.
+    of the evidence E_s with that shape, in closed form; around the fitted shape it is
+    that of the fit. An effect that shows well pays log(number of shapes), one that
+    barely does is worth the average of its shapes.
     """
-    lost = 0.0
-    offered = dataclasses.replace(task, kinds=model.kinds)
+    return sum(_choice(task, model, kind) for kind in model.kinds)
 
-    for kind in model.kinds:
-        if _is_clock(task, kind):
-            continue
 
-        without = model.without(task, kind)
-        candidates = gather(offered, without)
-        variants = candidates.variants.get(kind, ())
-        acting = [candidates.variants[other][0] for other in without.kinds]
-        columns = [column for variant in acting for column in variant]
-        evidence = candidates.evidence(candidates.total(model.scales))
-        gains = np.array(evidence.extended(columns, variants))
+def _choice(task: Task, model: FitResult, kind: str) -> float:
+    space = task.space
+    own = space.slots_of(kind)
+    shapes = [i for i in own if i in task.space.shapes]
+    sizes = [i for i in own if i in model.free and i not in shapes]
 
-        if np.isfinite(gains).any():
-            lost += float(logsumexp(gains - gains.max()) - np.log(len(gains)))
+    if not shapes or not sizes:
+        return 0.0
 
-    return lost
+    beside = [i for i in model.free if i not in own]
+    starts = [
+        [d for d in columns if d.slot in sizes]
+        for columns in starts_of(space, space.kinds[kind], model.theta)
+    ]
+
+    directions = slopes(space, [*sizes, *beside])
+    directions += [d for columns in starts for d in columns]
+    flights, wild = tamed(task, directions, linear_flights(task, model, directions))
+
+    # The error of the model without the effect, the others fitted to it.
+    count = len(sizes)
+    end = len(sizes) + len(beside)
+    last = len(directions)
+    prior = prior_of(task, model, [*sizes, *beside])  # And of carried functions.
+    mean = model.theta[sizes] + prior.mean[:count]
+    precision = prior.precision[:count]
+    share = np.zeros(last + len(model.coordinates))
+    share[:count] = -prior.mean[:count]
+    gram = counted_from(grams_of(flights, model.scales).sum(axis=0), share)
+    others = [*range(count, end), *range(last, len(share))]
+    variants = 1 + len(starts)
+    evidence = Evidence(
+        gram=eliminate(gram, others, prior.precision[count:], prior.mean[count:]),
+        at=np.delete(np.arange(last), np.arange(count, end)),
+        precision=np.tile(precision, variants),
+        lower=np.tile(space.lower[sizes] - mean, variants),
+        upper=np.tile(space.upper[sizes] - mean, variants),
+    )
+
+    sets = np.arange(variants * count).reshape(variants, count).tolist()
+    fitted, *others = evidence.extended((), sets)
+
+    if not np.isfinite(fitted):
+        return 0.0
+
+    nearest = nearest_start(space, starts, model.theta)
+    worth = np.exp(np.minimum(np.array(others) - fitted, 0.0))
+    worth[nearest] = 1.0  # Around the fitted shape.
+    columns = np.arange(end, end + len(worth) * count).reshape(-1, count)
+    sound = [wild.isdisjoint(own) for own in columns.tolist()]
+    sound[nearest] = True
+
+    return float(np.log(np.mean(worth[sound])))

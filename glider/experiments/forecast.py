@@ -66,7 +66,7 @@ class Forecast:
     @functools.cached_property
     def _filters(self) -> list[Callable[[Record], LinearFlight]]:
         """What makes a record linear about each explanation."""
-        filters = []
+        filters: list[Callable[[Record], LinearFlight]] = []
 
         for model in self._models:
             directions = slopes(self.task.space, model.free)

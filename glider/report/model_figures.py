@@ -59,7 +59,7 @@ def curves_figure(result: Result) -> spec.Figure | None:
             extra=curve.std,
         )
 
-        marks = [
+        marks: list[spec.Line | spec.Band] = [
             spec.Band("lack", alpha, curve.lack - half, curve.lack + half),
             lack,
             spec.Line("named", alpha, curve.named, hover=_AT),

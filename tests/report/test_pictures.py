@@ -148,7 +148,8 @@ def test_legend_titles_and_labels_are_inside_and_apart(name, result):
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_texts_do_not_overlap(name):
-    texts = drawn_texts(draw(FIGURES[name](ALL_MODELS)))
+    result = dataclasses.replace(ALL_MODELS, model=VARIANTS["unexplained"].model)
+    texts = drawn_texts(draw(FIGURES[name](result)))
     for one, other in combinations(texts, 2):
         a = one.get_window_extent()
         b = other.get_window_extent()

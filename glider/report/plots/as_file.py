@@ -53,7 +53,7 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
     lines = math.ceil(len(figure.keys) / entries)
     legend_height = 5.0 + _LINE * lines
 
-    marks = []
+    marks: list[spec.Mark] = []
     for panel in panels:
         marks += panel.marks
 
