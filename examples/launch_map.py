@@ -8,7 +8,9 @@ own solver looks for a plan that keeps all limits. All processors work on it.
     python examples/launch_map.py --launches 500 --json map.json
 """
 
+import dataclasses
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -36,20 +38,53 @@ LABELS = {
 }
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class LaunchMap:
+    """Launches, and whether each has a plan."""
+
+    launches: np.ndarray
+    """(B, 7) states at release."""
+
+    planned: np.ndarray
+    """(B,) whether there is a plan."""
+
+    seconds: float
+    """Time that it took [s]."""
+
+    def describe(self) -> str:
+        """Describes the number that can perch."""
+        count = len(self.planned)
+        return (
+            f"{np.sum(self.planned):,} of {count:,} launches have a plan to the wire "
+            f"({self.seconds:.0f} s, {1e3 * self.seconds / count:.1f} ms each)."
+        )
+
+    def key_figures(self) -> dict[str, object]:
+        """Returns launches and answers, for a file."""
+        return {
+            "launches": self.launches.tolist(),
+            "planned": self.planned.tolist(),
+            "seconds": self.seconds,
+        }
+
+
 def run(
     launches: int = 10_000, seed: int = 0, progress: program.Progress = program.silent
-) -> reach.Reach:
+) -> LaunchMap:
     """Draws launches from a uniform distribution, and plans from each."""
     rng, model, problem = np.random.default_rng(seed), GliderModel(), PerchingProblem()
     starts = np.tile(problem.launch, (launches, 1))
     for name, limits in (("z", HEIGHT), ("xdot", SPEED), ("pitch", PITCH)):
         starts[:, COLUMNS[name]] = rng.uniform(*limits, launches)
     reach.find_reach(model, problem, starts[:1])  # Compiles, once for all workers.
+    begin = time.perf_counter()
     with joblib.parallel_config(n_jobs=-1):
-        return reach.find_reach(model, problem, starts, progress)
+        planned = reach.find_reach(model, problem, starts, progress)
+    seconds = time.perf_counter() - begin
+    return LaunchMap(launches=starts, planned=planned, seconds=seconds)
 
 
-def plot_share(ax: Axes, found: reach.Reach, across: str, along: str) -> QuadMesh:
+def plot_share(ax: Axes, found: LaunchMap, across: str, along: str) -> QuadMesh:
     """Draws the share of launches with a plan over two of their states.
 
     Args:
@@ -67,7 +102,7 @@ def plot_share(ax: Axes, found: reach.Reach, across: str, along: str) -> QuadMes
     return mesh
 
 
-def save_map(path: Path, found: reach.Reach) -> None:
+def save_map(path: Path, found: LaunchMap) -> None:
     """Draws the map over speed and height, and over speed and pitch."""
     figure = Figure(figsize=(8.0, 3.2), layout="constrained")
     by_height, by_pitch = figure.subplots(1, 2)

@@ -106,12 +106,9 @@ def run(
     hidden = GliderModel(effects=(RIVALS[effect],))
     campaign = CampaignPlan(flights=GIVEN).simulate(hidden, rng)
     # What an analysis of these flights would find: a late servo, of either kind.
-    first, second = RIVALS
+    first, _ = RIVALS
     findings = throws.Findings(
-        model=GliderModel(effects=(RIVALS[first],)),
-        kinds=(first,),
-        rivals={first: (second,)},
-        combinations=(),
+        model=GliderModel(effects=(RIVALS[first],)), kinds=(first,)
     )
     probabilities: list[dict[str, float]] = []
     proposals: list[throws.Proposal] = []

@@ -3,14 +3,19 @@
 import argparse
 
 from glider.commands.output import output, working
-from glider.commands.parsing import CommandParser, check_seed, output_folder
+from glider.commands.parsing import (
+    CommandParser,
+    check_seed,
+    default_folder,
+    output_folder,
+)
 from glider.errors import expect
 
 DESCRIPTION = """\
 Proposes the next throws of a campaign: launches and elevator commands that best
 distinguish the explanations that its flights leave, then tighten the coefficients that
-move the end of a flight. It reports what to expect of them, how many throws of the
-present kind would achieve the same, and when nothing more is to be learned.
+move the end of a flight. It reports what to expect of them, and when nothing more is to
+be learned.
 """
 
 EPILOG = """\
@@ -33,7 +38,7 @@ exit code: 0 when it ran, 2 when the input cannot be used.
 def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
     parser.add_campaign()
-    words = "folder that close-the-loop wrote of it (default: closes the loop first)"
+    words = "folder that close-the-loop wrote of it (default: out/CAMPAIGN)"
     parser.add_path("--report", "DIR", words)
     parser.add_number("--launches", "how many throws to propose (default: 3)", 3)
     parser.add_path("--limits", "FILE.yaml", "limits of the throws")
@@ -49,25 +54,17 @@ def run(args: argparse.Namespace) -> int:
     expect(args.launches >= 1, "--launches", args.launches, "at least 1")
     folder = output_folder(args.out, args.campaign, "next_throw")
 
+    report = args.report or default_folder(args.campaign)
+
     with working() as progress:
-        from glider.experiments.explanations import findings_of, load_findings
-        from glider.experiments.proposal import check_servo, next_throw
+        from glider.experiments.explanations import load_findings
+        from glider.experiments.proposal import next_throw
         from glider.experiments.throw_limits import load_limits
 
         limits = load_limits(args.limits) if args.limits else None
-        campaign = args.campaign
-        if args.report:
-            findings = load_findings(args.report)
-        else:
-            from glider.campaign.reader import load_campaign
-            from glider.sysid.pipeline import close_the_loop
-
-            campaign = load_campaign(campaign)
-            check_servo(campaign)  # Before it is traced: that takes its time.
-            findings = findings_of(close_the_loop(campaign, progress=progress))
         proposal = next_throw(
-            campaign,
-            findings,
+            args.campaign,
+            load_findings(report),
             launches=args.launches,
             limits=limits,
             seed=args.seed,

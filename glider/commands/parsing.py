@@ -54,10 +54,15 @@ def check_seed(seed: int) -> None:
     expect(seed >= 0, "--seed", seed, "0 or more")
 
 
+def default_folder(campaign: Path, *parts: str) -> Path:
+    """The folder out/CAMPAIGN/parts, where what is made of a campaign is written."""
+    name = campaign.resolve().name.removesuffix(".zip")
+    return Path("out", name, *parts)
+
+
 def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:
     """The folder to write to, --out or out/CAMPAIGN/parts, checked to be writable."""
-    name = campaign.resolve().name.removesuffix(".zip")
-    folder = out or Path("out", name, *parts)
+    folder = out or default_folder(campaign, *parts)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file; expected a folder.")
     foreign = (folder / "model.yaml").exists() > (folder / "report.json").exists()

@@ -48,27 +48,15 @@ _NEAR = 8.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Findings:
-    """A model, and sets of effects that may be the right ones in its place."""
+    """A model, and the flights and effects that it was found with."""
 
     model: GliderModel  #: The corrected glider.
     kinds: tuple[str, ...]  #: Of the effects that were identified.
-    #: Kind to those that would do as well in its place.
-    rivals: dict[str, tuple[str, ...]]
-    combinations: tuple[tuple[str, ...], ...]  #: Further sets that were fitted.
     flights: tuple[str, ...] | None = None  #: Names that were used; None for all.
     grades: tuple[str, ...] | None = None  #: Grades that were used; None for all.
     own: tuple[EffectKind, ...] = ()  #: User effects.
     #: Name of the campaign that was analysed; None where unspecified.
     campaign: str | None = None
-
-    @property
-    def swapped(self) -> list[frozenset[str]]:
-        """The chosen set with each rival in the place of what it rivals."""
-        return [
-            frozenset({*self.kinds} - {kind} | {other})
-            for kind, others in self.rivals.items()
-            for other in others
-        ]
 
 
 def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findings:
@@ -90,15 +78,14 @@ def findings_of(result: Result) -> Findings:
 def _findings(
     report: Report, model: GliderModel, own_effects: Sequence[EffectKind]
 ) -> Findings:
+    """Findings of a report and its model."""
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
-    effects = [e for e in report.effects if e.kind in carried]
     flights = report.settings.get("flights")
     grades = report.settings.get("grades")
+
     return Findings(
         model=model,
-        kinds=tuple(e.kind for e in effects),
-        rivals={e.kind: tuple(e.indistinguishable_from) for e in effects},
-        combinations=tuple(c.kinds for c in report.combinations),
+        kinds=tuple(e.kind for e in report.effects if e.kind in carried),
         flights=None if flights is None else tuple(flights),
         grades=None if grades is None else tuple(grades),
         own=tuple(own_effects),
@@ -129,46 +116,61 @@ class Explanation:
 def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, ...]:
     """Fits the sets of effects that may explain the flights, best first.
 
-    The chosen set; sets that differ from it by one effect and are nearly as good, by
-    closed forms for flights linear about it; and the sets and rivals of the analysis.
-    A priori each kind of the library is as probable as the next.
+    The chosen set and those near it: by closed forms for flights linear about it,
+    nearly as good. A priori each kind of the library is as probable as the next.
     """
     penalty = float(np.log(len(task.kinds)))
     chosen = _chosen(task, noise, findings)
     candidates = gather(task, chosen)
-    evidence = candidates.evidence(candidates.grams(chosen.scales).sum(axis=0))
+    evidence = candidates.evidence(candidates.total(chosen.scales))
     score = Scorer(candidates, evidence, lambda kind, kinds: penalty)
     own = score.by_first(chosen.kinds)
-    base = score(own)
-    near: dict[frozenset[str], tuple[float, Members]] = {}
-    named = {*findings.swapped, *_clocks_swapped(task, chosen)}
-    others = [*score.larger(own), *score.smaller(own), *score.swapped(own)]
-    others += _best_variants(score, [*map(frozenset, findings.combinations), *named])
-    for members in others:
-        kinds = frozenset(k for k, _ in members)
-        value = score(members)
-        best = near.get(kinds, (-np.inf, ()))[0]
-        least = -np.inf if kinds in named else base - _NEAR
-        if value > max(least, best) and kinds != frozenset(chosen.kinds):
-            near[kinds] = value, members
-    ranked = sorted(near.items(), key=lambda item: (item[0] not in named, -item[1][0]))[
-        : MOST - 1
-    ]
+    near = _near(score, own, _clocks_swapped(task, chosen))
     models = [chosen]
-    for _, (_, members) in ranked:
+
+    for members in near[: MOST - 1]:
         models.append(fit_model(task, score.begin(members), iterations=4))
+
     acting = [model for model in models if not _is_idle(task, model)]
-    weighed = [_weigh(task, m, penalty) for m in acting or [chosen]]
+    weighed = [_weigh(task, model, penalty) for model in acting or [chosen]]
     # Sets that were not fitted count by their closed form, against the chosen set's.
-    fitted = {kinds for kinds, _ in ranked}
-    left = [value for kinds, (value, _) in near.items() if kinds not in fitted]
-    every = np.array(
-        [e.log_evidence for e in weighed]
-        + [weighed[0].log_evidence + value - base for value in left]
-    )
+    first = weighed[0].log_evidence - score(own)
+    every = [e.log_evidence for e in weighed]
+    every += [first + score(members) for members in near[MOST - 1 :]]
     listed = float(softmax(every)[: len(weighed)].sum())
     missing = 1.0 - (1.0 - UNKNOWN) * listed
+
     return with_probabilities(_in_one_air(task, weighed, penalty), missing)
+
+
+def _near(score: Scorer, own: Members, named: set[frozenset[str]]) -> list[Members]:
+    """Sets that differ from one by an effect, or two in the place of one, best first.
+
+    Those that are nearly as good, each with its best variant, behind those named.
+    """
+    others = [*score.larger(own), *score.smaller(own)]
+    others += [*score.swapped(own), *score.merged(own)]
+    others.sort(key=score, reverse=True)
+    least = score(own) - _NEAR
+    first = []
+    rest = []
+    done = {frozenset(kind for kind, _ in own)}
+
+    for members in others:
+        kinds = frozenset(kind for kind, _ in members)
+
+        if kinds in done:
+            continue
+
+        done.add(kinds)
+        value = score(members)
+
+        if kinds in named and np.isfinite(value):
+            first.append(members)
+        elif value > least:
+            rest.append(members)
+
+    return first + rest
 
 
 def with_probabilities(
@@ -182,6 +184,7 @@ def with_probabilities(
     least = ranked[0].log_evidence + np.log(_LEAST)
     likely = [e for e in ranked if e.log_evidence > least]
     shares = (1.0 - missing) * softmax([e.log_evidence for e in likely])
+
     return tuple(
         dataclasses.replace(e, probability=float(share))
         for e, share in zip(likely, shares, strict=True)
@@ -200,10 +203,12 @@ def _in_one_air(
     shares = softmax([e.log_evidence for e in weighed])
     scales = Scales.from_logs(shares @ logs)
     found = []
+
     for explanation in weighed:
         model = dataclasses.replace(explanation.model, scales=scales)
         fitted = fit_model(task, model, iterations=3, free_scales=())
         found.append(_weigh(task, fitted, penalty))
+
     return found
 
 
@@ -219,27 +224,27 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
         free=task.free(kinds),
         blocks=carried_blocks(findings.model.field),
     )
+
     return fit_model(task, start, iterations=4)
 
 
-def _clocks_swapped(task: Task, model: FitResult) -> list[frozenset[str]]:
+def _clocks_swapped(task: Task, model: FitResult) -> set[frozenset[str]]:
     """The set with lags and delays in the place of one another.
 
     Their columns are secants to where they are tried, five milliseconds and more: the
     closed form is far off for a smaller one.
     """
-    clocks = [
-        name
-        for name in task.kinds
-        if all(c.is_shape for c in task.space.kinds[name].coefficients)
-    ]
-    return [
-        frozenset({*model.kinds} - {kind} | {other})
-        for kind in model.kinds
-        if kind in clocks
-        for other in clocks
-        if other not in model.kinds
-    ]
+    clocks = {name for name in task.kinds if _is_clock(task, name)}
+    own = {*model.kinds}
+
+    return {
+        frozenset(own - {gone} | {new}) for gone in own & clocks for new in clocks - own
+    }
+
+
+def _is_clock(task: Task, kind: str) -> bool:
+    """Whether every coefficient of an effect is a shape, as of a lag or a delay."""
+    return all(c.is_shape for c in task.space.kinds[kind].coefficients)
 
 
 def _is_idle(task: Task, model: FitResult) -> bool:
@@ -247,26 +252,11 @@ def _is_idle(task: Task, model: FitResult) -> bool:
     for kind in model.kinds:
         slots = list(task.space.slots_of(kind))
         moved = np.abs(model.theta - task.vehicle.theta)[slots]
+
         if np.all(moved <= 1e-9 * task.space.scale[slots]):
             return True
+
     return False
-
-
-def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Members]:
-    """Sets with the best variant of each member, given the others."""
-    found = []
-    for kinds in sets:
-        if not kinds <= set(score.variants):
-            continue
-        members = score.by_first(sorted(kinds))
-        for i, (kind, _) in enumerate(members):
-            options = [
-                (*members[:i], (kind, v), *members[i + 1 :])
-                for v in score.variants[kind]
-            ]
-            members = max(options, key=score)
-        found.append(members)
-    return found
 
 
 def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
@@ -274,15 +264,16 @@ def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     grams = grams_of(linear_flights(task, model), model.scales)
     prior = prior_of(task, model).precision
     information = grams.sum(axis=0)[:-1, :-1] + np.diag(prior)
-    size = np.linalg.slogdet(information)[1] if len(prior) else 0.0
-    evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - size)
-    evidence += choice_of_shapes(task, model)
-    matrix, _ = larger_of(*jackknife(grams, prior))
+    _, volume = np.linalg.slogdet(information)
+    evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - volume)
+    evidence += choice_of_shapes(task, model) - penalty * len(model.kinds)
+    covariance, _ = larger_of(*jackknife(grams, prior))
+
     return Explanation(
         model=model,
-        log_evidence=evidence - penalty * len(model.kinds),
+        log_evidence=evidence,
         probability=np.nan,
-        precision=solve_scaled(matrix, np.eye(len(prior))),
+        precision=solve_scaled(covariance, np.eye(len(prior))),
     )
 
 
@@ -305,13 +296,16 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
     own = space.slots_of(kind)
     shapes = [i for i in own if i in task.space.shapes]
     sizes = [i for i in own if i in model.free and i not in shapes]
+
     if not shapes or not sizes:
         return 0.0
+
     beside = [i for i in model.free if i not in own]
     starts = [
         [d for d in columns if d.slot in sizes]
         for columns in starts_of(space, space.kinds[kind], model.theta)
     ]
+
     directions = slopes(space, [*sizes, *beside])
     directions += [d for columns in starts for d in columns]
     flights, wild = tamed(task, directions, linear_flights(task, model, directions))
@@ -335,14 +329,18 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
         lower=np.tile(space.lower[sizes] - mean, variants),
         upper=np.tile(space.upper[sizes] - mean, variants),
     )
+
     sets = np.arange(variants * count).reshape(variants, count).tolist()
     fitted, *others = evidence.extended((), sets)
+
     if not np.isfinite(fitted):
         return 0.0
+
     nearest = nearest_start(space, starts, model.theta)
     worth = np.exp(np.minimum(np.array(others) - fitted, 0.0))
     worth[nearest] = 1.0  # Around the fitted shape.
     columns = np.arange(end, end + len(worth) * count).reshape(-1, count)
     sound = [wild.isdisjoint(own) for own in columns.tolist()]
     sound[nearest] = True
+
     return float(np.log(np.mean(worth[sound])))

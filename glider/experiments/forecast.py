@@ -66,10 +66,13 @@ class Forecast:
     @functools.cached_property
     def _filters(self) -> list[Callable[[Record], LinearFlight]]:
         """What makes a record linear about each explanation."""
-        return [
-            functools.partial(linear_flight, m, slopes(self.task.space, m.free))
-            for m in self._models
-        ]
+        filters: list[Callable[[Record], LinearFlight]] = []
+
+        for model in self._models:
+            directions = slopes(self.task.space, model.free)
+            filters.append(functools.partial(linear_flight, model, directions))
+
+        return filters
 
     @property
     def probabilities(self) -> np.ndarray:
@@ -78,12 +81,16 @@ class Forecast:
 
     def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
         """Records of throws predicted by each explanation, one list a throw."""
-        count = len(self.explanations)
-        made = self._fly([(t, model) for t in throws for model in self._models])
-        return [
-            [r for r in made[k : k + count] if r is not None]
-            for k in range(0, len(made), count)
-        ]
+        flights = [(throw, model) for throw in throws for model in self._models]
+        made = self._fly(flights)
+        count = len(self._models)
+        found = []
+
+        for k in range(0, len(made), count):
+            own = made[k : k + count]
+            found.append([record for record in own if record is not None])
+
+        return found
 
     def _fly(self, flights: Sequence[tuple[Throw, FitResult]]) -> list[Record | None]:
         """Records of throws by models; None where one diverges."""
@@ -96,31 +103,47 @@ class Forecast:
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
         whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
-        records = prepare(whole, self.campaign, self.noise, space)
-        made = (dataclasses.replace(r, usual_rest=r.rest) for r in records)
-        return [next(made) if ok else None for ok in finite]
+        records = iter(prepare(whole, self.campaign, self.noise, space))
+        made: list[Record | None] = []
 
-    def safe(self, throws: Sequence[Throw], logs: Sequence[list[Record]]) -> list[bool]:
-        """Checks that throws keep the limits by every explanation."""
+        for ok in finite:
+            record = None
+
+            if ok:
+                record = next(records)
+                record = dataclasses.replace(record, usual_rest=record.rest)
+
+            made.append(record)
+
+        return made
+
+    def _is_safe(self, throw: Throw, logs: list[Record]) -> bool:
+        """Checks that a throw keeps the limits by every explanation."""
         limits = self.place.limits
 
-        def check(pair: tuple[Throw, list[Record]]) -> bool:
-            throw, own = pair
-            return len(own) == len(self.explanations) and all(
-                is_safe(throw, record, model.theta, field_of(model), limits)
-                for record, model in zip(own, self._models, strict=True)
-            )
-
-        return in_parallel(check, zip(throws, logs, strict=True))
+        return len(logs) == len(self.explanations) and all(
+            is_safe(throw, record, model.theta, field_of(model), limits)
+            for record, model in zip(logs, self._models, strict=True)
+        )
 
     def predicted(self, throws: Sequence[Throw]) -> list[Grams | None]:
-        """Grams of throws; None for those that leave the limits."""
-        logs = self.logs(throws)
-        good = [k for k, safe in enumerate(self.safe(throws, logs)) if safe]
-        found: list[Grams | None] = [None] * len(throws)
-        for k, own in zip(good, self.grams([logs[k] for k in good]), strict=True):
-            found[k] = own if is_finite(own) else None
-        return found
+        """Grams of throws; None for those that leave the limits, or diverge."""
+
+        def weigh(pair: tuple[Throw, list[Record]]) -> Grams | None:
+            throw, logs = pair
+
+            if not self._is_safe(throw, logs):
+                return None
+
+            grams = tuple(map(self._gram, logs))
+            # An explanation may diverge.
+            finite = all(np.all(np.isfinite(own)) for own in grams)
+
+            return grams if finite else None
+
+        pairs = zip(throws, self.logs(throws), strict=True)
+
+        return in_parallel(weigh, pairs)
 
     def grams(self, logs: Sequence[list[Record]]) -> list[Grams]:
         """Grams of throws, from their records by each explanation."""
@@ -130,21 +153,28 @@ class Forecast:
         """Products of all columns of one record, (c, c)."""
         scales = self.explanations[0].model.scales
         blocks = []
+
         for linear in self._filters:
             innovations = whiten(linear(record), scales).innovations
             blocks.append(innovations.reshape(-1, innovations.shape[2]))
+
         columns = np.hstack(blocks)
+
         with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
             return columns.T @ columns
 
     @functools.cached_property
     def _columns(self) -> list[slice]:
         """Columns X_k of each explanation; e_k comes next."""
-        ends = np.cumsum([len(e.precision) + 1 for e in self.explanations])
-        return [
-            slice(int(end) - len(e.precision) - 1, int(end) - 1)
-            for end, e in zip(ends, self.explanations, strict=True)
-        ]
+        columns = []
+        first = 0
+
+        for explanation in self.explanations:
+            last = first + len(explanation.precision)
+            columns.append(slice(first, last))
+            first = last + 1
+
+        return columns
 
     @functools.cached_property
     def _draws(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -152,10 +182,12 @@ class Forecast:
         rng = np.random.default_rng(0)
         width = self._columns[-1].stop + 1
         found = []
+
         for e in self.explanations:
             noise = rng.normal(size=(_DRAWN_FUTURES // 2, width))
             numbers = self.numbers(e, rng, _DRAWN_FUTURES // 2)
             found.append((numbers, np.vstack([noise, -noise])))
+
         return found
 
     def numbers(
@@ -163,15 +195,21 @@ class Forecast:
     ) -> np.ndarray:
         """Draws departures δ of the true parameters from the fitted, (2 pairs, m)."""
         precision = explanation.precision
-        model = explanation.model
         standard = rng.normal(size=(pairs, len(precision)))
+
         if not len(precision):
             return np.zeros((2 * pairs, 0))
+
         scale = 1.0 / np.sqrt(np.diag(precision))
-        factor = np.linalg.cholesky(precision * scale[:, None] * scale)
-        drawn = np.linalg.solve(factor.T, standard.T).T * scale
-        prior = prior_of(self.task, model)
-        return np.clip(np.vstack([drawn, -drawn]), prior.lower, prior.upper)
+        scaled = precision * scale[:, None] * scale
+        factor = np.linalg.cholesky(scaled)
+        drawn = np.linalg.solve(factor.T, standard.T).T
+        drawn = drawn * scale
+
+        prior = prior_of(self.task, explanation.model)
+        mirrored = np.vstack([drawn, -drawn])
+
+        return np.clip(mirrored, prior.lower, prior.upper)
 
     def odds(self, gram: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Log-probability of each explanation in futures, (M, n), up to a constant.
@@ -181,40 +219,49 @@ class Forecast:
             moved: (M, c) products of all columns with the change of the log, X_i δ + ν.
         """
         found = np.empty((len(moved), len(self.explanations)))
+
         for k, e in enumerate(self.explanations):
             own = self._columns[k]
             error = own.stop
-            known = gram[own, own] + e.precision
-            scale = 1.0 / np.sqrt(np.diag(known))
-            side = scale[:, None] * (gram[own, error] + moved[:, own]).T
-            fitted = np.linalg.solve(known * scale[:, None] * scale, side)
+            information = gram[own, own] + e.precision
+            side = gram[own, error] + moved[:, own]
+            fitted = solve_scaled(information, side, 0.0)
+
             loss = gram[error, error] + 2.0 * moved[:, error]
-            loss = loss - np.sum(side * fitted, axis=0)
-            volume = np.linalg.slogdet(known)[1] - np.linalg.slogdet(e.precision)[1]
+            loss = loss - np.sum(side * fitted, axis=1)
+            _, after = np.linalg.slogdet(information)
+            _, before = np.linalg.slogdet(e.precision)
+            volume = after - before
             found[:, k] = np.log(e.probability) - 0.5 * (loss + volume)
+
         return found
 
     def futures(self, grams: Grams) -> np.ndarray:
         """Log-probabilities in drawn futures, (n, M, n), by the true explanation."""
         found = []
+
         for i, gram in enumerate(grams):
             numbers, noise = self._draws[i]
-            moved = numbers @ gram[self._columns[i]] + noise @ _root(gram)
-            found.append(log_softmax(self.odds(gram, moved), axis=-1))
+            by_numbers = numbers @ gram[self._columns[i]]
+            by_noise = noise @ _root(gram)
+            odds = self.odds(gram, by_numbers + by_noise)
+            found.append(log_softmax(odds, axis=-1))
+
         return np.array(found)
 
     def chance(self, futures: np.ndarray) -> float:
         """Probability that the best explanation will be the right one."""
         p = self.probabilities
-        best = np.exp(futures.max(axis=2)).mean(axis=1)
+        best = np.exp(futures.max(axis=2))
+        by_truth = best.mean(axis=1)
         # Throws that do not distinguish explanations leave the choice of today.
-        return float(max(p @ best, p.max()))
+        return float(max(p @ by_truth, p.max()))
 
     def open(self, futures: np.ndarray) -> float:
         """Uncertainty about the explanations that will remain, -E log p_i [nats]."""
-        p = self.probabilities
-        own = np.array([futures[i, :, i].mean() for i in range(len(p))])
-        return float(-p @ own)
+        mean = futures.mean(axis=1)
+        own = np.diagonal(mean)
+        return float(-self.probabilities @ own)
 
     def distances(self, futures: np.ndarray) -> np.ndarray:
         """Expected log-evidence of a true i (row) against each k [nats]."""
@@ -238,41 +285,56 @@ class Forecast:
             draws: gliders, in proportion to the probability of their explanation; each
                 is flown with several draws of noise.
         """
-        p = self.probabilities
-        counts = np.maximum(2, 2 * np.round(0.5 * draws * p / p.sum()).astype(int))
         freedom = _PER_FLIGHT * len(self.task.records)
-        truths: list[tuple[int, float]] = []
+        gliders = draws * self.probabilities / np.sum(self.probabilities)
+        truths = []
         flights = []
-        for i, (e, count) in enumerate(zip(self.explanations, counts, strict=True)):
-            for numbers in self.numbers(e, rng, int(count) // 2):
+
+        for i, e in enumerate(self.explanations):
+            pairs = max(1, round(0.5 * gliders[i]))
+
+            for numbers in self.numbers(e, rng, pairs):
                 strength = float(np.sqrt(freedom / rng.chisquare(freedom)))
                 truth = moved(self.task, e.model, strength * numbers)
                 truths.append((i, strength))
-                flights += [
-                    (missed(throw, self.place.limits, rng), truth) for throw in throws
-                ]
-        diverged = np.full((self._columns[-1].stop + 1,) * 2, np.nan)
+
+                for throw in throws:
+                    thrown = missed(throw, self.place.limits, rng)
+                    flights.append((thrown, truth))
+
+        size = self._columns[-1].stop + 1
+        diverged = np.full((size, size), np.nan)
         grams = in_parallel(
             lambda record: diverged if record is None else self._gram(record),
             self._fly(flights),
         )
-        right: list[list[float]] = [[] for _ in p]
-        for d, (i, strength) in enumerate(truths):
-            gram = np.sum(grams[d * len(throws) : (d + 1) * len(throws)], axis=0)
-            if not np.all(np.isfinite(gram)):
-                right[i].append(0.0)  # Not promised where it diverges.
-                continue
-            noise = strength * rng.normal(size=(_NOISES, len(gram)))
-            odds = self.odds(gram, noise @ _root(gram))
-            right[i].append(float(np.mean(np.argmax(odds, axis=1) == i)))
-        return float(p @ [np.mean(r) for r in right])
+
+        right: list[list[float]] = [[] for _ in self.explanations]
+
+        for k, (i, strength) in enumerate(truths):
+            first = k * len(throws)
+            gram = np.sum(grams[first : first + len(throws)], axis=0)
+            share = 0.0  # Not promised where it diverges.
+
+            if np.all(np.isfinite(gram)):
+                noise = strength * rng.normal(size=(_NOISES, size))
+                odds = self.odds(gram, noise @ _root(gram))
+                share = float(np.mean(np.argmax(odds, axis=1) == i))
+
+            right[i].append(share)
+
+        chances = [np.mean(shares) for shares in right]
+
+        return float(self.probabilities @ chances)
 
     def covariance(self, grams: Grams | None = None) -> np.ndarray:
         """Covariance of the best explanation's free parameters, after throws if any."""
         precision = self.explanations[0].precision
+
         if grams is not None:
             own = self._columns[0]
             precision = precision + grams[0][own, own]
+
         return solve_scaled(precision, np.eye(len(precision)))
 
 
@@ -285,21 +347,16 @@ _NOISES = 8
 
 def _root(gram: np.ndarray) -> np.ndarray:
     """R with R' R = gram, which barely has full rank."""
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values, vectors = np.linalg.eigh(gram / size[:, None] / size)
-    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
+    diagonal = np.maximum(np.diag(gram), 1e-300)
+    size = np.sqrt(diagonal)
+    scaled = gram / size[:, None] / size
+    values, vectors = np.linalg.eigh(scaled)
+    values = np.maximum(values, 0.0)
+    roots = np.sqrt(values)
 
-
-def is_finite(grams: Grams) -> bool:
-    """Checks that no explanation diverged."""
-    return all(bool(np.all(np.isfinite(own))) for own in grams)
+    return roots[:, None] * vectors.T * size
 
 
 def added(parts: Sequence[Grams]) -> Grams:
     """Grams of several throws together."""
     return tuple(np.sum(own, axis=0) for own in zip(*parts, strict=True))
-
-
-def times(grams: Grams, count: float) -> Grams:
-    """Grams of so many throws of one kind."""
-    return tuple(count * gram for gram in grams)

@@ -3,7 +3,6 @@
 `glider.experiments.throw_search` finds them; here is what to expect of them.
 """
 
-import bisect
 import dataclasses
 import time
 from collections.abc import Sequence
@@ -18,22 +17,21 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.turning import signs_of
 from glider.errors import InputError, expect
 from glider.experiments.explanations import Explanation, Findings, explain
-from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
+from glider.experiments.forecast import Forecast, added
 from glider.experiments.throw_limits import ThrowLimits, limits_flown
 from glider.experiments.throw_search import end_scatter, search
-from glider.experiments.throws import Range, Throw, flown_throw, range_of
+from glider.experiments.throws import Range, Throw, range_of
 from glider.progress import Progress, Step, silent
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.log_space import log_space
 from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 
-_TRIED, _LIKE_FLOWN = 64, 12
-"""Gliders with drawn parameters that proposed throws are tried on, and flown flights
-that represent the present kind of throw."""
+_TRIED = 64
+"""Gliders with drawn parameters that proposed throws are tried on."""
 
-MOST_THROWS = 1000
-"""Throws of the present kind that are counted up to."""
+_LIKE_FLOWN = 12
+"""Flown flights whose ends represent those of flights to come."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -51,10 +49,6 @@ class Proposal:
     #: Probability that the most probable explanation is the right one.
     chance_now: float
     chance_then: float  #: After the throws.
-    chance_same_kind: float  #: After as many throws of the present kind.
-    #: Number of throws of the present kind with the same effect; None above
-    #: MOST_THROWS.
-    equivalent: int | None
     #: (e, e) expected log-evidence of the throws against each explanation (column),
     #: where another (row) is true [nats].
     distances: np.ndarray
@@ -63,11 +57,15 @@ class Proposal:
     ending_air: float
     ending_now: float  #: The same by the standard errors of the coefficients [m].
     ending_then: float  #: The same after the throws.
-    ending_same_kind: float  #: The same after as many throws of the present kind.
     #: "kind.coefficient" of the most probable explanation to its standard error now and
     #: then, and its unit.
     stds: dict[str, tuple[float, float, str]]
     seconds: float  #: That it took, once the explanations were fitted.
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a measured coordinate [m]."""
+        return self.explanations[0].model.scales.position
 
     @property
     def is_still(self) -> bool:
@@ -128,20 +126,15 @@ def next_throw(
         )
 
 
-def check_servo(campaign: Campaign) -> None:
-    """Raises InputError where a campaign's glider takes no commands."""
-    found = campaign.elevator
-    what = f"{campaign.path}: its elevator"
-    expect(found == "servo", what, found, "a servo that can be commanded")
-
-
 def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, Noise]:
     """A campaign as inspected, all its flights as a task, and their noise.
 
     Raises:
         InputError: no throw can be proposed for it.
     """
-    check_servo(campaign)
+    found = campaign.elevator
+    what = f"{campaign.path}: its elevator"
+    expect(found == "servo", what, found, "a servo that can be commanded")
     if not signs_of(findings.model).are_right:
         raise InputError(
             f"{campaign.path}: an angle is logged with the wrong sign (angle_sign); "
@@ -194,8 +187,6 @@ def propose(
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
     futures = everything.futures(then)
-    usual = _present_kind(everything, likely)
-    usual_throws = times(usual, len(throws))
     now = float(everything.probabilities.max())
     chance = everything.chance(futures)
     if len(explanations) > 1:
@@ -212,13 +203,10 @@ def propose(
         place=place,
         chance_now=now,
         chance_then=chance,
-        chance_same_kind=everything.chance(everything.futures(usual_throws)),
-        equivalent=_equivalent_count(everything, usual, chance),
         distances=everything.distances(futures),
         ending_air=scatter.air,
         ending_now=scatter.by_parameters(before),
         ending_then=scatter.by_parameters(after),
-        ending_same_kind=scatter.by_parameters(everything.covariance(usual_throws)),
         stds=_stds(task, explanations[0], before, after),
         seconds=time.perf_counter() - begin,
     )
@@ -234,32 +222,3 @@ def _stds(
     stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
     pairs = zip(units.items(), stds, strict=True)
     return {name: (now, then, unit) for (name, unit), (now, then) in pairs}
-
-
-def _present_kind(forecast: Forecast, flights: Task) -> Grams:
-    """Grams of a throw of the present kind, the mean of flown ones.
-
-    Raises:
-        InputError: the explanations can fly none of them again.
-    """
-    count = len(forecast.explanations)
-    throws = [flown_throw(r) for r in flights.records]
-    logs = [own for own in forecast.logs(throws) if len(own) == count]
-    found = [own for own in forecast.grams(logs) if is_finite(own)]
-    if not found:
-        raise InputError(
-            f"{forecast.campaign.path}: no flown flight can be flown again by all "
-            "explanations; expected flights that close-the-loop explains."
-        )
-    return times(added(found), 1.0 / len(found))
-
-
-def _equivalent_count(forecast: Forecast, one: Grams, chance: float) -> int | None:
-    """Number of throws of one kind that reach a chance; None above MOST_THROWS."""
-
-    def reaches(count: int) -> bool:
-        return forecast.chance(forecast.futures(times(one, count))) >= chance
-
-    counts = range(1, MOST_THROWS + 1)
-    found = bisect.bisect_left(counts, True, key=reaches)
-    return counts[found] if found < MOST_THROWS else None

@@ -23,9 +23,14 @@ from glider.sysid.likelihood.model_fit import linear_flight
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 
-_FIRST, _DRAWN, _ELITES = 144, 48, 8
-"""Throws of a round that is drawn uniformly, of which many leave the limits; of the
-others; and those that the next round is drawn about."""
+_FIRST = 144
+"""Throws of a round that is drawn uniformly, of which many leave the limits."""
+
+_DRAWN = 48
+"""Throws of the other rounds."""
+
+_ELITES = 8
+"""Throws that the next round is drawn about."""
 
 ROUNDS = 4
 """Rounds of drawing throws."""
@@ -63,33 +68,37 @@ def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
     """Computes the scatter of a task's flights under an explanation.
 
     The filter, given the launch and the last row alone, has it as the variance of its
-    innovation.
+    innovation. Noise at its floor, which the flights do not show, scatters nothing.
     """
     model = dataclasses.replace(explanation.model, about={})
+    scales = model.scales.without_floors
     directions = slopes(task.space, model.free)
 
     def scatter(record: Record) -> tuple[float, np.ndarray]:
         flight = linear_flight(model, directions, record)
-        start = start_variances(flight, model.scales)
+        start = start_variances(flight, scales)
         start[: flight.by_x.shape[1]] = 0.0
         variance = 0.0
         rows = []
+
         for channel in range(2):
             seen = np.zeros_like(record.seen)
             seen[-1, channel] = True
-            alone = dataclasses.replace(
-                flight, record=dataclasses.replace(record, seen=seen)
-            )
-            filtered = whiten(alone, model.scales, start)
+            last = dataclasses.replace(record, seen=seen)
+            alone = dataclasses.replace(flight, record=last)
+            filtered = whiten(alone, scales, start)
             own = float(np.exp(filtered.log_variances[-1, channel]))
-            variance += own - model.scales.position**2
+            variance += own - scales.position**2
             rows.append(np.sqrt(own) * filtered.innovations[-1, channel, :-1])
+
         return variance, np.array(rows)
 
     found = in_parallel(scatter, task.records)
+    variance = float(np.mean([own for own, _ in found]))
+    rows = np.vstack([rows for _, rows in found])
+
     return _EndScatter(
-        air=float(np.sqrt(max(np.mean([v for v, _ in found]), 0.0))),
-        slopes=np.vstack([rows for _, rows in found]) / np.sqrt(len(found)),
+        air=np.sqrt(max(variance, 0.0)), slopes=rows / np.sqrt(len(found))
     )
 
 
@@ -112,9 +121,11 @@ def search(
     grams: list[Grams] = []
     alone: list[float] = []
     chosen: list[int] = []
+
     for round_ in range(ROUNDS):
         words = f"searching for throws, round {round_ + 1} of {ROUNDS}"
         progress(Step(words, round_ / ROUNDS))
+
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
             elites = [*chosen, *np.argsort(alone)[:_ELITES]]
@@ -123,25 +134,35 @@ def search(
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
             drawn = rng.random((_FIRST, GENES))
+
         new = [throw_of(own, everything.place) for own in drawn]
         predicted = searched.predicted(new)
-        good = [k for k, own in enumerate(predicted) if own is not None]
-        genes += [drawn[k] for k in good]
-        throws += [new[k] for k in good]
-        grams += [own for own in predicted if own is not None]
+
+        for own, throw, gram in zip(drawn, new, predicted, strict=True):
+            if gram is not None:
+                genes.append(own)
+                throws.append(throw)
+                grams.append(gram)
+
         fresh = grams[len(alone) :]
         alone += in_parallel(lambda g: _uncertainty_after(searched, scatter, g), fresh)
         promising = [int(k) for k in np.argsort(alone)[:_PROMISING]]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
+
     while chosen:  # Less probable explanations must not predict a crash either.
-        predicted = everything.predicted([throws[k] for k in chosen])
-        bad = {k for k, own in zip(chosen, predicted, strict=True) if own is None}
+        found = [throws[k] for k in chosen]
+        predicted = everything.predicted(found)
+        pairs = zip(chosen, predicted, strict=True)
+        bad = {k for k, own in pairs if own is None}
+
         if not bad:
-            return [throws[k] for k in chosen]
+            return found
+
         promising = [k for k in promising if k not in bad]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
+
     raise InputError(
         "No throw that was tried keeps within the limits; expected wider limits of the "
         "launch or of the flight (floor, pitch, speed)."
@@ -157,6 +178,7 @@ def choose(
     differ may show what none of the explanations predicts.
     """
     chosen: list[int] = []
+
     for _ in range(count):
         so_far = [grams[k] for k in chosen]
         left = [k for k in range(len(grams)) if k not in chosen]
@@ -164,14 +186,18 @@ def choose(
             _uncertainty_after(forecast, scatter, added([*so_far, grams[k]]))
             for k in left
         ]
+
         if left:
             chosen.append(left[int(np.argmin(values))])
+
     return chosen
 
 
 def _uncertainty_after(forecast: Forecast, scatter: _EndScatter, grams: Grams) -> float:
     """Uncertainty that throws leave: explanations first, then parameters [nats]."""
-    moved = scatter.by_parameters(forecast.covariance(grams))
-    return forecast.open(forecast.futures(grams)) + 2.0 * _PARAMETERS * np.log(
-        max(moved, 1e-9)
-    )
+    covariance = forecast.covariance(grams)
+    moved = max(scatter.by_parameters(covariance), 1e-9)
+    futures = forecast.futures(grams)
+    variance = 2.0 * np.log(moved)
+
+    return forecast.open(futures) + _PARAMETERS * variance

@@ -88,6 +88,7 @@ def range_of(
     usual = records[0].usual_rest
     if abs(rest - usual) < Z * np.std(rests) / np.sqrt(len(rests)):  # By noise alone.
         rest = usual
+
     return Range(
         limits=limits,
         x=float(np.median([r.nodes[0, 0] for r in records])),
@@ -115,6 +116,7 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
     times = np.arange(int(place.duration * place.command_rate) + 1) / place.command_rate
     moves = np.searchsorted(begins, times, side="right") - 1
     wanted = np.where(moves < 0, place.rest, targets[moves])
+
     return Throw(
         launch=_launch_state(least + genes[:4] * (largest - least), place),
         times=times,
@@ -130,6 +132,7 @@ def _launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
     state[:3] = place.x, height, pitch
     state[VELOCITY] = speed * np.cos(climb), speed * np.sin(climb)
     state[ELEVATOR] = place.rest
+
     return state
 
 
@@ -137,24 +140,14 @@ def _tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarra
     """Rates (k,) that take the elevator from rest to an angle at each end [rad/s]."""
     commands = np.zeros(len(wanted))
     angle = place.rest
+
     for k, target in enumerate(wanted):
         rate = (target - angle) * place.command_rate
         commands[k] = np.clip(rate, -fastest, fastest)
         angle += commands[k] / place.command_rate
+
     # A flight computer reads them from a file: what is flown is what the file holds.
     return np.round(commands, 4)
-
-
-def flown_throw(record: Record) -> Throw:
-    """A flown flight as a throw, from its smoothed log."""
-    return Throw(
-        launch=np.append(
-            record.nodes[0, :ELEVATOR], [record.rest, *record.nodes[0, 4:7]]
-        ),
-        times=record.switch_times,
-        commands=record.commands,
-        duration=float(record.time[-1]),
-    )
 
 
 def log_of(
@@ -162,6 +155,7 @@ def log_of(
 ) -> Flight:
     """The log that a model predicts of a throw, without noise."""
     rows = round(throw.duration * place.pose_rate) + 1
+
     return fly_commands(
         space,
         theta,
@@ -184,6 +178,7 @@ def _perturbed(
     launch[_Z] += limits.missed_height * height
     launch[PITCH] += limits.missed_pitch * pitch
     launch[VELOCITY] *= 1.0 + limits.missed_speed * speed / throw.speed
+
     return dataclasses.replace(throw, launch=launch)
 
 
@@ -204,6 +199,7 @@ def fly_throw(
     flight = log_of(
         thrown, place, log_space_of(model), vector_of(model), model.residual_field
     )
+
     return measured(flight, MotionCapture(rate=place.pose_rate), rng)
 
 
@@ -228,5 +224,6 @@ def is_safe(
         fly_path(record.space, theta, launch, record.time, elevator, rate, field)
         for launch in launches(throw, limits)
     )
+
     # The place of release is given: it may lie on the edge of what was flown.
     return all(limits.allows(states[1:]) for states in flights)

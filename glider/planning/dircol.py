@@ -80,8 +80,7 @@ def plan(
     problem: PerchingProblem | None = None,
     knots: Sequence[int] = (25, 41),
     *,
-    guess: Guess | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Plan:
     """Plans a flight of a glider from the launch to the wire.
 
@@ -91,7 +90,6 @@ def plan(
         problem: what to fly, None for the article's perch; the elevator's limits
             are the vehicle's.
         knots: numbers of knots; each plan is the guess for the next.
-        guess: to start from instead of straight lines.
         progress: called with a description of each attempt.
 
     Raises:
@@ -106,10 +104,9 @@ def plan(
     problem = PerchingProblem() if problem is None else problem
     check_plannable(model, problem)
     constraints = constraints_of(problem, model.parameters.servo)
-    progress = progress or silent
     attempts: list[Attempt] = []
     reached: list[list[Violation]] = []
-    start: Guess | CollocatedFlight = guess or slow_line(model, problem)
+    start: Guess | CollocatedFlight = slow_line(model, problem)
     finest = listed[-1]
     compiles = True
     try:
@@ -128,7 +125,7 @@ def plan(
         compiles = False
     if isinstance(start, CollocatedFlight):
         start = to_guess(start)
-    elif guess is None:
+    else:
         start = straight_line(model, problem)
     progress(f"{finest} knots, SNOPT, from {start.name}")
     path, cost, attempt = _solve_with_drake(model, problem, finest, start, compiles)

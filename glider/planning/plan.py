@@ -1,16 +1,11 @@
-"""A planned flight: what every planner returns, and its file."""
+"""A planned flight: what every planner returns."""
 
 import dataclasses
 import functools
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
-
-from glider.errors import expect, show
-from glider.files import schema
-from glider.files.writing import write_text
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -107,35 +102,3 @@ class Plan:
             held = np.append(self.inputs, self.inputs[-1:])
             return PiecewisePolynomial.ZeroOrderHold(self.times, held[None, :])
         return PiecewisePolynomial.FirstOrderHold(self.times, self.inputs[None, :])
-
-
-def save_plan(path: Path | str, plan: Plan) -> None:
-    """Writes a plan as JSON; `load_plan` gives it back unchanged."""
-    write_text(Path(path), schema.json_text(plan, indent=1) + "\n")
-
-
-def load_plan(path: Path | str) -> Plan:
-    """Loads a plan; a file that is none is an InputError."""
-    plan = schema.load_json(Plan, path, "a plan")
-    knots = plan.times.size
-    n = len(plan.state_names)
-    shapes = {
-        "times": (knots,),
-        "states": (knots, n),
-        "slopes": (knots, n),
-        "inputs": (knots - 1,) if plan.is_held else (knots,),
-        "gains": (knots - 1, n),
-    }
-    for name, shape in shapes.items():
-        found = getattr(plan, name)
-        if found is None and name == "gains":
-            continue
-        what = f"{path}: the shape of '{name}'"
-        needed = show(list(shape))
-        expect(found.shape == shape, what, list(found.shape), needed)
-        finite = np.all(np.isfinite(found))
-        expect(finite, f"{path}: '{name}'", found, "finite numbers")
-    rises = knots > 1 and plan.times[0] == 0.0 and np.all(np.diff(plan.times) > 0.0)
-    needed = "two or more times that increase from 0"
-    expect(rises, f"{path}: 'times'", plan.times, needed)
-    return plan

@@ -1,4 +1,4 @@
-"""Tables of errors, before and after the correction: of models, of single flights."""
+"""Errors before and after the correction: of models, of single flights."""
 
 import math
 from operator import attrgetter
@@ -16,13 +16,14 @@ COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
 
 
 FREE = "rollout.position_rms_m"
-END = "rollout.position_end_m"
-PITCH, ALONG = "rollout.pitch_rms_rad", "rollout_measured_pitch.position_rms_m"
-"""Fields of `Errors`, as in report.json."""
+"""Field of `Errors`, as in report.json: the RMS distance of a free rollout."""
 
 
-FIT, CHANNELS = "Fit of free rollouts", ("x", "z", "pitch")
-"""Group of rows where more is better, without floor and gain; and the rows."""
+FIT = "Fit of free rollouts"
+"""Group of rows where more is better, without floor and gain."""
+
+CHANNELS = ("x", "z", "pitch")
+"""Rows of that group."""
 
 
 class _ErrorRow(NamedTuple):
@@ -45,9 +46,14 @@ _ROWS = (
     ("Acceleration, RMS", "normal", "equation.normal", Unit(name="m/s²")),
     ("Acceleration, RMS", "pitch", "equation.pitch", Unit(name="rad/s²")),
     ("Free rollout", "position, RMS", FREE, None),
-    ("Free rollout", "position, end", END, None),
-    ("Free rollout", "pitch, RMS", PITCH, DEGREE),
-    ("Along measured pitch", "position, RMS", ALONG, None),
+    ("Free rollout", "position, end", "rollout.position_end_m", None),
+    ("Free rollout", "pitch, RMS", "rollout.pitch_rms_rad", DEGREE),
+    (
+        "Along measured pitch",
+        "position, RMS",
+        "rollout_measured_pitch.position_rms_m",
+        None,
+    ),
     *((FIT, name, f"fit_percent.{name}", Unit(name="%")) for name in CHANNELS),
 )
 """Group, name and field of `Errors`, and its unit where that is always the same."""
@@ -93,54 +99,6 @@ def columns_of(*reports: Report) -> list[str]:
 def baseline(result: Result) -> str:
     """Model that the correction is compared with."""
     return "nominal" if result.errors.get("nominal") is not None else "refitted"
-
-
-STANDS_OUT = 2.5
-"""A flight stands out where its error is so many times the median. Of errors like a
-half-normal's, one in eleven would; of RMS over a flight, fewer."""
-
-_MOST = 5  # Flights that the table shows, the worst.
-
-
-class _FlightRow(NamedTuple):
-    """A held-out flight's position RMS before and after, as text in one unit.
-
-    `times` is the latter over the median of all flights; `planarity` is a sentence,
-    empty where the log does not show it.
-    """
-
-    name: str
-    before: str
-    after: str
-    unit: str
-    times: str
-    stands_out: bool
-    planarity: str
-
-
-def worst_flights(result: Result) -> list[_FlightRow]:
-    """Held-out flights with the largest errors of the corrected model."""
-    ranked = rank_flights(result)[::-1]
-    after = [position_rms(f, "corrected") for f in ranked]
-    finite = [e for e in after if math.isfinite(e)]
-    median = float(np.median(finite)) if finite else math.nan
-    pairs = [
-        (position_rms(f, baseline(result)), e)
-        for f, e in zip(ranked, after, strict=True)
-    ][:_MOST]
-    unit = unit_beside_floor(result, *(e for pair in pairs for e in pair))
-    return [
-        _FlightRow(
-            name=flight.name,
-            before=unit.digits(old),
-            after=unit.digits(new),
-            unit=unit.name,
-            times=numbers.format_factor(new / median if median > 0.0 else math.nan),
-            stands_out=new > STANDS_OUT * median,
-            planarity=result.planarity.get(flight.name, ""),
-        )
-        for flight, (old, new) in zip(ranked[:_MOST], pairs, strict=True)
-    ]
 
 
 def rank_flights(result: Result) -> list[HeldOutFlight]:

@@ -1,7 +1,6 @@
-"""Figures of what models are: errors, evidence, curves, coefficients, residuals."""
+"""Figures of models: what they lack and carry, coefficients, residuals."""
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Mapping
 
@@ -11,14 +10,13 @@ from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
 from glider.physics.effects.field import FieldData, gaussians, make_field
 from glider.report import error_table
 from glider.report.error_table import bounded
-from glider.report.numbers import DEGREE, MILLIMETRE, Unit
+from glider.report.numbers import Unit
 from glider.report.plots import binning
 from glider.report.plots import figure as spec
 from glider.report.plots.style import LABELS, TERMS, VARIABLES
-from glider.sysid.report import PERFECT, Curve
 from glider.sysid.result import ResidualTable, Result
 
-BAND = 2.0  # Standard errors on either side of a curve.
+_BAND = 2.0  # Standard errors on either side of a curve.
 
 RESIDUALS = {
     "along the wing": Unit(name="m/s²"),
@@ -30,114 +28,46 @@ RESIDUALS = {
 _COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$ [m]"}
 """Coefficient to its symbol; that of the moment is without a chord."""
 
-_ERROR_PANELS = (
-    (
-        "acceleration",
-        Unit(name="m/s²"),
-        {"equation.tangential": "along wing", "equation.normal": "normal"},
-    ),
-    ("acceleration", Unit(name="rad/s²"), {"equation.pitch": "in pitch"}),
-    (
-        "position",
-        MILLIMETRE,
-        {
-            error_table.FREE: "RMS",
-            error_table.END: "at the end",
-            error_table.ALONG: "measured\npitch, RMS",
-        },
-    ),
-    ("pitch", DEGREE, {error_table.PITCH: "RMS"}),
-)
-"""Title and unit of errors side by side, their fields and names."""
+_MOST_VARIABLES = 3
+"""Variables that residuals are drawn against, of the strongest effects first."""
 
 _AT = "α %{x:.1f}°: %{y:.3r}"
-
-
-def errors_figure(result: Result) -> spec.Figure | None:
-    """Errors of each model as groups of bars."""
-    models = error_table.columns_of(result)
-    if not models:
-        return None
-    return spec.Figure(
-        keys={m: LABELS[m] for m in models} | {"floor": "a perfect model"},
-        panels=[_error_panel(result, models, *panel) for panel in _ERROR_PANELS],
-        columns=2,
-        least_width=24.0,
-    )
-
-
-def _error_panel(
-    result: Result, models: list[str], title: str, unit: Unit, fields: dict[str, str]
-) -> spec.Panel:
-    places = np.arange(len(fields), dtype=float)
-    values = {
-        m: bounded(np.array([error_table.error_of(result, m, f) for f in fields]))
-        / unit.size
-        for m in (*models, PERFECT)
-    }
-    floor = values.pop(PERFECT)
-    every = np.concatenate([floor, *values.values()])
-    every = every[np.isfinite(every) & (every > 0.0)]
-    low, high = (every.min(), every.max()) if every.size else (1.0, 10.0)
-    dashes = np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan])
-    hover = f"a perfect model: %{{y:.3r}} {unit.name}"
-    dashed = spec.Line("floor", dashes, np.repeat(floor, 4), hover=hover)
-    names = {float(i): name for i, name in enumerate(fields.values())}
-    return spec.Panel(
-        f"{title} [{unit.name}]",
-        [*_grouped_bars(values, LABELS, unit), dashed],
-        x=spec.Axis(range=(-0.6, len(fields) - 0.4), ticks=names),
-        y=spec.Axis(is_log=True, range=(0.4 * low, 4.0 * high)),
-        share=len(fields) + 0.6,
-    )
-
-
-def _grouped_bars(
-    values: dict[str, np.ndarray], labels: dict[str, str], unit: Unit
-) -> list[spec.Bars]:
-    """Bars of several keys side by side, one group at each whole number."""
-    width = 0.8 / max(len(values), 1)
-    return [
-        spec.Bars(
-            key=key,
-            places=np.arange(len(row)) + (i - (len(values) - 1) / 2) * width,
-            values=row,
-            texts=[_short(v) for v in row],
-            hover=f"{labels[key]}: %{{y:.3r}} {unit.name}",
-            width=0.92 * width,
-        )
-        for i, (key, row) in enumerate(values.items())
-    ]
-
-
-def _short(value: float) -> str:
-    """Two digits, without an exponent while that stays short."""
-    if not math.isfinite(value):
-        return "–"
-    if 100.0 <= value < 1e5:
-        return f"{value:.0f}"
-    return f"{value:#.2g}".removesuffix(".")
 
 
 def curves_figure(result: Result) -> spec.Figure | None:
     """Terms that the plate lacks, over the angle of attack."""
     if not result.curves:
         return None
+
     keys = {
-        "lack": f"the plate lacks, ± {BAND:g} standard errors",
+        "lack": f"the plate lacks, ± {_BAND:g} standard errors",
         "named": "identified",
         "rest": "unidentified",
     }
+
     panels = []
+
     for curve in result.curves:
         alpha = np.degrees(curve.alpha)
+        half = _BAND * curve.std
         rest = curve.lack - curve.named
-        marks = [
-            *_lack_marks("lack", curve),
+        lack = spec.Line(
+            "lack",
+            alpha,
+            curve.lack,
+            hover=_AT + " ± %{customdata:.2r}",
+            extra=curve.std,
+        )
+
+        marks: list[spec.Line | spec.Band] = [
+            spec.Band("lack", alpha, curve.lack - half, curve.lack + half),
+            lack,
             spec.Line("named", alpha, curve.named, hover=_AT),
             spec.Line("rest", alpha, rest, hover=_AT),
         ]
+
         panels.append(_term_panel(curve.term, marks, "alpha"))
+
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
@@ -150,18 +80,6 @@ def _term_panel(
         marks=[spec.Level(), *marks],
         x=spec.Axis(label=VARIABLES[variable][0], link=variable),
     )
-
-
-def _lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
-    """Curve of what a plate lacks with its band."""
-    alpha = np.degrees(curve.alpha)
-    half = BAND * curve.std
-    return [
-        spec.Band(key, alpha, curve.lack - half, curve.lack + half),
-        spec.Line(
-            key, alpha, curve.lack, hover=_AT + " ± %{customdata:.2r}", extra=curve.std
-        ),
-    ]
 
 
 def carried_figure(result: Result) -> spec.Figure | None:
@@ -225,19 +143,22 @@ def coefficients_figure(result: Result) -> spec.Figure:
     """Force and moment coefficients, flight by flight, before and after."""
     tables = _residual_tables(result)
     panels = []
+
     for model, table in tables.items():
-        lines = _flight_lines(table)
         for name, symbol in _COEFFICIENTS.items():
-            both = [(t.coefficients[name], t.modelled[name]) for t in tables.values()]
-            span = binning.bounds(np.concatenate(sum(both, ())))
+            shown = [t.coefficients[name] for t in tables.values()]
+            shown += [t.modelled[name] for t in tables.values()]
+            span = binning.bounds(np.concatenate(shown))
+
             panel = spec.Panel(
                 f"{symbol}, {LABELS[model]}",
-                _coefficient_marks(table, lines, name, model),
+                _coefficient_marks(table, name, model),
                 spec.Axis(VARIABLES["alpha"][0], link="alpha"),
                 spec.Axis(range=span, link=name),
                 height=250,
             )
             panels.append(panel)
+
     return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *tables)},
         panels=panels,
@@ -245,77 +166,84 @@ def coefficients_figure(result: Result) -> spec.Figure:
     )
 
 
-def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
-    """Medians over the angle of attack, flight by flight with gaps between."""
-    degrees = np.degrees(table.variables["alpha"])
-    lines: dict[str, list[np.ndarray]] = {n: [] for n in ("alpha", "flight")}
-    for number in np.unique(table.flight):
-        rows = table.flight == number
-        gap = [math.nan]
-        for name in _COEFFICIENTS:
-            place, middle = binning.binned_quantiles(
-                degrees[rows], table.coefficients[name][rows], bins=12, fewest=2
-            )
-            lines.setdefault(name, []).append(np.append(middle[0], gap))
-        lines["alpha"].append(np.append(place, gap))
-        lines["flight"].append(np.full(len(place) + 1, number))
-    return {name: np.concatenate(parts) for name, parts in lines.items()}
-
-
 def _coefficient_marks(
-    table: ResidualTable, lines: dict[str, np.ndarray], name: str, model: str
+    table: ResidualTable, name: str, model: str
 ) -> list[spec.Line | spec.Band]:
+    """A coefficient over the angle of attack: each flight, all of them, the model."""
     degrees = np.degrees(table.variables["alpha"])
     measured = table.coefficients[name]
-    place, rows = binning.binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
-    over, modelled = binning.binned_quantiles(degrees, table.modelled[name])
+    modelled = table.modelled[name]
+    alpha = []
+    middle = []
+    flight = []
+
+    for number in np.unique(table.flight):
+        rows = table.flight == number
+        place, [median] = binning.binned_quantiles(
+            degrees[rows], measured[rows], bins=12, fewest=2
+        )
+        # NaN leaves a gap between flights.
+        alpha.append(np.append(place, math.nan))
+        middle.append(np.append(median, math.nan))
+        flight.append(np.full(len(place) + 1, number))
+
+    each = spec.Line(
+        "measured",
+        np.concatenate(alpha),
+        bounded(np.concatenate(middle)),
+        hover=f"%{{text}}<br>{_AT}",
+        width=0.6,
+        is_solid=True,
+        opacity=0.4,
+        flight=np.concatenate(flight),
+    )
+
+    sixths = (1 / 6, 0.5, 5 / 6)
+    place, [low, median, high] = binning.binned_quantiles(degrees, measured, sixths)
+    hover = f"measured, median<br>{_AT}"
+    band = spec.Band("measured", place, low, high)
+    middle_line = spec.Line("measured", place, median, hover=hover)
+
+    place, [median] = binning.binned_quantiles(degrees, modelled)
     hover = f"{LABELS[model]}, median<br>{_AT}"
-    return [
-        spec.Line(
-            "measured",
-            lines["alpha"],
-            bounded(lines[name]),
-            hover=f"%{{text}}<br>{_AT}",
-            width=0.6,
-            is_solid=True,
-            opacity=0.4,
-            flight=lines["flight"],
-        ),
-        spec.Band("measured", place, rows[0], rows[2]),
-        spec.Line("measured", place, rows[1], hover=f"measured, median<br>{_AT}"),
-        spec.Line(model, over, modelled[0], hover=hover, width=2.0),
-    ]
+    model_line = spec.Line(model, place, median, hover=hover, width=2.0)
+    return [each, band, middle_line, model_line]
 
 
 def residual_figure(result: Result) -> spec.Figure | None:
-    """Residuals against the variables that matter, before and after."""
-    variables = _residual_variables(result)
+    """Residuals against up to three variables, before and after."""
+    tables = _residual_tables(result)
+    wanted = [name for e in result.effects for name in e.depends_on]
+    if len(set(wanted)) < 2:
+        wanted += ["alpha", "V"]
+
+    variables = []
+    for name in dict.fromkeys(wanted):
+        if all(_varies(table, name) for table in tables.values()):
+            variables.append(name)
+
+    variables = variables[:_MOST_VARIABLES]
     if not variables:
         return None
-    tables = _residual_tables(result)
-    pairs = itertools.product(range(len(RESIDUALS)), variables)
+
+    panels = []
+    for column in range(len(RESIDUALS)):
+        for name in variables:
+            panels.append(residual_panel(tables, name, column))
+
     return spec.Figure(
         keys={m: LABELS[m] for m in tables},
-        panels=[residual_panel(tables, name, column) for column, name in pairs],
+        panels=panels,
         columns=len(variables),
         flights=result.residual_after.names,
     )
 
 
-def _residual_variables(result: Result) -> list[str]:
-    """Up to three variables, those of the strongest effects first."""
-    wanted = [name for e in result.effects for name in e.depends_on]
-    if len(set(wanted)) < 2:
-        wanted += ["alpha", "V"]
-    tables = _residual_tables(result).values()
-    there = [n for n in dict.fromkeys(wanted) if all(_varies(t, n) for t in tables)]
-    return there[: max(2, min(3, len(there)))]
-
-
 def _varies(table: ResidualTable, name: str) -> bool:
+    """Whether a variable has more than one value."""
     values = table.variables.get(name, np.zeros(0))
-    values = values[np.isfinite(values)]
-    return values.size > 0 and float(np.ptp(values)) > 0.0
+    finite = values[np.isfinite(values)]
+    return len(np.unique(finite)) > 1
 
 
 def residual_panel(
@@ -324,38 +252,50 @@ def residual_panel(
     """Residuals of models against a variable, with their binned medians."""
     name, unit = list(RESIDUALS.items())[column]
     label, factor = VARIABLES[variable]
+    said = f"%{{x:.3r}}: %{{y:.3r}} {unit.name}"
     clouds = []
     medians = []
+    every_x = []
+    every_y = []
+
     for model, table in tables.items():
         x = table.variables[variable] * factor
         y = table.residual[:, column]
+        every_x.append(x)
+        every_y.append(y)
+
         # The same rows in all panels: a page holds each column once.
-        rows = binning.thin(np.sum(table.residual, axis=1), table.flight)
-        time = table.variables["t"]
-        said = f"%{{x:.3r}}: %{{y:.3r}} {unit.name}"
-        clouds.append(
-            spec.Points(
-                model,
-                x[rows],
-                bounded(y[rows]),
-                hover=f"%{{text}}<br>{said}, {LABELS[model]}",
-                size=3.5,
-                opacity=0.45,
-                flight=table.flight[rows],
-                time=time[rows],
-            )
+        total = np.sum(table.residual, axis=1)
+        rows = binning.thin(total, table.flight)
+        cloud = spec.Points(
+            model,
+            x[rows],
+            bounded(y[rows]),
+            hover=f"%{{text}}<br>{said}, {LABELS[model]}",
+            size=3.5,
+            opacity=0.45,
+            flight=table.flight[rows],
+            time=table.variables["t"][rows],
         )
-        place, median = binning.binned_quantiles(x, y)
-        hover = f"median, {LABELS[model]}<br>{said}"
-        medians.append(
-            spec.Line(model, place, median[0], hover=hover, width=2.4, is_solid=True)
+        clouds.append(cloud)
+
+        place, [median] = binning.binned_quantiles(x, y)
+        line = spec.Line(
+            model,
+            place,
+            median,
+            hover=f"median, {LABELS[model]}<br>{said}",
+            width=2.4,
+            is_solid=True,
         )
-    everything = np.concatenate([t.residual[:, column] for t in tables.values()])
-    over = np.concatenate([t.variables[variable] for t in tables.values()]) * factor
+        medians.append(line)
+
+    across = binning.bounds(np.concatenate(every_x))
+    along = binning.bounds(np.concatenate(every_y), around=0.0)
     return spec.Panel(
         f"{name} [{unit.name}]",
         [spec.Level(), *clouds, *medians],
-        spec.Axis(label, binning.bounds(over), link=variable),
-        spec.Axis(range=binning.bounds(everything, around=0.0), link=name),
+        spec.Axis(label, across, link=variable),
+        spec.Axis(range=along, link=name),
         height=240,
     )

@@ -16,7 +16,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from glider.experiments.proposal import MOST_THROWS, Proposal
+from glider.experiments.proposal import Proposal
 from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
 from glider.physics.servo import elevator_path
@@ -30,11 +30,14 @@ _SURE = 0.99
 """Probability of the best explanation among the listed ones above which it is alone."""
 
 _SMALL = 1.0 / 3.0
-"""Scatter by the coefficients over that by the air below which the air dominates: they
-then add less than 6 % to it."""
+"""Scatter by the coefficients over that by chance, or over the noise of a position,
+below which that dominates: they then add less than 6 % to it."""
 
-_LEAST_GAIN = 0.02  # Least gain of probability by throws that are worth flying.
-_NAMED = 0.01  # Probability above which an explanation is named.
+_LEAST_GAIN = 0.02
+"""Least gain of probability by throws that are worth flying."""
+
+_NAMED = 0.01
+"""Probability above which an explanation is named."""
 
 _INSEPARABLE = 3.0
 """Expected log-evidence below which explanations stay indistinguishable [nats]."""
@@ -50,7 +53,8 @@ def is_one_left(proposal: Proposal) -> bool:
 
 def is_done(proposal: Proposal) -> bool:
     """Checks whether more flights would show nothing more."""
-    is_known = proposal.ending_now < _SMALL * proposal.ending_air
+    least = max(proposal.ending_air, proposal.noise)
+    is_known = proposal.ending_now < _SMALL * least
     is_explained = not proposal.explanations[0].model.blocks
     return is_one_left(proposal) and is_known and is_explained
 
@@ -67,7 +71,6 @@ def sentences(proposal: Proposal) -> list[str]:
         is_one_left=is_one_left(p),
         is_better=p.chance_then >= p.chance_now + _LEAST_GAIN,
         is_done=is_done(p),
-        most=MOST_THROWS,
         inseparable=[
             (i, j)
             for i, j in itertools.combinations(likely, 2)
@@ -76,6 +79,7 @@ def sentences(proposal: Proposal) -> list[str]:
         chance=_chance,
         length=format_length,
     )
+
     return [line for line in text.splitlines() if line]
 
 
@@ -83,6 +87,7 @@ def throw_words(proposal: Proposal, number: int) -> str:
     """Returns a launch as people set it."""
     throw = proposal.throws[number - 1]
     pitch = float(throw.launch[2])
+
     return (
         f"release at {throw.launch[1]:.2f} m, {throw.speed:.2f} m/s, flight path "
         f"{_up_or_down(throw.climb)}, nose {_up_or_down(-pitch)}"
@@ -90,12 +95,17 @@ def throw_words(proposal: Proposal, number: int) -> str:
 
 
 def _up_or_down(angle: float) -> str:
-    return f"{abs(math.degrees(angle)):.1f}° {'up' if angle >= 0.0 else 'down'}"
+    """An angle as people set it."""
+    size = abs(math.degrees(angle))
+    side = "up" if angle >= 0.0 else "down"
+    return f"{size:.1f}° {side}"
 
 
 def _chance(value: float) -> str:
+    """A probability of two digits."""
     if value < 0.01:
         return "under 0.01"
+
     return "over 0.99" if value > 0.99 else f"{value:.2f}"
 
 
@@ -114,9 +124,11 @@ def write_proposal(proposal: Proposal, folder: Path) -> None:
     """
     old = [path.name for path in folder.glob("commands_*.csv")]
     files: dict[str, bytes | None] = dict.fromkeys(old)
+
     for number, throw in enumerate(proposal.throws, start=1):
         tape = tape_text(throw.times, throw.commands, throw.end)
         files[commands_name(number)] = tape.encode()
+
     files["next_throw.png"] = draw_proposal(proposal)
     files["next_throw.json"] = f"{json_text(to_json(proposal))}\n".encode()
     replace_files(folder, files, last="next_throw.json")
@@ -146,18 +158,12 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
                 }
                 for k, t in enumerate(p.throws, start=1)
             ],
-            "chance": {
-                "now": p.chance_now,
-                "then": p.chance_then,
-                "as_many_of_the_present_kind": p.chance_same_kind,
-            },
-            "throws_of_the_present_kind_for_the_same": p.equivalent,
+            "chance": {"now": p.chance_now, "then": p.chance_then},
             "expected_log_evidence": p.distances,
             "end_of_flight_m": {
                 "air": p.ending_air,
                 "coefficients_now": p.ending_now,
                 "coefficients_then": p.ending_then,
-                "coefficients_by_the_present_kind": p.ending_same_kind,
             },
             "coefficients": {
                 name: {"std_now": now, "std_then": then, "unit": unit}
@@ -167,6 +173,7 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
             "seconds": p.seconds,
         }
     )
+
     return found
 
 
@@ -174,7 +181,9 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
     """Prints what is expected, the launches and where their commands are."""
     for sentence in sentences(proposal):
         console.print(sentence, highlight=False)
+
     console.print()
+
     for number in range(1, len(proposal.throws) + 1):
         console.print(
             f"Throw {number}: {throw_words(proposal, number)}; "
@@ -182,15 +191,20 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
             highlight=False,
             soft_wrap=True,
         )
+
     if not proposal.stds:
         return
+
     console.print()
     table = Table(box=box.SIMPLE_HEAD)
+
     for title in (proposal.explanations[0].name, "now ±", "then ±"):
         table.add_column(title)
+
     for name, (*stds, unit) in proposal.stds.items():
         estimates = [Estimate(value=std, std=0.0, unit=unit) for std in stds]
         table.add_row(name, *map(format_estimate, estimates))
+
     console.print(table)
 
 
@@ -203,24 +217,34 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         ("time since release [s]", "commanded elevator,\nup > 0 [°]"),
         ("time since release [s]", "difference of explanations,\nas fitted now [mm]"),
     ][: 3 if several else 2]
+
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 8.0 if several else 6.0), layout="constrained")
         axes = figure.subplots(len(labels))
+
         for k, path in enumerate(p.flown):
             label = "flown" if k == 0 else None
-            axes[0].plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)
+            x, z = path[:, :2].T
+            axes[0].plot(x, z, color="#C4C4C4", lw=0.9, label=label)
+
         for k in range(len(p.throws)):
             _draw_throw(axes, p, k)
-        axes[0].axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
+
+        floor = p.place.limits.z[0]
+        axes[0].axhline(floor, color="k", lw=0.9, ls=":", label="floor")
+
         for stop in p.place.limits.elevator:
             axes[1].axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
+
         for ax, (xlabel, ylabel) in zip(axes, labels, strict=True):
             ax.locator_params(nbins=5, steps=[1, 2, 5, 10])
             ax.set(xlabel=xlabel, ylabel=ylabel)
+
         entries = axes[0].get_legend_handles_labels()[1]
         figure.legend(loc="outside upper center", ncols=len(entries))
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
+
     return buffer.getvalue()
 
 
@@ -228,16 +252,26 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
     """Draws a throw: its paths by each explanation, its tape, how the paths differ."""
     throw = p.throws[number]
     paths = p.paths[number]
+    first = paths[0, :, :2]
     color = _COLORS[number % len(_COLORS)]
+    path_axes, tape_axes, *others = axes
+
     for e, path in enumerate(paths):
-        style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}
+        dashes = _LINES[e % len(_LINES)]
+        style: Any = {"color": color, "ls": dashes, "lw": 1.7}
         label = f"throw {number + 1}" if e == 0 else None
-        axes[0].plot(*path[:, :2].T, label=label, **style)
-        if len(axes) > 2:
-            apart = 1e3 * np.linalg.norm(path[:, :2] - paths[0, :, :2], axis=1)
-            axes[2].plot(np.arange(len(path)) / p.place.pose_rate, apart, **style)
-    axes[0].plot(*paths[0, 0, :2], "o", color=color, ms=4)
+        x, z = path[:, :2].T
+        path_axes.plot(x, z, label=label, **style)
+
+        for ax in others:
+            time = np.arange(len(path)) / p.place.pose_rate
+            apart = np.linalg.norm(path[:, :2] - first, axis=1)
+            ax.plot(time, 1e3 * apart, **style)
+
+    x, z = first[0]
+    path_axes.plot(x, z, "o", color=color, ms=4)
     times = np.append(throw.times, throw.end)
-    tape = throw.times, throw.commands
-    angles = elevator_path(*tape, times, p.place.servo, start=p.place.rest)
-    axes[1].plot(times, np.degrees(angles), color=color, lw=1.6)
+    angles = elevator_path(
+        throw.times, throw.commands, times, p.place.servo, start=p.place.rest
+    )
+    tape_axes.plot(times, np.degrees(angles), color=color, lw=1.6)

@@ -23,6 +23,7 @@ class Unit:
         """A number [SI] of three digits in this unit, without its name."""
         if math.isnan(value):
             return MISSING
+
         return _DIVERGES if abs(value) >= DIVERGED else _three_digits(value / self.size)
 
     def text(self, value: float) -> str:
@@ -30,13 +31,14 @@ class Unit:
         digits = self.digits(value)
         if digits in (MISSING, _DIVERGES) or self.name in ("", "-"):
             return digits
+
         return digits + self.name if self.name == "°" else f"{digits} {self.name}"
 
 
 DEGREE = Unit(name="°", size=math.radians(1.0))
 _METRE = Unit(name="m")
 _CENTIMETRE = Unit(name="cm", size=1e-2)
-MILLIMETRE = Unit(name="mm", size=1e-3)
+_MILLIMETRE = Unit(name="mm", size=1e-3)
 
 
 def length_unit(*values: float) -> Unit:
@@ -47,7 +49,8 @@ def length_unit(*values: float) -> Unit:
     sizes = [abs(v) for v in values if 0.0 < abs(v) < DIVERGED] or [1.0]
     if min(sizes) >= 0.0995 or max(sizes) >= 10.0:
         return _METRE
-    return _CENTIMETRE if min(sizes) >= 0.00995 else MILLIMETRE
+
+    return _CENTIMETRE if min(sizes) >= 0.00995 else _MILLIMETRE
 
 
 def format_length(value: float) -> str:
@@ -65,20 +68,25 @@ def format_estimate(c: Estimate) -> str:
     unit = "" if c.unit in ("", "-") else f" {c.unit}"
     if not math.isfinite(c.value):
         return MISSING
+
     if not (math.isfinite(c.std) and c.std > 0.0):
         return f"{c.value:.4g}{unit}"
+
     digits = -math.floor(math.log10(c.std))
     if f"{c.std:e}"[0] == "1":  # 0.0014, not 0.001.
         digits += 1
+
     if digits > 6:
         power = math.floor(math.log10(max(abs(c.value), c.std)))
         scale = 10.0**power
         digits = max(digits + power, 0)
         number = f"({c.value / scale:.{digits}f} ± {c.std / scale:.{digits}f})"
         return f"{number}e{power}{unit}"
+
     value = round(c.value, digits)
     std = round(c.std, digits)
     digits = max(digits, 0)
+
     return f"{value:.{digits}f} ± {std:.{digits}f}{unit}"
 
 
@@ -86,6 +94,7 @@ def in_degrees(c: Estimate) -> str:
     """An angle as " (3.0°)", else nothing."""
     if c.unit != "rad" or not math.isfinite(c.value):
         return ""
+
     return f" ({math.degrees(c.value):.1f}°)"
 
 
@@ -94,8 +103,10 @@ def format_spread(std: float, unit: str, error: float = math.nan) -> str:
     text = format_estimate(Estimate(std, error, unit))
     if not math.isfinite(error):
         text = Unit(name=unit).text(std)
+
     if unit != "rad" or not math.isfinite(std):
         return text
+
     return f"{text} ({format_angle(std)})"
 
 
@@ -109,27 +120,30 @@ def format_evidence(evidence: float) -> str:
     return f"{evidence:+,.0f}" if math.isfinite(evidence) else MISSING
 
 
-def format_factor(factor: float) -> str:
-    """Returns "1,000×", "2.5×" or "0.31×"."""
-    if not math.isfinite(factor):
+def format_gain(before: float, after: float) -> str:
+    """The factor by which an error fell: "1,000×", "2.5×" or "0.31×"."""
+    if before >= DIVERGED > after:
+        return "∞"
+
+    if not (0.0 < before < DIVERGED and 0.0 < after < DIVERGED):
         return MISSING
+
+    factor = before / after
     if factor >= 10.0:
         return f"{factor:,.0f}×"
+
     return f"{factor:.1f}×" if factor >= 0.95 else f"{factor:.2f}×"
 
 
-def format_gain(before: float, after: float) -> str:
-    """The factor by which an error fell."""
-    if before >= DIVERGED > after:
-        return "∞"
-    if not (0.0 < before < DIVERGED and 0.0 < after < DIVERGED):
-        return MISSING
-    return format_factor(before / after)
-
-
 def _three_digits(value):
-    if abs(value) >= 100.0:
+    """Digits of a number, three that count."""
+    size = abs(value)
+    if size >= 100.0:
         return f"{value:,.0f}"
-    if value == 0.0 or abs(value) < 1e-4:
+
+    if value == 0.0 or size < 1e-4:
         return f"{value:.2g}"
-    return f"{value:.{max(2 - math.floor(math.log10(abs(value))), 0)}f}"
+
+    digits = 2 - math.floor(math.log10(size))
+
+    return f"{value:.{max(digits, 0)}f}"

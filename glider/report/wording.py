@@ -80,6 +80,7 @@ def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
     items = list(effect.coefficients.items())
     units = {name: c.unit for name, c in items}
     others = effect.indistinguishable_from
+
     return {
         "kind": effect.kind,
         "is_unexplained": effect.kind == "unexplained",
@@ -117,26 +118,34 @@ def combination_rows(result: Result) -> list[_CombinationRow]:
     effects = {e.kind for e in result.effects if not math.isnan(e.evidence)}
     chosen = tried & effects
     best = result.combinations[0].evidence if result.combinations else math.nan
-    return [
-        _CombinationRow(
-            words_of(result, c.kinds),
-            numbers.format_evidence(c.evidence - best) if i else "",
-            set(c.kinds) == chosen,
-        )
-        for i, c in enumerate(result.combinations)
-    ]
+
+    rows = []
+
+    for i, c in enumerate(result.combinations):
+        words = words_of(result, c.kinds)
+        behind = numbers.format_evidence(c.evidence - best) if i else ""
+        rows.append(_CombinationRow(words, behind, set(c.kinds) == chosen))
+
+    return rows
 
 
 def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
     """File, effects and probability of the corrected model and its rivals, if any."""
     if not result.rivals:
         return []
+
     models = {"model.yaml": result.alternatives[0]}
-    models |= {f"rivals/rival_{k}.yaml": own for k, own in enumerate(result.rivals, 1)}
-    return [
-        (file, _of_model(result, own.model), f"{100.0 * own.probability:.3g} %")
-        for file, own in models.items()
-    ]
+
+    for number, own in enumerate(result.rivals, 1):
+        models[f"rivals/rival_{number}.yaml"] = own
+
+    rows = []
+
+    for file, own in models.items():
+        share = f"{100.0 * own.probability:.3g} %"
+        rows.append((file, _of_model(result, own.model), share))
+
+    return rows
 
 
 def _of_model(result, model):
@@ -148,13 +157,16 @@ def _of_model(result, model):
 
 def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
     """Pairs of coefficients with correlated errors, the closest first."""
-    pairs = {
-        tuple(sorted((a, b))): value
-        for a, row in result.correlations.items()
-        for b, value in row.items()
-        if a != b and abs(value) >= _WORTH_SHOWING  # False for NaN.
-    }
+    pairs = {}
+
+    for a, row in result.correlations.items():
+        for b, value in row.items():
+            if a != b and abs(value) >= _WORTH_SHOWING:  # False for NaN.
+                pair = tuple(sorted((a, b)))
+                pairs[pair] = value
+
     ranked = sorted(pairs.items(), key=lambda pair: -abs(pair[1]))
+
     return [(a, b, f"{value:+.2f}") for (a, b), value in ranked[:_MOST_PAIRS]]
 
 
@@ -164,39 +176,38 @@ def vehicle_rows(result: Result) -> list[tuple[str, str]]:
 
 
 def _values(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, str]]:
-    return [
-        (name_of(name), numbers.format_estimate(c) + numbers.in_degrees(c))
-        for name, c in estimates
-    ]
+    """Names and estimates, angles in degrees too."""
+    rows = []
+
+    for name, c in estimates:
+        text = numbers.format_estimate(c) + numbers.in_degrees(c)
+        rows.append((name_of(name), text))
+
+    return rows
 
 
 def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     """Flight-to-flight variations: name, standard deviation, the largest value."""
     rows = []
+
     for name, spread in result.spreads.items():
         known = {f: v for f, v in spread.values.items() if math.isfinite(v)}
         most = max(known, key=lambda f: abs(known[f]), default=None)
         largest = numbers.MISSING
+
         if most is not None:
             largest = f"{most}: {numbers.format_spread(known[most], spread.unit)}"
+
         std = numbers.format_spread(spread.std, spread.unit, spread.std_error)
         rows.append((name_of(name), std, largest))
+
     return rows
-
-
-def spread_values(result: Result) -> list[tuple[str, list[str]]]:
-    """Values of each fitted flight, in the order of the variations."""
-    spreads = result.spreads.values()
-    flights = dict.fromkeys(flight for s in spreads for flight in s.values)
-    return [
-        (f, [numbers.format_spread(s.values.get(f, math.nan), s.unit) for s in spreads])
-        for f in flights
-    ]
 
 
 def _numbers_of(value: Any) -> str:
     if value is None:
         return "not given"
+
     return ", ".join(f"{v:g}" for v in np.atleast_1d(value))
 
 

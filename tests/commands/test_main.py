@@ -14,9 +14,7 @@ from pathlib import Path
 import pytest
 
 from glider.__main__ import main
-from glider.campaign.writer import save_campaign
 from tests.helpers.campaigns import campaign_path, first_flights
-from tests.helpers.lifelike import draw_throws
 from tests.report.results import make_result
 
 
@@ -206,15 +204,6 @@ def test_bad_input_of_next_throw_is_reported(arguments, words, capsys, tmp_path)
     message = capsys.readouterr().err.strip()
     assert words in message
     assert not out.exists()
-
-
-def test_a_glider_that_takes_no_commands_is_not_traced(capsys, monkeypatch, tmp_path):
-    """It would take its time, and no throw could be proposed."""
-    monkeypatch.setattr("glider.sysid.pipeline.close_the_loop", None)
-    folder = tmp_path / "thrown"
-    save_campaign(folder, draw_throws(0, 3)[0])
-    assert main(["next-throw", str(folder), "--out", str(tmp_path / "out")]) == 2
-    assert "a servo that can be commanded" in capsys.readouterr().err
 
 
 # --------------------------------------------------------- commands of `diagrams`

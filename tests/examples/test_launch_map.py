@@ -19,7 +19,8 @@ def found():
     problem = PerchingProblem()
     launches = np.tile(problem.launch, (6, 1))
     launches[:, 4] = [4.5, 5.0, 5.5, 6.5, 7.0, 8.0]
-    return reach.find_reach(GliderModel(), problem, launches)
+    planned = reach.find_reach(GliderModel(), problem, launches)
+    return launch_map.LaunchMap(launches=launches, planned=planned, seconds=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +55,7 @@ def test_launches_are_drawn_within_the_box_and_shared_by_workers(monkeypatch):
 
     def find(model, problem, launches, progress=None):
         asked.append(launches)
-        return reach.Reach(
-            launches=launches, planned=np.ones(len(launches), dtype=bool), seconds=1.0
-        )
+        return np.ones(len(launches), dtype=bool)
 
     monkeypatch.setattr(launch_map.reach, "find_reach", find)
     launch_map.run(50, seed=1)

@@ -7,13 +7,14 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from glider.experiments.explanations import Explanation
-from glider.experiments.forecast import Forecast, added, times
+from glider.experiments.forecast import Forecast, added
 from glider.experiments.throw_limits import limits_flown
-from glider.experiments.throws import flown_throw, log_of, range_of
+from glider.experiments.throws import log_of, range_of
 from glider.physics.effects import NO_FIELD
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.replay.record import prepare
+from tests.helpers.late import flown_throw
 
 
 def forecast_of(late, explanations=None):
@@ -163,7 +164,7 @@ def test_more_flights_show_more_and_leave_less_open(late):
     throws = [flown_throw(r) for r in late[1].records[:2]]
     grams = forecast.grams(forecast.logs(throws))
     both = added(grams)
-    told = [forecast.futures(g) for g in (grams[0], both, times(both, 10.0))]
+    told = [forecast.futures(g) for g in (grams[0], both, added([both] * 10))]
     opens = [forecast.open(f) for f in told]
     assert opens[0] > opens[1] > opens[2] > 0.0
     before, after = forecast.covariance(), forecast.covariance(both)

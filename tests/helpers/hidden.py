@@ -158,12 +158,10 @@ def weigh(
 
     An oracle's, who knows which effects it may be.
     """
-    first, *others = rivals
+    first = rivals[0]
     size = KINDS[first].coefficients[0]
     start = GliderModel(effects=(KINDS[first](**{size.name: 0.05 * size.scale}),))
-    findings = Findings(
-        model=start, kinds=(first,), rivals={first: tuple(others)}, combinations=()
-    )
+    findings = Findings(model=start, kinds=(first,))
     known, task, noise = read_task(campaign(flights), findings)
     task = dataclasses.replace(task, kinds=tuple(rivals))
     alone = [e for e in explain(task, noise, findings) if len(e.model.kinds) == 1]

@@ -9,11 +9,13 @@ from glider.campaign.logs import Campaign
 from glider.experiments import throw_search
 from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.proposal import Proposal, propose, read_task
+from glider.experiments.throws import Throw
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
+from glider.physics.state import ELEVATOR
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.record import Noise
+from glider.sysid.replay.record import Noise, Record
 
 LATE = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.002),))
 
@@ -25,14 +27,20 @@ def late_posterior() -> Posterior:
     """Returns campaign, task, noise and explanations."""
     rng = np.random.default_rng(1)
     campaign = CampaignPlan(flights=4).simulate(LATE, rng)
-    findings = Findings(
-        model=LATE,
-        kinds=("servo_lag",),
-        rivals={"servo_lag": ("command_delay",)},
-        combinations=(),
-    )
+    findings = Findings(model=LATE, kinds=("servo_lag",))
     campaign, task, noise = read_task(campaign, findings)
     return campaign, task, noise, explain(task, noise, findings)
+
+
+def flown_throw(record: Record) -> Throw:
+    """Returns a flown flight as a throw, from its smoothed log."""
+    nodes = record.nodes[0]
+    return Throw(
+        launch=np.append(nodes[:ELEVATOR], [record.rest, *nodes[4:7]]),
+        times=record.switch_times,
+        commands=record.commands,
+        duration=float(record.time[-1]),
+    )
 
 
 @functools.cache

@@ -15,9 +15,9 @@ from glider.report.as_page import page_data, rounded
 from glider.report.error_table import distance
 from glider.report.flight_figures import MOST_FLIGHTS, flights_in_page
 from glider.report.folder import FIGURES, make_figures, to_html
-from glider.report.model_figures import BAND, carried_figure
+from glider.report.model_figures import carried_figure
 from glider.report.plots.binning import binned_quantiles
-from glider.report.plots.figure import Band, Bars, Ground, Level, Line, Points
+from glider.report.plots.figure import Band, Ground, Level, Line, Points
 from glider.report.plots.style import INKS, VARIABLES
 from tests.report.results import VARIANTS, make_curve, make_flight, make_result
 
@@ -60,19 +60,6 @@ def test_a_page_holds_the_numbers_of_the_figures(variant):
                 finite = np.where(np.isfinite(mark.y), mark.y, math.nan)
                 np.testing.assert_allclose(numbers(line["y"]), finite, rtol=1e-4)
     assert len({json.dumps(c) for c in data["columns"]}) == len(data["columns"])
-
-
-def test_bars_are_the_errors_and_those_of_a_perfect_model():
-    result = make_result()
-    place = FIGURES["errors"](result).panels[2]
-    (bars,) = of_kind(place, Bars, "nominal")
-    np.testing.assert_allclose(bars.values, [413.0, 900.0, 220.0])
-    assert bars.texts == ["413", "900", "220"]
-    (floor,) = of_kind(place, Line, "floor")
-    np.testing.assert_allclose(floor.y[[0, 4]], [0.566, 0.501])
-    assert [p.title for p in FIGURES["errors"](result).panels][2:] == [
-        *("position [mm]", "pitch [°]")
-    ]
 
 
 def test_held_out_flights_are_drawn_as_they_are():
@@ -138,7 +125,7 @@ def test_the_unidentified_curve_is_what_effects_leave():
     np.testing.assert_allclose(rest.x, np.degrees(curve.alpha))
     np.testing.assert_allclose(rest.y, curve.lack - curve.named)
     (band,) = of_kind(panel, Band)
-    np.testing.assert_allclose(band.high - band.low, 2.0 * BAND * curve.std)
+    np.testing.assert_allclose(band.high - band.low, 4.0 * curve.std)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])

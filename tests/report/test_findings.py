@@ -10,13 +10,7 @@ import pytest
 
 from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
-from glider.report.error_table import (
-    COLUMNS,
-    STANDS_OUT,
-    error_rows,
-    position_rms,
-    worst_flights,
-)
+from glider.report.error_table import COLUMNS, error_rows, position_rms, rank_flights
 from glider.report.folder import FIGURES, to_html
 from glider.report.numbers import length_unit
 from glider.report.plots.figure import Ground, Line
@@ -29,7 +23,6 @@ from glider.report.wording import (
     remarks,
     say,
     spread_rows,
-    spread_values,
     vehicle_rows,
 )
 from glider.sysid.report import (
@@ -420,48 +413,17 @@ def test_the_flight_that_differs_most_is_named():
     ]
 
 
-def test_each_flights_own_values_are_listed():
-    wind = Spread(std=0.1, unit="m/s", values={"flight_002.csv": 0.25})
-    result = make_result(spreads=make_result().spreads | {"wind": wind})
-    assert spread_values(result) == [
-        ("flight_001.csv", ["0.0150 rad (0.859°)", "–"]),
-        ("flight_002.csv", ["-0.0310 rad (-1.78°)", "0.250 m/s"]),
-    ]
-    page = flat(Page(to_html(result)).text)
-    assert "flight_002.csv-0.0310 rad (-1.78°)0.250 m/s" in page
-
-
-def test_flights_that_stand_out_are_the_worst_ones_first():
-    misses = {"a": 0.105, "b": 0.11, "c": 0.12, "d": 0.1, "e": 0.5, "f": 0.09, "g": 0.2}
-    flights = tuple(make_flight(f"{n}.csv", m) for n, m in misses.items())
-    result = make_result(
-        held_out=flights, planarity={"e.csv": "not planar: roll up to 31°"}
-    )
-    rows = worst_flights(result)
-    assert [r.name[0] for r in rows] == ["e", "g", "c", "b", "a"]
-    assert [r.stands_out for r in rows] == [True, False, False, False, False]
-    assert rows[0].times == f"{0.5 / 0.11:.1f}×"
-    assert float(rows[0].after) == pytest.approx(
-        1e3 * position_rms(flights[4], "corrected"), rel=1e-2
-    )
-    assert {r.unit for r in rows} == {"mm"}
-    assert rows[0].planarity == "not planar: roll up to 31°"
-    page = flat(Page(to_html(result)).text)
-    assert "stands out. not planar" in page
-    assert f"more than {STANDS_OUT:g} times the median" in page
-
-
-def test_a_flight_that_diverged_stands_out():
+def test_a_flight_that_diverged_is_the_worst():
     lost = make_flight("lost.csv", 0.1)
     flown = {**lost.flown, "corrected": np.full((50, 3), np.nan)}
     flights = (
-        make_flight("a.csv", 0.1),
+        make_flight("b.csv", 0.2),
         dataclasses.replace(lost, flown=flown),
-        dataclasses.replace(lost, name="too.csv", flown=flown),
+        make_flight("a.csv", 0.1),
     )
-    worst = worst_flights(make_result(held_out=flights))[0]
-    assert (worst.after, worst.times) == ("diverges", "–")
-    assert worst.stands_out
+    ranked = rank_flights(make_result(held_out=flights))
+    assert [flight.name for flight in ranked] == ["a.csv", "b.csv", "lost.csv"]
+    assert math.isinf(position_rms(ranked[-1], "corrected"))
 
 
 def test_evidence_is_told_as_it_was_found():

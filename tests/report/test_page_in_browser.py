@@ -216,19 +216,6 @@ def check_columns_of_errors(page):
     assert right[0] == pytest.approx(right[1], abs=2.0)
 
 
-def test_bars_of_errors_are_as_wide_as_each_other_and_readable(desk):
-    plots = desk.page.locator("#errors .plot").all()
-    assert len({round(plot.bounding_box()["width"]) for plot in plots}) == 1
-    sizes = desk.page.evaluate(
-        """[...document.querySelectorAll("#errors .bartext")].map((e) => {
-            const box = e.getBoundingClientRect();
-            return [box.height, box.width / e.textContent.length];
-        })"""
-    )
-    assert min(height for height, _ in sizes) >= 8.0
-    assert min(width for _, width in sizes) >= 4.0  # None is upright.
-
-
 @contextlib.contextmanager
 def in_the_dark(page, look):
     """The page for a reader whose system is dark; yields how it looked in the light."""

@@ -11,13 +11,11 @@ from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 from matplotlib.text import Text
 
-from glider.report.error_table import columns_of
 from glider.report.folder import FIGURES
 from glider.report.plots.as_file import draw, to_png
 from glider.report.plots.figure import (
     Axis,
     Band,
-    Bars,
     Figure,
     Ground,
     Level,
@@ -26,7 +24,7 @@ from glider.report.plots.figure import (
     Points,
 )
 from glider.report.plots.style import COLORS
-from tests.report.results import VARIANTS, make_errors, make_result
+from tests.report.results import VARIANTS
 from tests.report.test_findings import ALL_MODELS
 
 X = np.array([0.0, 1.0, 2.0])
@@ -53,9 +51,8 @@ def seen(picture, key):
     [
         Line(key="corrected", x=X, y=X, width=4.0),
         Points(key="corrected", x=X, y=X, size=20.0),
-        Bars(key="corrected", places=X, values=X, texts=("", "", ""), hover=""),
     ],
-    ids=("line", "points", "bars"),
+    ids=("line", "points"),
 )
 def test_a_mark_is_seen_in_its_color(mark):
     picture = picture_of(mark)
@@ -149,10 +146,11 @@ def test_legend_titles_and_labels_are_inside_and_apart(name, result):
             assert box.y1 <= lowest + 1.0, text
 
 
-@pytest.mark.parametrize("result", [make_result(), ALL_MODELS], ids=("three", "four"))
-def test_texts_do_not_overlap(result):
-    errors = dict.fromkeys(columns_of(result), make_errors(0.5432))
-    picture = draw(FIGURES["errors"](make_result(errors=errors)))
-    for one, other in combinations(drawn_texts(picture), 2):
-        a, b = one.get_window_extent(), other.get_window_extent()
+@pytest.mark.parametrize("name", FIGURES)
+def test_texts_do_not_overlap(name):
+    result = dataclasses.replace(ALL_MODELS, model=VARIANTS["unexplained"].model)
+    texts = drawn_texts(draw(FIGURES[name](result)))
+    for one, other in combinations(texts, 2):
+        a = one.get_window_extent()
+        b = other.get_window_extent()
         assert not a.overlaps(b), f"{one} covers {other}"

@@ -44,7 +44,7 @@ from tests.report.results import (
 SLOW = pytest.mark.slow
 
 FIGURES = {
-    *("errors", "curves", "carried", "coefficients"),
+    *("curves", "carried", "coefficients"),
     *("held_out", "innovations", "residual"),
 }
 
@@ -422,11 +422,11 @@ def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
     write_report(make_result(model=VARIANTS["unexplained"].model), tmp_path)
     (tmp_path / "figures" / "mine.png").write_bytes(b"")
     assert {p.stem for p in tmp_path.glob("figures/*.png")} == FIGURES | {"mine"}
-    fewer = {"errors": make_figures(make_result())["errors"]}
+    fewer = {"curves": make_figures(make_result())["curves"]}
     monkeypatch.setattr("glider.report.folder.make_figures", lambda result: fewer)
     write_report(VARIANTS["no effect"], tmp_path)
-    assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"errors", "mine"}
-    assert (tmp_path / "figures" / "errors.png").read_bytes() == STUB
+    assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"curves", "mine"}
+    assert (tmp_path / "figures" / "curves.png").read_bytes() == STUB
     data = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert data["verdict"] == "no_effect"
     assert headline(VARIANTS["no effect"]) in (tmp_path / "report.html").read_text(

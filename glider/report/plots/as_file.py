@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import matplotlib
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -24,13 +23,20 @@ _DPI = 110.0
 _PIXEL = 72.0 / 92.0  # Height of a page's pixel in points.
 _LETTER = 5.2  # Width of a letter in points.
 _LINE = 13.0  # Height of a line of text in points.
-_SPACE = 10.0  # Space beside panels in points.
+
+# Space around each panel for its texts, in points: matplotlib's layouts, which measure
+# all texts, take as long as the drawing.
+_LEFT = 56.0
+_RIGHT = 10.0
+_ABOVE = 22.0
+_BELOW = 36.0
 
 
 def to_png(figure: spec.Figure, dpi: float = _DPI, width: float = _WIDTH) -> bytes:
     """Draws a figure as a PNG file."""
     buffer = io.BytesIO()
-    draw(figure, width).savefig(buffer, format="png", dpi=dpi)
+    picture = draw(figure, width)
+    picture.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
 
 
@@ -38,58 +44,54 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
     """Draws the shown panels of a figure, row by row, below its legend."""
     panels = figure.shown
     columns = min(figure.columns, len(panels))
-    rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
-    heights = [_PIXEL * max(panel.height for panel in row) for row in rows]
+    rows = math.ceil(len(panels) / columns)
+    row_height = _PIXEL * max(panel.height for panel in panels)
+
     longest = max(map(len, figure.keys.values()), default=0)
-    entries_per_row = max(1, int(width / (45.0 + 5.2 * longest)))
-    legend_rows = math.ceil(len(figure.keys) / entries_per_row)
-    height = sum(heights) + _LINE * legend_rows + 5.0
+    entry = 45.0 + _LETTER * longest
+    entries = max(1, int(width / entry))  # In a row.
+    lines = math.ceil(len(figure.keys) / entries)
+    legend_height = 5.0 + _LINE * lines
+
+    marks: list[spec.Mark] = []
+    for panel in panels:
+        marks += panel.marks
+
+    handles = [_legend_handle(key, marks) for key in figure.keys]
+    labels = [_plain(label) for label in figure.keys.values()]
+
+    height = rows * row_height + legend_height
+    across = _LEFT + _RIGHT
+    along = _ABOVE + _BELOW
+
     with matplotlib.rc_context(STYLE):
         picture = Figure(figsize=(width / 72.0, height / 72.0))
-        marks = [mark for panel in panels for mark in panel.marks]
         picture.legend(
-            [_legend_handle(key, marks) for key in figure.keys],
-            [_plain(label) for label in figure.keys.values()],
+            handles,
+            labels,
             loc="upper center",
-            ncols=entries_per_row,
+            ncols=entries,
             borderaxespad=0.2,
             labelspacing=0.2,
         )
-        row_bottom = sum(heights)
-        for row, row_height in zip(rows, heights, strict=True):
-            row_bottom -= row_height
-            shares = [panel.share for panel in row] + [1.0] * (columns - len(row))
-            edges = width * np.append(0.0, np.cumsum(shares)) / sum(shares)
-            for panel, start, end in zip(row, edges, edges[1:], strict=False):
-                left, below, above = _margins(panel)
-                box = (
-                    (start + left) / width,
-                    (row_bottom + below) / height,
-                    (end - start - left - _SPACE) / width,
-                    (row_height - below - above) / height,
-                )
-                _draw_panel(picture.add_axes(box), panel)
+
+        every = picture.subplots(rows, columns, squeeze=False).ravel()
+        picture.subplots_adjust(
+            left=_LEFT / width,
+            right=1.0 - _RIGHT / width,
+            wspace=across / (width / columns - across),
+            bottom=_BELOW / height,
+            top=1.0 - (legend_height + _ABOVE) / height,
+            hspace=along / (row_height - along),
+        )
+
+        for axes, panel in zip(every, panels, strict=False):
+            _draw_panel(axes, panel)
+
+        for axes in every[len(panels) :]:
+            axes.remove()
+
     return picture
-
-
-def _margins(panel: spec.Panel) -> tuple[float, float, float]:
-    """Space left of, below and above a panel for its texts, in points.
-
-    Matplotlib's layouts, which measure all texts, take as long as the drawing.
-    """
-    longest = 6
-    if panel.y.ticks is not None:
-        longest = max(map(len, panel.y.ticks.values()))
-    left = _SPACE + _LETTER * longest
-    if panel.y.label:
-        left += _LINE
-    lines = 1
-    if panel.x.ticks is not None:
-        lines += max(label.count("\n") for label in panel.x.ticks.values())
-    below = _SPACE + _LINE * lines
-    if panel.x.label:
-        below += _LINE
-    return left, below, 1.7 * _LINE if panel.title else _SPACE
 
 
 def _plain(text: str) -> str:
@@ -101,59 +103,66 @@ def _plain(text: str) -> str:
 
 def _legend_handle(key: str, marks: Sequence[spec.Mark]) -> Artist:
     """The line or area that stands for a key."""
+    color = COLORS[key]
     own = [mark for mark in marks if getattr(mark, "key", "") == key]
     lines = [mark for mark in own if isinstance(mark, spec.Line)]
-    if lines or not own:
-        width = max((line.line_width for line in lines), default=4.0)
-        dashes = next((line.dashes for line in lines if line.dashes), ())
-        return Line2D([], [], color=COLORS[key], lw=width, ls=_line_style(dashes))
-    opacity = min(getattr(mark, "opacity", 1.0) for mark in own)
-    if any(isinstance(mark, spec.Ground) for mark in own):
-        opacity = 0.2
-    return Patch(color=COLORS[key], alpha=opacity, lw=0.0)
+    is_ground = any(isinstance(mark, spec.Ground) for mark in own)
+
+    if is_ground and not lines:
+        return Patch(color=color, alpha=0.2, lw=0.0)
+
+    width = max((line.line_width for line in lines), default=4.0)
+    dashes = next((line.dashes for line in lines if line.dashes), ())
+    style = _line_style(dashes)
+
+    return Line2D([], [], color=color, lw=width, ls=style)
 
 
 def _line_style(dashes: tuple[float, ...]) -> Any:
+    """Dashes as matplotlib has them."""
     return (0.0, dashes) if dashes else "solid"
 
 
 def _draw_panel(axes: Axes, panel: spec.Panel) -> None:
-    axes.set_title(_plain(panel.title), y=1.0)  # A given height is faster.
+    """Draws a panel: its title, its axes and its marks."""
+    title = _plain(panel.title)
+    axes.set_title(title, y=1.0)  # A given height is faster.
     axes.margins(0.02, 0.15)
     _set_axis(axes, "x", panel.x)
     _set_axis(axes, "y", panel.y)
-    clouds = [mark for mark in panel.marks if isinstance(mark, spec.Points)]
-    has_cloud = any(cloud.size < 5.0 for cloud in clouds)
+
     for mark in panel.marks:
-        color = COLORS[getattr(mark, "key", "soft")]
-        if has_cloud and isinstance(mark, spec.Line):
-            axes.plot(mark.x, mark.y, color="white", lw=0.85 * mark.line_width + 1.6)
-        _draw_mark(mark, axes, color)
+        key = getattr(mark, "key", "soft")
+        _draw_mark(mark, axes, COLORS[key])
 
 
 def _set_axis(axes: Axes, name: Literal["x", "y"], axis: spec.Axis) -> None:
-    """Sets the scale, ticks, grid, limits and label of an axis."""
-    settings: dict[str, Any] = {f"{name}label": _plain(axis.label)}
+    """Sets the scale, limits and label of an axis."""
+    label = _plain(axis.label)
+    settings: dict[str, Any] = {f"{name}label": label}
+
     if axis.is_log:
         settings[f"{name}scale"] = "log"
-    if axis.ticks is not None:
-        settings[f"{name}ticks"] = list(axis.ticks)
-        settings[f"{name}ticklabels"] = [_plain(text) for text in axis.ticks.values()]
+
     if axis.range is not None:
         settings[f"{name}lim"] = axis.range
+
     axes.set(**settings)
-    axes.grid(axis.has_grid, axis=name)
+
     if axis.is_log:
         side = getattr(axes, f"{name}axis")
-        side.set_minor_locator(NullLocator())
+        no_ticks = NullLocator()
+        side.set_minor_locator(no_ticks)
         side.set_major_formatter("{x:g}")
 
 
 def _draw_mark(mark: spec.Mark, axes: Axes, color: str) -> None:
+    """Draws a mark in the color of its key."""
     match mark:
         case spec.Level():
             dashes = (1.0, 1.65) if mark.is_dotted else ()
-            axes.axhline(mark.value, color=color, lw=0.8, ls=_line_style(dashes))
+            style = _line_style(dashes)
+            axes.axhline(mark.value, color=color, lw=0.8, ls=style)
         case spec.Ground():
             span = axes.axvspan if mark.along == "x" else axes.axhspan
             span(mark.start, mark.end, color=color, alpha=0.14, lw=0.0)
@@ -161,30 +170,30 @@ def _draw_mark(mark: spec.Mark, axes: Axes, color: str) -> None:
             axes.fill_between(
                 mark.x, mark.low, mark.high, color=color, alpha=0.17, lw=0.0
             )
-        case spec.Bars():
-            _draw_bars(mark, axes, color)
         case spec.Line():
+            style = _line_style(mark.dashes)
+            width = 0.85 * mark.line_width
+            dot = "o" if mark.has_dots else ""
             axes.plot(
                 mark.x,
                 mark.y,
                 color=color,
                 alpha=mark.opacity,
-                lw=0.85 * mark.line_width,
-                ls=_line_style(mark.dashes),
-                marker="o" if mark.has_dots else "",
+                lw=width,
+                ls=style,
+                marker=dot,
                 ms=6.0,
                 mew=0.0,
             )
         case spec.Points():
             size = 0.55 * mark.size
             axes.plot(
-                mark.x, mark.y, "o", color=color, alpha=mark.opacity, ms=size, mew=0.0
+                mark.x,
+                mark.y,
+                color=color,
+                alpha=mark.opacity,
+                lw=0.0,
+                marker="o",
+                ms=size,
+                mew=0.0,
             )
-
-
-def _draw_bars(mark: spec.Bars, axes: Axes, color: str) -> None:
-    """Draws bars from the lower limit of their axis, with their texts."""
-    low, _ = axes.get_ylim()
-    values = np.where(np.isfinite(mark.values), mark.values, low)
-    bars = axes.bar(mark.places, np.maximum(values, low), mark.width, color=color)
-    axes.bar_label(bars, mark.texts, padding=2.0, size=7.0)

@@ -1,4 +1,4 @@
-"""A figure, specified once: panels of lines, bands, points and bars, with their axes.
+"""A figure, specified once: panels of lines, bands and points, with their axes.
 
 `as_page` makes of it what `static/page.js` draws, `as_file` a picture. A mark has the
 colour, width and dash of its key (see `style`), which is also its legend entry. Texts
@@ -22,15 +22,7 @@ class Axis:
     range: tuple[float, float] | None = None  #: What it shows at first; all if None.
     _: dataclasses.KW_ONLY
     is_log: bool = False
-    ticks: Mapping[float, str] | None = None  #: Place to label; None for numbers.
     link: str = ""  #: Axes of a figure with the same link are zoomed together.
-
-    @property
-    def has_grid(self) -> bool:
-        """Whether lines at its ticks help: at numbers, not at names."""
-        return self.ticks is None or any(
-            label.lstrip("-")[:1].isdigit() for label in self.ticks.values()
-        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,18 +78,6 @@ class Points:
     time: np.ndarray | None = None  #: (n,) of each point [s], for the same.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Bars:
-    """Bars from zero."""
-
-    key: str
-    places: np.ndarray  #: (n,) on the axis that they stand on.
-    values: np.ndarray  #: (n,)
-    texts: Sequence[str]  #: At their ends.
-    hover: str
-    width: float = 0.8  #: In units of the axis.
-
-
 @dataclasses.dataclass(frozen=True)
 class Level:
     """A thin horizontal line across a panel."""
@@ -116,7 +96,7 @@ class Ground:
     key: str = "soft"
 
 
-Mark = Line | Band | Points | Bars | Level | Ground
+Mark = Line | Band | Points | Level | Ground
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +109,6 @@ class Panel:
     y: Axis = Axis()
     _: dataclasses.KW_ONLY
     height: int = 270  #: In pixels of the page.
-    share: float = 1.0  #: Of the width of its row in a file, relative to the others.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,6 @@ INKS = {
     "refitted": (ORANGE, _LIGHT_ORANGE),
     "calibrated": (PURPLE, "#E39CC2"),
     "corrected": (BLUE, _LIGHT_BLUE),
-    "floor": ("#1B1F24", "#E6E9ED"),
     "soft": ("#5B6570", "#A7B0BA"),
     "fitted": (_GREY, "#7C858F"),
     "lack": (BLUE, _LIGHT_BLUE),
@@ -38,7 +37,6 @@ DASHES = {
     "calibrated": (1.0, 1.0),
     "named": (3.0, 1.5),
     "rest": (1.0, 1.0),
-    "floor": (1.0, 1.0),
 }
 """Dash, gap, ... in widths of the line; lines that are not named are solid."""
 

@@ -6,7 +6,6 @@
 function drawFigures({ figures, columns }, signal) {
   const root = document.documentElement;
   const isTouch = window.matchMedia("(pointer: coarse)").matches;
-  const isNarrow = window.matchMedia("(max-width: 40rem)").matches;
 
   // A color of the page: "key" or, translucent, "key/0.2".
   function color(name) {
@@ -31,15 +30,6 @@ function drawFigures({ figures, columns }, signal) {
     Band: ({ key, x, low, high }) => {
       const edge = { type: "scatter", mode: "lines", x: column(x), hoverinfo: "skip", line: { width: 0, color: color(key) } };
       return [{ ...edge, y: column(low) }, { ...edge, y: column(high), fill: "tonexty", fillcolor: color(`${key}/0.17`) }];
-    },
-    Bars: ({ key, places, values, texts, hover, width }) => {
-      // Numbers of many narrow bars have space only when upright.
-      const isUpright = isNarrow && texts.length > 11 * width;
-      return [{
-        type: "bar", width, cliponaxis: false, x: column(places), y: column(values), text: texts,
-        textposition: "outside", textangle: isUpright ? -90 : 0,
-        marker: { color: color(key) }, hovertemplate: `${hover}<extra></extra>`,
-      }];
     },
     Line: (mark) => {
       const { key, line_width: width, dashes, has_dots, extra } = mark;
@@ -241,7 +231,7 @@ function drawFigures({ figures, columns }, signal) {
     }
   }
 
-  function makeAxis({ label, range, is_log, ticks, has_grid }) {
+  function makeAxis({ label, range, is_log }) {
     const axis = {
       title: { font: { size: 12 }, standoff: 6, ...(label ? { text: label } : {}) },
       gridcolor: color("line"),
@@ -255,11 +245,6 @@ function drawFigures({ figures, columns }, signal) {
     if (is_log) {  // 0.001, not 1m; steps of two where the range is short.
       const dtick = range && axis.range[1] - axis.range[0] < 1.3 ? "D2" : 1;
       Object.assign(axis, { type: "log", tickformat: ",~r", dtick });
-    }
-    if (ticks) {
-      axis.tickvals = Object.keys(ticks).map(Number);
-      axis.ticktext = Object.values(ticks).map((text) => text.replaceAll("\n", "<br>"));
-      axis.showgrid = has_grid;
     }
     return axis;
   }
@@ -277,7 +262,6 @@ function drawFigures({ figures, columns }, signal) {
       xaxis: makeAxis(panel.x),
       yaxis: makeAxis(panel.y),
       shapes: panel.marks.filter((mark) => SHAPES[mark.is]).map((mark) => SHAPES[mark.is](mark)),
-      ...(panel.marks.some((mark) => mark.is === "Bars") ? { barmode: "overlay" } : {}),
     };
   }
 
