@@ -100,8 +100,6 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_switch("--prove", words)
     words = "with --prove: record what is proven in FILE, and continue from it"
     parser.add_path("--resume", "FILE", words)
-    words = "with --prove: write the proof to FILE, for tools/verify_proof.py"
-    parser.add_path("--write-proof", "FILE", words)
     words = f"fly gliders that the data allow with this probability (default: {_LEVEL})"
     parser.add_argument(
         "--confidence", metavar="P", nargs="?", const=_LEVEL, help=words
@@ -162,7 +160,6 @@ def run(args: argparse.Namespace) -> int:
     from glider.planning.problem import PerchingProblem
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.latency import check_latency
-    from glider.verification.proof.written import expect_writable, write_proof
     from glider.verification.trials.as_flown import check_clock, fly_loop
     from glider.verification.trials.falsify import falsify_funnel
 
@@ -187,8 +184,6 @@ def run(args: argparse.Namespace) -> int:
             "commands of these funnels are held: expected --as-flown, too."
         )
     trial = flown = None
-    if args.write_proof:
-        expect_writable(funnel)
     with working(is_even=True) as progress:
 
         def follow(what):
@@ -212,14 +207,6 @@ def run(args: argparse.Namespace) -> int:
             say = follow("flights")
             flown = fly_loop(funnel, loop, flights, rng, say, rests=rests)
     _print_outcome(args, checked, trial, flown)
-    if args.write_proof and checked.is_proven:
-        with working(is_even=True) as progress:
-            write_proof(
-                args.write_proof,
-                funnel,
-                problem,
-                lambda share: progress(Step("writing the proof", share)),
-            )
     left = any(t.escapes for t in (trial, flown) if t)
     good = checked.is_proven if args.prove else checked.holds
     return 0 if good and not left else 1
@@ -351,14 +338,8 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     expect(args.every >= 1, "--every", args.every, "a positive number")
     if args.resume and not args.prove:
         raise InputError("--resume has no effect without --prove; expected both.")
-    if args.write_proof and not args.prove:
-        words = "--write-proof has no effect without --prove; expected both."
-        raise InputError(words)
-    for name in ("resume", "write-proof") if args.phases else ():
-        if getattr(args, name.replace("-", "_")) is not None:
-            raise InputError(
-                f"--{name} is of one funnel; expected it without --phases."
-            )
+    if args.resume and args.phases:
+        raise InputError("--resume is of one funnel; expected it without --phases.")
     latency = args.latency or 0.0
     words = "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)

@@ -318,12 +318,6 @@ def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
     assert "Proven" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("option", ["resume", "write-proof"])
-def test_what_is_of_one_funnel_is_refused(quick, option, capsys):
-    assert quick(f"--{option}", "file.json", "--prove") == 2
-    assert f"--{option} is of one funnel" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 def test_centers_of_a_set_take_their_part_of_the_inlet(launch, rests, shape):
     """At a time when a set has the inlet's shape and center, they alone decide."""

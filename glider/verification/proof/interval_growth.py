@@ -25,22 +25,22 @@ from glider.verification.sos.forms import (
     has_definite_gram,
     to_ball,
 )
-from glider.verification.sos.sphere import Sphere, nearby_gram, sphere
+from glider.verification.sos.sphere import nearby_gram, sphere
 
-GRAM_BITS = 36
+_GRAM_BITS = 36
 """Binary places that Gram matrices are rounded to: 1.5e-11, where their least
 eigenvalues are 1e-6, for they are of h V̇."""
 
 BALL_BITS = 30
 """Binary places of the basis. Any are right; few are fast."""
 
-LEAST = 2e-5
+_LEAST = 2e-5
 """Least eigenvalue of Gram matrices of -V̇/V that will do [1/s]."""
 
 _AIM = 3e-3
 """Least eigenvalue that the search for them aims at [1/s]; few have it."""
 
-ROUNDS = 150
+_ROUNDS = 150
 """Steps of the search; then the interval is halved, which makes it easier."""
 
 HALVINGS = 4
@@ -56,37 +56,30 @@ class GrowthForms(NamedTuple):
     G: Exact  #: (n, n).
 
 
-class PartProof(NamedTuple):
-    """What proves that V falls on a part of an interval."""
-
-    span: tuple[float, float]  #: First and last s of the part, of -1 to 1.
-    basis: Exact  #: B (n, n).
-    multiplier: Exact  #: N (n, n), quadratic.
-    grams: list[Exact]  #: Parts of Q (s, s), but for what their rounding left over.
-
-
 def prove_growth(
     interval: Interval,
     slack: Exact,
     grams: tuple[np.ndarray, np.ndarray],
     halvings: int = HALVINGS,
-) -> list[PartProof] | None:
+) -> int:
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
 
     Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses.
 
     Returns:
-        what proves each part of the interval; None where it was not proven.
+        the number of parts into which the interval was cut; 0 if it is not proven.
     """
-    middle, proof = _prove_whole(interval, slack, grams)
-    if proof:
-        return [PartProof(interval.span, *proof)]
+    middle, is_proven = _prove_whole(interval, slack, grams)
+    if is_proven:
+        return 1
     if middle is None or not halvings:
-        return None
+        return 0
     first, last = interval.halves()
     early = prove_growth(first, slack, (grams[0], middle), halvings - 1)
-    late = early and prove_growth(last, slack, (middle, grams[1]), halvings - 1)
-    return early + late if early and late else None
+    if not early:
+        return 0
+    late = prove_growth(last, slack, (middle, grams[1]), halvings - 1)
+    return early + late if late else 0
 
 
 def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
@@ -122,9 +115,9 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
 
 
 def _prove_whole(interval, slack, grams):
-    """Returns a Gram matrix in the middle, in b(e), and what proves all: B, N, Q.
+    """Returns a Gram matrix in the middle, in b(e), and whether V falls throughout.
 
-    Both are None where none is found.
+    The matrix is None where none is found.
     """
     S = interval.S.at(Fraction(1, 2)).to_float()
     tables = sphere(len(S))
@@ -137,15 +130,15 @@ def _prove_whole(interval, slack, grams):
     here = [p.at(Fraction(1, 2)).to_float() for p in forms[:3]]
     found = _search(tables, 0.5 * (first + last), tables.coefficients(*here), h)
     if found is None:
-        return None, None
+        return None, False
     middle = tables.matrix(found)
     guesses = np.array([first, middle, last])
     A = np.array([forms.A.at(Fraction(k, 2)).to_float() for k in range(3)])
     N = _through(A - guesses[:, : tables.n, : tables.n])
     controls = _through(guesses).raised(max(form.degree for form in forms)).bernstein()
-    grams = _definite_grams(tables, forms, N, controls, h)
+    falls = _has_definite_grams(tables, forms, N, controls, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
-    return back.T @ middle @ back / h, grams and (basis, N, grams)
+    return back.T @ middle @ back / h, falls
 
 
 def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
@@ -159,37 +152,33 @@ def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
 def _search(tables, guess, coefficients, h, block=None):
     """Returns the entries of a Gram matrix of h V̇ near a guess; None for none."""
     entries = tables.entries(guess)
-    least = LEAST * h
+    least = _LEAST * h
     aim = _AIM * h
-    return nearby_gram(tables, entries, coefficients, least, aim, ROUNDS, block)
+    return nearby_gram(tables, entries, coefficients, least, aim, _ROUNDS, block)
 
 
 def _through(matrices):
     """Returns the quadratic polynomial through doubles at τ = 0, 1/2 and 1, rounded."""
     first, middle, last = matrices
     parts = first, 4.0 * middle - first - last, last
-    return in_time(*(rounded(0.5 * (p + p.T), GRAM_BITS) for p in parts))
+    return in_time(*(rounded(0.5 * (p + p.T), _GRAM_BITS) for p in parts))
 
 
-def _definite_grams(
-    tables: Sphere, forms: GrowthForms, N: Exact, guesses: np.ndarray, h: float
-) -> list[Exact] | None:
-    """Returns the parts of a Q with this N if all are positive definite, for sure."""
-    grams = []
+def _has_definite_grams(tables, forms, N, guesses, h):
+    """Determines whether all parts of a Q with this N are positive definite."""
     even = forms.quartic + exact_product(N, forms.G)
     degree = len(guesses) - 1
-    columns = (p.raised(degree).parts for p in (forms.A - N, forms.cubic, even))
-    parts = zip(*columns, strict=True)
+    polynomials = forms.A - N, forms.cubic, even
+    columns = [polynomial.raised(degree).parts for polynomial in polynomials]
     scales = np.multiply.outer(tables.scales, tables.scales)
-    for j, (corner, cubic, quartic) in enumerate(parts):
+    for j, (corner, cubic, quartic) in enumerate(zip(*columns, strict=True)):
         share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
         others = joined(cubic, quartic, axis=1)
         block = corner.to_float() / share
         found = _search(tables, guesses[j], others.to_float() / share, h, block)
         if found is None:
-            return None
-        whole = rounded(share * tables.matrix(found) * scales, GRAM_BITS)
-        if not has_definite_gram(tables, whole, corner, others)[0]:
-            return None
-        grams.append(whole)
-    return grams
+            return False
+        gram = rounded(share * tables.matrix(found) * scales, _GRAM_BITS)
+        if not has_definite_gram(tables, gram, corner, others)[0]:
+            return False
+    return True

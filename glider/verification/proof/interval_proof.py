@@ -112,10 +112,8 @@ def _prove(piece, budget):
     if not found.proven:
         return found
     parts = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
-    if parts is None:
-        fault = "V was not proven to fall on the boundary"
-        return dataclasses.replace(found, fault=fault)
-    return dataclasses.replace(found, parts=len(parts))
+    fault = "" if parts else "V was not proven to fall on the boundary"
+    return dataclasses.replace(found, fault=fault, parts=parts)
 
 
 def needed_slack(piece: Funnel, interval: Interval) -> float:
