@@ -13,7 +13,7 @@ try to leave; fly_loop, FlownLoop, FlownTrial: the same of held and late command
 wind. fly_inside: flights from inside. study_estimates, EstimatedFlights:
 flights on a filter's estimate. FunnelMonitor: a Drake System that reports the margin
 of a state. funnel_regulator: the funnel's own feedback as a Drake System;
-funnel_policy: as a policy, of which another glider's funnel can be made. make_phases,
+funnel_policy: the same as a policy. make_phases,
 phase_faults, rest_for: funnels for any phase between launch and clock, made, checked
 and chosen in flight. SolverError: there is no funnel.
 """

@@ -23,7 +23,7 @@ from glider.progress import Progress, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
-from glider.verification.funnel import clock, servo_limits
+from glider.verification.funnel import servo_limits
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import (
     SHARES,
@@ -95,6 +95,9 @@ def make_funnel(
         SolverError: the sets could not be certified.
     """
     settings = settings or FunnelSettings()
+    gain = settings.elevator_gain
+    words = "a positive number, where commands are held for a 'period'"
+    expect(gain > 0.0 or not settings.period, "field 'elevator_gain'", gain, words)
     began = time.perf_counter()
     rng = np.random.default_rng(seed)
     progress("funnel: the flight and its Taylor polynomials")
@@ -111,16 +114,11 @@ def make_funnel(
     of_set = confidence.dimension if confidence else 0
     of_pushes = 3 if settings.pushes.any() or settings.period else 0
     directions = normalized(rng.normal(size=(SAMPLES, n + of_set + of_pushes)))
-    if settings.elevator_gain > 0.0:
+    if gain > 0.0:
         own = normalized(np.delete(directions, np.s_[n : n + of_set], axis=1))
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
         _shape(steered, progress, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
-    elif settings.period:
-        words = "the funnel's, or a positive 'elevator_gain' to make the feedback"
-        good = policy.period == settings.period
-        expect(good, "the policy's period of commands", policy.period, words)
-        nominal = clock.with_held_gains(nominal)
     held = settings.period > 0.0
     center = make_moving_center(nominal, confidence, held) if confidence else None
     task = FunnelTask(nominal, settings, directions, center)

@@ -7,7 +7,6 @@ so that q is of third order in e: it starts again at each sample, from what the 
 is off by there, and has a period to grow.
 """
 
-import dataclasses
 import itertools
 
 import numpy as np
@@ -59,21 +58,6 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
 
         M = advance(rate, nominal.bends[first + k], step)
         nominal.bends[first + k + 1] = 0.5 * (M + M.T)
-
-
-def with_held_gains(nominal: Nominal) -> Nominal:
-    """Returns a flight with the feedback of commands that are held, as computed.
-
-    Of its gains, those at the samples count.
-    """
-    nominal = nominal.writable()
-    for first in nominal.samples:
-        gains = nominal.gains[first]
-        last = np.flatnonzero(nominal.starts == first)[-1]
-        for move, push in _steps(nominal, first, last):
-            gains = np.linalg.solve((move - np.outer(push, gains)).T, gains)
-        undo_hold(nominal, first, last, gains)
-    return dataclasses.replace(nominal)  # Expanded again, as a whole.
 
 
 def _bend_rates(nominal, here=slice(None)):
