@@ -20,19 +20,10 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
-from glider.verification.proof.flight_proof import (
-    FlightProof,
-    checker_hash,
-    remainder_status,
-)
+from glider.verification.proof.flight_proof import FlightProof, remainder_status
 from glider.verification.proof.latency import ProvenLatency
 from glider.verification.proof.phases import LEVEL, first_commands
-from glider.verification.proof.purpose import (
-    arrival,
-    hook_faults,
-    set_sizes,
-    wind_for_set,
-)
+from glider.verification.proof.purpose import arrival, hook_faults, set_sizes
 from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
 
@@ -71,12 +62,10 @@ def check_report(
     verdict: Verdict,
     proof: FlightProof | None,
     problem: PerchingProblem | None,
-    covariance: Covariance | None = None,
 ) -> dict[str, Any]:
     """Returns the outcome of `check-funnel` as it is written to JSON.
 
-    The covariance is that of the model that the funnel was compared with. The problem
-    is None where the funnel's end is no perch.
+    The problem is None where the funnel's end is no perch.
     """
     report = dataclasses.asdict(verdict) | {
         "loop": _loop_report(funnel, funnel.settings),
@@ -91,7 +80,6 @@ def check_report(
         "wind_m_s": funnel.settings.wind,
         "period_s": funnel.settings.period,
         "largest_command_error_rad_s": float(funnel.errors.max()),
-        "wind_for_set_m_s": covariance and wind_for_set(funnel, covariance),
     }
     if problem:
         report["end"] = dataclasses.asdict(arrival(funnel, problem))
@@ -102,11 +90,8 @@ def check_report(
             "intervals_proven": proof.count,
             "intervals_tried": len(proof.outcomes),
             "of_intervals": proof.of_intervals,
-            "intervals_from_file": proof.from_file,
             "proven_until": proof.until,
             "fault": proof.fault,
-            "candidate": proof.candidate,
-            "checker_sha256": checker_hash(),
             "boxes": proof.boxes,
         }
     return report
@@ -200,8 +185,7 @@ def describe_check(
     covariance, which the funnel's set of gliders was then compared with. The problem
     is None where the funnel's end is no perch.
     """
-    wind = covariance and wind_for_set(funnel, covariance)
-    lines = [_text("certificate", funnel, verdict, model, covariance, wind)]
+    lines = [_text("certificate", funnel, verdict, model, covariance)]
     if verdict.holds:
         ends = (set_sizes(funnel, t) for t in funnel.nominal.times[[0, -1]])
         lines.append(_text("sizes", *ends))

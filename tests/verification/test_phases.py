@@ -226,10 +226,7 @@ def quick(monkeypatch, checked_once):
             kept = kept[:-1]
         whole = IntervalProof(boxes=1, parts=1, ratio=0.5)
         return FlightProof(
-            times=funnel.nominal.times,
-            outcomes=dict.fromkeys(kept, whole),
-            from_file=0,
-            candidate=None,
+            times=funnel.nominal.times, outcomes=dict.fromkeys(kept, whole)
         )
 
     def prove_latency(predictions, least, progress):

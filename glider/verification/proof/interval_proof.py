@@ -18,10 +18,8 @@ from threadpoolctl import threadpool_limits
 
 from glider.compiled.taylor import WIDER
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.nominal import ARRAYS, Nominal, nonlinear_parts
+from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import climb_sphere
-from glider.verification.funnel.remainder import rates_about
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
@@ -37,7 +35,7 @@ from glider.verification.proof.interval import (
 from glider.verification.proof.interval_growth import HALVINGS, prove_growth
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
-from glider.verification.sos.sphere import normalized, sphere
+from glider.verification.sos.sphere import sphere
 
 BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
@@ -64,7 +62,7 @@ LEFT = 1.3
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class IntervalProof:
-    """The outcome of a proof on one interval; its fields are keys in a file."""
+    """The outcome of a proof on one interval."""
 
     fault: str = ""  #: Reason why nothing is proven, a clause; empty where all is.
     boxes: int = 0  #: Number of boxes on which the remainder was bounded.
@@ -138,58 +136,6 @@ def gram_guesses(piece, slack):
     turns = map(tables.substitution, to_ball(piece.S)[0])
     grams = tables.matrix(piece.grams) - less
     return [turn.T @ gram @ turn for turn, gram in zip(turns, grams, strict=True)]
-
-
-TIMES = 9
-"""Times of the interval that are sampled."""
-
-STARTS = 200
-"""Points where the climb starts at each of them."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """A state on the boundary where V rises most, or falls least."""
-
-    time: float  #: Time [s].
-    state: tuple[float, ...]  #: State (n,).
-    growth: float  #: V̇/V of the full dynamics there [1/s].
-
-
-@np.errstate(all="ignore")
-def worst_candidate(piece: Funnel) -> Candidate:
-    """Returns the worst state and time that were found on the boundary."""
-    n = piece.num_states
-    shares = np.linspace(0.0, 1.0, TIMES)
-    here = [piece.nominal.between(share) for share in shares]
-    arrays = {k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS}
-    nominal = Nominal(model=piece.nominal.model, **arrays)
-    times = nominal.times
-    at = np.arange(TIMES)
-    drift = piece.nominal.path(times, 1)[:, None]
-    S = piece.curve(times)
-    slopes = piece.curve(times, 1)
-    turn = np.swapaxes(to_ball(S)[1], 1, 2)
-
-    def growth(z):
-        """Returns V̇ (TIMES, B) at points (TIMES, B, n) of the spheres."""
-        e = z @ turn
-        push = np.zeros((*e.shape[:2], 3))  # What is known of the command's error.
-        push[..., 0] = np.einsum("tbi,tij,tbj->tb", e, nominal.bends, e)
-        rates = rates_about(nominal, at, e, push=push) - drift
-        rise = 2.0 * np.einsum("tbi,tij,tbj->tb", e, S, rates)
-        return rise + np.einsum("tbi,tij,tbj->tb", e, slopes, e)
-
-    starts = normalized(np.random.default_rng(0).normal(size=(STARTS, n)))
-    starts = np.broadcast_to(starts, (TIMES, STARTS, n))
-    values, points = climb_sphere(growth, starts)
-    k, which = np.unravel_index(np.argmax(values), values.shape)
-    state = nominal.states[k] + points[k, which] @ turn[k]
-    return Candidate(
-        time=float(times[k]),
-        state=tuple(map(float, state)),
-        growth=float(values[k, which]),
-    )
 
 
 def prove_remainder(
