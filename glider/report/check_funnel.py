@@ -71,7 +71,7 @@ def check_report(
         "loop": _loop_report(funnel, funnel.settings),
         "holds": verdict.holds,
         "file_sha256": funnel.sha256,
-        "glider_sha256": model_hash(funnel.nominal.model),
+        "glider_sha256": _model_hash(funnel.nominal.model),
         "remainder": remainder_status(funnel, proof),
         "made_for": gliders_note(funnel),
         "inlet": set_sizes(funnel, 0.0),
@@ -270,7 +270,7 @@ def _made_for(funnel, trial):
     return bool(np.all(funnel.gliders.confidence.holds(trial.deviations)))
 
 
-def model_hash(model: GliderModel) -> str:
+def _model_hash(model: GliderModel) -> str:
     """Returns the hash of a glider's file, in hexadecimal: the same for equal ones."""
     return hashlib.sha256(model_text(model).encode()).hexdigest()
 
@@ -296,7 +296,7 @@ def _template():
         "describe_set": describe_set,
         "describe_level": describe_level,
         "commands_of": _commands,
-        "model_hash": lambda funnel: model_hash(funnel.nominal.model),
+        "model_hash": lambda funnel: _model_hash(funnel.nominal.model),
         "degrees": lambda limits: "{:.0f}° to {:.0f}°".format(*np.degrees(limits)),
     }
     return environment.get_template("check_funnel.txt")

@@ -50,7 +50,7 @@ from glider.verification.sos.sphere import (
     sphere,
 )
 
-ROUNDS = 40
+_ROUNDS = 40
 """Rounds of scaling: four or five as a rule, eleven where commands are held. For a set
 of gliders of four numbers then, 14 were needed, and 31 for one of six."""
 
@@ -124,9 +124,9 @@ def make_funnel(
     task = FunnelTask(nominal, settings, directions, center)
     S = _shape(ShapeFlow(task), progress, "shape")
     progress("funnel: its size")
-    sets, forms = Gauge(task).scaled(S)
+    sets, forms = _Gauge(task).scaled(S)
     progress("funnel: its certificate")
-    grams = certify(nominal.times, forms, settings.margin)
+    grams = _certify(nominal.times, forms, settings.margin)
     made = {field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)}
     solver = next(iter(SOLVERS))
     seconds = time.perf_counter() - began
@@ -141,7 +141,7 @@ def _shape(flow: ShapeFlow, say: Progress, what: str) -> np.ndarray:
         raise SolverError("The funnel vanishes; a tighter goal may help.") from None
 
 
-def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarray:
+def _certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarray:
     """Returns a Gram matrix (T, E) of -V̇/V on the boundary, at each time.
 
     It comes from its neighbor, or from a solver where that fails. Least eigenvalues are
@@ -177,7 +177,7 @@ def _solve(tables, polynomial):
     return represent(tables, gram + even, polynomial)
 
 
-class Gauge:
+class _Gauge:
     """A gauge of sets S (T, n, n) along a flight: their growth, the servo's margin."""
 
     def __init__(self, task: FunnelTask):
@@ -211,7 +211,7 @@ class Gauge:
     def _scale(self, S):
         times = self._nominal.times
         margin = self._task.settings.margin
-        for turn in range(ROUNDS):
+        for turn in range(_ROUNDS):
             growth, (directions, limits) = self.growth(S), self._limits
             errors, _ = self._task.errors(S, np.arange(len(S)))
             left = limits - servo_limits.error_reach(errors)

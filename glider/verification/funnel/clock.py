@@ -17,7 +17,7 @@ from glider.verification.dynamics.nominal import Nominal, table_of
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
-ROOM, BEND_ROOM = 1.15, 1.05
+_ROOM, BEND_ROOM = 1.15, 1.05
 """Factors on the largest q̇ and eᵀ M e at a time: for what is between, and norms."""
 
 
@@ -122,12 +122,12 @@ def command_errors(
     first = settings.command_error
     if len(at) < len(starts):
         since = nominal.times[at] - nominal.times[starts[at]]
-        return (first + ROOM * since * growth) * np.exp(since * pulls) + apart
+        return (first + _ROOM * since * growth) * np.exp(since * pulls) + apart
     step = np.diff(nominal.times)
     q = np.full(len(S), first)
     for i in np.flatnonzero(starts < at):
         last = slice(i - 1, i + 1)
-        q[i] = q[i - 1] + step[i - 1] * ROOM * growth[last].max()
+        q[i] = q[i - 1] + step[i - 1] * _ROOM * growth[last].max()
         q[i] *= np.exp(step[i - 1] * pulls[last].max())
     return q + apart
 
@@ -175,6 +175,6 @@ def _error_growth(nominal, S, at, beta, focus, wind):
     tilt = along[..., 1:] - 2.0 * np.einsum("tai,tik->tka", M, G[..., 0])
     pulls = np.abs(along[..., 0]) + np.linalg.norm(tilt @ turn, axis=2)
     growth += wind * np.linalg.norm(pulls[:, 1:], axis=1)
-    apart = ROOM * _apart(nominal, S, at)
+    apart = _ROOM * _apart(nominal, S, at)
     growth += 2.0 * pulls[:, 0] * apart  # Once for the slopes of the cubics.
     return growth, pulls[:, 0], apart

@@ -31,7 +31,7 @@ SAMPLES = 500
 _CLIMBS = 4
 """Climbs for each rate and sign, each from the best of its share of the directions."""
 
-NEIGHBORS = 2
+_NEIGHBORS = 2
 """Rounds of climbing from where the neighbors in time reached their largest R. Without
 any, a hill of R in pitch was missed at times, and a funnel was not proven there."""
 
@@ -124,7 +124,7 @@ class _Remainders:
             picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
             return np.where(which < count, 1.0, -1.0) * picked[..., 0]
 
-        for turn in range(1 + (NEIGHBORS if len(starts) > 1 else 0)):
+        for turn in range(1 + (_NEIGHBORS if len(starts) > 1 else 0)):
             if turn:
                 around = np.concatenate([points[:1], points, points[-1:]])
                 starts = np.stack([around[:-2], points, around[2:]], axis=2)
@@ -142,7 +142,7 @@ def _of_both_signs(highest):
     return highest.reshape(len(highest), 2, -1).max(axis=1)
 
 
-ROUNDS = 2
+_ROUNDS = 2
 """Times that F is made, the second with the points where the first was exceeded."""
 
 
@@ -167,7 +167,7 @@ def find_focus(
     square = scales[:, :, None] * scales[:, None]
     block = np.ix_(states, states)
     seen: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in at]
-    for turn in range(ROUNDS):
+    for turn in range(_ROUNDS):
         highest, tops = bent.climb(directions)
         if turn == 0:
             top = _of_both_signs(highest)

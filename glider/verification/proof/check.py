@@ -39,7 +39,7 @@ from glider.verification.proof.exact_check import (
 from glider.verification.proof.held import held_faults
 from glider.verification.sos.sphere import normalized
 
-STARTS = 8
+_STARTS = 8
 """Points where the ascent to the largest growth starts, besides `largest_growth`'s."""
 
 
@@ -190,7 +190,7 @@ def largest_between(
 
     It includes growth (T,) by the defect, and is infinite where a set is no ellipsoid.
     """
-    starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
+    starts = normalized(rng.normal(size=(_STARTS, funnel.num_states)))
     around = np.maximum(defect[:-1], defect[1:])[funnel.nominal.flows[::every]]
     try:
         found = [growth_between(funnel, share, starts, every) for share in SHARES]

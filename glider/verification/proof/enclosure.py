@@ -46,7 +46,7 @@ from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
 
-SAMPLES = 1000
+_SAMPLES = 1000
 """Points on the sphere where R and its variation are sampled."""
 
 
@@ -314,10 +314,10 @@ def _turned(model, center, polynomials, basis):
         return rates - table.values(y) @ polynomials.T
 
     m = len(basis)
-    w = normalized(np.random.default_rng(0).normal(size=(SAMPLES, m)))
+    w = normalized(np.random.default_rng(0).normal(size=(_SAMPLES, m)))
     steps = DIFFERENCE * np.eye(m)
     around = np.concatenate([0.0 * steps, steps, -steps])[:, None] + w
-    here, ahead, back = remainder(around.reshape(-1, m)).reshape(3, m, SAMPLES, -1)
+    here, ahead, back = remainder(around.reshape(-1, m)).reshape(3, m, _SAMPLES, -1)
     slopes = ahead - back
     slopes /= np.maximum(np.abs(here - remainder(0.0 * steps[:1])).max((0, 1)), 1e-300)
     _, axes = np.linalg.eigh(np.einsum("ibr,jbr->ij", slopes, slopes))

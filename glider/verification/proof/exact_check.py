@@ -22,7 +22,7 @@ from glider.verification.sos.sphere import represent, sphere
 _SLACK_SHARE = 0.1
 """Share of the margin of V̇/V that is proven; what is left of it is for rounding."""
 
-GRAM_BITS = 26
+_GRAM_BITS = 26
 """Binary places of Gram matrices: 1.5e-8, with least eigenvalues of 1e-3 and more."""
 
 GOAL_ROUNDING = 1e-9
@@ -97,7 +97,7 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         entries = funnel.grams[k].astype(float)
         entries -= 0.5 * slack * tables.entries(np.eye(tables.size))
         gram = tables.matrix(represent(tables, entries, doubles))
-        whole = rounded(gram * np.outer(tables.scales, tables.scales), GRAM_BITS)
+        whole = rounded(gram * np.outer(tables.scales, tables.scales), _GRAM_BITS)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return [*faults, rises], 0.0
     corner = whole[: tables.n, : tables.n]

@@ -193,13 +193,13 @@ def _limits(piece, path, reach=(0.0, 0.0)):
     return stops if piece.settings.period else rates + stops
 
 
-HALVINGS = 3
+_HALVINGS = 3
 """Times that an interval is halved where a form is not seen to be definite."""
 
 _COVER_ROOM = 1e-4
 """Share by which a ball is larger than it need be, for what was not sampled."""
 
-FLOOR = 0.05
+_FLOOR = 0.05
 """Share of each variable's spread that is added to the sets before they are covered:
 where they are flatter they may be covered loosely, but that must not tilt the ball."""
 
@@ -210,7 +210,7 @@ _COVER_SAMPLES = 9
 """Times of an interval that the ball is made for."""
 
 
-def stays_definite(matrix: Exact, halvings: int = HALVINGS) -> bool:
+def stays_definite(matrix: Exact, halvings: int = _HALVINGS) -> bool:
     """Returns whether a symmetric matrix is positive definite throughout, for sure."""
     if all(map(is_positive_definite, matrix.parts)):
         return True
@@ -257,7 +257,7 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
         C = interval.outputs.at(share).to_float()[interval.which]
         shadows.append(C @ np.linalg.solve(S, C.T))
     middle = np.maximum(np.diagonal(shadows[_COVER_SAMPLES // 2]), LEAST_SPREAD**2)
-    turned = np.array(shadows) + FLOOR**2 * np.diag(middle)
+    turned = np.array(shadows) + _FLOOR**2 * np.diag(middle)
     # The least that holds two ellipsoids, nearly: their mean and half their difference.
     L = np.linalg.cholesky(0.5 * (turned[0] + turned[-1]))
     L_inv = np.linalg.inv(L)

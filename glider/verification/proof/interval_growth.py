@@ -47,7 +47,7 @@ HALVINGS = 4
 """Times that an interval is halved until the proof gives up, or a ball is tight."""
 
 
-class GrowthForms(NamedTuple):
+class _GrowthForms(NamedTuple):
     """What h (V̇ + slack V) is made of; see the module."""
 
     A: Exact  #: (n, n).
@@ -82,7 +82,7 @@ def prove_growth(
     return early + late if late else 0
 
 
-def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
+def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms:
     """Returns the forms above, exactly, for a basis B (n, n)."""
     h = interval.step
     H = basis.T @ interval.S
@@ -111,7 +111,7 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
             known = basis.T @ interval.bends @ basis * 2
             cubic = cubic - h * exact_product(pushed[:, k], known)
             quartic = quartic - h * exact_product(M, known)
-    return GrowthForms(-A, cubic, quartic, G)
+    return _GrowthForms(-A, cubic, quartic, G)
 
 
 def _prove_whole(interval, slack, grams):

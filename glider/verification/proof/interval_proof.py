@@ -45,18 +45,18 @@ PATIENCE = 150_000
 comes near β, a ball that is 2 % wider than the sets may take any number of boxes. In a
 wind some balls take many, and each half takes as many."""
 
-STRETCH = 1.3
+_STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
 fourth power, but halves of an interval, which are tighter, take boxes of their own: of
 38 intervals with held commands a fifth to a quarter of those with 1.05."""
 
-BATCH = 256
+_BATCH = 256
 """Boxes that are bounded at once; more are no faster."""
 
-FAR = 2.0
+_FAR = 2.0
 """Bound of a box above which it is halved along two axes: its halves would not do."""
 
-LEFT = 1.3
+_LEFT = 1.3
 """Power by which an axis' blame falls with its width, where a box was halved."""
 
 
@@ -144,7 +144,7 @@ def prove_remainder(
     """Tries to prove that |R| <= β on the sets of an interval or a part of it."""
     basis, stretch = tight_cover(interval)
     found = _bounded(False, boxes=0, ratio=0.0)
-    if stretch <= STRETCH or not halvings:
+    if stretch <= _STRETCH or not halvings:
         remainder = make_remainder(piece, basis, interval.span)  # It turns the basis.
         if covers(interval, remainder.basis):
             most = min(PATIENCE, budget) if halvings else budget
@@ -175,10 +175,10 @@ def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
     first, last = remainder.span
     center[-1], half[-1] = 0.5 * (first + last), 0.5 * (last - first)
     while ratio <= 1.0 and center.shape[1] > 0 and boxes < budget:
-        here = center[:, -BATCH:].copy()
-        width = half[:, -BATCH:].copy()
-        center = center[:, :-BATCH]
-        half = half[:, :-BATCH]
+        here = center[:, -_BATCH:].copy()
+        width = half[:, -_BATCH:].copy()
+        center = center[:, :-_BATCH]
+        half = half[:, :-_BATCH]
         boxes += here.shape[1]
         bounds, reached, blame = remainder.bounds(here, width)
         ratio = max(ratio, float(np.nan_to_num(reached, nan=0.0).max()))
@@ -190,8 +190,8 @@ def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
         width = width[:, split]
         blame = blame[:, split]
         new, smaller, of = halve(here, width, blame, remainder.balls)
-        again = ~(bounds.max(axis=0)[split][of] <= FAR)
-        left = blame[:, of] * (smaller / width[:, of]) ** LEFT
+        again = ~(bounds.max(axis=0)[split][of] <= _FAR)
+        left = blame[:, of] * (smaller / width[:, of]) ** _LEFT
         newer, smallest, _ = halve(
             new[:, again], smaller[:, again], left[:, again], remainder.balls
         )

@@ -34,13 +34,13 @@ from glider.verification.proof.interval import (
 )
 from glider.verification.proof.interval_proof import bound_remainder
 
-DEGREE = 2
+_DEGREE = 2
 """Of the Taylor models."""
 
-SAMPLES, WIDTHS = 300, (0.5, 0.2, 0.1, 0.05)
+_SAMPLES, _WIDTHS = 300, (0.5, 0.2, 0.1, 0.05)
 """Points that are sampled, and the steps by which they climb."""
 
-LEAST, BUDGET = 1e-9, 3_000
+_LEAST, _BUDGET = 1e-9, 3_000
 """Bound of what is zero, and boxes on which a bound is tried."""
 
 
@@ -61,7 +61,7 @@ class Slopes:
         m = len(self.which)
         names = self.allowed.names
         A = self.allowed.factor
-        self.table = monomials(m + 5, DEGREE)
+        self.table = monomials(m + 5, _DEGREE)
         self.balls = slice(m), slice(m + 1, m + 3)
         recording = Recording(self.table)
         inputs = [recording.add(INPUT, i) for i in range(3 * n + 3 + len(names))]
@@ -108,11 +108,11 @@ class NearSets:
         place = slopes.table.place
         basis, _ = tight_cover(interval)
         unit = np.eye(m + 5, dtype=int)
-        self._time = [place(j * unit[-1]) for j in range(DEGREE + 1)]
+        self._time = [place(j * unit[-1]) for j in range(_DEGREE + 1)]
         self._line = place(unit[-2])
         curve, _ = hermite_powers(nominal.times, nominal.states, nominal.slopes)
         found = np.zeros((n + 3 + len(allowed.names), len(slopes.table.degrees)))
-        found[:n, self._time] = curve[:, : DEGREE + 1]
+        found[:n, self._time] = curve[:, : _DEGREE + 1]
         found[n, self._time[:2]] = line_powers(nominal.inputs)
         found[slopes.which, 1 : m + 1] = basis
         found[n, m + 1] = wider.errors.max()
@@ -122,7 +122,7 @@ class NearSets:
         centers = np.abs(gliders_path(part)[0]).sum(axis=(1, 2))
         numbers = allowed.reach(np.eye(len(allowed.names)))
         self._lacks = np.concatenate([centers, np.zeros(2), numbers]) * WIDER
-        self._lacks[:n] += near + np.abs(curve[:, DEGREE + 1 :]).sum(axis=1) * WIDER
+        self._lacks[:n] += near + np.abs(curve[:, _DEGREE + 1 :]).sum(axis=1) * WIDER
         proven = stays_definite(interval.S) and keeps_servo(interval)
         proven = proven and covers(interval, basis) and not acts_elsewhere(part)
         if not (proven and allowed.is_same(slopes.allowed)):
@@ -162,11 +162,11 @@ class NearSets:
         largest = own_room = boxes.largest()
         if weights is not None:
             total = largest.reshape(-1, len(weights)) @ weights / len(weights)
-            even = total[:, None] / np.maximum(weights, LEAST)
+            even = total[:, None] / np.maximum(weights, _LEAST)
             own_room = 0.5 * (largest + even.ravel())
         for room in rooms if np.all(np.isfinite(self._lacks)) else ():
-            boxes.limits = largest + (room - 1.0) * own_room + LEAST
-            if bound_remainder(boxes, BUDGET).proven:
+            boxes.limits = largest + (room - 1.0) * own_room + _LEAST
+            if bound_remainder(boxes, _BUDGET).proven:
                 return boxes.limits
         return np.full_like(largest, np.inf)
 
@@ -206,14 +206,14 @@ class _Boxes:
         """Returns the largest values (rows,) that are found by a climb."""
         rng = np.random.default_rng(0)
         d = self.dimension
-        points = rng.normal(size=(d, SAMPLES)) * rng.uniform(0.0, 2.0, SAMPLES)
-        for width in (*WIDTHS, 0.0):
+        points = rng.normal(size=(d, _SAMPLES)) * rng.uniform(0.0, 2.0, _SAMPLES)
+        for width in (*_WIDTHS, 0.0):
             for ball in self.balls:
                 points[ball] /= np.maximum(np.linalg.norm(points[ball], axis=0), 1.0)
             points = np.clip(points, -1.0, 1.0)
             values = self._rows(np.abs(self._values(points)))
             best = np.unique(values.argmax(axis=1))
-            points = np.tile(points[:, best], 1 + SAMPLES // len(best))
+            points = np.tile(points[:, best], 1 + _SAMPLES // len(best))
             moved = points[:, len(best) :]
             moved += width * rng.normal(size=moved.shape)
         return values.max(axis=1)

@@ -64,7 +64,7 @@ def product_form(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
     """Returns the symmetric tensors (..., n, ..., n) of forms (..., C)."""
-    places = tensor_places(n, degree)
+    places = _tensor_places(n, degree)
     tensors = form[..., places] * (1.0 / np.bincount(places)[places])
     return tensors.reshape(*form.shape[:-1], *(n,) * degree)
 
@@ -81,7 +81,7 @@ def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=16)
-def tensor_places(n: int, degree: int) -> np.ndarray:
+def _tensor_places(n: int, degree: int) -> np.ndarray:
     """Returns which monomial each entry of a flat tensor adds to, (n^degree,)."""
     places = np.zeros(1, dtype=int)
     for reached in range(degree):
@@ -102,7 +102,7 @@ def _moved(tensors, matrix, degree):
 @functools.lru_cache(maxsize=16)
 def _gather(n, degree):
     """Returns the matrix (n^degree, C) that sums a tensor's entries by monomial."""
-    places = tensor_places(n, degree)
+    places = _tensor_places(n, degree)
     matrix = np.zeros((len(places), places.max() + 1))
     matrix[np.arange(len(places)), places] = 1.0
     return matrix
@@ -115,7 +115,7 @@ def substituted(forms: Exact, degree: int, matrix: Exact) -> Exact:
     """
     (m, n), (parts, r, _) = matrix.numbers.shape[1:], forms.numbers.shape
     tensor = np.zeros((parts, r, m**degree), dtype=object)
-    first = np.unique(tensor_places(m, degree), return_index=True)[1]
+    first = np.unique(_tensor_places(m, degree), return_index=True)[1]
     tensor[..., first] = forms.numbers  # Each coefficient is in one place.
     changed = Exact(tensor.reshape(parts, r, *(m,) * degree, 1), forms.exponent)
     for reached in range(degree):
