@@ -19,8 +19,12 @@ from glider.verification.proof.interval import (
     stays_definite,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import growth_forms, prove_growth
-from glider.verification.proof.interval_proof import gram_guesses, needed_slack
+from glider.verification.proof.interval_growth import (
+    gram_guesses,
+    growth_forms,
+    prove_growth,
+)
+from glider.verification.proof.interval_proof import needed_slack
 from glider.verification.sos.exact import exact, in_time, line, rounded
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere

@@ -54,7 +54,6 @@ class Verdict:
     faults: tuple[str, ...]
     slack: float  #: Slack of V̇ <= -slack V, which is proven at these times [1/s].
     defect: float  #: Largest V̇/V by the nominal's defect, which is counted [1/s].
-    rounding: float  #: Largest change of an eigenvalue by what is left over [1/s].
     #: Largest |R_k| / β_k found by ascent at these times; infinite where only β_k is
     #: zero; zero where the certificate accounts for no remainder at all.
     remainder_seen: float
@@ -124,11 +123,10 @@ def check_funnel(
     level = None
     if covariance and funnel.gliders:
         level = purpose.compared_level(funnel.gliders.confidence)
-    rounding = 0.0
     seen = 0.0
     between = np.inf
     if not faults:
-        faults, rounding = exact_faults(funnel, at, growth, progress)
+        faults = exact_faults(funnel, at, growth, progress)
     if not faults:
         rng = np.random.default_rng(seed)
         faults, seen, between = _sampled_faults(funnel, at, growth, rng, every)
@@ -138,7 +136,6 @@ def check_funnel(
         faults=tuple(faults),
         slack=proven_slack(funnel),
         defect=float(growth.max()),
-        rounding=rounding,
         remainder_seen=seen,
         between=between,
         seed=seed,

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import Interval
 from glider.verification.sos.exact import Exact, in_time, joined, rounded
@@ -114,28 +115,62 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms
     return _GrowthForms(-A, cubic, quartic, G)
 
 
+def gram_guesses(funnel: Funnel, slack: float) -> list[np.ndarray]:
+    """Returns the Gram matrices (s, s) of -V̇/V - slack at all times, in b(e)."""
+    tables = sphere(funnel.num_states)
+    # On the boundary bᵀ b = 2.
+    less = 0.5 * slack * np.eye(tables.size)
+    turns = map(tables.substitution, to_ball(funnel.S)[0])
+    grams = tables.matrix(funnel.grams) - less
+    return [turn.T @ gram @ turn for turn, gram in zip(turns, grams, strict=True)]
+
+
+def falls_at(here: Interval, slack: Exact, gram: np.ndarray) -> bool:
+    """Determines whether V̇ <= -slack V on the boundary at a time, for sure.
+
+    Nothing in the interval changes in time. A Gram matrix (s, s) of -V̇/V - slack, in
+    b(e), must be nearly right: no other one is searched for.
+    """
+    basis, forms = _forms_in_ball(here, slack)
+    tables = sphere(len(basis))
+    turn = tables.substitution(basis.to_float())
+    guess = turn.T @ gram @ turn
+    guess = 0.5 * (guess + guess.T)
+    [A] = forms.A.bernstein()
+    own = slice(tables.n)
+    N = rounded(A - guess[own, own], _GRAM_BITS)
+    return _has_definite_grams(tables, forms, N, guess[None], 1.0, rounds=1)
+
+
+def _forms_in_ball(interval, slack):
+    """Returns a basis that turns the set in the middle into a ball, and the forms."""
+    S = interval.S.at(Fraction(1, 2)).to_float()
+    basis = rounded(to_ball(S)[1], BALL_BITS)
+    return basis, growth_forms(interval, basis, slack)
+
+
 def _prove_whole(interval, slack, grams):
     """Returns a Gram matrix in the middle, in b(e), and whether V falls throughout.
 
     The matrix is None where none is found.
     """
-    S = interval.S.at(Fraction(1, 2)).to_float()
-    tables = sphere(len(S))
-    basis = rounded(to_ball(S)[1], BALL_BITS)
-    forms = growth_forms(interval, basis, slack)
+    basis, forms = _forms_in_ball(interval, slack)
+    tables = sphere(len(basis))
     h = float(interval.step.to_float())
     turn = tables.substitution(basis.to_float())
     first, last = (h * turn.T @ gram @ turn for gram in grams)
     # In the middle G is all but the identity.
-    here = [p.at(Fraction(1, 2)).to_float() for p in forms[:3]]
-    found = _search(tables, 0.5 * (first + last), tables.coefficients(*here), h)
+    here = [form.at(Fraction(1, 2)).to_float() for form in forms[:3]]
+    coefficients = tables.coefficients(*here)
+    found = _search(tables, 0.5 * (first + last), coefficients, h)
     if found is None:
         return None, False
     middle = tables.matrix(found)
     guesses = np.array([first, middle, last])
     A = np.array([forms.A.at(Fraction(k, 2)).to_float() for k in range(3)])
     N = _through(A - guesses[:, : tables.n, : tables.n])
-    controls = _through(guesses).raised(max(form.degree for form in forms)).bernstein()
+    degree = max(form.degree for form in forms)
+    controls = _through(guesses).raised(degree).bernstein()
     falls = _has_definite_grams(tables, forms, N, controls, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
     return back.T @ middle @ back / h, falls
@@ -149,12 +184,12 @@ def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
         yield form if is_constant else gathered(form, pull.numbers.shape[2], degree)
 
 
-def _search(tables, guess, coefficients, h, block=None):
+def _search(tables, guess, coefficients, h, block=None, rounds=_ROUNDS):
     """Returns the entries of a Gram matrix of h V̇ near a guess; None for none."""
     entries = tables.entries(guess)
     least = _LEAST * h
     aim = _AIM * h
-    return nearby_gram(tables, entries, coefficients, least, aim, _ROUNDS, block)
+    return nearby_gram(tables, entries, coefficients, least, aim, rounds, block)
 
 
 def _through(matrices):
@@ -164,7 +199,7 @@ def _through(matrices):
     return in_time(*(rounded(0.5 * (p + p.T), _GRAM_BITS) for p in parts))
 
 
-def _has_definite_grams(tables, forms, N, guesses, h):
+def _has_definite_grams(tables, forms, N, guesses, h, rounds=_ROUNDS):
     """Determines whether all parts of a Q with this N are positive definite."""
     even = forms.quartic + exact_product(N, forms.G)
     degree = len(guesses) - 1
@@ -175,10 +210,11 @@ def _has_definite_grams(tables, forms, N, guesses, h):
         share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
         others = joined(cubic, quartic, axis=1)
         block = corner.to_float() / share
-        found = _search(tables, guesses[j], others.to_float() / share, h, block)
+        coefficients = others.to_float() / share
+        found = _search(tables, guesses[j], coefficients, h, block, rounds)
         if found is None:
             return False
         gram = rounded(share * tables.matrix(found) * scales, _GRAM_BITS)
-        if not has_definite_gram(tables, gram, corner, others)[0]:
+        if not has_definite_gram(tables, gram, corner, others):
             return False
     return True

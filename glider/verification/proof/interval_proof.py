@@ -32,10 +32,12 @@ from glider.verification.proof.interval import (
     stays_definite,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import HALVINGS, prove_growth
+from glider.verification.proof.interval_growth import (
+    HALVINGS,
+    gram_guesses,
+    prove_growth,
+)
 from glider.verification.sos.exact import exact
-from glider.verification.sos.forms import to_ball
-from glider.verification.sos.sphere import sphere
 
 BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
@@ -126,16 +128,6 @@ def needed_slack(piece: Funnel, interval: Interval) -> float:
     largest = np.abs(interval.S.bernstein()).max(axis=0)
     growth = float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)
     return proven_slack(piece) + growth
-
-
-def gram_guesses(piece, slack):
-    """Returns the Gram matrices of -V̇/V - slack at both times, in b(e)."""
-    tables = sphere(piece.num_states)
-    # On the boundary bᵀ b = 2.
-    less = 0.5 * slack * np.eye(tables.size)
-    turns = map(tables.substitution, to_ball(piece.S)[0])
-    grams = tables.matrix(piece.grams) - less
-    return [turn.T @ gram @ turn for turn, gram in zip(turns, grams, strict=True)]
 
 
 def prove_remainder(

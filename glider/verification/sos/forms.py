@@ -160,12 +160,12 @@ def exact_product(first: Exact, second: Exact) -> Exact:
 
 def has_definite_gram(
     tables: Sphere, gram: Exact, corner: Exact, others: Exact
-) -> tuple[bool, float]:
+) -> bool:
     """Determines whether a polynomial has a positive definite Gram matrix near one.
 
     It is zᵀ A z, A the corner (n, n), plus one with the other coefficients (C,). What
     these differ by from those of the Gram matrix (s, s) is added to it, each in the
-    first place that has its monomial. Returned is what `leaves_definite` does.
+    first place that has its monomial.
     """
     places = tables.places
     mixed = tables.places >= 0
