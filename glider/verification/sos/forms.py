@@ -46,7 +46,7 @@ def higher_forms(
     forms = []
     for degree in (2, 3):
         part = coefficients[..., table_of(n).of_degree(degree)]
-        moved = _moved(spread_form(part, n, degree), L_inv_T, degree)
+        moved = move_axes(spread_form(part, n, degree), L_inv_T, degree)
         pulled = 2.0 * L_T @ moved.reshape(*batch, n, -1)
         forms.append(pulled.reshape(*batch, -1) @ _gather(n, degree + 1))
     return forms[0], forms[1]
@@ -75,7 +75,7 @@ def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
     changed = coefficients.copy()
     for degree in (1, 2, 3):
         here = table_of(n).of_degree(degree)
-        moved = _moved(spread_form(coefficients[:, here], n, degree), basis, degree)
+        moved = move_axes(spread_form(coefficients[:, here], n, degree), basis, degree)
         changed[:, here] = moved.reshape(len(moved), -1) @ _gather(n, degree)
     return changed
 
@@ -89,7 +89,7 @@ def _tensor_places(n: int, degree: int) -> np.ndarray:
     return places
 
 
-def _moved(tensors, matrix, degree):
+def move_axes(tensors: np.ndarray, matrix: np.ndarray, degree: int) -> np.ndarray:
     """Returns tensors (..., n, ..., n) with each of the last axes times a matrix."""
     *batch, n, _ = matrix.shape
     for axis in range(-degree, 0):
