@@ -20,7 +20,7 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
-from glider.verification.proof.flight_proof import FlightProof, remainder_status
+from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.latency import ProvenLatency
 from glider.verification.proof.phases import LEVEL, first_commands
 from glider.verification.proof.purpose import arrival, hook_faults, set_sizes
@@ -72,7 +72,6 @@ def check_report(
         "holds": verdict.holds,
         "file_sha256": funnel.sha256,
         "glider_sha256": _model_hash(funnel.nominal.model),
-        "remainder": remainder_status(funnel, proof),
         "made_for": gliders_note(funnel),
         "inlet": set_sizes(funnel, 0.0),
         "last_set": set_sizes(funnel, funnel.nominal.times[-1]),

@@ -16,9 +16,9 @@ from glider.physics.confidence import physical, theta_at
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import (
     Nominal,
-    closed_loop_rates,
     evaluate,
     nonlinear_parts,
+    open_loop_rates,
 )
 from glider.verification.funnel.growth import PUSHES, climb_sphere
 from glider.verification.funnel.settings import FunnelSettings
@@ -212,9 +212,14 @@ def remainder_of(
     push (K, B, 3) is d_u and w, which act in R but for G (d_u, w).
     """
     known = evaluate(nominal.closed_loop[at], errors)
-    moved = drift = commanded = 0.0
+    moved = 0.0
+    drift = 0.0
+    commanded = 0.0
+    pushed_command = 0.0
+    wind = (0.0, 0.0)
     theta = None
     if push is not None:
+        pushed_command, *wind = np.moveaxis(push, 2, 0)
         G = nominal.push_slopes[at]
         slopes = G[:, None, ..., 0] + np.einsum("kijl,kbl->kbij", G[..., 1:], errors)
         known = known + (slopes @ push[..., None])[..., 0]
@@ -225,24 +230,15 @@ def remainder_of(
         names = center.confidence.names
         each = np.moveaxis(deviations, 2, 0)
         theta = theta_at(nominal.model, names, each)
-    rates = rates_about(nominal, at, errors, theta, push, moved, commanded)
-    return rates - nominal.slopes[at][:, None] - drift - known
-
-
-def rates_about(nominal, at, errors, theta=None, push=None, moved=0.0, commanded=0.0):
-    """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀, with a push (K, B, 3).
-
-    Where a center has moved (K, B, n), they are from there, and the command, which is
-    another by (K, B) there, is for them.
-    """
-    center = nominal.states[at][:, None] + moved
-    states = center + errors
-    error, *wind = (0.0,) * 3 if push is None else np.moveaxis(push, 2, 0)
-    of_each = states, nominal.gains[at][:, None], center
-    x, gains, x0 = (np.moveaxis(values, -1, 0) for values in of_each)
-    u0 = nominal.inputs[at][:, None] + commanded + error
-    rates = closed_loop_rates(nominal.model, list(x), gains, x0, u0, theta, wind)
-    return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)
+    center_states = nominal.states[at][:, None] + moved
+    states = center_states + errors
+    commands = nominal.inputs[at][:, None] + commanded + pushed_command
+    commands = commands - np.einsum("ki,kbi->kb", nominal.gains[at], errors)
+    x = list(np.moveaxis(states, 2, 0))
+    rates = open_loop_rates(nominal.model, x, commands, theta, wind)
+    of_each = [np.broadcast_to(rate, commands.shape) for rate in rates]
+    flown = np.stack(of_each, axis=2)
+    return flown - nominal.slopes[at][:, None] - drift - known
 
 
 def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.ndarray:

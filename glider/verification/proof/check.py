@@ -1,20 +1,17 @@
 """The check of a funnel's certificate, exactly and without a solver.
 
 `purpose`: the funnel is one of the intended problem and glider. `dynamics.defect`: its
-nominal is a flight, or nearly. `gliders_faults`: each glider of its set has margin
-about its own center. `held`: what commands that are held are off by. `exact_check`: V
-falls on the boundary at each time, in exact arithmetic. Then, in floating point: ascent
-from new random points finds no remainder larger than β_k, and none where V rises
-between the times; `flight_proof` proves both, in continuous time.
+nominal is a flight, or nearly. `held`: what commands that are held are off by.
+`exact_check`: V falls on the boundary at each time, in exact arithmetic. Then, in
+floating point: ascent from new random points finds no remainder larger than β_k, and
+none where V rises between the times; `flight_proof` proves both, in continuous time.
 """
 
 import dataclasses
-import math
 import secrets
 from collections.abc import Mapping
 
 import numpy as np
-import scipy.linalg
 from threadpoolctl import threadpool_limits
 
 from glider.physics.covariance import Covariance
@@ -22,7 +19,6 @@ from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
-from glider.verification.funnel import servo_limits
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, growth_between
 from glider.verification.funnel.remainder import (
@@ -31,11 +27,7 @@ from glider.verification.funnel.remainder import (
     sample_remainder,
 )
 from glider.verification.proof import purpose
-from glider.verification.proof.exact_check import (
-    GOAL_ROUNDING,
-    exact_faults,
-    proven_slack,
-)
+from glider.verification.proof.exact_check import exact_faults, proven_slack
 from glider.verification.proof.held import held_faults
 from glider.verification.sos.sphere import normalized
 
@@ -118,7 +110,7 @@ def check_funnel(
     faults += purpose.push_faults(funnel, least_pushes, period)
     faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
     faults += purpose.hook_faults(funnel, problem) if hook and problem else []
-    faults += _defect_faults(funnel, growth) + gliders_faults(funnel)
+    faults += _defect_faults(funnel, growth)
     faults = faults or held_faults(funnel, progress)
     level = None
     if covariance and funnel.gliders:
@@ -194,32 +186,3 @@ def largest_between(
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.max(np.array(found) + around))
-
-
-def gliders_faults(funnel: Funnel) -> list[str]:
-    """Returns why a funnel cannot be of its set of gliders, a sentence each.
-
-    In floating point: at its times the servo does not meet its limits about any
-    glider's center, and the last set is in the goal about each.
-    """
-    if not funnel.gliders:
-        return []
-    axes = funnel.settings.goal_axes(funnel.num_states)
-    given = funnel.nominal, funnel.settings, funnel.gliders, 1.0, funnel.errors
-    directions, bounds = servo_limits.servo_bounds(*given)
-    try:
-        reach = servo_limits.margin_to_limits(funnel.S, directions, bounds)
-        goal = np.diag(1.0 / axes**2)
-        last = funnel.S[-1]
-        largest = scipy.linalg.eigh(goal, last, eigvals_only=True)[-1]
-        end = math.sqrt(largest) + servo_limits.goal_reach(axes, funnel.gliders)
-    except (np.linalg.LinAlgError, ValueError):
-        return ["The set is not an ellipsoid somewhere."]
-    keeps = (reach >= 1.0) & np.all(bounds > 0.0, axis=1)
-    first = funnel.nominal.times[np.argmin(keeps)]
-    met = "The servo would meet its limits with gliders of the set, first at"
-    far = "The last set is not within the goal about every glider's center: it reaches"
-    return purpose.unmet(
-        (keeps.all(), f"{met} {first:.4f} s."),
-        (end <= 1.0 + GOAL_ROUNDING, f"{far} {end:.4g} times as far."),
-    )

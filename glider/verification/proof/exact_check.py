@@ -11,8 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.errors import InputError
 from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.servo_limits import goal_about
 from glider.verification.proof.interval import at_time, keeps_servo
 from glider.verification.proof.interval_growth import falls_at, gram_guesses
 from glider.verification.sos.exact import exact, is_positive_definite
@@ -20,7 +22,7 @@ from glider.verification.sos.exact import exact, is_positive_definite
 _SLACK_SHARE = 0.1
 """Share of the margin of V̇/V that is proven; what is left of it is for rounding."""
 
-GOAL_ROUNDING = 1e-9
+_GOAL_ROUNDING = 1e-9
 """Share by which S(T) may be below the goal's: where they are equal, as in the shipped
 funnels, their difference is not definite."""
 
@@ -45,7 +47,8 @@ def exact_faults(
         progress(number / len(at))
     sentences = [f"{fault} {_when(times)}." for fault, times in times_of.items()]
     if not _within_goal(funnel):
-        sentences.append("The last set is not within the goal.")
+        where = " about every glider's center" if funnel.gliders else ""
+        sentences.append(f"The last set is not within the goal{where}.")
     return sentences
 
 
@@ -86,7 +89,14 @@ def check_time(funnel: Funnel, k: int, slack: float) -> list[str]:
 
 
 def _within_goal(funnel):
-    """Returns whether S(T) is at least the goal's, but for GOAL_ROUNDING."""
+    """Returns whether the last set is in the goal, about the center of every glider.
+
+    That is to _GOAL_ROUNDING; where the centers end is in floating point.
+    """
     axes = funnel.settings.goal_axes(funnel.num_states)
-    goal = exact(np.diag(1.0 / axes**2) * (1.0 - GOAL_ROUNDING))
+    try:
+        needed = goal_about(axes, funnel.gliders)
+        goal = exact(needed * (1.0 - _GOAL_ROUNDING))
+    except (InputError, ValueError):  # The centers alone leave it.
+        return False
     return is_positive_definite(exact(funnel.S[-1]) - goal)

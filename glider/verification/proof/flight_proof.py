@@ -70,21 +70,6 @@ class FlightProof:
         return sum(found.boxes for found in self.outcomes.values())
 
 
-def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
-    """Returns how a funnel's remainder is known: "none", "sampled", or as it is proven.
-
-    That is "rigorous until t=0.8795", the time before which all that was tried is
-    proven, and "in 3 of 200 intervals" if these were not all.
-    """
-    if proof is None or not proof.count or not funnel.beta.any():
-        return "sampled" if funnel.beta.any() else "none"
-    status = f"rigorous until t={proof.until:.4f}"
-    tried = len(proof.outcomes)
-    if tried == proof.of_intervals or not proof.complete:
-        return status
-    return f"{status} in {tried} of {proof.of_intervals} intervals"
-
-
 def prove_flights(
     funnel: Funnel,
     every: int = 1,
