@@ -91,27 +91,30 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms
     y = interval.outputs @ basis
     half = H @ (interval.linear @ y)
     disturbance = (H * interval.weights) @ H.T + interval.bearing.sum() * G
-    pushes = interval.push_slopes
-    pushed = H @ pushes[:, :, 0]
+    constant_pushes = interval.push_slopes[:, :, 0]
+    pushed = H @ constant_pushes
     push = (pushed * interval.push_weights[PUSHES]) @ pushed.T
     push = push + interval.push_bearing.sum() * G
     growth = half + half.T + disturbance + push + slack * G
     A = basis.T @ interval.rise @ basis + h * growth
+
     pull = (h * H.T)[interval.rows]
-    cubic, quartic = (f * -2 for f in pulled_forms(interval.rates(basis), pull))
+    cubic, quartic = pulled_forms(interval.rates(basis), pull)
+    cubic = cubic * -2
+    quartic = quartic * -2
     focus = basis.T @ interval.focus @ basis
     if focus.numbers.any():
         quartic = quartic - h * exact_product(disturbance, focus)
-    for k, of in enumerate(PUSHES):
-        M = basis.T @ pushes[:, k, 1:].T @ H.T
-        if interval.push_bearing[of].numbers.any():
-            weight = h * interval.push_weights[of]
-            cubic = cubic - weight * exact_product(pushed[:, k], M) * 2
-            quartic = quartic - weight * exact_product(M, M)
+    for k, bound in enumerate(PUSHES):
+        varying = basis.T @ interval.push_slopes[:, k, 1:].T @ H.T
+        if interval.push_bearing[bound].numbers.any():
+            weight = h * interval.push_weights[bound]
+            cubic = cubic - weight * exact_product(pushed[:, k], varying) * 2
+            quartic = quartic - weight * exact_product(varying, varying)
         if k == 0 and interval.bends.numbers.any():
             known = basis.T @ interval.bends @ basis * 2
             cubic = cubic - h * exact_product(pushed[:, k], known)
-            quartic = quartic - h * exact_product(M, known)
+            quartic = quartic - h * exact_product(varying, known)
     return _GrowthForms(-A, cubic, quartic, G)
 
 
