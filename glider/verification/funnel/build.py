@@ -55,7 +55,7 @@ _ROUNDS = 40
 of gliders of four numbers then, 14 were needed, and 31 for one of six."""
 
 _MARGIN_SHARE = 0.6
-"""Share of the margin that is enough, everywhere, to end the rounds."""
+"""Share of the margin that ends the rounds where it is reached at all times."""
 
 STARTS = 60
 """Points where the ascent to the largest growth starts, besides the axes of its

@@ -32,7 +32,7 @@ from glider.verification.proof.held import held_faults
 from glider.verification.sos.sphere import normalized
 
 _STARTS = 8
-"""Points where the ascent to the largest growth starts, besides `largest_growth`'s."""
+"""Starting points of the ascent, besides those of `largest_growth`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from glider.verification.proof.interval_growth import falls_at, gram_guesses
 from glider.verification.sos.exact import exact, is_positive_definite
 
 _SLACK_SHARE = 0.1
-"""Share of the margin of V̇/V that is proven; what is left of it is for rounding."""
+"""Share of the margin of V̇/V that is proven; the rest is left to rounding."""
 
 _GOAL_ROUNDING = 1e-9
 """Share by which S(T) may be below the goal's: where they are equal, as in the shipped

@@ -33,10 +33,10 @@ _GRAM_BITS = 36
 eigenvalues are 1e-6, for they are of h V̇."""
 
 BALL_BITS = 30
-"""Binary places of the basis. Any are right; few are fast."""
+"""Binary places of the basis. Any number is valid; fewer are faster."""
 
 _LEAST = 2e-5
-"""Least eigenvalue of Gram matrices of -V̇/V that will do [1/s]."""
+"""Least eigenvalue that suffices for Gram matrices of -V̇/V [1/s]."""
 
 _AIM = 3e-3
 """Least eigenvalue that the search for them aims at [1/s]; few have it."""
@@ -45,11 +45,11 @@ _ROUNDS = 150
 """Steps of the search; then the interval is halved, which makes it easier."""
 
 HALVINGS = 4
-"""Times that an interval is halved until the proof gives up, or a ball is tight."""
+"""Largest number of times that an interval is halved."""
 
 
 class _GrowthForms(NamedTuple):
-    """What h (V̇ + slack V) is made of; see the module."""
+    """The forms that make up h (V̇ + slack V); see the module."""
 
     A: Exact  #: (n, n).
     cubic: Exact  #: c₃ (C₃,).

@@ -43,9 +43,8 @@ BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
 
 PATIENCE = 150_000
-"""Boxes that a ball gets, until each half of its time gets its own. Where R
-comes near β, a ball that is 2 % wider than the sets may take any number of boxes. In a
-wind some balls take many, and each half takes as many."""
+"""Boxes of one ball, after which each half of its time gets a ball of its own. Where R
+comes near β, a ball that is 2 % wider than the sets may take any number of boxes."""
 
 _STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
@@ -56,7 +55,7 @@ _BATCH = 256
 """Boxes that are bounded at once; more are no faster."""
 
 _FAR = 2.0
-"""Bound of a box above which it is halved along two axes: its halves would not do."""
+"""Bound of a box above which it is halved along two axes at once."""
 
 _LEFT = 1.3
 """Power by which an axis' blame falls with its width, where a box was halved."""
