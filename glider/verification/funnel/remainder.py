@@ -9,6 +9,9 @@ on its boundary. F is where R is large (docs/certificate.md has why). Here the l
 is also the difference of their rates, about their own centers (`moving_center`).
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from scipy.optimize import linprog
 
@@ -216,7 +219,7 @@ def remainder_of(
     drift = 0.0
     commanded = 0.0
     pushed_command = 0.0
-    wind = (0.0, 0.0)
+    wind: Sequence[Any] = (0.0, 0.0)
     theta = None
     if push is not None:
         pushed_command, *wind = np.moveaxis(push, 2, 0)

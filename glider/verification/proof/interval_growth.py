@@ -9,7 +9,7 @@ definite, both halves of the interval are tried.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -60,7 +60,7 @@ class _GrowthForms(NamedTuple):
 def prove_growth(
     interval: Interval,
     slack: Exact,
-    grams: tuple[np.ndarray, np.ndarray],
+    grams: Sequence[np.ndarray],
     halvings: int = HALVINGS,
 ) -> int:
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
