@@ -14,7 +14,7 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
-from glider.verification.proof.flight_proof import prove_flights, remainder_status
+from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.trials.falsify import falsify_funnel
 
 EVERY = 5
@@ -46,7 +46,7 @@ def main():
                 f"{widths[4]:.3f}",
                 f"{funnel.seconds:.1f}",
                 f"{checked:.1f} s",
-                f"{proven:.0f} s, {remainder_status(funnel, proof)}",
+                f"{proven:.0f} s, until {proof.until if proof else 0.0:.4f} s",
                 f"{'holds' if verdict.holds else 'FAILS'}, "
                 f"{attack.escapes} of {attack.samples} escape",
             )

@@ -450,7 +450,6 @@ def figures_of(study: FunnelStudy) -> dict[str, object]:
         "goal": list(funnel.settings.goal_axes(funnel.num_states)),
         "states": list(funnel.nominal.model.state_names),
         "effects": [effect.kind.kind for effect in funnel.nominal.model.effects],
-        "remainder": funnels.remainder_status(funnel, proof),
         "remainder_inflation": funnel.settings.remainder,
         "remainder_proof": funnels.describe_proof(funnel, proof) if proof else None,
         "every_flight": bool(study.verdict.holds and proof and proof.is_whole),
@@ -502,8 +501,7 @@ def describe_funnel(name: str, study: FunnelStudy) -> str:
     text = (
         f"{name}: launch errors of up to {100 * inlet['z']:.1f} cm in height, "
         f"{np.degrees(inlet['pitch']):.1f}° in pitch or {inlet['xdot']:.2f} m/s in "
-        f"speed ({funnel.seconds:.0f} s; remainder: "
-        f"{funnels.remainder_status(funnel, proof)}).\n"
+        f"speed ({funnel.seconds:.0f} s).\n"
         f"  Its certificate {checked} at {verdict.times} of {verdict.of_times} "
         f"times; {flown.escapes} of {flown.samples} flights from its boundary leave it."
     )

@@ -37,16 +37,15 @@ state of the last set, by speed and pitch.
 This check applies to the third-order Taylor polynomials of the dynamics, with a bound
 on their remainder; between the times V is sampled in floating point. --prove proves it
 for the full dynamics and in continuous time: no flight that starts in the inlet leaves
-the funnel. That takes minutes; with --resume FILE an interrupted proof continues.
-The size of the inlet is printed; --least-inlet requires one.
+the funnel. That takes minutes. The size of the inlet is printed; --least-inlet
+requires one.
 
 The check applies to one glider; --prove covers all gliders of a funnel that was made
 for a set of them. If --model has a covariance, that set must contain the model's set
-of the same probability, and at least that of 95 %; --least-level requires another, also
-of a funnel of one glider, which has no set. --confidence draws gliders that the data
-allow, from the covariance in --model's file (close-the-loop writes it), flies them from
-the boundary and climbs to the worst flights and the worst corner of their set. Flights
-alone prove nothing.
+of the same probability, and at least that of 95 %. --confidence draws gliders that the
+data allow, from the covariance in --model's file (close-the-loop writes it), flies them
+from the boundary and climbs to the worst flights and the worst corner of their set.
+Flights alone prove nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
 time, and --hold is the time that its commands must be held, also with --as-flown. With
@@ -65,8 +64,7 @@ A funnel of held commands is for a clock that starts with the launch. --phases i
 any clock: the funnel is then that of the launch, until the first command acts, and the
 files are those of the rest of the flight, for commands that begin to act at different
 times. --model, --every, --command-error and --wind apply to each, --least-inlet to the
-launch's, --hold and --hook to the others; --latency is their common one, and
---least-level is of each. Whenever the
+launch's, --hold and --hook to the others; --latency is their common one. Whenever the
 first command acts, the flight must be inside one of them.
 
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
@@ -88,21 +86,12 @@ def add_arguments(parser: CommandParser) -> None:
         "alone, as z=0.1,pitch=0.05 (default: any)"
     )
     parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
-    words = (
-        "the funnel's set must contain the model's set of this probability; needs a "
-        f"--model with a covariance (default: {_LEVEL} of a funnel that has a set)"
-    )
-    parser.add_argument("--least-level", metavar="P", help=words)
-    words = "funnels after a launch funnel, for a clock of any phase (after its name)"
+    words = "one funnel per phase of the clock; give them after the launch funnel"
     parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
     parser.add_switch("--prove", words)
-    words = "with --prove: record what is proven in FILE, and continue from it"
-    parser.add_path("--resume", "FILE", words)
-    words = "with --prove: write the proof to FILE, for tools/verify_proof.py"
-    parser.add_path("--write-proof", "FILE", words)
     words = f"fly gliders that the data allow with this probability (default: {_LEVEL})"
     parser.add_argument(
         "--confidence", metavar="P", nargs="?", const=_LEVEL, help=words
@@ -163,7 +152,6 @@ def run(args: argparse.Namespace) -> int:
     from glider.planning.problem import PerchingProblem
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.latency import check_latency
-    from glider.verification.proof.written import expect_writable, write_proof
     from glider.verification.trials.as_flown import check_clock, fly_loop
     from glider.verification.trials.falsify import falsify_funnel
 
@@ -172,7 +160,6 @@ def run(args: argparse.Namespace) -> int:
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None
-    least_level = _level("--least-level", args.least_level)
     confidence = None
     if level is not None:
         shape = "box" if args.box else "ellipsoid"
@@ -188,19 +175,12 @@ def run(args: argparse.Namespace) -> int:
             "commands of these funnels are held: expected --as-flown, too."
         )
     trial = flown = None
-    if args.write_proof:
-        expect_writable(funnel)
     with working(is_even=True) as progress:
 
         def follow(what):
             return lambda share: progress(Step(f"checking the {what}", share))
 
-        given = {
-            "problem": problem,
-            "model": model,
-            "covariance": covariance,
-            "least_level": least_level,
-        }
+        given = {"problem": problem, "model": model, "covariance": covariance}
         checked = _check(args, (funnel, *rests), least_inlet, given, follow)
         if confidence and checked.holds and not (rests or funnel.settings.period):
             rng = np.random.default_rng(seed)
@@ -213,14 +193,6 @@ def run(args: argparse.Namespace) -> int:
             say = follow("flights")
             flown = fly_loop(funnel, loop, flights, rng, say, rests=rests)
     _print_outcome(args, checked, trial, flown)
-    if args.write_proof and checked.is_proven:
-        with working(is_even=True) as progress:
-            write_proof(
-                args.write_proof,
-                funnel,
-                problem,
-                lambda share: progress(Step("writing the proof", share)),
-            )
     left = any(t.escapes for t in (trial, flown) if t)
     good = checked.is_proven if args.prove else checked.holds
     return 0 if good and not left else 1
@@ -236,11 +208,6 @@ def _check(args, funnels, least_inlet, given, follow):
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.phases import phase_faults
 
-    if given["least_level"] and given["covariance"] is None:
-        raise InputError(
-            "--least-level has no effect without a --model with a covariance, as "
-            "close-the-loop writes it; expected both."
-        )
     (first, *rests), inlet = funnels, {"least_inlet": least_inlet}
     pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
     period = args.hold if args.prove else None
@@ -269,11 +236,7 @@ def _check(args, funnels, least_inlet, given, follow):
         return checked
     for own in funnels:
         proof = prove_flights(
-            own,
-            args.every,
-            resume=args.resume,
-            progress=follow("proof"),
-            is_checked=True,
+            own, args.every, progress=follow("proof"), is_checked=True
         )
         checked.proofs.append(proof)
         if not proof.complete:
@@ -317,7 +280,7 @@ def _print_outcome(args, checked, trial, flown):
     ends = [None if rests else problem] + [problem] * len(rests)
     parts = [*zip_longest(funnels, verdicts, proofs, ends)]
     if args.json:
-        report, *others = (words.check_report(*part, covariance) for part in parts)
+        report, *others = (words.check_report(*part) for part in parts)
         report |= {
             "model_compared": args.model is not None,
             "set_compared": None not in (covariance, funnel.gliders),
@@ -350,20 +313,10 @@ def _print_outcome(args, checked, trial, flown):
 def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     """Probability of --confidence and number of flights; checks all options."""
     expect(args.every >= 1, "--every", args.every, "a positive number")
-    if args.resume and not args.prove:
-        raise InputError("--resume has no effect without --prove; expected both.")
-    if args.write_proof and not args.prove:
-        words = "--write-proof has no effect without --prove; expected both."
-        raise InputError(words)
-    for name in ("resume", "write-proof") if args.phases else ():
-        if getattr(args, name.replace("-", "_")) is not None:
-            raise InputError(
-                f"--{name} is of one funnel; expected it without --phases."
-            )
     latency = args.latency or 0.0
     words = "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)
-    level = _level("--confidence", args.confidence)
+    level = _level(args.confidence)
     names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}
     given = [
@@ -416,8 +369,8 @@ def _least_inlet(text: str | None) -> dict[str, float]:
     return found
 
 
-def _level(option: str, text: str | None) -> float | None:
-    """The probability given by an option; None without it."""
+def _level(text: str | None) -> float | None:
+    """The probability given by --confidence; None without it."""
     if text is None:
         return None
     try:
@@ -425,7 +378,7 @@ def _level(option: str, text: str | None) -> float | None:
     except ValueError:
         level = math.nan
     expected = f"a probability between 0 and 1, such as {_LEVEL:g}"
-    expect(0.0 < level < 1.0, option, text, expected)
+    expect(0.0 < level < 1.0, "--confidence", text, expected)
     return level
 
 

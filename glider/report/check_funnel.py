@@ -20,19 +20,10 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
-from glider.verification.proof.flight_proof import (
-    FlightProof,
-    checker_hash,
-    remainder_status,
-)
+from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.latency import ProvenLatency
 from glider.verification.proof.phases import LEVEL, first_commands
-from glider.verification.proof.purpose import (
-    arrival,
-    hook_faults,
-    set_sizes,
-    wind_for_set,
-)
+from glider.verification.proof.purpose import arrival, hook_faults, set_sizes
 from glider.verification.trials.as_flown import FlownTrial
 from glider.verification.trials.falsify import Falsification
 
@@ -71,19 +62,16 @@ def check_report(
     verdict: Verdict,
     proof: FlightProof | None,
     problem: PerchingProblem | None,
-    covariance: Covariance | None = None,
 ) -> dict[str, Any]:
     """Returns the outcome of `check-funnel` as it is written to JSON.
 
-    The covariance is that of the model that the funnel was compared with. The problem
-    is None where the funnel's end is no perch.
+    The problem is None where the funnel's end is no perch.
     """
     report = dataclasses.asdict(verdict) | {
         "loop": _loop_report(funnel, funnel.settings),
         "holds": verdict.holds,
         "file_sha256": funnel.sha256,
-        "glider_sha256": model_hash(funnel.nominal.model),
-        "remainder": remainder_status(funnel, proof),
+        "glider_sha256": _model_hash(funnel.nominal.model),
         "made_for": gliders_note(funnel),
         "inlet": set_sizes(funnel, 0.0),
         "last_set": set_sizes(funnel, funnel.nominal.times[-1]),
@@ -91,7 +79,6 @@ def check_report(
         "wind_m_s": funnel.settings.wind,
         "period_s": funnel.settings.period,
         "largest_command_error_rad_s": float(funnel.errors.max()),
-        "wind_for_set_m_s": covariance and wind_for_set(funnel, covariance),
     }
     if problem:
         report["end"] = dataclasses.asdict(arrival(funnel, problem))
@@ -102,11 +89,8 @@ def check_report(
             "intervals_proven": proof.count,
             "intervals_tried": len(proof.outcomes),
             "of_intervals": proof.of_intervals,
-            "intervals_from_file": proof.from_file,
             "proven_until": proof.until,
             "fault": proof.fault,
-            "candidate": proof.candidate,
-            "checker_sha256": checker_hash(),
             "boxes": proof.boxes,
         }
     return report
@@ -200,8 +184,7 @@ def describe_check(
     covariance, which the funnel's set of gliders was then compared with. The problem
     is None where the funnel's end is no perch.
     """
-    wind = covariance and wind_for_set(funnel, covariance)
-    lines = [_text("certificate", funnel, verdict, model, covariance, wind)]
+    lines = [_text("certificate", funnel, verdict, model, covariance)]
     if verdict.holds:
         ends = (set_sizes(funnel, t) for t in funnel.nominal.times[[0, -1]])
         lines.append(_text("sizes", *ends))
@@ -286,7 +269,7 @@ def _made_for(funnel, trial):
     return bool(np.all(funnel.gliders.confidence.holds(trial.deviations)))
 
 
-def model_hash(model: GliderModel) -> str:
+def _model_hash(model: GliderModel) -> str:
     """Returns the hash of a glider's file, in hexadecimal: the same for equal ones."""
     return hashlib.sha256(model_text(model).encode()).hexdigest()
 
@@ -312,7 +295,7 @@ def _template():
         "describe_set": describe_set,
         "describe_level": describe_level,
         "commands_of": _commands,
-        "model_hash": lambda funnel: model_hash(funnel.nominal.model),
+        "model_hash": lambda funnel: _model_hash(funnel.nominal.model),
         "degrees": lambda limits: "{:.0f}° to {:.0f}°".format(*np.degrees(limits)),
     }
     return environment.get_template("check_funnel.txt")

@@ -20,7 +20,7 @@ from glider.verification.proof import phases as proof
 SIZES = (0.01, 0.1, 0.025, 0.05, 0.05, 0.1, 0.3)
 """Errors when the first command acts that count equally [m, rad, m/s, rad/s]."""
 
-ROUNDS, ROOM = 6, 0.98
+_ROUNDS, _ROOM = 6, 0.98
 """Tries to make the launch funnel, two as a rule, and the size of its sets relative to
 what would just fit, of the shapes of the try before."""
 
@@ -91,7 +91,7 @@ def _launch_funnel(model, waiting, settings, rests, confidence, progress):
     axes = np.diag(settings.sizes)
     widest = [np.linalg.norm(axes @ own.S[0] @ axes, 2) for own in rests]
     scale = 1.0 / np.sqrt(min(widest))  # As if they had one center.
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         goal = tuple((scale * np.array(sizes)).tolist())
         shaped = dataclasses.replace(settings, goal=goal)
         found = make_funnel(
@@ -100,7 +100,7 @@ def _launch_funnel(model, waiting, settings, rests, confidence, progress):
         if not proof.phase_faults(found, rests):
             return found
         progress("launch funnel: its size")
-        scale *= ROOM * _largest_scale(found, rests)
+        scale *= _ROOM * _largest_scale(found, rests)
         if scale == 0.0:
             break
     raise InputError(

@@ -5,19 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.control.predictor import Hold, policy_command
+from glider.control.predictor import Hold
 from glider.errors import InputError
 from glider.physics.confidence import glider_at
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.build import make_funnel
-from glider.verification.funnel.clock import (
-    BEND_ROOM,
-    bend_sizes,
-    command_errors,
-    with_held_gains,
-)
+from glider.verification.funnel.clock import BEND_ROOM, bend_sizes, command_errors
 from glider.verification.funnel.funnel import funnel_policy
 from glider.verification.funnel.remainder import sample_remainder
 from glider.verification.proof import held
@@ -28,7 +22,7 @@ from glider.verification.sos.forms import to_ball
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop
 from tests.helpers.second_flight import advance, rates_of
-from tests.verification.clocked import ERROR, PERIOD, WIND, changed, part
+from tests.verification.clocked import ERROR, PERIOD, WIND, part
 from tests.verification.points import sphere_points
 from tests.verification.test_gliders import NAMES, allowed_by, among
 
@@ -185,46 +179,8 @@ def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
         assert abs(found / own - 1.0) > 0.01
 
 
-# ------------------------------------------------------------ another glider's feedback
-
-
-@pytest.fixture(scope="module")
-def heavier(clocked):
-    """The sets of a heavier glider under the same commands; not a certificate."""
-    model = clocked.nominal.model
-    parameters = dataclasses.replace(model.parameters, mass=1.002 * 0.08)
-    model = dataclasses.replace(model, parameters=parameters)
-    policy = funnel_policy(clocked, held=True)
-    nominal = with_held_gains(make_nominal(model, policy, 0.0045, PERIOD))
-    return dataclasses.replace(clocked, nominal=nominal)
-
-
-def test_a_feedback_of_held_commands_is_that_of_its_samples(clocked):
-    starts = clocked.nominal.samples
-    inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
-    other = changed(changed(clocked, "gains", inner, 0.3), "bends", slice(None), -2.0)
-    again = with_held_gains(other.nominal)
-    np.testing.assert_allclose(again.gains, clocked.nominal.gains, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(again.bends, clocked.nominal.bends, rtol=1e-7, atol=1e-7)
-
-
-def test_another_glider_flies_under_the_same_commands(clocked, heavier):
-    assert held_faults(part(heavier, 2)) == []
-    apart = np.abs(heavier.nominal.states - clocked.nominal.states).max(axis=0)
-    assert apart[1] > 1e-3  # It falls lower, and is commanded another elevator.
-    at = clocked.nominal.samples
-    assert np.abs(heavier.nominal.inputs - clocked.nominal.inputs)[at].max() > 1e-2
-    states = heavier.nominal.states[at] + 0.01 * sphere_points(len(at), 7)
-    commands = [
-        policy_command(funnel_policy(f, held=True), f.nominal.times[at], states)
-        for f in (clocked, heavier)
-    ]
-    np.testing.assert_allclose(*commands, atol=1e-9)
-
-
-def test_a_policy_is_kept_only_if_it_is_of_held_commands(clocked):
+def test_held_commands_need_a_feedback_that_is_made_with_the_shape(clocked):
     settings = dataclasses.replace(clocked.settings, elevator_gain=0.0)
     policy = funnel_policy(clocked, held=True)
-    other = dataclasses.replace(policy, period=0.01)
-    with pytest.raises(InputError, match=r"policy's period of commands is 0\.01"):
-        make_funnel(clocked.nominal.model, other, settings)
+    with pytest.raises(InputError, match=r"'elevator_gain' is 0\.0; expected a"):
+        make_funnel(clocked.nominal.model, policy, settings)

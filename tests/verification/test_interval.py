@@ -19,8 +19,12 @@ from glider.verification.proof.interval import (
     stays_definite,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import growth_forms, prove_growth
-from glider.verification.proof.interval_proof import gram_guesses, needed_slack
+from glider.verification.proof.interval_growth import (
+    gram_guesses,
+    growth_forms,
+    prove_growth,
+)
+from glider.verification.proof.interval_proof import needed_slack
 from glider.verification.sos.exact import exact, in_time, line, rounded
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
@@ -124,11 +128,11 @@ def test_halves_have_the_same_polynomials(interval):
 
 def test_v_falls_throughout_and_not_for_larger_sets(piece, interval):
     guesses = gram_guesses(piece, 0.003)
-    assert len(prove_growth(interval, exact(0.003), guesses)) == 1
-    assert prove_growth(interval, exact(2.0), guesses, halvings=1) is None
+    assert prove_growth(interval, exact(0.003), guesses) == 1
+    assert not prove_growth(interval, exact(2.0), guesses, halvings=1)
     larger = dataclasses.replace(piece, S=0.7 * piece.S, slopes=0.7 * piece.slopes)
     guesses = gram_guesses(larger, 0.003)
-    assert prove_growth(make_interval(larger), exact(0.003), guesses, 1) is None
+    assert not prove_growth(make_interval(larger), exact(0.003), guesses, 1)
 
 
 def test_each_half_has_to_be_proven(interval, monkeypatch):
@@ -138,17 +142,17 @@ def test_each_half_has_to_be_proven(interval, monkeypatch):
     for failing, found in (
         ([], 1),
         (parts[:1], 2),
-        (parts[:2], None),
-        (parts[::2], None),
-        (parts, None),
+        (parts[:2], 0),
+        (parts[::2], 0),
+        (parts, 0),
     ):
 
         def prove(part, slack, grams, failing=failing):
-            return "a guess", None if part.span in failing else (part.span, None, [])
+            return "a guess", part.span not in failing
 
         monkeypatch.setattr(interval_growth, "_prove_whole", prove)
-        proof = prove_growth(interval, exact(0.0), ("first", "last"), halvings=1)
-        assert (proof and len(proof)) == found
+        parts_proven = prove_growth(interval, exact(0.0), (0, 1), halvings=1)
+        assert parts_proven == found
 
 
 def test_a_defect_of_the_linear_rates_needs_its_slack(piece):
@@ -171,8 +175,8 @@ def test_a_defect_of_the_linear_rates_needs_its_slack(piece):
 def test_an_interval_that_is_halved_is_proven_too(proven):
     piece = proven.between(39, 40)
     interval, guesses = make_interval(piece), gram_guesses(piece, 0.003)
-    assert prove_growth(interval, exact(0.003), guesses, halvings=0) is None
-    assert len(prove_growth(interval, exact(0.003), guesses)) == 2
+    assert not prove_growth(interval, exact(0.003), guesses, halvings=0)
+    assert prove_growth(interval, exact(0.003), guesses) == 2
 
 
 def test_a_matrix_that_is_indefinite_between_is_seen():

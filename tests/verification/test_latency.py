@@ -349,9 +349,7 @@ def test_a_latency_is_proven_of_what_is_proven_as_a_whole(
     def prove_intervals(funnel, every, **options):
         whole = IntervalProof(boxes=1, parts=1, ratio=0.5)
         outcomes = dict.fromkeys(funnel.nominal.flows.tolist()[::every], whole)
-        return flight_proof.FlightProof(
-            times=funnel.nominal.times, outcomes=outcomes, from_file=0, candidate=None
-        )
+        return flight_proof.FlightProof(times=funnel.nominal.times, outcomes=outcomes)
 
     monkeypatch.setattr(prediction, "prove_latency", prove)
     monkeypatch.setattr(flight_proof, "prove_flights", prove_intervals)

@@ -227,10 +227,7 @@ def quick(monkeypatch, checked_once):
             kept = kept[:-1]
         whole = IntervalProof(boxes=1, parts=1, ratio=0.5)
         return FlightProof(
-            times=funnel.nominal.times,
-            outcomes=dict.fromkeys(kept, whole),
-            from_file=0,
-            candidate=None,
+            times=funnel.nominal.times, outcomes=dict.fromkeys(kept, whole)
         )
 
     def prove_latency(predictions, least, progress):
@@ -317,12 +314,6 @@ def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
     assert quick("--prove", "--hold", "0.01") == 1
     assert quick("--prove", "--wind", "0.03") == 1
     assert "Proven" not in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("option", ["resume", "write-proof"])
-def test_what_is_of_one_funnel_is_refused(quick, option, capsys):
-    assert quick(f"--{option}", "file.json", "--prove") == 2
-    assert f"--{option} is of one funnel" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -14,7 +14,7 @@ from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import Nominal, open_loop_rates
 from glider.verification.dynamics.taylor_models import Recording, spread
 
-DEGREE = 5
+_DEGREE = 5
 """Degree in time; of more, the bounds of the shipped funnels are no lower."""
 
 _PIECES = 4
@@ -33,7 +33,7 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
     curve = nominal.path.c  # (4, F, n), powers of t - t_k, highest first.
     share = (np.arange(_PIECES) + 0.5) / _PIECES
     steps = np.diff(nominal.times)[nominal.flows]
-    table = monomials(1, DEGREE)
+    table = monomials(1, _DEGREE)
     recording = Recording(table)
     time = recording.add(INPUT, 0)
     values = [(steps[:, None] * share).ravel()]  # Of each input, in the middle.

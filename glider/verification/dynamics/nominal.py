@@ -107,8 +107,13 @@ class Nominal:
     def closed_loop(self) -> np.ndarray:
         """Taylor coefficients (T, n, M) of ė by `table_of(n)`; the constant is zero."""
         states = variables(self.states.T, ORDER)
-        given = states, self.gains.T, self.states.T, self.inputs
-        coefficients = _expanded(closed_loop_rates(self.model, *given), states[0])
+        command = self.inputs
+        for gain, state, center in zip(
+            self.gains.T, states, self.states.T, strict=True
+        ):
+            command = command - gain * (state - center)
+        rates = open_loop_rates(self.model, states, command)
+        coefficients = _expanded(rates, states[0])
         coefficients[:, :, 0] = 0.0  # The slope of the nominal flight itself.
         return coefficients
 
@@ -344,11 +349,3 @@ def open_loop_rates(model, states, command, theta=None, wind=(0.0, 0.0)):
     """
     theta = model.numbers if theta is None else theta
     return model.chain.derivatives(0.0, states, command, *wind, theta)
-
-
-def closed_loop_rates(model, states, gains, x0, u0, theta=None, wind=(0.0, 0.0)):
-    """Returns ẋ under u = u₀ - K (x - x₀) for any kind of number, n numbers each."""
-    command = u0
-    for gain, x, center in zip(gains, states, x0, strict=True):
-        command = command - gain * (x - center)
-    return open_loop_rates(model, states, command, theta, wind)

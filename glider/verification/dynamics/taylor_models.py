@@ -39,7 +39,7 @@ class Recording:
         step = what, of, float(f), float(g), float(h)
         return TaylorModel(self, self._places.setdefault(step, len(self._places)))
 
-    def program(self, results: list["TaylorModel"], present: np.ndarray) -> "Program":
+    def program(self, results: list["TaylorModel"], present: np.ndarray) -> "_Program":
         """Returns what computes results, and nothing that they do not depend on.
 
         Args:
@@ -88,7 +88,7 @@ class Recording:
             rows.append(row + (self.table.degree + 1 - len(row)) * (0,))
             # Slots that nothing needs any more.
             free += [slots[i] for i in set(operands(place)) if last[i] == place]
-        return Program(
+        return _Program(
             code=np.array(code),
             of=np.array(rows),
             numbers=np.array([steps[place][2:] for place in order]),
@@ -142,7 +142,7 @@ class _Products:
         return table.left[used], table.right[used], table.degrees, starts
 
 
-class Program(NamedTuple):
+class _Program(NamedTuple):
     """Operations on Taylor models, in order; fields are as in `taylor.run`."""
 
     code: np.ndarray

@@ -23,7 +23,7 @@ from glider.progress import Progress, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
-from glider.verification.funnel import clock, servo_limits
+from glider.verification.funnel import servo_limits
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import (
     SHARES,
@@ -50,12 +50,12 @@ from glider.verification.sos.sphere import (
     sphere,
 )
 
-ROUNDS = 40
+_ROUNDS = 40
 """Rounds of scaling: four or five as a rule, eleven where commands are held. For a set
 of gliders of four numbers then, 14 were needed, and 31 for one of six."""
 
 _MARGIN_SHARE = 0.6
-"""Share of the margin that is enough, everywhere, to end the rounds."""
+"""Share of the margin that ends the rounds where it is reached at all times."""
 
 STARTS = 60
 """Points where the ascent to the largest growth starts, besides the axes of its
@@ -95,6 +95,9 @@ def make_funnel(
         SolverError: the sets could not be certified.
     """
     settings = settings or FunnelSettings()
+    gain = settings.elevator_gain
+    words = "a positive number, where commands are held for a 'period'"
+    expect(gain > 0.0 or not settings.period, "field 'elevator_gain'", gain, words)
     began = time.perf_counter()
     rng = np.random.default_rng(seed)
     progress("funnel: the flight and its Taylor polynomials")
@@ -111,24 +114,19 @@ def make_funnel(
     of_set = confidence.dimension if confidence else 0
     of_pushes = 3 if settings.pushes.any() or settings.period else 0
     directions = normalized(rng.normal(size=(SAMPLES, n + of_set + of_pushes)))
-    if settings.elevator_gain > 0.0:
+    if gain > 0.0:
         own = normalized(np.delete(directions, np.s_[n : n + of_set], axis=1))
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
         _shape(steered, progress, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
-    elif settings.period:
-        words = "the funnel's, or a positive 'elevator_gain' to make the feedback"
-        good = policy.period == settings.period
-        expect(good, "the policy's period of commands", policy.period, words)
-        nominal = clock.with_held_gains(nominal)
     held = settings.period > 0.0
     center = make_moving_center(nominal, confidence, held) if confidence else None
     task = FunnelTask(nominal, settings, directions, center)
     S = _shape(ShapeFlow(task), progress, "shape")
     progress("funnel: its size")
-    sets, forms = Gauge(task).scaled(S)
+    sets, forms = _Gauge(task).scaled(S)
     progress("funnel: its certificate")
-    grams = certify(nominal.times, forms, settings.margin)
+    grams = _certify(nominal.times, forms, settings.margin)
     made = {field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)}
     solver = next(iter(SOLVERS))
     seconds = time.perf_counter() - began
@@ -143,7 +141,7 @@ def _shape(flow: ShapeFlow, say: Progress, what: str) -> np.ndarray:
         raise SolverError("The funnel vanishes; a tighter goal may help.") from None
 
 
-def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarray:
+def _certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarray:
     """Returns a Gram matrix (T, E) of -V̇/V on the boundary, at each time.
 
     It comes from its neighbor, or from a solver where that fails. Least eigenvalues are
@@ -179,7 +177,7 @@ def _solve(tables, polynomial):
     return represent(tables, gram + even, polynomial)
 
 
-class Gauge:
+class _Gauge:
     """A gauge of sets S (T, n, n) along a flight: their growth, the servo's margin."""
 
     def __init__(self, task: FunnelTask):
@@ -213,7 +211,7 @@ class Gauge:
     def _scale(self, S):
         times = self._nominal.times
         margin = self._task.settings.margin
-        for turn in range(ROUNDS):
+        for turn in range(_ROUNDS):
             growth, (directions, limits) = self.growth(S), self._limits
             errors, _ = self._task.errors(S, np.arange(len(S)))
             left = limits - servo_limits.error_reach(errors)

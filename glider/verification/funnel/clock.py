@@ -7,7 +7,6 @@ so that q is of third order in e: it starts again at each sample, from what the 
 is off by there, and has a period to grow.
 """
 
-import dataclasses
 import itertools
 
 import numpy as np
@@ -15,13 +14,13 @@ from scipy.linalg import expm
 
 from glider.verification.dynamics.nominal import Nominal, advanced, table_of
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.sos.forms import linear_part, spread_form, to_ball
+from glider.verification.sos.forms import linear_part, move_axes, spread_form, to_ball
 
-ROOM = 1.15
-"""Factor on the largest q̇ at a time: for what is between, and norms."""
+_ROOM = 1.15
+"""Factor on the largest q̇ at a time: for what is between the times, and norms."""
 
 BEND_ROOM = 1.05
-"""Factor on the largest eᵀ M e at a time: for what is between, and norms."""
+"""The same factor on the largest eᵀ M e."""
 
 
 def _steps(nominal, first, last):
@@ -63,21 +62,6 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
         nominal.bends[first + k + 1] = 0.5 * (M + M.T)
 
 
-def with_held_gains(nominal: Nominal) -> Nominal:
-    """Returns a flight with the feedback of commands that are held, as computed.
-
-    Of its gains, those at the samples count.
-    """
-    nominal = nominal.writable()
-    for first in nominal.samples:
-        gains = nominal.gains[first]
-        last = np.flatnonzero(nominal.starts == first)[-1]
-        for move, push in _steps(nominal, first, last):
-            gains = np.linalg.solve((move - np.outer(push, gains)).T, gains)
-        undo_hold(nominal, first, last, gains)
-    return dataclasses.replace(nominal)  # Expanded again, as a whole.
-
-
 def _bend_rates(nominal, here=slice(None)):
     """Returns K F₂ (K, n, n), K B (K,) and A (K, n, n) at some times."""
     n = nominal.states.shape[1]
@@ -105,19 +89,33 @@ def hold_slopes(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
 def form_size(tensors: np.ndarray) -> np.ndarray:
     """Returns bounds (T,) of forms on the unit ball, given tensors (T, n, ..., n)."""
     orders = itertools.permutations(range(1, tensors.ndim))
-    total = np.mean([tensors.transpose(0, *order) for order in orders], axis=0)
-    if total.ndim == 2:
-        return np.linalg.norm(total, axis=1)
+    turned = [tensors.transpose(0, *order) for order in orders]
+    symmetric = np.mean(turned, axis=0)
+    if symmetric.ndim == 2:
+        return np.linalg.norm(symmetric, axis=1)
     rows = tensors.shape[-1] ** ((tensors.ndim - 1) // 2)
-    return np.linalg.norm(total.reshape(len(total), rows, -1), 2, axis=(1, 2))
+    matrices = symmetric.reshape(len(symmetric), rows, -1)
+    return np.linalg.norm(matrices, 2, axis=(1, 2))
 
 
 def bend_sizes(S: np.ndarray, bends: np.ndarray) -> np.ndarray:
     """Returns the largest |eᵀ M e| of sets at times in order, and their neighbors."""
-    near = np.clip(np.arange(len(S)) + np.array([[-1], [0], [1]]), 0, len(S) - 1)
-    turn = to_ball(S)[1][near]
-    forms = turn.swapaxes(2, 3) @ bends @ turn
-    return np.linalg.norm(forms, 2, axis=(2, 3)).max(axis=0)
+    last = len(S) - 1
+    offsets = np.array([[-1], [0], [1]])
+    near = np.clip(np.arange(len(S)) + offsets, 0, last)
+    turns = to_ball(S)[1]
+    forms = _in_ball(bends, turns[near])
+    return _largest_values(forms).max(axis=0)
+
+
+def _in_ball(forms, turns):
+    """Returns forms (..., n, n) in the coordinates of balls, given L⁻ᵀ (..., n, n)."""
+    return turns.swapaxes(-1, -2) @ forms @ turns
+
+
+def _largest_values(matrices):
+    """Returns the largest singular values (...) of matrices (..., n, n)."""
+    return np.linalg.norm(matrices, 2, axis=(-2, -1))
 
 
 def command_errors(
@@ -140,41 +138,76 @@ def command_errors(
     first = settings.command_error
     if len(at) < len(starts):
         since = nominal.times[at] - nominal.times[starts[at]]
-        return (first + ROOM * since * growth) * np.exp(since * pulls) + apart
-    step = np.diff(nominal.times)
-    q = np.full(len(S), first)
-    for i in np.flatnonzero(starts < at):
-        last = slice(i - 1, i + 1)
-        q[i] = q[i - 1] + step[i - 1] * ROOM * growth[last].max()
-        q[i] *= np.exp(step[i - 1] * pulls[last].max())
-    return q + apart
+        grown = first + _ROOM * since * growth
+        return grown * np.exp(since * pulls) + apart
+    steps = np.diff(nominal.times)
+    errors = np.full(len(S), first)
+    for k in np.flatnonzero(starts < at):
+        step = steps[k - 1]
+        ends = slice(k - 1, k + 1)
+        grown = errors[k - 1] + step * _ROOM * growth[ends].max()
+        errors[k] = grown * np.exp(step * pulls[ends].max())
+    return errors + apart
 
 
 def _apart(nominal, S, at):
     """Returns how far K e - eᵀ M e is from straight lines around K times, nearly."""
+    gain_slopes, bend_slopes = hold_slopes(nominal)
+    of_gains = _departures(nominal, gain_slopes)[:, at]
+    of_bends = _departures(nominal, bend_slopes)[:, at]
+    turns = to_ball(S)[1]
+    linear = of_gains[:, :, None] @ turns
+    sizes = np.linalg.norm(linear[:, :, 0], axis=2)
+    sizes += _largest_values(_in_ball(of_bends, turns))
+    return sizes.max(axis=0)
+
+
+def _departures(nominal, slopes):
+    """Returns how far cubics with slopes (T, ...) bend from lines, (2, T, ...).
+
+    That is in the interval after each time, and in the one before it.
+    """
     k = nominal.flows
-    turn = to_ball(S)[1]
     steps = np.diff(nominal.times)[k]
-    bends = [np.zeros((2, *v.shape)) for v in (nominal.gains, nominal.bends)]
-    for bend, slopes in zip(bends, hold_slopes(nominal), strict=True):
-        change = (slopes[k + 1] - slopes[k]).T * steps / 6.0
-        bend[0, k] = change.T
-        bend[1, k + 1] = change.T
-    of_gains, of_bends = (bend[:, at] for bend in bends)
-    size = np.linalg.norm((of_gains[:, :, None] @ turn)[:, :, 0], axis=2)
-    square = np.linalg.norm(turn.swapaxes(1, 2) @ of_bends @ turn, 2, axis=(2, 3))
-    return (size + square).max(axis=0)
+    changes = (slopes[k + 1] - slopes[k]).T * steps / 6.0
+    departures = np.zeros((2, *slopes.shape))
+    departures[0, k] = changes.T
+    departures[1, k + 1] = changes.T
+    return departures
 
 
 def _error_growth(nominal, S, at, beta, focus, wind):
     """Returns a, b (K,) of |q̇| <= a + b |q|, nearly, and what lines leave out of q."""
-    n = S.shape[-1]
-    table = table_of(S.shape[-1])
-    turn = to_ball(S)[1]
+    turns = to_ball(S)[1]
     gains = nominal.gains[at]
     M = nominal.bends[at]
-    rates = nominal.closed_loop[at]
     G = nominal.push_slopes[at]
+    third, fourth = _higher_parts(nominal.closed_loop[at], G, gains, M)
+    third = form_size(move_axes(third, turns, 3))
+    fourth = form_size(move_axes(fourth, turns, 4))
+    curved = 1.0 + _largest_values(_in_ball(focus, turns))
+    bent = np.linalg.norm(M @ turns, axis=2)
+    remainder = np.sum((np.abs(gains) + 2.0 * bent) * beta, axis=1)
+    growth = third + 2.0 * fourth + remainder * curved
+    # (K - 2 eᵀ M)(G₀ + G₁ e) of each push, but for its part of second order.
+    along = np.einsum("ti,tikj->tkj", gains, G)
+    tilt = along[..., 1:] - 2.0 * np.einsum("tai,tik->tka", M, G[..., 0])
+    pulls = np.abs(along[..., 0]) + np.linalg.norm(tilt @ turns, axis=2)
+    of_command = pulls[:, 0]
+    of_wind = np.linalg.norm(pulls[:, 1:], axis=1)
+    apart = _ROOM * _apart(nominal, S, at)
+    # Once more for the slopes of the cubics.
+    growth += wind * of_wind + 2.0 * of_command * apart
+    return growth, of_command, apart
+
+
+def _higher_parts(rates, G, gains, M):
+    """Returns K F₃ - 2 eᵀ M (F₂ + B eᵀ M e) and eᵀ M F₃ as tensors (K, n, ..., n).
+
+    F₂ and F₃ of the rates (K, n, M) include what eᵀ M e does along G.
+    """
+    n = gains.shape[-1]
+    table = table_of(n)
     square = spread_form(rates[..., table.of_degree(2)], n, 2)
     square = square + np.einsum("ti,tab->tiab", G[:, :, 0, 0], M)
     cube = spread_form(rates[..., table.of_degree(3)], n, 3)
@@ -182,18 +215,4 @@ def _error_growth(nominal, S, at, beta, focus, wind):
     third = np.einsum("ti,tiabc->tabc", gains, cube)
     third = third - 2.0 * np.einsum("tai,tibc->tabc", M, square)
     fourth = np.einsum("tai,tibcd->tabcd", M, cube)
-    moves = [turn] * 4
-    third = np.einsum("tabc,tai,tbj,tck->tijk", third, *moves[:3], optimize=True)
-    fourth = np.einsum("tabcd,tai,tbj,tck,tdl->tijkl", fourth, *moves, optimize=True)
-    bend = np.linalg.norm(turn.swapaxes(1, 2) @ focus @ turn, 2, axis=(1, 2))
-    most = np.abs(gains) + 2.0 * np.linalg.norm(M @ turn, axis=2)
-    growth = form_size(third) + 2.0 * form_size(fourth)
-    growth += np.sum(most * beta, axis=1) * (1.0 + bend)
-    # (K - 2 eᵀ M)(G₀ + G₁ e) of each push, but for its part of second order.
-    along = np.einsum("ti,tikj->tkj", gains, G)
-    tilt = along[..., 1:] - 2.0 * np.einsum("tai,tik->tka", M, G[..., 0])
-    pulls = np.abs(along[..., 0]) + np.linalg.norm(tilt @ turn, axis=2)
-    growth += wind * np.linalg.norm(pulls[:, 1:], axis=1)
-    apart = ROOM * _apart(nominal, S, at)
-    growth += 2.0 * pulls[:, 0] * apart  # Once for the slopes of the cubics.
-    return growth, pulls[:, 0], apart
+    return third, fourth

@@ -43,9 +43,9 @@ from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.verification.funnel.settings import FunnelSettings
 
-FORMAT = "drake-glider funnel 4"
+_FORMAT = "drake-glider funnel 4"
 
-MOST_BYTES = 30_000_000
+_MOST_BYTES = 30_000_000
 """Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
 
 _OF_PYTHON = OSError, EOFError, ValueError, TypeError, KeyError, RuntimeError
@@ -80,7 +80,7 @@ class Notes:
     seconds: float  #: Duration of the computation [s].
     #: Set of gliders that it was made for; None for the model's alone.
     confidence: GlidersNote | None = None
-    format: str = FORMAT  #: FORMAT.
+    format: str = _FORMAT  #: Of a file.
 
 
 _SYMMETRIC = ("S", "slopes", "focus", "bends")
@@ -116,8 +116,8 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
             if len(count) != 1:
                 raise ValueError(f"'times' has shape {show(count)}; expected one axis")
             shapes = _shapes(count[0], len(notes.state_names))
-            if 8 * sum(map(math.prod, shapes.values())) > MOST_BYTES:
-                raise ValueError(f"its arrays are larger than {MOST_BYTES:,} bytes")
+            if 8 * sum(map(math.prod, shapes.values())) > _MOST_BYTES:
+                raise ValueError(f"its arrays are larger than {_MOST_BYTES:,} bytes")
             arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes}
         _check(arrays, notes)
         return notes, arrays, hashlib.sha256(content).hexdigest()
@@ -133,7 +133,7 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
 def _may_be_a_funnel(path: Path | str) -> bool:
     """Determines whether a file is an archive with the notes that a funnel has."""
     status = Path(path).stat()
-    good = stat.S_ISREG(status.st_mode) and status.st_size <= MOST_BYTES
+    good = stat.S_ISREG(status.st_mode) and status.st_size <= _MOST_BYTES
     if not good or not zipfile.is_zipfile(path):
         return False
     with zipfile.ZipFile(path) as archive:
@@ -157,11 +157,11 @@ def _read(archive, name):
 
 def _read_notes(archive, source):
     shape, dtype = _header(archive, "notes")
-    if shape or dtype.kind != "U" or dtype.itemsize > MOST_BYTES:
+    if shape or dtype.kind != "U" or dtype.itemsize > _MOST_BYTES:
         raise ValueError("'notes' is not a text")
     data = schema.parse_json(str(_read(archive, "notes")), source)
-    if isinstance(data, dict) and data.get("format") != FORMAT:
-        raise ValueError(f"its format is {show(data.get('format'))}, not '{FORMAT}'")
+    if isinstance(data, dict) and data.get("format") != _FORMAT:
+        raise ValueError(f"its format is {show(data.get('format'))}, not '{_FORMAT}'")
     return schema.convert(data, Notes, source)
 
 

@@ -28,7 +28,7 @@ SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Points of each interval where V̇ is examined. With five, a funnel was made whose V
 rises between two of them, where a servo limit cuts it down; it could not be proven."""
 
-NEIGHBORS = 2
+_NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
 
 
@@ -161,7 +161,7 @@ def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
     seeds = np.broadcast_to(starts, (len(axes), *starts.shape))
     points = np.concatenate([seeds, axes], axis=1)
     value, worst = largest_values(*forms, points)
-    for _ in range(NEIGHBORS):
+    for _ in range(_NEIGHBORS):
         around = np.concatenate([worst[:1], worst, worst[-1:]])
         points = np.stack([around[:-2], worst, around[2:]], axis=1)
         value, worst = largest_values(*forms, points)
@@ -194,7 +194,7 @@ def growth_between(
     return largest_growth(forms, starts)
 
 
-ROUNDS, CLIMB_ROUNDS = 40, 8
+_ROUNDS, _CLIMB_ROUNDS = 40, 8
 """Steps of the power iteration on a polynomial, and of a climb on any function."""
 
 _STRIDE = 0.3
@@ -220,7 +220,7 @@ def largest_values(
     bound = np.linalg.norm(quadratic, axis=(1, 2)) + 2.0 * norms[0] + 3.0 * norms[1]
     shift = np.broadcast_to(0.2 * bound[:, None, None], (*z.shape[:2], 1)).copy()
     value, slope = _value_and_half_slope(quadratic, third, fourth, z)
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         moved = normalized(slope + shift * z)
         new_value, new_slope = _value_and_half_slope(quadratic, third, fourth, moved)
         up = (new_value >= value)[..., None]
@@ -242,7 +242,7 @@ def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndar
     value = function(z)
     stride = np.full((*value.shape, 1), _STRIDE)
     steps = DIFFERENCE * np.eye(n)
-    for _ in range(CLIMB_ROUNDS):
+    for _ in range(_CLIMB_ROUNDS):
         around = function((z[:, :, None] + steps).reshape(len(z), -1, n))
         slope = around.reshape(*value.shape, n) - value[..., None]
         slope -= np.sum(slope * z, axis=2, keepdims=True) * z

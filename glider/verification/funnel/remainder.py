@@ -9,6 +9,9 @@ on its boundary. F is where R is large (docs/certificate.md has why). Here the l
 is also the difference of their rates, about their own centers (`moving_center`).
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from scipy.optimize import linprog
 
@@ -16,9 +19,9 @@ from glider.physics.confidence import physical, theta_at
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import (
     Nominal,
-    closed_loop_rates,
     evaluate,
     nonlinear_parts,
+    open_loop_rates,
 )
 from glider.verification.funnel.growth import PUSHES, climb_sphere
 from glider.verification.funnel.settings import FunnelSettings
@@ -31,7 +34,7 @@ SAMPLES = 500
 _CLIMBS = 4
 """Climbs for each rate and sign, each from the best of its share of the directions."""
 
-NEIGHBORS = 2
+_NEIGHBORS = 2
 """Rounds of climbing from where the neighbors in time reached their largest R. Without
 any, a hill of R in pitch was missed at times, and a funnel was not proven there."""
 
@@ -124,7 +127,7 @@ class _Remainders:
             picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
             return np.where(which < count, 1.0, -1.0) * picked[..., 0]
 
-        for turn in range(1 + (NEIGHBORS if len(starts) > 1 else 0)):
+        for turn in range(1 + (_NEIGHBORS if len(starts) > 1 else 0)):
             if turn:
                 around = np.concatenate([points[:1], points, points[-1:]])
                 starts = np.stack([around[:-2], points, around[2:]], axis=2)
@@ -142,7 +145,7 @@ def _of_both_signs(highest):
     return highest.reshape(len(highest), 2, -1).max(axis=1)
 
 
-ROUNDS = 2
+_ROUNDS = 2
 """Times that F is made, the second with the points where the first was exceeded."""
 
 
@@ -167,7 +170,7 @@ def find_focus(
     square = scales[:, :, None] * scales[:, None]
     block = np.ix_(states, states)
     seen: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in at]
-    for turn in range(ROUNDS):
+    for turn in range(_ROUNDS):
         highest, tops = bent.climb(directions)
         if turn == 0:
             top = _of_both_signs(highest)
@@ -212,9 +215,14 @@ def remainder_of(
     push (K, B, 3) is d_u and w, which act in R but for G (d_u, w).
     """
     known = evaluate(nominal.closed_loop[at], errors)
-    moved = drift = commanded = 0.0
+    moved = 0.0
+    drift = 0.0
+    commanded = 0.0
+    pushed_command = 0.0
+    wind: Sequence[Any] = (0.0, 0.0)
     theta = None
     if push is not None:
+        pushed_command, *wind = np.moveaxis(push, 2, 0)
         G = nominal.push_slopes[at]
         slopes = G[:, None, ..., 0] + np.einsum("kijl,kbl->kbij", G[..., 1:], errors)
         known = known + (slopes @ push[..., None])[..., 0]
@@ -225,24 +233,15 @@ def remainder_of(
         names = center.confidence.names
         each = np.moveaxis(deviations, 2, 0)
         theta = theta_at(nominal.model, names, each)
-    rates = rates_about(nominal, at, errors, theta, push, moved, commanded)
-    return rates - nominal.slopes[at][:, None] - drift - known
-
-
-def rates_about(nominal, at, errors, theta=None, push=None, moved=0.0, commanded=0.0):
-    """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀, with a push (K, B, 3).
-
-    Where a center has moved (K, B, n), they are from there, and the command, which is
-    another by (K, B) there, is for them.
-    """
-    center = nominal.states[at][:, None] + moved
-    states = center + errors
-    error, *wind = (0.0,) * 3 if push is None else np.moveaxis(push, 2, 0)
-    of_each = states, nominal.gains[at][:, None], center
-    x, gains, x0 = (np.moveaxis(values, -1, 0) for values in of_each)
-    u0 = nominal.inputs[at][:, None] + commanded + error
-    rates = closed_loop_rates(nominal.model, list(x), gains, x0, u0, theta, wind)
-    return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)
+    center_states = nominal.states[at][:, None] + moved
+    states = center_states + errors
+    commands = nominal.inputs[at][:, None] + commanded + pushed_command
+    commands = commands - np.einsum("ki,kbi->kb", nominal.gains[at], errors)
+    x = list(np.moveaxis(states, 2, 0))
+    rates = open_loop_rates(nominal.model, x, commands, theta, wind)
+    of_each = [np.broadcast_to(rate, commands.shape) for rate in rates]
+    flown = np.stack(of_each, axis=2)
+    return flown - nominal.slopes[at][:, None] - drift - known
 
 
 def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.ndarray:

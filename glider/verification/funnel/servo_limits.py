@@ -28,13 +28,11 @@ def servo_bounds(
     settings: FunnelSettings,
     center: MovingCenter | None = None,
     shrink: float = _SHRINK,
-    errors: np.ndarray | float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
 
-    A center that moves by X δ under U δ leaves less of both, and errors (T,) of the
-    command [rad/s] that much less of the rate. A command that is held keeps the rate's
-    limit if it does when it is computed: elsewhere that b is infinite.
+    A center that moves by X δ under U δ leaves less of both. A command that is held
+    keeps the rate's limit if it does when it is computed: elsewhere that b is infinite.
     """
     low, high, rate = nominal.model.parameters.servo
     demanded = nominal.demanded
@@ -43,7 +41,7 @@ def servo_bounds(
     directions = np.stack([nominal.gains, travel], axis=1)
     rate_left = rate - np.abs(nominal.inputs)
     bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
-    bounds = shrink * bounds - error_reach(errors + 0.0 * nominal.inputs)
+    bounds = shrink * bounds
     if center is not None:
         shifts = np.einsum("i,kij->kj", demanded, center.shifts)
         travel_of = shifts + STOPPING_TIME * center.commands
@@ -68,7 +66,10 @@ def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
     Raises:
         InputError: the gliders' centers alone leave the goal.
     """
-    left = 1.0 - goal_reach(axes, center)
+    left = 1.0
+    if center is not None:
+        scaled = center.shifts[-1] @ center.confidence.factor / axes[:, None]
+        left -= center.confidence.farthest(scaled)
     if left <= 0.0:
         raise InputError(
             f"The gliders of the confidence set end up to {1.0 - left:.3g} times as "
@@ -76,14 +77,6 @@ def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
             "a wider goal."
         )
     return np.diag(1.0 / (left * axes) ** 2)
-
-
-def goal_reach(axes: np.ndarray, center: MovingCenter | None) -> float:
-    """Returns a bound of how far a center of the gliders ends, where the goal is 1."""
-    if center is None:
-        return 0.0
-    scaled = center.shifts[-1] @ center.confidence.factor / axes[:, None]
-    return center.confidence.farthest(scaled)
 
 
 def keep_bounds(

@@ -1,20 +1,17 @@
 """The check of a funnel's certificate, exactly and without a solver.
 
 `purpose`: the funnel is one of the intended problem and glider. `dynamics.defect`: its
-nominal is a flight, or nearly. `gliders_faults`: each glider of its set has margin
-about its own center. `held`: what commands that are held are off by. `exact_check`: V
-falls on the boundary at each time, in exact arithmetic. Then, in floating point: ascent
-from new random points finds no remainder larger than β_k, and none where V rises
-between the times; `flight_proof` proves both, in continuous time.
+nominal is a flight, or nearly. `held`: what commands that are held are off by.
+`exact_check`: V falls on the boundary at each time, in exact arithmetic. Then, in
+floating point: ascent from new random points finds no remainder larger than β_k, and
+none where V rises between the times; `flight_proof` proves both, in continuous time.
 """
 
 import dataclasses
-import math
 import secrets
 from collections.abc import Mapping
 
 import numpy as np
-import scipy.linalg
 from threadpoolctl import threadpool_limits
 
 from glider.physics.covariance import Covariance
@@ -22,7 +19,6 @@ from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
-from glider.verification.funnel import servo_limits
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, growth_between
 from glider.verification.funnel.remainder import (
@@ -31,16 +27,12 @@ from glider.verification.funnel.remainder import (
     sample_remainder,
 )
 from glider.verification.proof import purpose
-from glider.verification.proof.exact_check import (
-    GOAL_ROUNDING,
-    exact_faults,
-    proven_slack,
-)
+from glider.verification.proof.exact_check import exact_faults, proven_slack
 from glider.verification.proof.held import held_faults
 from glider.verification.sos.sphere import normalized
 
-STARTS = 8
-"""Points where the ascent to the largest growth starts, besides `largest_growth`'s."""
+_STARTS = 8
+"""Starting points of the ascent, besides those of `largest_growth`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -54,7 +46,6 @@ class Verdict:
     faults: tuple[str, ...]
     slack: float  #: Slack of V̇ <= -slack V, which is proven at these times [1/s].
     defect: float  #: Largest V̇/V by the nominal's defect, which is counted [1/s].
-    rounding: float  #: Largest change of an eigenvalue by what is left over [1/s].
     #: Largest |R_k| / β_k found by ascent at these times; infinite where only β_k is
     #: zero; zero where the certificate accounts for no remainder at all.
     remainder_seen: float
@@ -86,7 +77,6 @@ def check_funnel(
     from_launch: bool = True,
     model: GliderModel | None = None,
     covariance: Covariance | None = None,
-    least_level: float | None = None,
     hook: bool = False,
     least_inlet: Mapping[str, float] | None = None,
     least_pushes: tuple[float, float] = (0.0, 0.0),
@@ -103,8 +93,6 @@ def check_funnel(
         model: the glider that it must be a funnel of; any if None.
         covariance: of that glider, whose set of the same level, and of at least 95 %,
             the funnel's set of gliders, if it has one, must contain; any if None.
-        least_level: with a covariance, the level instead of 95 %; then a funnel of one
-            glider is refused.
         hook: whether the problem's hook must accept every state of the last set.
         least_inlet: least half-widths of the inlet, of states that deviate alone.
         least_pushes: command error [rad/s] and wind [m/s] that it must account for.
@@ -117,21 +105,20 @@ def check_funnel(
     seed = secrets.randbits(32) if seed is None else seed
     faults = purpose.model_faults(funnel, model) if model else []
     if covariance and not faults:
-        faults = purpose.set_faults(funnel, covariance, least_level)
+        faults = purpose.set_faults(funnel, covariance)
     faults += purpose.inlet_faults(funnel, least_inlet or {})
     faults += purpose.push_faults(funnel, least_pushes, period)
     faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
     faults += purpose.hook_faults(funnel, problem) if hook and problem else []
-    faults += _defect_faults(funnel, growth) + gliders_faults(funnel)
+    faults += _defect_faults(funnel, growth)
     faults = faults or held_faults(funnel, progress)
     level = None
     if covariance and funnel.gliders:
-        level = purpose.compared_level(funnel.gliders.confidence, least_level)
-    rounding = 0.0
+        level = purpose.compared_level(funnel.gliders.confidence)
     seen = 0.0
     between = np.inf
     if not faults:
-        faults, rounding = exact_faults(funnel, at, growth, progress)
+        faults = exact_faults(funnel, at, growth, progress)
     if not faults:
         rng = np.random.default_rng(seed)
         faults, seen, between = _sampled_faults(funnel, at, growth, rng, every)
@@ -141,7 +128,6 @@ def check_funnel(
         faults=tuple(faults),
         slack=proven_slack(funnel),
         defect=float(growth.max()),
-        rounding=rounding,
         remainder_seen=seen,
         between=between,
         seed=seed,
@@ -193,39 +179,10 @@ def largest_between(
 
     It includes growth (T,) by the defect, and is infinite where a set is no ellipsoid.
     """
-    starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
+    starts = normalized(rng.normal(size=(_STARTS, funnel.num_states)))
     around = np.maximum(defect[:-1], defect[1:])[funnel.nominal.flows[::every]]
     try:
         found = [growth_between(funnel, share, starts, every) for share in SHARES]
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.max(np.array(found) + around))
-
-
-def gliders_faults(funnel: Funnel) -> list[str]:
-    """Returns why a funnel cannot be of its set of gliders, a sentence each.
-
-    In floating point: at its times the servo does not meet its limits about any
-    glider's center, and the last set is in the goal about each.
-    """
-    if not funnel.gliders:
-        return []
-    axes = funnel.settings.goal_axes(funnel.num_states)
-    given = funnel.nominal, funnel.settings, funnel.gliders, 1.0, funnel.errors
-    directions, bounds = servo_limits.servo_bounds(*given)
-    try:
-        reach = servo_limits.margin_to_limits(funnel.S, directions, bounds)
-        goal = np.diag(1.0 / axes**2)
-        last = funnel.S[-1]
-        largest = scipy.linalg.eigh(goal, last, eigvals_only=True)[-1]
-        end = math.sqrt(largest) + servo_limits.goal_reach(axes, funnel.gliders)
-    except (np.linalg.LinAlgError, ValueError):
-        return ["The set is not an ellipsoid somewhere."]
-    keeps = (reach >= 1.0) & np.all(bounds > 0.0, axis=1)
-    first = funnel.nominal.times[np.argmin(keeps)]
-    met = "The servo would meet its limits with gliders of the set, first at"
-    far = "The last set is not within the goal about every glider's center: it reaches"
-    return purpose.unmet(
-        (keeps.all(), f"{met} {first:.4f} s."),
-        (end <= 1.0 + GOAL_ROUNDING, f"{far} {end:.4g} times as far."),
-    )

@@ -46,7 +46,7 @@ from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
 
-SAMPLES = 1000
+_SAMPLES = 1000
 """Points on the sphere where R and its variation are sampled."""
 
 
@@ -186,32 +186,35 @@ def make_remainder(
         basis: (m, m): all y of the sets there are basis w with |w| <= 1.
         span: first and last s of the part.
     """
-    nominal, n, (moved, drift) = piece.nominal, piece.num_states, gliders_path(piece)
+    nominal = piece.nominal
+    n = piece.num_states
     which, rows = nonlinear_parts(nominal.model)
-    own = table_of(n + 1).without(np.setdiff1d(np.arange(n + 1), which))
-    P = nominal.open_loop[:, rows][..., own]
-    P[..., 0] = 0.0  # That is in ẋ₀.
+    m = len(which)
+    moved, drift = gliders_path(piece)
+    pushes = piece.pushes.max(axis=0)
+    first_push = 1 + m + moved.shape[1]
+    table = monomials(first_push + len(_acting(pushes)), ORDER)
+
+    P = _taylor_part(nominal, which, rows)
+    P_mean, P_change = line_powers(P)
     path, slopes = hermite_powers(nominal.times, nominal.states, nominal.slopes)
-    command, (P_mean, P_change) = line_powers(nominal.inputs), line_powers(P)
+    command = line_powers(nominal.inputs)
     s = 0.5 * sum(span)
     middle = np.append(path @ s ** np.arange(ORDER + 1), command @ [1.0, s])
     basis = _turned(nominal.model, middle, P_mean + s * P_change, basis)
 
-    # Of q.
-    pushes = piece.pushes.max(axis=0)
-    first = len(which) + moved.shape[1]
-    table = monomials(first + len(_acting(pushes)) + 1, ORDER)
     path = np.vstack([path, np.pad(command, (0, ORDER - 1))])
-    inputs = _along(table, len(which), path, moved[..., :ORDER])
-    inputs[which, 1 : len(which) + 1] = basis
-    inputs[-1, first + 1] += pushes[0]  # Zero where q does not have it.
+    inputs = _along(table, m, path, moved[..., :ORDER])
+    inputs[which, 1 : m + 1] = basis
+    inputs[n, first_push] += pushes[0]  # Zero where q does not have it.
     polynomials, highest = _in_ball(table, basis, P_mean, P_change)
-    polynomials += _along(table, len(which), slopes[rows], drift[rows])
+    polynomials += _along(table, m, slopes[rows], drift[rows])
     G = nominal.push_slopes[:, rows] * pushes[PUSHES, None]
     ends = line_powers(_turned_slopes(G, which, basis))
-    for q, k in enumerate(_acting(pushes), first + 1):
-        for y in range(len(which) + 1):
+    for q, k in enumerate(_acting(pushes), first_push):
+        for y in range(m + 1):
             _add(polynomials, table, [q, y], ends[:, :, k, y].T)
+
     sizes = change_variables(np.abs(P).max(axis=0), np.abs(basis)).sum(axis=1)
     spread = _turned_slopes(np.abs(G), which, np.abs(basis))
     sizes += 2.0 * spread.sum(axis=(0, 2, 3))
@@ -231,6 +234,19 @@ def make_remainder(
         beyond=beyond * WIDER,
         pushes=pushes,
     )
+
+
+def _taylor_part(nominal, which, rows):
+    """Returns P (2, r, M) at both times, in the variables that count.
+
+    It has no constant, which is in ẋ₀.
+    """
+    count = nominal.states.shape[1] + 1
+    others = np.setdiff1d(np.arange(count), which)
+    own = table_of(count).without(others)
+    P = nominal.open_loop[:, rows][..., own]
+    P[..., 0] = 0.0
+    return P
 
 
 def _add(polynomials, table, factors, powers):
@@ -289,14 +305,14 @@ def _limits(piece, basis, table):
     limits = np.zeros((len(rows), len(table.degrees)))
     _add(limits, table, [0], np.stack([beta, beta_change], axis=1))
     for i, j in itertools.product(range(len(basis)), repeat=2):
-        half = 0.5 * beta_change * focus_change[i, j]
+        constant = beta * focus[i, j] + 0.5 * beta_change * focus_change[i, j]
         slope = beta_change * focus[i, j] + beta * focus_change[i, j]
-        line = np.stack([beta * focus[i, j] + half, slope], axis=1)
-        _add(limits, table, [1 + i, 1 + j], line)
+        _add(limits, table, [1 + i, 1 + j], np.stack([constant, slope], axis=1))
+
     sizes = np.abs(B).T @ np.abs(F).max(axis=0) @ np.abs(B)
+    rounding = ROUNDING * piece.beta[:, rows].max(axis=0) * sizes.sum()
     lost = 0.5 * np.abs(beta_change) * np.linalg.norm(focus_change)
-    lost += ROUNDING * piece.beta[:, rows].max(axis=0) * sizes.sum()
-    limits[:, 0] -= lost * WIDER
+    limits[:, 0] -= (lost + rounding) * WIDER
     return limits
 
 
@@ -314,11 +330,13 @@ def _turned(model, center, polynomials, basis):
         return rates - table.values(y) @ polynomials.T
 
     m = len(basis)
-    w = normalized(np.random.default_rng(0).normal(size=(SAMPLES, m)))
+    rng = np.random.default_rng(0)
+    w = normalized(rng.normal(size=(_SAMPLES, m)))
     steps = DIFFERENCE * np.eye(m)
-    around = np.concatenate([0.0 * steps, steps, -steps])[:, None] + w
-    here, ahead, back = remainder(around.reshape(-1, m)).reshape(3, m, SAMPLES, -1)
-    slopes = ahead - back
-    slopes /= np.maximum(np.abs(here - remainder(0.0 * steps[:1])).max((0, 1)), 1e-300)
+    points = np.concatenate([0.0 * steps, steps, -steps])[:, None] + w
+    values = remainder(points.reshape(-1, m))
+    here, ahead, back = values.reshape(3, m, _SAMPLES, -1)
+    largest = np.abs(here - remainder(np.zeros((1, m)))).max(axis=(0, 1))
+    slopes = (ahead - back) / np.maximum(largest, 1e-300)
     _, axes = np.linalg.eigh(np.einsum("ibr,jbr->ij", slopes, slopes))
     return basis @ axes[:, ::-1]

@@ -120,35 +120,55 @@ def _bounded_after(piece, before):
     nominal = piece.nominal
     n = piece.num_states
     interval = make_interval(piece)
-    whole = exact(np.eye(n))
-    states = dataclasses.replace(interval, outputs=whole, which=list(range(n)))
-    B = rounded(tight_cover(states)[0] * (1.0 + 2.0**-20), BALL_BITS)
-    if not covers(states, B.to_float()):
+    B = _ball_of_states(interval, n)
+    if B is None:
         return np.inf, np.inf, np.zeros(2)
-    slopes = hold_slopes(nominal)
-    step = np.diff(nominal.times)[0]
-    K, K_rise = hermite(nominal.gains, slopes[0], interval.step)
-    M, M_rise = hermite(nominal.bends, slopes[1], interval.step)
-    rise = K_rise @ B
-    square = gathered(B.T @ M_rise @ B, n)
+    gain_slopes, bend_slopes = hold_slopes(nominal)
+    K, K_rise = hermite(nominal.gains, gain_slopes, interval.step)
+    M, M_rise = hermite(nominal.bends, bend_slopes, interval.step)
+    square_rise = gathered(B.T @ M_rise @ B, n)
     M = B.T @ M
     known = B.T @ interval.bends @ B
-    parts = _rate_forms(interval, B, K, M, known)
-    total = _size(rise + parts[0] * interval.step, n, 1) / step
-    total += _size(parts[1] * interval.step - square, n, 2) / step
-    total += _size(parts[2], n, 3) + _size(parts[3], n, 4)
-    focus = np.linalg.norm((B.T @ interval.focus @ B).bernstein(), 2, (1, 2)).max()
-    most = np.abs(K.bernstein()).max(axis=0)
-    most += 2.0 * np.linalg.norm(M.bernstein(), axis=1).max(axis=0)
+    first, second, third, fourth = _rate_forms(interval, B, K, M, known)
+
+    # What the linear and the quadratic part of q̇ lack to vanish.
+    step = np.diff(nominal.times)[0]
+    lacking = _size(K_rise @ B + first * interval.step, n, 1)
+    lacking += _size(second * interval.step - square_rise, n, 2)
+    growth = lacking / step
+    growth += _size(third, n, 3)
+    growth += _size(fourth, n, 4)
+
+    # (K - 2 eᵀ M)(R + d).
+    focus = _norms(B.T @ interval.focus @ B).max()
+    pull = np.abs(K.bernstein()).max(axis=0)
+    pull += 2.0 * np.linalg.norm(M.bernstein(), axis=1).max(axis=0)
     off = piece.beta.max(axis=0) * (1.0 + focus)
     off += defect_bounds(nominal)[0] + gliders_defect(piece)
-    pulls = np.array([_pull(interval.push_slopes[:, k], B, K, M) for k in range(3)])
+    growth += pull @ off
+
+    # What the command and the wind do along G.
     apart = _size((K - line(nominal.gains)) @ B, n, 1)
     apart += _size(gathered(M @ B - known, n), n, 2)
-    total += most @ off + pulls[0] * apart
-    total += piece.settings.wind * np.linalg.norm(pulls[1:])
-    after = (before + step * total) * np.exp(step * pulls[0]) * WIDER
-    return after, apart * WIDER, np.linalg.norm(known.bernstein(), 2, (1, 2)) * WIDER
+    of_command, *of_wind = (
+        _pull(interval.push_slopes[:, k], B, K, M) for k in range(3)
+    )
+    growth += of_command * apart
+    growth += piece.settings.wind * np.linalg.norm(of_wind)
+    after = (before + step * growth) * np.exp(step * of_command) * WIDER
+    return after, apart * WIDER, _norms(known) * WIDER
+
+
+def _ball_of_states(interval, n):
+    """Returns B (n, n) of a ball e = B z, |z| <= 1, that contains the sets.
+
+    None is found where floating point proposes a ball that does not.
+    """
+    identity = exact(np.eye(n))
+    states = dataclasses.replace(interval, outputs=identity, which=list(range(n)))
+    basis, _ = tight_cover(states)
+    B = rounded(basis * (1.0 + 2.0**-20), BALL_BITS)
+    return B if covers(states, B.to_float()) else None
 
 
 def _rate_forms(interval, B, K, M, known):
@@ -156,34 +176,37 @@ def _rate_forms(interval, B, K, M, known):
 
     K is (n,), M is Bᵀ M (n, n), and known is Bᵀ M B of the straight line.
     """
+    rows = interval.rows
     push = interval.push_slopes[:, 0]
+    steady = push[:, 0]
+    varying = push[:, 1:] @ B
     field = interval.linear @ interval.outputs @ B
     rates = interval.rates(B)
-    rows = interval.rows
     square, cube = pulled_forms(rates, K[rows])
     bent_square, bent_cube = pulled_forms(rates, M.T[rows])
-    pull = K @ push[:, 0]
-    tilt = K @ push[:, 1:] @ B
-    bent = M @ push[:, 0]
-    twist = M @ push[:, 1:] @ B
-    bent_square = bent_square + exact_product(bent, known)
-    return (
-        K @ field,
-        square + gathered(known * pull - M @ field * 2, len(K)),
-        cube + exact_product(tilt, known) - bent_square * 2,
-        (bent_cube + exact_product(twist, known)) * 2,
-    )
+    bent_square = bent_square + exact_product(M @ steady, known)
+    second = gathered(known * (K @ steady) - M @ field * 2, len(K))
+    third = cube + exact_product(K @ varying, known) - bent_square * 2
+    fourth = bent_cube + exact_product(M @ varying, known)
+    return K @ field, square + second, third, fourth * 2
 
 
 def _pull(slopes, B, K, M):
     """Returns a bound of |(K - 2 eᵀ M) G|, G of slopes (n, 1 + n) in (1, e)."""
-    along = (K @ slopes[:, 0]).bernstein()
-    tilt = (K @ slopes[:, 1:] @ B - M @ slopes[:, 0] * 2).bernstein()
-    twist = (M @ slopes[:, 1:] @ B).bernstein()
+    steady = slopes[:, 0]
+    varying = slopes[:, 1:] @ B
+    along = (K @ steady).bernstein()
+    tilt = (K @ varying - M @ steady * 2).bernstein()
     size = np.abs(along).max() + np.linalg.norm(tilt, axis=1).max()
-    return size + 2.0 * np.linalg.norm(twist, 2, (1, 2)).max()
+    return size + 2.0 * _norms(M @ varying).max()
+
+
+def _norms(matrix):
+    """Returns the largest singular value of each Bernstein coefficient."""
+    return np.linalg.norm(matrix.bernstein(), 2, (1, 2))
 
 
 def _size(form, n, degree):
     """Returns a bound of |form(z)| for |z| <= 1 at all times."""
-    return form_size(spread_form(form.bernstein(), n, degree)).max()
+    tensors = spread_form(form.bernstein(), n, degree)
+    return form_size(tensors).max()

@@ -123,7 +123,7 @@ def at_time(funnel: Funnel, k: int) -> Interval:
         (line(piece.S), line(piece.slopes)),
         (rates, rows, list(range(n))),
         np.eye(n)[None],
-        _limits(piece, line(piece.nominal.states)),
+        _limits(piece, line(piece.nominal.states), _centers_reach_at(piece)),
     )
 
 
@@ -171,7 +171,7 @@ def _bearing(beta, weights):
     return joined(*(part[None] for part in parts), axis=1)
 
 
-def _limits(piece, path, reach=(0.0, 0.0)):
+def _limits(piece, path, reach):
     """Returns a and b, of either way of the rate limit and of both stops.
 
     The command may be off by its error, and centers reach some of b. The rate of one
@@ -193,13 +193,13 @@ def _limits(piece, path, reach=(0.0, 0.0)):
     return stops if piece.settings.period else rates + stops
 
 
-HALVINGS = 3
+_HALVINGS = 3
 """Times that an interval is halved where a form is not seen to be definite."""
 
 _COVER_ROOM = 1e-4
 """Share by which a ball is larger than it need be, for what was not sampled."""
 
-FLOOR = 0.05
+_FLOOR = 0.05
 """Share of each variable's spread that is added to the sets before they are covered:
 where they are flatter they may be covered loosely, but that must not tilt the ball."""
 
@@ -210,7 +210,7 @@ _COVER_SAMPLES = 9
 """Times of an interval that the ball is made for."""
 
 
-def stays_definite(matrix: Exact, halvings: int = HALVINGS) -> bool:
+def stays_definite(matrix: Exact, halvings: int = _HALVINGS) -> bool:
     """Returns whether a symmetric matrix is positive definite throughout, for sure."""
     if all(map(is_positive_definite, matrix.parts)):
         return True
@@ -257,7 +257,7 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
         C = interval.outputs.at(share).to_float()[interval.which]
         shadows.append(C @ np.linalg.solve(S, C.T))
     middle = np.maximum(np.diagonal(shadows[_COVER_SAMPLES // 2]), LEAST_SPREAD**2)
-    turned = np.array(shadows) + FLOOR**2 * np.diag(middle)
+    turned = np.array(shadows) + _FLOOR**2 * np.diag(middle)
     # The least that holds two ellipsoids, nearly: their mean and half their difference.
     L = np.linalg.cholesky(0.5 * (turned[0] + turned[-1]))
     L_inv = np.linalg.inv(L)
@@ -297,13 +297,26 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
 
 def centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
     """Returns bounds of U δ, and of X δ of the elevator and τ U δ, over an interval."""
-    if (gliders := piece.gliders) is None:
+    gliders = piece.gliders
+    if gliders is None:
         return 0.0, 0.0
     X, _ = hermite(gliders.shifts, gliders.slopes, step)
+    return _reach_of(piece, X)
+
+
+def _centers_reach_at(piece):
+    """Returns the same at the only time of a funnel."""
+    gliders = piece.gliders
+    return _reach_of(piece, line(gliders.shifts)) if gliders else (0.0, 0.0)
+
+
+def _reach_of(piece, X):
+    """Returns bounds of U δ, and of X δ of the elevator and τ U δ, given X (n, m)."""
+    allowed = piece.allowed
     is_held = piece.settings.period > 0.0
-    U = exact(gliders.commands[0]) if is_held else line(-piece.nominal.gains) @ X
+    U = exact(piece.gliders.commands[0]) if is_held else line(-piece.nominal.gains) @ X
     travel = exact(piece.nominal.demanded) @ X + exact(STOPPING_TIME) * U
-    return exact_reach(gliders.confidence, U), exact_reach(gliders.confidence, travel)
+    return exact_reach(allowed, U), exact_reach(allowed, travel)
 
 
 def exact_reach(confidence: ConfidenceSet, along: Exact) -> float:

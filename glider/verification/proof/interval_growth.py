@@ -9,12 +9,13 @@ definite, both halves of the interval are tried.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
 
+from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import Interval
 from glider.verification.sos.exact import Exact, in_time, joined, rounded
@@ -25,30 +26,30 @@ from glider.verification.sos.forms import (
     has_definite_gram,
     to_ball,
 )
-from glider.verification.sos.sphere import Sphere, nearby_gram, sphere
+from glider.verification.sos.sphere import nearby_gram, sphere
 
-GRAM_BITS = 36
+_GRAM_BITS = 36
 """Binary places that Gram matrices are rounded to: 1.5e-11, where their least
 eigenvalues are 1e-6, for they are of h V̇."""
 
 BALL_BITS = 30
-"""Binary places of the basis. Any are right; few are fast."""
+"""Binary places of the basis. Any number is valid; fewer are faster."""
 
-LEAST = 2e-5
-"""Least eigenvalue of Gram matrices of -V̇/V that will do [1/s]."""
+_LEAST = 2e-5
+"""Least eigenvalue that suffices for Gram matrices of -V̇/V [1/s]."""
 
 _AIM = 3e-3
 """Least eigenvalue that the search for them aims at [1/s]; few have it."""
 
-ROUNDS = 150
+_ROUNDS = 150
 """Steps of the search; then the interval is halved, which makes it easier."""
 
 HALVINGS = 4
-"""Times that an interval is halved until the proof gives up, or a ball is tight."""
+"""Largest number of times that an interval is halved."""
 
 
-class GrowthForms(NamedTuple):
-    """What h (V̇ + slack V) is made of; see the module."""
+class _GrowthForms(NamedTuple):
+    """The forms that make up h (V̇ + slack V); see the module."""
 
     A: Exact  #: (n, n).
     cubic: Exact  #: c₃ (C₃,).
@@ -56,40 +57,33 @@ class GrowthForms(NamedTuple):
     G: Exact  #: (n, n).
 
 
-class PartProof(NamedTuple):
-    """What proves that V falls on a part of an interval."""
-
-    span: tuple[float, float]  #: First and last s of the part, of -1 to 1.
-    basis: Exact  #: B (n, n).
-    multiplier: Exact  #: N (n, n), quadratic.
-    grams: list[Exact]  #: Parts of Q (s, s), but for what their rounding left over.
-
-
 def prove_growth(
     interval: Interval,
     slack: Exact,
-    grams: tuple[np.ndarray, np.ndarray],
+    grams: Sequence[np.ndarray],
     halvings: int = HALVINGS,
-) -> list[PartProof] | None:
+) -> int:
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
 
     Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses.
 
     Returns:
-        what proves each part of the interval; None where it was not proven.
+        the number of parts into which the interval was cut; 0 if it is not proven.
     """
-    middle, proof = _prove_whole(interval, slack, grams)
-    if proof:
-        return [PartProof(interval.span, *proof)]
+    middle, is_proven = _prove_whole(interval, slack, grams)
+    if is_proven:
+        return 1
     if middle is None or not halvings:
-        return None
+        return 0
     first, last = interval.halves()
     early = prove_growth(first, slack, (grams[0], middle), halvings - 1)
-    late = early and prove_growth(last, slack, (middle, grams[1]), halvings - 1)
-    return early + late if early and late else None
+    if not early:
+        return 0
+    late = prove_growth(last, slack, (middle, grams[1]), halvings - 1)
+    return early + late if late else 0
 
 
-def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
+def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms:
     """Returns the forms above, exactly, for a basis B (n, n)."""
     h = interval.step
     H = basis.T @ interval.S
@@ -97,55 +91,92 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     y = interval.outputs @ basis
     half = H @ (interval.linear @ y)
     disturbance = (H * interval.weights) @ H.T + interval.bearing.sum() * G
-    pushes = interval.push_slopes
-    pushed = H @ pushes[:, :, 0]
+    constant_pushes = interval.push_slopes[:, :, 0]
+    pushed = H @ constant_pushes
     push = (pushed * interval.push_weights[PUSHES]) @ pushed.T
     push = push + interval.push_bearing.sum() * G
     growth = half + half.T + disturbance + push + slack * G
     A = basis.T @ interval.rise @ basis + h * growth
+
     pull = (h * H.T)[interval.rows]
-    cubic, quartic = (f * -2 for f in pulled_forms(interval.rates(basis), pull))
+    cubic, quartic = pulled_forms(interval.rates(basis), pull)
+    cubic = cubic * -2
+    quartic = quartic * -2
     focus = basis.T @ interval.focus @ basis
     if focus.numbers.any():
         quartic = quartic - h * exact_product(disturbance, focus)
-    for k, of in enumerate(PUSHES):
-        M = basis.T @ pushes[:, k, 1:].T @ H.T
-        if interval.push_bearing[of].numbers.any():
-            weight = h * interval.push_weights[of]
-            cubic = cubic - weight * exact_product(pushed[:, k], M) * 2
-            quartic = quartic - weight * exact_product(M, M)
+    for k, bound in enumerate(PUSHES):
+        varying = basis.T @ interval.push_slopes[:, k, 1:].T @ H.T
+        if interval.push_bearing[bound].numbers.any():
+            weight = h * interval.push_weights[bound]
+            cubic = cubic - weight * exact_product(pushed[:, k], varying) * 2
+            quartic = quartic - weight * exact_product(varying, varying)
         if k == 0 and interval.bends.numbers.any():
             known = basis.T @ interval.bends @ basis * 2
             cubic = cubic - h * exact_product(pushed[:, k], known)
-            quartic = quartic - h * exact_product(M, known)
-    return GrowthForms(-A, cubic, quartic, G)
+            quartic = quartic - h * exact_product(varying, known)
+    return _GrowthForms(-A, cubic, quartic, G)
+
+
+def gram_guesses(funnel: Funnel, slack: float) -> list[np.ndarray]:
+    """Returns the Gram matrices (s, s) of -V̇/V - slack at all times, in b(e)."""
+    tables = sphere(funnel.num_states)
+    # On the boundary bᵀ b = 2.
+    less = 0.5 * slack * np.eye(tables.size)
+    turns = map(tables.substitution, to_ball(funnel.S)[0])
+    grams = tables.matrix(funnel.grams) - less
+    return [turn.T @ gram @ turn for turn, gram in zip(turns, grams, strict=True)]
+
+
+def falls_at(here: Interval, slack: Exact, gram: np.ndarray) -> bool:
+    """Determines whether V̇ <= -slack V on the boundary at a time, for sure.
+
+    Nothing in the interval changes in time. A Gram matrix (s, s) of -V̇/V - slack, in
+    b(e), must be nearly right: no other one is searched for.
+    """
+    basis, forms = _forms_in_ball(here, slack)
+    tables = sphere(len(basis))
+    turn = tables.substitution(basis.to_float())
+    guess = turn.T @ gram @ turn
+    guess = 0.5 * (guess + guess.T)
+    [A] = forms.A.bernstein()
+    own = slice(tables.n)
+    N = rounded(A - guess[own, own], _GRAM_BITS)
+    return _has_definite_grams(tables, forms, N, guess[None], 1.0, rounds=1)
+
+
+def _forms_in_ball(interval, slack):
+    """Returns a basis that turns the set in the middle into a ball, and the forms."""
+    S = interval.S.at(Fraction(1, 2)).to_float()
+    basis = rounded(to_ball(S)[1], BALL_BITS)
+    return basis, growth_forms(interval, basis, slack)
 
 
 def _prove_whole(interval, slack, grams):
-    """Returns a Gram matrix in the middle, in b(e), and what proves all: B, N, Q.
+    """Returns a Gram matrix in the middle, in b(e), and whether V falls throughout.
 
-    Both are None where none is found.
+    The matrix is None where none is found.
     """
-    S = interval.S.at(Fraction(1, 2)).to_float()
-    tables = sphere(len(S))
-    basis = rounded(to_ball(S)[1], BALL_BITS)
-    forms = growth_forms(interval, basis, slack)
+    basis, forms = _forms_in_ball(interval, slack)
+    tables = sphere(len(basis))
     h = float(interval.step.to_float())
     turn = tables.substitution(basis.to_float())
     first, last = (h * turn.T @ gram @ turn for gram in grams)
     # In the middle G is all but the identity.
-    here = [p.at(Fraction(1, 2)).to_float() for p in forms[:3]]
-    found = _search(tables, 0.5 * (first + last), tables.coefficients(*here), h)
+    here = [form.at(Fraction(1, 2)).to_float() for form in forms[:3]]
+    coefficients = tables.coefficients(*here)
+    found = _search(tables, 0.5 * (first + last), coefficients, h)
     if found is None:
-        return None, None
+        return None, False
     middle = tables.matrix(found)
     guesses = np.array([first, middle, last])
     A = np.array([forms.A.at(Fraction(k, 2)).to_float() for k in range(3)])
     N = _through(A - guesses[:, : tables.n, : tables.n])
-    controls = _through(guesses).raised(max(form.degree for form in forms)).bernstein()
-    grams = _definite_grams(tables, forms, N, controls, h)
+    degree = max(form.degree for form in forms)
+    controls = _through(guesses).raised(degree).bernstein()
+    falls = _has_definite_grams(tables, forms, N, controls, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
-    return back.T @ middle @ back / h, grams and (basis, N, grams)
+    return back.T @ middle @ back / h, falls
 
 
 def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
@@ -156,40 +187,37 @@ def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
         yield form if is_constant else gathered(form, pull.numbers.shape[2], degree)
 
 
-def _search(tables, guess, coefficients, h, block=None):
+def _search(tables, guess, coefficients, h, block=None, rounds=_ROUNDS):
     """Returns the entries of a Gram matrix of h V̇ near a guess; None for none."""
     entries = tables.entries(guess)
-    least = LEAST * h
+    least = _LEAST * h
     aim = _AIM * h
-    return nearby_gram(tables, entries, coefficients, least, aim, ROUNDS, block)
+    return nearby_gram(tables, entries, coefficients, least, aim, rounds, block)
 
 
 def _through(matrices):
     """Returns the quadratic polynomial through doubles at τ = 0, 1/2 and 1, rounded."""
     first, middle, last = matrices
     parts = first, 4.0 * middle - first - last, last
-    return in_time(*(rounded(0.5 * (p + p.T), GRAM_BITS) for p in parts))
+    return in_time(*(rounded(0.5 * (p + p.T), _GRAM_BITS) for p in parts))
 
 
-def _definite_grams(
-    tables: Sphere, forms: GrowthForms, N: Exact, guesses: np.ndarray, h: float
-) -> list[Exact] | None:
-    """Returns the parts of a Q with this N if all are positive definite, for sure."""
-    grams = []
+def _has_definite_grams(tables, forms, N, guesses, h, rounds=_ROUNDS):
+    """Determines whether all parts of a Q with this N are positive definite."""
     even = forms.quartic + exact_product(N, forms.G)
     degree = len(guesses) - 1
-    columns = (p.raised(degree).parts for p in (forms.A - N, forms.cubic, even))
-    parts = zip(*columns, strict=True)
+    polynomials = forms.A - N, forms.cubic, even
+    columns = [polynomial.raised(degree).parts for polynomial in polynomials]
     scales = np.multiply.outer(tables.scales, tables.scales)
-    for j, (corner, cubic, quartic) in enumerate(parts):
+    for j, (corner, cubic, quartic) in enumerate(zip(*columns, strict=True)):
         share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
         others = joined(cubic, quartic, axis=1)
         block = corner.to_float() / share
-        found = _search(tables, guesses[j], others.to_float() / share, h, block)
+        coefficients = others.to_float() / share
+        found = _search(tables, guesses[j], coefficients, h, block, rounds)
         if found is None:
-            return None
-        whole = rounded(share * tables.matrix(found) * scales, GRAM_BITS)
-        if not has_definite_gram(tables, whole, corner, others)[0]:
-            return None
-        grams.append(whole)
-    return grams
+            return False
+        gram = rounded(share * tables.matrix(found) * scales, _GRAM_BITS)
+        if not has_definite_gram(tables, gram, corner, others):
+            return False
+    return True

@@ -18,10 +18,8 @@ from threadpoolctl import threadpool_limits
 
 from glider.compiled.taylor import WIDER
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.nominal import ARRAYS, Nominal, nonlinear_parts
+from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import climb_sphere
-from glider.verification.funnel.remainder import rates_about
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
@@ -34,37 +32,38 @@ from glider.verification.proof.interval import (
     stays_definite,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import HALVINGS, prove_growth
+from glider.verification.proof.interval_growth import (
+    HALVINGS,
+    gram_guesses,
+    prove_growth,
+)
 from glider.verification.sos.exact import exact
-from glider.verification.sos.forms import to_ball
-from glider.verification.sos.sphere import normalized, sphere
 
 BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
 
 PATIENCE = 150_000
-"""Boxes that a ball gets, until each half of its time gets its own. Where R
-comes near β, a ball that is 2 % wider than the sets may take any number of boxes. In a
-wind some balls take many, and each half takes as many."""
+"""Boxes of one ball, after which each half of its time gets a ball of its own. Where R
+comes near β, a ball that is 2 % wider than the sets may take any number of boxes."""
 
-STRETCH = 1.3
+_STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
 fourth power, but halves of an interval, which are tighter, take boxes of their own: of
 38 intervals with held commands a fifth to a quarter of those with 1.05."""
 
-BATCH = 256
+_BATCH = 256
 """Boxes that are bounded at once; more are no faster."""
 
-FAR = 2.0
-"""Bound of a box above which it is halved along two axes: its halves would not do."""
+_FAR = 2.0
+"""Bound of a box above which it is halved along two axes at once."""
 
-LEFT = 1.3
+_LEFT = 1.3
 """Power by which an axis' blame falls with its width, where a box was halved."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class IntervalProof:
-    """The outcome of a proof on one interval; its fields are keys in a file."""
+    """The outcome of a proof on one interval."""
 
     fault: str = ""  #: Reason why nothing is proven, a clause; empty where all is.
     boxes: int = 0  #: Number of boxes on which the remainder was bounded.
@@ -112,10 +111,8 @@ def _prove(piece, budget):
     if not found.proven:
         return found
     parts = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
-    if parts is None:
-        fault = "V was not proven to fall on the boundary"
-        return dataclasses.replace(found, fault=fault)
-    return dataclasses.replace(found, parts=len(parts))
+    fault = "" if parts else "V was not proven to fall on the boundary"
+    return dataclasses.replace(found, fault=fault, parts=parts)
 
 
 def needed_slack(piece: Funnel, interval: Interval) -> float:
@@ -132,75 +129,13 @@ def needed_slack(piece: Funnel, interval: Interval) -> float:
     return proven_slack(piece) + growth
 
 
-def gram_guesses(piece, slack):
-    """Returns the Gram matrices of -V̇/V - slack at both times, in b(e)."""
-    tables = sphere(piece.num_states)
-    # On the boundary bᵀ b = 2.
-    less = 0.5 * slack * np.eye(tables.size)
-    turns = map(tables.substitution, to_ball(piece.S)[0])
-    grams = tables.matrix(piece.grams) - less
-    return [turn.T @ gram @ turn for turn, gram in zip(turns, grams, strict=True)]
-
-
-TIMES = 9
-"""Times of the interval that are sampled."""
-
-STARTS = 200
-"""Points where the climb starts at each of them."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """A state on the boundary where V rises most, or falls least."""
-
-    time: float  #: Time [s].
-    state: tuple[float, ...]  #: State (n,).
-    growth: float  #: V̇/V of the full dynamics there [1/s].
-
-
-@np.errstate(all="ignore")
-def worst_candidate(piece: Funnel) -> Candidate:
-    """Returns the worst state and time that were found on the boundary."""
-    n = piece.num_states
-    shares = np.linspace(0.0, 1.0, TIMES)
-    here = [piece.nominal.between(share) for share in shares]
-    arrays = {k: np.concatenate([getattr(one, k) for one in here]) for k in ARRAYS}
-    nominal = Nominal(model=piece.nominal.model, **arrays)
-    times = nominal.times
-    at = np.arange(TIMES)
-    drift = piece.nominal.path(times, 1)[:, None]
-    S = piece.curve(times)
-    slopes = piece.curve(times, 1)
-    turn = np.swapaxes(to_ball(S)[1], 1, 2)
-
-    def growth(z):
-        """Returns V̇ (TIMES, B) at points (TIMES, B, n) of the spheres."""
-        e = z @ turn
-        push = np.zeros((*e.shape[:2], 3))  # What is known of the command's error.
-        push[..., 0] = np.einsum("tbi,tij,tbj->tb", e, nominal.bends, e)
-        rates = rates_about(nominal, at, e, push=push) - drift
-        rise = 2.0 * np.einsum("tbi,tij,tbj->tb", e, S, rates)
-        return rise + np.einsum("tbi,tij,tbj->tb", e, slopes, e)
-
-    starts = normalized(np.random.default_rng(0).normal(size=(STARTS, n)))
-    starts = np.broadcast_to(starts, (TIMES, STARTS, n))
-    values, points = climb_sphere(growth, starts)
-    k, which = np.unravel_index(np.argmax(values), values.shape)
-    state = nominal.states[k] + points[k, which] @ turn[k]
-    return Candidate(
-        time=float(times[k]),
-        state=tuple(map(float, state)),
-        growth=float(values[k, which]),
-    )
-
-
 def prove_remainder(
     piece: Funnel, interval: Interval, budget: int = BUDGET, halvings: int = HALVINGS
 ) -> IntervalProof:
     """Tries to prove that |R| <= β on the sets of an interval or a part of it."""
     basis, stretch = tight_cover(interval)
     found = _bounded(False, boxes=0, ratio=0.0)
-    if stretch <= STRETCH or not halvings:
+    if stretch <= _STRETCH or not halvings:
         remainder = make_remainder(piece, basis, interval.span)  # It turns the basis.
         if covers(interval, remainder.basis):
             most = min(PATIENCE, budget) if halvings else budget
@@ -231,10 +166,10 @@ def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
     first, last = remainder.span
     center[-1], half[-1] = 0.5 * (first + last), 0.5 * (last - first)
     while ratio <= 1.0 and center.shape[1] > 0 and boxes < budget:
-        here = center[:, -BATCH:].copy()
-        width = half[:, -BATCH:].copy()
-        center = center[:, :-BATCH]
-        half = half[:, :-BATCH]
+        here = center[:, -_BATCH:].copy()
+        width = half[:, -_BATCH:].copy()
+        center = center[:, :-_BATCH]
+        half = half[:, :-_BATCH]
         boxes += here.shape[1]
         bounds, reached, blame = remainder.bounds(here, width)
         ratio = max(ratio, float(np.nan_to_num(reached, nan=0.0).max()))
@@ -246,8 +181,8 @@ def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
         width = width[:, split]
         blame = blame[:, split]
         new, smaller, of = halve(here, width, blame, remainder.balls)
-        again = ~(bounds.max(axis=0)[split][of] <= FAR)
-        left = blame[:, of] * (smaller / width[:, of]) ** LEFT
+        again = ~(bounds.max(axis=0)[split][of] <= _FAR)
+        left = blame[:, of] * (smaller / width[:, of]) ** _LEFT
         newer, smallest, _ = halve(
             new[:, again], smaller[:, again], left[:, again], remainder.balls
         )

@@ -27,7 +27,7 @@ from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.exact import exact, is_positive_definite
 from glider.verification.sos.forms import linear_part
 
-PARTS, TERMS = 4, 30
+PARTS, _TERMS = 4, 30
 """Straight lines of λ, and terms of the series that bounds |δ|, but for their rest."""
 
 _NEARBY, TURNS = 1.1, 4
@@ -227,9 +227,9 @@ def _apart(sizes, latency):
     """Returns bounds of |δ| (n, P), by pushes of 1, given those of J, G and H."""
     J, term = np.split(latency * sizes, [len(sizes)], axis=1)
     total = term
-    for k in range(2, TERMS + 2):
+    for k in range(2, _TERMS + 2):
         term = J @ term / k
         total = total + term
-    share = np.linalg.norm(J, np.inf) / (TERMS + 2)
+    share = np.linalg.norm(J, np.inf) / (_TERMS + 2)
     rest = term.max(axis=0) * share / (1.0 - share) if share < 1.0 else np.inf
     return (total + rest) * WIDER

@@ -38,16 +38,16 @@ from glider.verification.proof.purpose import (
 from glider.verification.sos.exact import exact, hermite, rounded
 
 LEVEL = 0.98
-"""V at which flights begin in a funnel of held commands at most: 0.99² and less."""
+"""Largest V at which flights begin in a funnel of held commands: 0.99² at most."""
 
 _WIDENED = 1e-9
-"""What is added to a bound of √V that was sampled, for rounding, before it is seen."""
+"""Rounding allowance on a sampled bound of √V."""
 
 PREDICTED = 0.005
-"""How far √V of a predicted state may be off, in any of the inlets."""
+"""Largest error of √V of a predicted state, in any of the inlets."""
 
 _MULTIPLIER_BITS = 20
-"""Binary places of λ, which is below 1. Any that is not negative is right."""
+"""Binary places of λ, which is below 1. Every λ >= 0 is valid."""
 
 GRID_ROOM = 1e-9
 """Time by which the launch funnel's times may miss the earliest command [s]."""
@@ -59,7 +59,7 @@ def phase_faults(
     problem: PerchingProblem | None = None,
     latency: float | None = None,
 ) -> list[str]:
-    """Returns why funnels are not one loop at any phase of its clock, in sentences.
+    """Returns the reasons why funnels are not one loop at any phase, in sentences.
 
     Args:
         launch: of the flight until the first command acts.

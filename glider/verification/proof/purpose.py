@@ -15,7 +15,6 @@ from glider.files.schema import parse_yaml
 from glider.physics.confidence import (
     LEVEL,
     ConfidenceSet,
-    describe_level,
     describe_set,
     make_confidence,
 )
@@ -105,44 +104,27 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     return [f"{words} expected {expected}."]
 
 
-def compared_level(own: ConfidenceSet, least: float | None = None) -> float:
+def compared_level(own: ConfidenceSet) -> float:
     """Returns the level of a model's set that a funnel's set has to contain.
 
-    It is the file's own, or a least one where that is less: a file may state any.
+    It is the file's own, but at least LEVEL: a file may state any.
     """
-    return max(own.level, LEVEL if least is None else least)
+    return max(own.level, LEVEL)
 
 
-def set_faults(
-    funnel: Funnel, covariance: Covariance, least: float | None = None
-) -> list[str]:
+def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
     """Returns why a funnel's set does not contain that of a model's covariance.
 
     The model's is of the same shape and of the `compared_level`.
     """
     if funnel.gliders is None:
-        words = "The funnel is of one glider; expected a set that contains the model's"
-        return [f"{words} {describe_level(least)} set."] if least else []
+        return []
     own = funnel.gliders.confidence
-    model = funnel.nominal.model
-    level = compared_level(own, least)
-    given = make_confidence(model, covariance, level, own.shape)
+    level = compared_level(own)
+    given = make_confidence(funnel.nominal.model, covariance, level, own.shape)
     words = f"The funnel's set of gliders, the {describe_set(own)}, is smaller than"
     fault = f"{words} the model's, the {describe_set(given)}."
     return unmet((own.covers(given), fault))
-
-
-def wind_for_set(funnel: Funnel, covariance: Covariance) -> float | None:
-    """Returns the wind that a funnel leaves to every glider of a model's set [m/s].
-
-    Gliders that differ in a steady wind alone fly as the estimated one does in another.
-    None where those of the default set differ in more, or the funnel is of a set;
-    negative where it accounts for less wind than they differ by.
-    """
-    given = make_confidence(funnel.nominal.model, covariance)
-    if funnel.gliders or not {*given.names} <= {"wind.x", "wind.z"}:
-        return None
-    return funnel.settings.wind - given.farthest(given.factor) * (1.0 + 1e-9)
 
 
 def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:

@@ -34,13 +34,13 @@ from glider.verification.proof.interval import (
 )
 from glider.verification.proof.interval_proof import bound_remainder
 
-DEGREE = 2
+_DEGREE = 2
 """Of the Taylor models."""
 
-SAMPLES, WIDTHS = 300, (0.5, 0.2, 0.1, 0.05)
+_SAMPLES, _WIDTHS = 300, (0.5, 0.2, 0.1, 0.05)
 """Points that are sampled, and the steps by which they climb."""
 
-LEAST, BUDGET = 1e-9, 3_000
+_LEAST, _BUDGET = 1e-9, 3_000
 """Bound of what is zero, and boxes on which a bound is tried."""
 
 
@@ -54,38 +54,50 @@ class Slopes:
     def __init__(self, funnel: Funnel):
         """Records how they are computed, and Jᵀ λ - dλ/dσ and λᵀ (G, H) of a line."""
         model = funnel.nominal.model
-        self.num_states = funnel.num_states
-        n = self.num_states
-        self.which, _ = nonlinear_parts(model)
+        n = funnel.num_states
+        self.num_states = n
         self.allowed = funnel.allowed
+        self.which, _ = nonlinear_parts(model)
         m = len(self.which)
-        names = self.allowed.names
-        A = self.allowed.factor
-        self.table = monomials(m + 5, DEGREE)
+        self.table = monomials(m + 5, _DEGREE)
         self.balls = slice(m), slice(m + 1, m + 3)
+
         recording = Recording(self.table)
-        inputs = [recording.add(INPUT, i) for i in range(3 * n + 3 + len(names))]
+        count = n + 3 + len(self.allowed.names)
+        inputs = [recording.add(INPUT, i) for i in range(count + 2 * n)]
+        lines = inputs[count : count + n]
+        changes = inputs[count + n :]
         zero = inputs[0] * 0.0
-        lines = inputs[-2 * n : -n]
-        changes = inputs[-n:]
-        unit = scipy.linalg.block_diag(np.eye(n + 3), A).tolist()
-        own = [Slope(x, tuple(row)) for x, row in zip(inputs, unit, strict=False)]
-        theta = theta_at(model, names, own[n + 3 :])
-        rates = open_loop_rates(model, own[:n], own[n], theta, own[n + 1 : n + 3])
-        J = [(Slope(zero, (0.0,) * len(unit[0])) + rate).slopes for rate in rates]
-        pulls = [
-            sum((line * slope for line, slope in zip(lines, column, strict=True)), zero)
-            for column in zip(*J, strict=True)
-        ]
-        pulls[:n] = [a - b for a, b in zip(pulls[:n], changes, strict=True)]
+        J = _slopes_of_rates(model, inputs[:count], self.allowed, zero)
         flat = [zero + slope for row in J for slope in row]
+        pulls = []
+        for column in zip(*J, strict=True):
+            products = [a * slope for a, slope in zip(lines, column, strict=True)]
+            pulls.append(sum(products, zero))
+        for i, change in enumerate(changes):
+            pulls[i] = pulls[i] - change
+
         on_boxes = np.ones((len(inputs), len(self.table.degrees)), dtype=bool)
         at_points = on_boxes.copy()
-        at_points[:, 1:] = False  # There is but the constant.
-        self.of_states, self.of_line = (
-            tuple(recording.program(results, of) for of in (on_boxes, at_points))
-            for results in (flat, pulls)
-        )
+        at_points[:, 1:] = False  # Only the constant term remains.
+        patterns = on_boxes, at_points
+        self.of_states = tuple(recording.program(flat, of) for of in patterns)
+        self.of_line = tuple(recording.program(pulls, of) for of in patterns)
+
+
+def _slopes_of_rates(model, inputs, allowed, zero):
+    """Returns the slopes of each rate along x, u, w and v, in Taylor models.
+
+    Inputs are the states, the command, the wind and the numbers that deviate.
+    """
+    n = model.num_states
+    directions = scipy.linalg.block_diag(np.eye(n + 3), allowed.factor).tolist()
+    pairs = zip(inputs, directions, strict=True)
+    own = [Slope(value, tuple(direction)) for value, direction in pairs]
+    theta = theta_at(model, allowed.names, own[n + 3 :])
+    rates = open_loop_rates(model, own[:n], own[n], theta, own[n + 1 : n + 3])
+    flat = Slope(zero, (0.0,) * len(directions[0]))
+    return [(flat + rate).slopes for rate in rates]
 
 
 class NearSets:
@@ -94,39 +106,59 @@ class NearSets:
     def __init__(self, slopes: Slopes, part: Funnel, near: np.ndarray):
         """Covers those of a funnel of two times, and what is as near as `near` (n,)."""
         nominal = part.nominal
-        n = part.num_states
-        m = len(slopes.which)
-        self.first, self.last = nominal.times
-        self._slopes = slopes
+        settings = part.settings
         allowed = part.allowed
-        bounds = part.settings.wind, part.settings.command_error, 1.0
-        self.pushes = np.array(bounds if allowed.names else bounds[:2])
+        self._slopes = slopes
+        self.first, self.last = nominal.times
+        pushes = [settings.wind, settings.command_error]
+        if allowed.names:
+            pushes.append(1.0)
+        self.pushes = np.array(pushes)
+
         turned = np.abs(nominal.demanded) @ near
-        ahead = part.settings.command_error + turned / STOPPING_TIME
+        ahead = settings.command_error + turned / STOPPING_TIME
         wider = dataclasses.replace(part, errors=part.errors + ahead)
         interval = make_interval(wider)
-        place = slopes.table.place
         basis, _ = tight_cover(interval)
-        unit = np.eye(m + 5, dtype=int)
-        self._time = [place(j * unit[-1]) for j in range(DEGREE + 1)]
-        self._line = place(unit[-2])
         curve, _ = hermite_powers(nominal.times, nominal.states, nominal.slopes)
-        found = np.zeros((n + 3 + len(allowed.names), len(slopes.table.degrees)))
-        found[:n, self._time] = curve[:, : DEGREE + 1]
-        found[n, self._time[:2]] = line_powers(nominal.inputs)
-        found[slopes.which, 1 : m + 1] = basis
-        found[n, m + 1] = wider.errors.max()
-        found[[n + 1, n + 2], [m + 2, m + 3]] = part.settings.wind
-        self._polynomials = found
-        # Centers and numbers need not be of the same v: states are between two flights.
-        centers = np.abs(gliders_path(part)[0]).sum(axis=(1, 2))
-        numbers = allowed.reach(np.eye(len(allowed.names)))
-        self._lacks = np.concatenate([centers, np.zeros(2), numbers]) * WIDER
-        self._lacks[:n] += near + np.abs(curve[:, DEGREE + 1 :]).sum(axis=1) * WIDER
+        self._polynomials = self._inputs(wider, basis, curve)
+        self._lacks = self._left_out(part, near, curve)
         proven = stays_definite(interval.S) and keeps_servo(interval)
         proven = proven and covers(interval, basis) and not acts_elsewhere(part)
         if not (proven and allowed.is_same(slopes.allowed)):
             self._lacks[:] = np.inf
+
+    def _inputs(self, part, basis, curve):
+        """Returns states, command and wind as polynomials on boxes, and zeros of v."""
+        slopes = self._slopes
+        table = slopes.table
+        n = slopes.num_states
+        m = len(slopes.which)
+        unit = np.eye(m + 5, dtype=int)
+        time = [table.place(power * unit[-1]) for power in range(_DEGREE + 1)]
+        self._line = table.place(unit[-2])
+        found = np.zeros((n + 3 + len(part.allowed.names), len(table.degrees)))
+        found[:n, time] = curve[:, : _DEGREE + 1]
+        found[n, time[:2]] = line_powers(part.nominal.inputs)
+        found[slopes.which, 1 : m + 1] = basis
+        found[n, m + 1] = part.errors.max()
+        wind = part.settings.wind
+        found[n + 1, m + 2] = wind
+        found[n + 2, m + 3] = wind
+        return found
+
+    def _left_out(self, part, near, curve):
+        """Returns bounds of what the inputs lack: what is near, centers and numbers.
+
+        Centers and numbers need not be of the same v: states are between two flights.
+        """
+        allowed = part.allowed
+        centers = np.abs(gliders_path(part)[0]).sum(axis=(1, 2))
+        numbers = allowed.reach(np.eye(len(allowed.names)))
+        lacks = np.concatenate([centers, np.zeros(2), numbers]) * WIDER
+        higher = np.abs(curve[:, _DEGREE + 1 :]).sum(axis=1)
+        lacks[: len(near)] += near + higher * WIDER
+        return lacks
 
     def sizes(self, rooms: tuple[float, ...]) -> np.ndarray:
         """Returns bounds (n, n + P) of |J|, and of |(G, H)| by P `pushes` of 1."""
@@ -162,11 +194,11 @@ class NearSets:
         largest = own_room = boxes.largest()
         if weights is not None:
             total = largest.reshape(-1, len(weights)) @ weights / len(weights)
-            even = total[:, None] / np.maximum(weights, LEAST)
+            even = total[:, None] / np.maximum(weights, _LEAST)
             own_room = 0.5 * (largest + even.ravel())
         for room in rooms if np.all(np.isfinite(self._lacks)) else ():
-            boxes.limits = largest + (room - 1.0) * own_room + LEAST
-            if bound_remainder(boxes, BUDGET).proven:
+            boxes.limits = largest + (room - 1.0) * own_room + _LEAST
+            if bound_remainder(boxes, _BUDGET).proven:
                 return boxes.limits
         return np.full_like(largest, np.inf)
 
@@ -206,14 +238,14 @@ class _Boxes:
         """Returns the largest values (rows,) that are found by a climb."""
         rng = np.random.default_rng(0)
         d = self.dimension
-        points = rng.normal(size=(d, SAMPLES)) * rng.uniform(0.0, 2.0, SAMPLES)
-        for width in (*WIDTHS, 0.0):
+        points = rng.normal(size=(d, _SAMPLES)) * rng.uniform(0.0, 2.0, _SAMPLES)
+        for width in (*_WIDTHS, 0.0):
             for ball in self.balls:
                 points[ball] /= np.maximum(np.linalg.norm(points[ball], axis=0), 1.0)
             points = np.clip(points, -1.0, 1.0)
             values = self._rows(np.abs(self._values(points)))
             best = np.unique(values.argmax(axis=1))
-            points = np.tile(points[:, best], 1 + SAMPLES // len(best))
+            points = np.tile(points[:, best], 1 + _SAMPLES // len(best))
             moved = points[:, len(best) :]
             moved += width * rng.normal(size=moved.shape)
         return values.max(axis=1)

@@ -170,8 +170,8 @@ def is_positive_definite(matrix: Exact) -> bool:
     return all((-1) ** k * c > 0 for k, c in enumerate(reversed(coefficients)))
 
 
-def leaves_definite(gram: Exact, change: Exact) -> tuple[bool, float]:
-    """Determines whether gram + change is positive definite for certain; returns μ too.
+def leaves_definite(gram: Exact, change: Exact) -> bool:
+    """Determines whether gram + change is positive definite for certain.
 
     A symmetric matrix whose rows sum to at most μ in absolute values changes no
     eigenvalue by more than μ (Gershgorin), so that gram - μ I is checked. Gram is of
@@ -181,7 +181,7 @@ def leaves_definite(gram: Exact, change: Exact) -> tuple[bool, float]:
     largest = int(np.abs(change.numbers[0]).sum(axis=1).max(initial=0))
     units = -(-largest // (1 << shift)) if shift >= 0 else largest << -shift
     lowered = gram - Exact([units * np.eye(len(gram), dtype=object)], gram.exponent)
-    return is_positive_definite(lowered), float(units) * 2.0**gram.exponent
+    return is_positive_definite(lowered)
 
 
 def in_time(*parts: Exact) -> Exact:

@@ -46,7 +46,7 @@ def higher_forms(
     forms = []
     for degree in (2, 3):
         part = coefficients[..., table_of(n).of_degree(degree)]
-        moved = _moved(spread_form(part, n, degree), L_inv_T, degree)
+        moved = move_axes(spread_form(part, n, degree), L_inv_T, degree)
         pulled = 2.0 * L_T @ moved.reshape(*batch, n, -1)
         forms.append(pulled.reshape(*batch, -1) @ _gather(n, degree + 1))
     return forms[0], forms[1]
@@ -64,7 +64,7 @@ def product_form(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
     """Returns the symmetric tensors (..., n, ..., n) of forms (..., C)."""
-    places = tensor_places(n, degree)
+    places = _tensor_places(n, degree)
     tensors = form[..., places] * (1.0 / np.bincount(places)[places])
     return tensors.reshape(*form.shape[:-1], *(n,) * degree)
 
@@ -75,13 +75,13 @@ def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
     changed = coefficients.copy()
     for degree in (1, 2, 3):
         here = table_of(n).of_degree(degree)
-        moved = _moved(spread_form(coefficients[:, here], n, degree), basis, degree)
+        moved = move_axes(spread_form(coefficients[:, here], n, degree), basis, degree)
         changed[:, here] = moved.reshape(len(moved), -1) @ _gather(n, degree)
     return changed
 
 
 @functools.lru_cache(maxsize=16)
-def tensor_places(n: int, degree: int) -> np.ndarray:
+def _tensor_places(n: int, degree: int) -> np.ndarray:
     """Returns which monomial each entry of a flat tensor adds to, (n^degree,)."""
     places = np.zeros(1, dtype=int)
     for reached in range(degree):
@@ -89,7 +89,7 @@ def tensor_places(n: int, degree: int) -> np.ndarray:
     return places
 
 
-def _moved(tensors, matrix, degree):
+def move_axes(tensors: np.ndarray, matrix: np.ndarray, degree: int) -> np.ndarray:
     """Returns tensors (..., n, ..., n) with each of the last axes times a matrix."""
     *batch, n, _ = matrix.shape
     for axis in range(-degree, 0):
@@ -102,7 +102,7 @@ def _moved(tensors, matrix, degree):
 @functools.lru_cache(maxsize=16)
 def _gather(n, degree):
     """Returns the matrix (n^degree, C) that sums a tensor's entries by monomial."""
-    places = tensor_places(n, degree)
+    places = _tensor_places(n, degree)
     matrix = np.zeros((len(places), places.max() + 1))
     matrix[np.arange(len(places)), places] = 1.0
     return matrix
@@ -115,7 +115,7 @@ def substituted(forms: Exact, degree: int, matrix: Exact) -> Exact:
     """
     (m, n), (parts, r, _) = matrix.numbers.shape[1:], forms.numbers.shape
     tensor = np.zeros((parts, r, m**degree), dtype=object)
-    first = np.unique(tensor_places(m, degree), return_index=True)[1]
+    first = np.unique(_tensor_places(m, degree), return_index=True)[1]
     tensor[..., first] = forms.numbers  # Each coefficient is in one place.
     changed = Exact(tensor.reshape(parts, r, *(m,) * degree, 1), forms.exponent)
     for reached in range(degree):
@@ -160,12 +160,12 @@ def exact_product(first: Exact, second: Exact) -> Exact:
 
 def has_definite_gram(
     tables: Sphere, gram: Exact, corner: Exact, others: Exact
-) -> tuple[bool, float]:
+) -> bool:
     """Determines whether a polynomial has a positive definite Gram matrix near one.
 
     It is zᵀ A z, A the corner (n, n), plus one with the other coefficients (C,). What
     these differ by from those of the Gram matrix (s, s) is added to it, each in the
-    first place that has its monomial. Returned is what `leaves_definite` does.
+    first place that has its monomial.
     """
     places = tables.places
     mixed = tables.places >= 0

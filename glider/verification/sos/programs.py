@@ -50,7 +50,7 @@ def first_success(program: Callable, *arguments: Any, fault: str) -> tuple:
     raise SolverError(fault)
 
 
-def solve_moments(
+def _solve_moments(
     polynomial: np.ndarray, rows: np.ndarray, targets: np.ndarray, n: int, solver: str
 ) -> tuple[bool, np.ndarray, np.ndarray]:
     """Solves the problem of moments, p (C,), rows (K, C) and targets (K,).
@@ -89,7 +89,7 @@ def least_growth(
     lift = sphere(n).lift[:, low[0], low[1]].T
     rows = np.hstack([np.zeros((len(lift), len(cubic))), lift])
     polynomial = np.concatenate([cubic, quartic])
-    success, found, _ = solve_moments(polynomial, rows, weight[low], n, solver)
+    success, found, _ = _solve_moments(polynomial, rows, weight[low], n, solver)
     # A multiplier of E[z_i z_j |z|²] counts twice in N off the diagonal.
     N = np.zeros((n, n))
     N[low] = found
@@ -104,7 +104,7 @@ def largest_margin(
     Returns whether the solver succeeded, γ, and the Gram matrix of p - γ, (E,).
     """
     rows = sphere(n).constant[None, :]
-    success, found, gram = solve_moments(-coefficients, rows, np.ones(1), n, solver)
+    success, found, gram = _solve_moments(-coefficients, rows, np.ones(1), n, solver)
     return success, -float(found[0]), gram
 
 

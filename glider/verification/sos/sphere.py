@@ -126,7 +126,7 @@ def sphere(n: int) -> Sphere:
     return Sphere(n)
 
 
-ROUNDS = 300
+_ROUNDS = 300
 """Steps, of 1 ms, after which a program is solved again."""
 
 
@@ -159,7 +159,7 @@ def nearby_gram(
     coefficients: np.ndarray,
     margin: float,
     aim: float | None = None,
-    rounds: int = ROUNDS,
+    rounds: int = _ROUNDS,
     block: np.ndarray | None = None,
 ) -> np.ndarray | None:
     """Returns a Gram matrix (E,) of a polynomial near another's; None if none is found.
