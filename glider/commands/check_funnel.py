@@ -42,10 +42,11 @@ requires one.
 
 The check applies to one glider; --prove covers all gliders of a funnel that was made
 for a set of them. If --model has a covariance, that set must contain the model's set
-of the same probability, and at least that of 95 %. --confidence draws gliders that the
-data allow, from the covariance in --model's file (close-the-loop writes it), flies them
-from the boundary and climbs to the worst flights and the worst corner of their set.
-Flights alone prove nothing.
+of the same probability, and at least that of 95 %; --least-level requires another, also
+of a funnel of one glider, which has no set. --confidence draws gliders that the data
+allow, from the covariance in --model's file (close-the-loop writes it), flies them from
+the boundary and climbs to the worst flights and the worst corner of their set. Flights
+alone prove nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
 time, and --hold is the time that its commands must be held, also with --as-flown. With
@@ -64,8 +65,9 @@ A funnel of held commands is for a clock that starts with the launch. --phases i
 any clock: the funnel is then that of the launch, until the first command acts, and the
 files are those of the rest of the flight, for commands that begin to act at different
 times. --model, --every, --command-error and --wind apply to each, --least-inlet to the
-launch's, --hold and --hook to the others; --latency is their common one. Whenever the
-first command acts, the flight must be inside one of them.
+launch's, --hold and --hook to the others; --latency is their common one, and
+--least-level is of each. Whenever the first command acts, the flight must be inside one
+of them.
 
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
@@ -86,6 +88,11 @@ def add_arguments(parser: CommandParser) -> None:
         "alone, as z=0.1,pitch=0.05 (default: any)"
     )
     parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
+    words = (
+        "the funnel's set must contain the model's set of this probability; needs a "
+        f"--model with a covariance (default: {_LEVEL} of a funnel that has a set)"
+    )
+    parser.add_argument("--least-level", metavar="P", help=words)
     words = "one funnel per phase of the clock; give them after the launch funnel"
     parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
     words = "check every N-th time or interval only, and the last (default: all)"
@@ -160,6 +167,7 @@ def run(args: argparse.Namespace) -> int:
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None
+    least_level = _level("--least-level", args.least_level)
     confidence = None
     if level is not None:
         shape = "box" if args.box else "ellipsoid"
@@ -180,7 +188,12 @@ def run(args: argparse.Namespace) -> int:
         def follow(what):
             return lambda share: progress(Step(f"checking the {what}", share))
 
-        given = {"problem": problem, "model": model, "covariance": covariance}
+        given = {
+            "problem": problem,
+            "model": model,
+            "covariance": covariance,
+            "least_level": least_level,
+        }
         checked = _check(args, (funnel, *rests), least_inlet, given, follow)
         if confidence and checked.holds and not (rests or funnel.settings.period):
             rng = np.random.default_rng(seed)
@@ -208,6 +221,11 @@ def _check(args, funnels, least_inlet, given, follow):
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.phases import phase_faults
 
+    if given["least_level"] and given["covariance"] is None:
+        raise InputError(
+            "--least-level has no effect without a --model with a covariance, as "
+            "close-the-loop writes it; expected both."
+        )
     (first, *rests), inlet = funnels, {"least_inlet": least_inlet}
     pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
     period = args.hold if args.prove else None
@@ -316,7 +334,7 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     latency = args.latency or 0.0
     words = "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)
-    level = _level(args.confidence)
+    level = _level("--confidence", args.confidence)
     names = ("hold", "command_error", "wind")
     late = {name.replace("_", "-"): getattr(args, name) for name in names}
     given = [
@@ -369,8 +387,8 @@ def _least_inlet(text: str | None) -> dict[str, float]:
     return found
 
 
-def _level(text: str | None) -> float | None:
-    """The probability given by --confidence; None without it."""
+def _level(option: str, text: str | None) -> float | None:
+    """The probability given by an option; None without it."""
     if text is None:
         return None
     try:
@@ -378,7 +396,7 @@ def _level(text: str | None) -> float | None:
     except ValueError:
         level = math.nan
     expected = f"a probability between 0 and 1, such as {_LEVEL:g}"
-    expect(0.0 < level < 1.0, "--confidence", text, expected)
+    expect(0.0 < level < 1.0, option, text, expected)
     return level
 
 

@@ -77,6 +77,7 @@ def check_funnel(
     from_launch: bool = True,
     model: GliderModel | None = None,
     covariance: Covariance | None = None,
+    least_level: float | None = None,
     hook: bool = False,
     least_inlet: Mapping[str, float] | None = None,
     least_pushes: tuple[float, float] = (0.0, 0.0),
@@ -93,6 +94,8 @@ def check_funnel(
         model: the glider that it must be a funnel of; any if None.
         covariance: of that glider, whose set of the same level, and of at least 95 %,
             the funnel's set of gliders, if it has one, must contain; any if None.
+        least_level: with a covariance, the level instead of 95 %; then a funnel of one
+            glider is refused.
         hook: whether the problem's hook must accept every state of the last set.
         least_inlet: least half-widths of the inlet, of states that deviate alone.
         least_pushes: command error [rad/s] and wind [m/s] that it must account for.
@@ -105,7 +108,7 @@ def check_funnel(
     seed = secrets.randbits(32) if seed is None else seed
     faults = purpose.model_faults(funnel, model) if model else []
     if covariance and not faults:
-        faults = purpose.set_faults(funnel, covariance)
+        faults = purpose.set_faults(funnel, covariance, least_level)
     faults += purpose.inlet_faults(funnel, least_inlet or {})
     faults += purpose.push_faults(funnel, least_pushes, period)
     faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
@@ -114,7 +117,7 @@ def check_funnel(
     faults = faults or held_faults(funnel, progress)
     level = None
     if covariance and funnel.gliders:
-        level = purpose.compared_level(funnel.gliders.confidence)
+        level = purpose.compared_level(funnel.gliders.confidence, least_level)
     seen = 0.0
     between = np.inf
     if not faults:

@@ -15,6 +15,7 @@ from glider.files.schema import parse_yaml
 from glider.physics.confidence import (
     LEVEL,
     ConfidenceSet,
+    describe_level,
     describe_set,
     make_confidence,
 )
@@ -104,24 +105,28 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     return [f"{words} expected {expected}."]
 
 
-def compared_level(own: ConfidenceSet) -> float:
+def compared_level(own: ConfidenceSet, least: float | None = None) -> float:
     """Returns the level of a model's set that a funnel's set has to contain.
 
-    It is the file's own, but at least LEVEL: a file may state any.
+    It is the file's own, or a least one where that is less: a file may state any.
     """
-    return max(own.level, LEVEL)
+    return max(own.level, LEVEL if least is None else least)
 
 
-def set_faults(funnel: Funnel, covariance: Covariance) -> list[str]:
+def set_faults(
+    funnel: Funnel, covariance: Covariance, least: float | None = None
+) -> list[str]:
     """Returns why a funnel's set does not contain that of a model's covariance.
 
     The model's is of the same shape and of the `compared_level`.
     """
     if funnel.gliders is None:
-        return []
+        words = "The funnel is of one glider; expected a set that contains the model's"
+        return [f"{words} {describe_level(least)} set."] if least else []
     own = funnel.gliders.confidence
-    level = compared_level(own)
-    given = make_confidence(funnel.nominal.model, covariance, level, own.shape)
+    model = funnel.nominal.model
+    level = compared_level(own, least)
+    given = make_confidence(model, covariance, level, own.shape)
     words = f"The funnel's set of gliders, the {describe_set(own)}, is smaller than"
     fault = f"{words} the model's, the {describe_set(given)}."
     return unmet((own.covers(given), fault))
