@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from examples.perch_corrected import rehearse
-from glider.campaign.checks import forces
 from glider.campaign.checks.fall import UNKNOWN, measure_fall
+from glider.campaign.checks.forces import Motions, measure_motions
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.motion import Motion
 from glider.campaign.logs import Campaign
@@ -61,8 +61,8 @@ def of_one_plan(name: str, seed: int = 0) -> Campaign:
 def motions_of(campaign: Campaign) -> list[Motion]:
     """Motions of the flights that pass the checks."""
     found = inspect(campaign)
-    motions = [forces.usable_motion(f, found.masks) for f in found.campaign.flights]
-    return [motion for motion in motions if len(motion.time) > 3]
+    motions = measure_motions(found.campaign.flights, found.masks)
+    return [motion for motion in motions.each if len(motion.time) > 3]
 
 
 def sets(draws: int, folders: list[Path]) -> Iterator[tuple[str, float, list[Motion]]]:
@@ -94,7 +94,7 @@ def main() -> None:
     options = parser.parse_args()
     table: dict[str, list[tuple[float, float]]] = {}
     for family, gravity, motions in sets(options.draws, options.measured):
-        fall, error = measure_fall(motions)
+        fall, error = measure_fall(Motions(tuple(motions)))
         table.setdefault(family, []).append((np.log(fall / gravity), error))
     for family, found in table.items():
         known = np.array([f for f in found if f[1] < UNKNOWN])

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.travel import calc_travel, check_travel
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
@@ -22,7 +23,7 @@ from glider.errors import InputError
 def is_flagged(campaign: Campaign) -> bool:
     """Whether the check warns or refuses."""
     try:
-        return bool(check_travel(campaign, {}))
+        return bool(check_travel(campaign, measure_elevators(campaign, {})))
     except InputError:
         return True
 
@@ -45,7 +46,9 @@ def main(paths: list[str]) -> None:
             if c.elevator == "servo"
             for k in range(0, len(c.flights) - size + 1, size)
         ]
-        found = np.array([calc_travel(group.flights, {}) for group in groups])
+        found = np.array(
+            [calc_travel(measure_elevators(group, {})) for group in groups]
+        )
         off = np.abs(found[:, 0] - 1.0) / found[:, 1]
         line = f"{size:3d} flights, {len(groups):3d} groups: gain "
         line += f"{np.mean(found[:, 0]):.3f} ± {np.std(found[:, 0]):.3f}, at most "

@@ -14,8 +14,7 @@ import numpy as np
 from scipy.special import softmax
 
 from glider.campaign.checks.clocks import SCALE, check_limits
-from glider.campaign.checks.inspection import Inspection
-from glider.campaign.checks.masks import ALL, ExcludedRows
+from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
 from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs, turn_campaign

@@ -9,14 +9,20 @@ lower the correlation; another clock or another flight's commands remove it.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from glider.campaign.checks.elevators import (
+    Elevator,
+    mean_rates,
+    measure_elevators,
+    travel_of,
+)
 from glider.campaign.checks.masks import Masks
-from glider.campaign.logs import Campaign, Flight
+from glider.campaign.logs import Campaign
 from glider.errors import InputError
-from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo, elevator_path
+from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo
 
 _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator that are tried [s]: command_delay and servo_lag are < 0.3."""
@@ -33,7 +39,6 @@ _FOLLOWS = 0.4
 for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for
 commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
-_WINDOW = 0.04  # Time over which a rate is taken [s].
 _MIN_RATES = 15  # Rates that a correlation is of, at least: fewer show nothing.
 _FOLLOWS_ALONE = 0.6
 """Share of the campaign's correlation that a flight alone must reach at its delay.
@@ -51,13 +56,12 @@ _FEWEST = 30  # Intervals that a rate is taken from, at least.
 _MOST_TICKS = 3  # Ticks in an interval: beyond, a rate that is off has lost count.
 
 
-def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
+def check_clocks(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
     """Refuses an elevator that does not follow its commands, or precedes them."""
-    if campaign.elevator != "servo":
+    if not elevators:
         return
-    commanded = max(_commanded(f, masks) for f in campaign.flights)
-    kept = [known_angles(f, masks)[1] for f in campaign.flights]
-    moved = max((np.ptp(angles) for angles in kept if len(angles)), default=0.0)
+    commanded = max(elevator.ordered_travel for elevator in elevators)
+    moved = max(travel_of(elevator.angle) for elevator in elevators)
     if commanded < _MOVES and moved < _MOVES:
         return
     if min(moved, commanded) < _MOVES:
@@ -67,12 +71,13 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
             "its measured angle, and the commands that were given."
         )
     servo = campaign.limits
-    correlation, _ = calc_correlation(campaign.flights, masks, servo=servo)
+    correlation, _ = calc_correlation(elevators, servo=servo)
     follows = abs(correlation)
     if follows < _FOLLOWS:
-        shifted, shift = calc_correlation(campaign.flights, masks, _SHIFTS)
-        fits = abs(shifted) > 2 * _FOLLOWS
-        hint = f"; shifted by {shift:.2f} s they do" if fits else ""
+        shifted, shift = calc_correlation(elevators, _SHIFTS)
+        hint = ""
+        if abs(shifted) > 2 * _FOLLOWS:
+            hint = f"; shifted by {shift:.2f} s they do"
         raise InputError(
             f"{campaign.path}: column 'elevator' does not follow "
             f"'elevator_rate_command' (their rates correlate by {follows:.2f} at any "
@@ -81,12 +86,13 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
         )
     # Under feedback a slow servo swings: half a period before, it turns the other way,
     # and either sign may be the servo's.
+    most_left = _AS_GOOD * (1.0 - follows**2)
     leads = []
     for sign in (1.0, -1.0):
-        known = campaign.flights, masks
-        of_sign, _ = calc_correlation(*known, _DELAYS, sign, servo)
-        if of_sign * sign > 0.0 and 1.0 - of_sign**2 < _AS_GOOD * (1.0 - follows**2):
-            leads.append(-calc_correlation(*known, _BOTH_WAYS, sign, servo)[1])
+        own, _ = calc_correlation(elevators, _DELAYS, sign, servo)
+        if own * sign > 0.0 and 1.0 - own**2 < most_left:
+            _, delay = calc_correlation(elevators, _BOTH_WAYS, sign, servo)
+            leads.append(-delay)
     if leads and min(leads) > _LEADS:
         raise InputError(
             f"{campaign.path}: column 'elevator' moves {min(leads):.3f} s before "
@@ -114,8 +120,8 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
 
     Refuses commands that are off by the same share: the clock of the log is wrong.
     """
-    rows = _pace((f.time for f in campaign.flights), campaign.pose_rate)
-    if rows is None or abs(rows - 1.0) < _OFF:
+    rows = _pace([flight.time for flight in campaign.flights], campaign.pose_rate)
+    if abs(rows - 1.0) < _OFF:
         return ()
     words = (
         f"rows come at {campaign.pose_rate / rows:.4g} Hz where field 'pose_rate' "
@@ -123,12 +129,12 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
     )
     rate = campaign.command_rate
     if rate is not None and campaign.elevator == "servo":
-        # Rows with a new command.
-        new = (
-            f.time[1:][np.diff(np.asarray(f.command)) != 0] for f in campaign.flights
-        )
-        commands = _pace(new, rate)
-        if commands is not None and abs(commands - rows) < _OFF:
+        begins = []
+        for flight in campaign.flights:
+            is_new = np.diff(np.asarray(flight.command)) != 0.0
+            begins.append(flight.time[1:][is_new])
+        commands = _pace(begins, rate)
+        if abs(commands - rows) < _OFF:
             raise InputError(
                 f"{campaign.path}: {words}, and commands at {rate / commands:.4g} Hz "
                 f"where field 'command_rate' says {rate:.4g}; expected column 'time' "
@@ -137,18 +143,25 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
     return (f"The {words}: is the clock of 'time' right?",)
 
 
+def _pace(clocks: Sequence[np.ndarray], rate: float) -> float:
+    """How much longer ticks last than at a rate [Hz]; 1 where few are seen."""
+    steps = np.concatenate([np.diff(clock) for clock in clocks]) * rate
+    ticks = np.round(steps)
+    counted = (ticks >= 1) & (ticks <= _MOST_TICKS)
+    if np.sum(counted) < max(_FEWEST, 0.8 * len(steps)):
+        return 1.0
+    return float(np.sum(steps[counted]) / np.sum(ticks[counted]))
+
+
 def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
     """Refuses limits that an elevator passes by far, and turned ones by much less."""
     if campaign.elevator != "servo" or campaign.elevator_limits is None:
         return
     lowest, highest = np.percentile(_angles(campaign, masks), [1.0, 99.0])
-
-    def excess(lower: float, upper: float) -> float:
-        return float(max(lower - lowest, highest - upper, 0.0))
-
     lower, upper = campaign.elevator_limits
-    beyond = excess(lower, upper)
-    if beyond > _BEYOND and excess(-upper, -lower) < 0.5 * beyond:
+    beyond = max(lower - lowest, highest - upper)
+    beyond_turned = max(-upper - lowest, highest + lower)
+    if beyond > _BEYOND and beyond_turned < 0.5 * beyond:
         raise InputError(
             f"{campaign.path}: column 'elevator' goes from {lowest:.3g} to "
             f"{highest:.3g} rad and field 'elevator_limits' is [{lower:g}, {upper:g}]; "
@@ -169,22 +182,28 @@ def find_limits(campaign: Campaign, masks: Mapping[str, Masks], noise: float) ->
     return Servo(low, high, rate)
 
 
-def find_unrelated(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, ...]:
+def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:
+    """All angles (k,) of the elevator that are not masked [rad]."""
+    elevators = measure_elevators(campaign, masks)
+    return np.concatenate([elevator.angle for elevator in elevators])
+
+
+def find_unrelated(elevators: Sequence[Elevator]) -> tuple[str, ...]:
     """Names of flights whose elevator does not follow, at the delay of the others."""
-    if campaign.elevator != "servo":
-        return ()
-    usual, delay = calc_correlation(campaign.flights, masks)
+    usual, delay = calc_correlation(elevators)
     near = delay + np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
     least = _FOLLOWS_ALONE * abs(usual)
-    wide = [f for f in campaign.flights if _commanded(f, masks) > _WIDE]
-    return tuple(
-        f.name for f in wide if abs(calc_correlation([f], masks, near)[0]) < least
-    )
+    unrelated = []
+    for elevator in elevators:
+        if elevator.ordered_travel > _WIDE:
+            own, _ = calc_correlation([elevator], near)
+            if abs(own) < least:
+                unrelated.append(elevator.name)
+    return tuple(unrelated)
 
 
 def calc_correlation(
-    flights: Sequence[Flight],
-    masks: Mapping[str, Masks],
+    elevators: Sequence[Elevator],
     delays: np.ndarray = _DELAYS,
     sign: float = 0.0,
     servo: Servo = NO_LIMITS,
@@ -195,15 +214,16 @@ def calc_correlation(
     before a stop of the servo, it follows no command. Both are nan where too few rates
     are known to judge: no comparison with them holds.
     """
-    count, turned, ordered, together = np.zeros((4, len(delays)))
-    for flight in flights:
-        rate, commands = _rates(flight, masks, delays, servo)
-        known = np.isfinite(commands)
-        commands = np.where(known, commands, 0.0)
-        count += np.sum(known, axis=1)
-        turned += known @ rate**2
-        ordered += np.sum(commands**2, axis=1)
-        together += commands @ rate
+    sums = np.zeros((4, len(delays)))
+    for elevator in elevators:
+        if len(elevator.time) < 2:
+            continue
+        turned, ordered = _changes(elevator, delays, servo)
+        is_known = np.isfinite(ordered)
+        ordered = np.where(is_known, ordered, 0.0)
+        power = np.sum(ordered**2, axis=1)
+        sums += [is_known.sum(axis=1), is_known @ turned**2, power, ordered @ turned]
+    count, turned, ordered, together = sums
     correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
     rank = sign * correlation if sign else np.abs(correlation)
     best = int(np.argmax(np.where(count < _MIN_RATES, -np.inf, rank)))
@@ -212,98 +232,28 @@ def calc_correlation(
     return float(correlation[best]), float(delays[best])
 
 
-def follow_sign(flights: Sequence[Flight], masks: Mapping[str, Masks]) -> int:
+def follow_sign(elevators: Sequence[Elevator]) -> int:
     """-1 where elevators clearly turn against their commands, else +1."""
-    return -1 if calc_correlation(flights, masks)[0] < -_FOLLOWS else 1
+    return -1 if calc_correlation(elevators)[0] < -_FOLLOWS else 1
 
 
-def _rates(
-    flight: Flight, masks: Mapping[str, Masks], delays: np.ndarray, servo: Servo
+def _changes(
+    elevator: Elevator, delays: np.ndarray, servo: Servo
 ) -> tuple[np.ndarray, np.ndarray]:
     """Changes (k,) of the elevator and (delays, k) by earlier commands [rad].
 
     Those by commands are nan near a stop, and where commands are not known.
     """
-    time, angle = known_angles(flight, masks)
-    if len(time) < 2:
-        return np.empty(0), np.empty((len(delays), 0))
-    ends, rate = mean_rates(time, angle)
-    rows = known_commands(flight, masks)
-    first, last = flight.time[rows][[0, -1]]
-    at = ends - delays[:, None, None]
-    earlier = follow_commands(flight, masks, at)
-    earlier[(at < first) | (at > last)] = np.nan
-    changes = earlier[:, 1] - earlier[:, 0]
+    time = elevator.time
+    ends, turned = mean_rates(time, elevator.angle)
+    path = elevator.follow(ends - delays[:, None, None])
+    ordered = path[:, 1] - path[:, 0]
+    first, last = elevator.command_time[[0, -1]]
+    begin, end = ends
+    late = delays[:, None]
+    ordered[(begin - late < first) | (end - late > last)] = np.nan
     slowing = STOPPING_TIME * servo.rate if math.isfinite(servo.rate) else 0.0
-    shown = np.interp(ends, time, angle)
+    shown = np.interp(ends, time, elevator.angle)
     is_near = (shown < servo.low + slowing) | (shown > servo.high - slowing)
-    changes[:, is_near.any(axis=0)] = np.nan
-    return rate, changes
-
-
-def mean_rates(
-    time: np.ndarray, angle: np.ndarray, window: float = _WINDOW
-) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (2, k) of windows in a log (n,), and by how much the angle (k,) changes."""
-    begin = np.arange(time[0], time[-1] - window, _WINDOW / 2)
-    ends = np.stack([begin, begin + window])
-    return ends, np.diff(np.interp(ends, time, angle), axis=0)[0]
-
-
-def follow_commands(
-    flight: Flight,
-    masks: Mapping[str, Masks],
-    query: np.ndarray,
-    servo: Servo = NO_LIMITS,
-    time_constant: float = 0.0,
-) -> np.ndarray:
-    """Returns angles of an elevator that follows a flight's known commands [rad].
-
-    At times of any shape [s], by a servo with a lag [s]. Each row has a new command.
-    """
-    assert flight.command is not None
-    rows = known_commands(flight, masks)
-    tape = flight.time[rows], flight.command[rows]
-    _, angles = known_angles(flight, masks)
-    start = float(angles[0]) if len(angles) else 0.0
-    return elevator_path(*tape, query, servo, time_constant=time_constant, start=start)
-
-
-def known_angles(
-    flight: Flight, masks: Mapping[str, Masks]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and angles [rad] (k,) of the elevator that are not masked.
-
-    Those of the piece whose commands are known, where gaps hide others.
-    """
-    assert flight.elevator is not None
-    mask = masks.get(flight.name)
-    known = slice(None) if mask is None else ~(mask.elevator | mask.beyond)
-    return flight.time[known], flight.elevator[known]
-
-
-def known_commands(flight: Flight, masks: Mapping[str, Masks]) -> slice:
-    """Rows of the piece whose commands are known."""
-    mask = masks.get(flight.name)
-    return slice(None) if mask is None else slice(mask.first, mask.last)
-
-
-def _commanded(flight: Flight, masks: Mapping[str, Masks]) -> float:
-    """Travel that known commands ask for [rad]."""
-    path = follow_commands(flight, masks, flight.time)
-    return float(np.ptp(path[known_commands(flight, masks)]))
-
-
-def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:
-    """All angles (k,) of the elevator that are not masked [rad]."""
-    return np.concatenate([known_angles(f, masks)[1] for f in campaign.flights])
-
-
-def _pace(clocks: Iterable[np.ndarray], rate: float) -> float | None:
-    """How much longer ticks last than at a rate [Hz]; None where few are seen."""
-    steps = np.concatenate([*map(np.diff, clocks), np.empty(0)]) * rate
-    ticks = np.round(steps)
-    counted = (ticks >= 1) & (ticks <= _MOST_TICKS)
-    if np.sum(counted) < max(_FEWEST, 0.8 * len(steps)):
-        return None
-    return float(np.sum(steps[counted]) / np.sum(ticks[counted]))
+    ordered[:, is_near.any(axis=0)] = np.nan
+    return turned, ordered

@@ -9,7 +9,7 @@ depend on the airspeed. Flights rarely show which of them is right, so that the 
 over the ways is part of the uncertainty. So is the scatter with a flight left out, or
 with a quarter of the time of all flights if that is larger.
 
-Measured (benchmarks/bench_fall.py): of 501 campaigns and parts of campaigns of
+Measured (tests/benchmarks/bench_fall.py): of 501 campaigns and parts of campaigns of
 three flights or more, simulated with strong effects or thrown by hand, the logarithm
 of gravity is off by 0.5 standard deviations (RMS), and by at most 1.4 in any. The
 standard deviation is 0.05 to 0.09 of a campaign, 0.09 to 0.11 of three throws.
@@ -22,8 +22,8 @@ import numpy as np
 
 from glider.campaign.checks import forces
 from glider.campaign.checks.clocks import claim_scale
-from glider.campaign.checks.masks import Masks
-from glider.campaign.checks.motion import Motion, are_alike, robust_std
+from glider.campaign.checks.forces import ForceFit, Motions
+from glider.campaign.checks.motion import Motion, jackknife_error, robust_std
 from glider.campaign.logs import Campaign
 
 _MIN_FLIGHTS = 3  # One throw alone may be off by far more than it shows: a warning.
@@ -47,27 +47,25 @@ gravity [m/s²]."""
 
 
 def check_fall(
-    campaign: Campaign, masks: dict[str, Masks], says_unknown: bool = False
+    campaign: Campaign, motions: Motions, says_unknown: bool = False
 ) -> tuple[str, ...]:
     """Warns of lengths or times in a wrong scale; refuses those certainly so.
 
     Where flights barely show gravity, it says so if asked, as an import does: its units
     are new, and the fall does not confirm them.
     """
-    motions = [forces.usable_motion(f, masks) for f in campaign.flights]
-    motions = [motion for motion in motions if len(motion.time)]
-    are_few = len(motions) < _MIN_FLIGHTS
+    shown = Motions(tuple(motion for motion in motions.each if len(motion.time)))
+    if not shown.each:
+        return ()
+    are_few = len(shown.each) < _MIN_FLIGHTS
     refused = _OFF[1]
     surely = _SURELY
-    if are_few or are_alike(motions):
+    if are_few or shown.are_alike:
         refused = math.inf
         surely = 2.0 * _SURELY
     if are_few:
-        parts = [[np.array_split(v, _PIECES) for v in m] for m in motions]
-        motions = [Motion(*p) for each in parts for p in zip(*each, strict=True)]
-    if not motions:
-        return ()
-    fall, error = measure_fall(motions)
+        shown = _cut(shown)
+    fall, error = measure_fall(shown)
     if error > UNKNOWN:
         words = "check the units of lengths and times"
         line = f"the flights show gravity to ± {100 * error:.0f} % only: {words}"
@@ -82,69 +80,72 @@ def check_fall(
     return claim_scale(campaign, ratio, surely * error, (_OFF[0], refused), found)
 
 
-def measure_fall(motions: list[Motion]) -> tuple[float, float]:
+def _cut(motions: Motions) -> Motions:
+    """Pieces of flights, as flights."""
+    pieces = []
+    for motion in motions.each:
+        parts = [np.array_split(values, _PIECES) for values in motion]
+        pieces += [Motion(*values) for values in zip(*parts, strict=True)]
+    return Motions(tuple(pieces))
+
+
+def measure_fall(motions: Motions) -> tuple[float, float]:
     """Gravity as flights show it [m/s²], and the error of its logarithm."""
-    fit = forces.fit_forces(forces.join(motions))
-    winds = (np.zeros(2), fit.wind)
-    found = [way for wind in winds for way in _each_way(motions, fit.sign, wind)]
-    size, error = np.array(found).T
+    fit = motions.fit
+    still = fit._replace(wind=np.zeros(2))
+    size, error = np.hstack([_each_way(motions, fit) for fit in (still, fit)])
     weight = 1.0 / (error**2 + _WAY_ERROR**2)
     mean = np.average(size, weights=weight)
     square = np.average(error**2 + (size - mean) ** 2, weights=weight)
     return float(np.exp(mean)), float(np.sqrt(square + _LEAST_ERROR**2))
 
 
-def _each_way(
-    motions: list[Motion], sign: int, wind: np.ndarray
-) -> list[tuple[float, float]]:
-    """Logarithm of gravity and its jackknife error, with each set of columns."""
-    motion = forces.join(motions)
+def _each_way(motions: Motions, fit: ForceFit) -> np.ndarray:
+    """Logarithm of gravity and its jackknife error (2, ways), by sets of columns."""
+    motion = motions.joined.with_pitch(fit.sign)
+    columns = _columns(motion, fit.wind)
     target = motion.acceleration[:, :2].reshape(-1)
-    design = np.moveaxis(_columns(motion, sign, wind), 0, 2).reshape(len(target), -1)
-    weight = np.ones(len(target))
-    for _ in range(_ITERATIONS):
-        rows = design * weight[:, None]
-        rest = target - design @ np.linalg.lstsq(rows, target * weight, rcond=None)[0]
-        weight = forces.huber_weights(rest) / max(robust_std(rest), 1e-3)
-    both = np.column_stack([design, target]) * weight[:, None]
-    ends = np.cumsum([2 * len(each.time) for each in motions])[:-1]
-    pieces = [np.array_split(each, _PIECES) for each in np.split(both, ends)]
-    products = np.array([[part.T @ part for part in each] for each in pieces])
-    less = products.sum(1), products.sum(0)  # Without a flight; without a part of all.
-    without = products.sum((0, 1)) - np.concatenate([0.0 * less[0][:1], *less])
+    design = np.moveaxis(columns, 0, 2).reshape(len(target), -1)
+    _, rest, weight = forces.fit_robustly(design, target, _ITERATIONS)
+    weight = weight / max(robust_std(rest), 1e-3)
+    rows = np.column_stack([design, target]) * weight[:, None]
+    ends = np.cumsum([2 * len(each.time) for each in motions.each])[:-1]
+    squares = []
+    for flight in np.split(rows, ends):
+        pieces = np.array_split(flight, _PIECES)
+        squares.append([piece.T @ piece for piece in pieces])
+    total = np.sum(squares, axis=(0, 1))
+    without_flight = total - np.sum(squares, axis=1)
+    without_piece = total - np.sum(squares, axis=0)  # Of all flights.
+    samples = np.concatenate([total[None], without_flight, without_piece])
     found = []
     for chosen in itertools.product((False, True), repeat=len(_OPTIONAL)):
         optional = itertools.compress(_OPTIONAL, chosen)
         index = [*_FIXED, *itertools.chain(*optional)]
-        square = without[:, index][:, :, index] + np.diag(_PRIORS[index] ** -2.0)
-        solution = np.linalg.solve(square, without[:, index, -1:])[..., 0]
-        size, *others = np.log(np.hypot(*solution[:, _GRAVITY].T))
-        errors = [
-            np.std(parts) * np.sqrt(len(parts) - 1)
-            for parts in np.split(others, [len(motions)])
-        ]
-        found.append((float(size), float(max(errors))))
-    return found
+        products = samples[:, index]
+        square = products[:, :, index] + np.diag(_PRIORS[index] ** -2.0)
+        solution = np.linalg.solve(square, products[:, :, -1:])[..., 0]
+        gravity = np.linalg.norm(solution[:, _GRAVITY], axis=1)
+        size, *others = np.log(gravity)
+        parts = np.split(np.array(others), [len(motions.each)])
+        found.append((size, max(jackknife_error(part) for part in parts)))
+    return np.transpose(found)
 
 
-def _columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
+def _columns(motion: Motion, wind: np.ndarray) -> np.ndarray:
     """Accelerations (16, k, 2) by forces, offsets, thrust, turning and gravity."""
-    body, normal = forces.body_axes(sign * motion.pose[:, 2])
+    body, normal = motion.axes
     air = motion.velocity[:, :2] - wind
-    speed = np.maximum(np.hypot(*air.T), 1e-3)[:, None]
+    speed = np.linalg.norm(air, axis=1, keepdims=True)
+    speed = np.maximum(speed, 1e-3)
     across = np.sum(air * normal, axis=1)[:, None] / speed
-    stalling = [across * np.abs(across) * normal, across * np.abs(across) * body]
-    stalling += [across**3 * normal, across**2 * body]
+    flows = forces.force_columns(motion, wind)
+    lift, along, *_ = flows  # By the normal flow.
+    stalling = [np.abs(across) * lift, np.abs(across) * along]
+    stalling += [across**2 * lift, across * along]
+    turning = motion.velocity[:, 2:] * speed
     quicker = speed / np.mean(speed) - 1.0
-    turning = [sign * motion.velocity[:, 2:] * speed * axis for axis in (normal, body)]
-    return np.stack(
-        [
-            *forces.force_columns(motion, sign, wind),
-            *(speed**2 * force for force in stalling),
-            *forces.offset_columns(motion, sign),
-            body,
-            *turning,
-            quicker * speed**2 * across * normal,
-            *np.broadcast_to(np.eye(2)[:, None], (2, len(speed), 2)),
-        ]
-    )
+    others = [body, turning * normal, turning * body, quicker * lift]
+    gravity = np.broadcast_to(np.eye(2)[:, None], (2, len(speed), 2))
+    offsets = forces.offset_columns(motion)
+    return np.stack([*flows, *stalling, *offsets, *others, *gravity])

@@ -12,12 +12,14 @@ tracked point from the center of mass. The constant c is gravity: it shows which
 down, and as a fall of 9.81 m/s² the scale of positions and times.
 """
 
-from collections.abc import Mapping, Sequence
+import dataclasses
+import functools
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.motion import Motion, calc_motion, robust_std
 from glider.campaign.logs import Campaign, Flight
 
@@ -29,6 +31,9 @@ _STEP = 0.01  # Of the wind, for slopes [m/s].
 _WIND = 2.0  # Standard deviation of its prior, of the weight of one row [m/s].
 _MAX_WIND = 6.0  # [m/s]
 _ARM = 0.25  # Length of a tail over which an elevator's strength is compared [m].
+_ALIKE = 0.2
+"""Share of the variance of velocities that is between flights, below which they are
+alike: less than 0.05 of throws of one plan, 0.56 to 0.87 of campaigns."""
 _HUBER = 2.0  # Residual, in standard deviations, above which a weight decreases.
 
 
@@ -51,138 +56,182 @@ class ElevatorFit(NamedTuple):
     gain: float  #: Of V² times the elevator [1/m²].
 
 
-def usable_motion(flight: Flight, masks: Mapping[str, Masks]) -> Motion:
-    """Motion over the usable rows of a flight; without its mask all are."""
-    usable = masks[flight.name].usable if flight.name in masks else slice(None)
-    return calc_motion(flight.time[usable], flight.pose[usable], stride=_STRIDE)
+@dataclasses.dataclass(frozen=True)
+class Motions:
+    """Motions of flights: the checks share one smoothing and one fit of the forces."""
+
+    each: tuple[Motion, ...]  #: By flight; without rows where few are usable.
+
+    @functools.cached_property
+    def joined(self) -> Motion:
+        """All motions, one after the other."""
+        return join(self.each)
+
+    @functools.cached_property
+    def fit(self) -> ForceFit:
+        """Forces and gravity, with the better sign of the pitch."""
+        return fit_forces(self.joined)
+
+    @property
+    def are_alike(self) -> bool:
+        """Whether flights repeat each other, as throws of one plan do: they are one."""
+        shown = [motion for motion in self.each if len(motion.time)]
+        rows = min(len(motion.time) for motion in shown)
+        velocity = np.array([motion.velocity[:rows, :2] for motion in shown])
+        total = np.var(velocity, axis=(0, 1)).sum()
+        between = np.var(velocity, axis=0).mean(axis=0).sum()
+        return bool(between < _ALIKE * total)
+
+    def calc_heading(self, sign: int) -> float:
+        """Heading at the release: later a glider may loop, or slide on its tail."""
+        early = []
+        for motion in self.each:
+            rows = motion.time < motion.time[:1] + START
+            early.append(Motion(*(values[rows] for values in motion)))
+        return calc_heading(join(early).with_pitch(sign))
 
 
-def join(motions: list[Motion]) -> Motion:
+def measure_motions(flights: Iterable[Flight], masks: Mapping[str, Masks]) -> Motions:
+    """Motions over the usable rows of flights; without its mask all are."""
+    motions = []
+    for flight in flights:
+        usable = masks_of(flight, masks).usable
+        time = flight.time[usable]
+        motions.append(calc_motion(time, flight.pose[usable], stride=_STRIDE))
+    return Motions(tuple(motions))
+
+
+def join(motions: Sequence[Motion]) -> Motion:
     """Motions of flights one after the other."""
-    return Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
-
-
-def at_release(motions: Sequence[Motion]) -> Motion:
-    """The first rows of each motion: later a glider may loop, or slide on its tail."""
-    early = [m.time < m.time[:1] + START for m in motions]
-    pairs = zip(motions, early, strict=True)
-    return join([Motion(*(v[rows] for v in m)) for m, rows in pairs])
+    return Motion(*map(np.concatenate, zip(*motions, strict=True)))
 
 
 def fit_forces(
     motion: Motion, down: np.ndarray | None = None, signs: Sequence[int] = (1, -1)
 ) -> ForceFit:
     """Fits forces, with the best sign; the constant too, unless it is given [m/s²]."""
-    return min((_fit(motion, s, down) for s in signs), key=lambda fit: fit.misfit)
+    fits = [_fit(motion, sign, down) for sign in signs]
+    return min(fits, key=lambda fit: fit.misfit)
 
 
-def calc_heading(motion: Motion, sign: int) -> float:
+def calc_heading(motion: Motion) -> float:
     """Mean cosine of the angle of attack, weighted by speed²: 1 ahead."""
-    body, _ = body_axes(sign * motion.pose[:, 2])
-    velocity = motion.velocity[:, :2]
-    along = np.sum(velocity * body, axis=1) * motion.speed
-    return float(np.sum(along) / max(np.sum(motion.speed**2), 1e-12))
-
-
-def body_axes(pitch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Body axis and wing normal, (k, 2) each, in x and z."""
-    body = np.stack([np.cos(pitch), -np.sin(pitch)], axis=1)
-    normal = np.stack([np.sin(pitch), np.cos(pitch)], axis=1)
-    return body, normal
+    body, _ = motion.axes
+    along = np.sum(motion.velocity[:, :2] * body, axis=1)
+    power = np.sum(motion.speed**2)
+    return float(np.sum(along * motion.speed) / max(power, 1e-12))
 
 
 def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
     """Fits by Gauss-Newton (the wind is not linear) with Huber's weights."""
+    motion = motion.with_pitch(sign)
     wind = np.zeros(2)
     forces = np.zeros(4)
-    offset = offset_columns(motion, sign)
-    thrust = body_axes(sign * motion.pose[:, 2])[0]
-    free = np.eye(2)[: 2 if down is None else 0]
-    constants = [np.tile(axis, (len(motion.time), 1)) for axis in free]
-    target = motion.acceleration[:, :2] - (0.0 if down is None else down)
-    weight = np.ones(target.size)
+    thrust, _ = motion.axes
+    others = [*offset_columns(motion), thrust]
+    acceleration = motion.acceleration[:, :2]
+    constants = []
+    if down is None:
+        constants = [np.broadcast_to(axis, acceleration.shape) for axis in np.eye(2)]
+    else:
+        acceleration = acceleration - down
+    target = acceleration.reshape(-1)
+    weight = np.ones(len(target))
     for iteration in range(_ITERATIONS):
-        flows = force_columns(motion, sign, wind)
-        slopes = [
-            np.tensordot(forces, force_columns(motion, sign, wind + step), 1)
-            - np.tensordot(forces, flows, 1)
-            for step in _STEP * np.eye(2)
-        ]
-        columns = [*flows, *offset, thrust, *slopes, *constants]
-        design = np.stack(columns, axis=2).reshape(target.size, -1)
+        flows = force_columns(motion, wind)
+        slopes = []
+        for step in _STEP * np.eye(2):
+            change = force_columns(motion, wind + step) - flows
+            slopes.append(np.tensordot(forces, change, 1))
+        columns = [*flows, *others, *slopes, *constants]
+        design = np.stack(columns, axis=2).reshape(len(target), -1)
         prior = np.zeros((2, design.shape[1]))
         prior[:, _WIND_AT] = np.eye(2) * _STEP / _WIND
-        solution = np.linalg.lstsq(
-            np.concatenate([design * weight[:, None], prior]),
-            np.concatenate([target.reshape(-1) * weight, -wind / _WIND]),
-            rcond=None,
-        )[0]
-        rest = target.reshape(-1) - design @ solution
-        weight = huber_weights(rest)
+        rows = np.concatenate([design * weight[:, None], prior])
+        values = np.concatenate([target * weight, -wind / _WIND])
+        solution = np.linalg.lstsq(rows, values, rcond=None)[0]
+        rest = target - design @ solution
+        weight = _huber_weights(rest)
         forces = solution[:4]
         if iteration > 0:  # Without forces a wind changes nothing.
             change = _STEP * solution[_WIND_AT]
             change *= min(1.0, 2.0 / max(float(np.hypot(*change)), 1e-12))
             wind = np.clip(wind + change, -_MAX_WIND, _MAX_WIND)
-    misfit = float(np.sqrt(np.mean((weight * rest) ** 2)))
     constant = solution[_WIND_AT.stop :] if down is None else down
-    return ForceFit(sign, constant, forces, wind, misfit)
+    return ForceFit(sign, constant, forces, wind, _rms(weight * rest))
 
 
-def huber_weights(rest: np.ndarray) -> np.ndarray:
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _huber_weights(rest: np.ndarray) -> np.ndarray:
     """Square roots of Huber's weights of residuals (n,), by their own robust scale."""
     bound = _HUBER * (robust_std(rest) + 1e-9)
     return np.sqrt(np.minimum(1.0, bound / np.maximum(np.abs(rest), 1e-12)))
 
 
-def force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
+def fit_robustly(
+    design: np.ndarray, target: np.ndarray, iterations: int = _ITERATIONS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coefficients, residuals (n,) and weights (n,) of a fit with Huber's weights."""
+    weight = np.ones(len(target))
+    for _ in range(iterations):
+        rows = design * weight[:, None]
+        solution = np.linalg.lstsq(rows, target * weight, rcond=None)[0]
+        rest = target - design @ solution
+        weight = _huber_weights(rest)
+    return solution, rest, weight
+
+
+def force_columns(motion: Motion, wind: np.ndarray) -> np.ndarray:
     """Accelerations (4, k, 2) by each entry of the matrix A."""
-    body, normal = body_axes(sign * motion.pose[:, 2])
+    body, normal = motion.axes
     air = motion.velocity[:, :2] - wind
-    speed = np.hypot(air[:, 0], air[:, 1])
-    flows = [(speed * np.sum(air * axis, axis=1))[:, None] for axis in (normal, body)]
-    return np.stack([flow * force for flow in flows for force in (normal, body)])
+    speed = np.linalg.norm(air, axis=1)
+    columns = []
+    for axis in (normal, body):
+        flow = speed * np.sum(air * axis, axis=1)
+        columns += [flow[:, None] * normal, flow[:, None] * body]
+    return np.stack(columns)
 
 
-def offset_columns(motion: Motion, sign: int) -> list[np.ndarray]:
+def offset_columns(motion: Motion) -> list[np.ndarray]:
     """Accelerations (k, 2) of points 1 m ahead of and above the center."""
-    body, normal = body_axes(sign * motion.pose[:, 2])
+    body, normal = motion.axes
     square = motion.velocity[:, 2:] ** 2
-    turning = sign * motion.acceleration[:, 2:]
+    turning = motion.acceleration[:, 2:]
     return [-turning * normal - square * body, turning * body - square * normal]
 
 
-def fit_elevator(campaign: Campaign, motions: Mapping[str, Motion]) -> ElevatorFit:
-    """Fits pitch accelerations of flights, whose motions are given by name.
+def fit_elevator(campaign: Campaign, motions: Motions) -> ElevatorFit:
+    """Fits the pitch accelerations of flights.
 
     pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q
     and V times the elevator's rate with Huber's weights; trailing edge up turns the
     nose up, so the effect is negative.
     """
-    columns = []
+    designs = []
     targets = []
-    for flight in campaign.flights:
-        motion = motions[flight.name]
+    for flight, motion in zip(campaign.flights, motions.each, strict=True):
         if flight.elevator is None or len(motion.time) < 3:
             continue
         angle = np.interp(motion.time, flight.time, flight.elevator)
-        speed, (vx, vz, rate) = motion.speed, motion.velocity.T
+        vx, vz, rate = motion.velocity.T
         alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]
-        lift = [angle, np.sin(alpha), np.cos(alpha), np.sin(alpha) * np.cos(alpha)]
-        turning = [speed * rate, speed * np.gradient(angle, motion.time)]
-        columns.append(np.column_stack([speed**2 * c for c in lift] + turning))
+        across = np.sin(alpha)
+        along = np.cos(alpha)
+        lift = np.stack([angle, across, along, across * along])
+        turning = np.stack([rate, np.gradient(angle, motion.time)])
+        speed = motion.speed
+        designs.append(np.concatenate([speed**2 * lift, speed * turning]).T)
         targets.append(motion.acceleration[:, 2])
-    design = np.concatenate(columns)
-    target = np.concatenate(targets)
-    weight = np.ones(len(target))
-    for _ in range(_ITERATIONS):
-        weighted = design * weight[:, None]
-        solution = np.linalg.lstsq(weighted, target * weight, rcond=None)[0]
-        rest = target - design @ solution
-        weight = huber_weights(rest)
-    misfit = float(np.sqrt(np.mean((weight * rest) ** 2)))
-    std = misfit * np.sqrt(np.linalg.pinv(weighted.T @ weighted)[0, 0])
+    design = np.concatenate(designs)
+    solution, rest, weight = fit_robustly(design, np.concatenate(targets))
+    misfit = _rms(weight * rest)
+    weighted = design * weight[:, None]
+    variance = np.linalg.pinv(weighted.T @ weighted)[0, 0]
+    std = max(misfit * np.sqrt(variance), 1e-12)
     tail = max(abs(solution[1]), abs(solution[4]) / _ARM, 1e-12)
-    effect = solution[0] / max(std, 1e-12)
-    strength = abs(solution[0]) / tail
-    return ElevatorFit(float(effect), misfit, float(strength), float(solution[0]))
+    gain = float(solution[0])
+    return ElevatorFit(gain / std, misfit, abs(gain) / tail, gain)

@@ -16,9 +16,7 @@ import math
 import numpy as np
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.forces import ForceFit
-from glider.campaign.checks.masks import Masks
-from glider.campaign.checks.motion import Motion, are_alike
+from glider.campaign.checks.forces import ForceFit, Motions
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
@@ -29,6 +27,7 @@ _UPRIGHT = 1.1
 """Angle of the constant from straight down that passes [rad]: a frame may be tilted by
 0.5 (frame_tilt), an exchange of axes turns it by 1.57."""
 _NEAR = 0.2  # Part of gravity by which the constant may be off without a question.
+_PUSH = 0.2  # Push along the flow above which air drives a glider; -0.7 or less [1/m].
 _LEAST = {"x": 0.01, "z": 0.01, "pitch": 1e-6}
 """Columns that change by less in every flight do not change [m, m, rad]."""
 _CLEARLY = 1.25
@@ -61,39 +60,45 @@ _UNITS = {
 
 
 def check_frame(
-    campaign: Campaign, masks: dict[str, Masks]
+    campaign: Campaign, motions: Motions
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Corrects axes that are certainly turned, not angles; refuses what cannot be."""
-    motions = [forces.usable_motion(f, masks) for f in campaign.flights]
-    motion = forces.join(motions)
-    if len(motion.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
+    if len(motions.joined.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
         return campaign, ()
-    fit = forces.fit_forces(motion)
-    _check_columns(campaign, motion, fit)
-    _check_attitude(campaign, motion)
-    warnings: list[str] = []
-    shown = [motion for motion in motions if len(motion.time)]
-    clearly = _CLEARLY**2 if are_alike(shown) else _CLEARLY
-    turned = _check_down(campaign, motion, fit, clearly, warnings)
-    _check_time(campaign, motion, fit)
-    turned = _check_ahead(turned, forces.at_release(motions), fit, warnings)
-    _check_force(campaign, fit)
-    return turned, tuple(warnings)
+    _check_columns(campaign, motions)
+    _check_attitude(campaign, motions)
+    points_down = _points_down(campaign, motions)
+    _check_time(campaign, motions)
+    points_back = _points_back(campaign, motions)
+    _check_force(campaign, motions)
+    signs = np.ones(2)
+    warnings = []
+    kept = "it was turned; the angles were kept as they are"
+    if points_down:
+        signs[1] = -1.0
+        fall = float(np.hypot(*motions.fit.constant))
+        how = f"down (the flights fell along +z at {fall:.3g} m/s²)"
+        warnings.append(f"column 'z' pointed {how}: {kept}")
+    if points_back:
+        signs[0] = -1.0
+        how = "backwards (the flights went along -x, tail first)"
+        warnings.append(f"column 'x' pointed {how}: {kept}")
+    return _turn(campaign, signs) if warnings else campaign, tuple(warnings)
 
 
-def check_tail(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
+def check_tail(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
     """Refuses a vehicle whose elevator turns it by another order than measured.
 
     After lengths and times were checked, which are squared here.
     """
-    names = "elevator_area", "pitch_inertia"
-    if campaign.elevator != "servo" or not {*names} <= campaign.vehicle.keys():
+    names = {"elevator_area", "pitch_inertia"}
+    if campaign.elevator != "servo" or not names <= campaign.vehicle.keys():
         return ()
     vehicle = vars(GliderParameters()) | campaign.vehicle
     arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
-    area, inertia = (vehicle[name] for name in names)
+    area = vehicle["elevator_area"]
+    inertia = vehicle["pitch_inertia"]
     given = vehicle["air_density"] * area * arm / inertia
-    motions = {f.name: forces.usable_motion(f, masks) for f in campaign.flights}
     fit = forces.fit_elevator(campaign, motions)
     ratio = abs(fit.gain) / given
     if abs(fit.effect) > _SURELY and not 1.0 / _TAIL < ratio < _TAIL:
@@ -106,39 +111,48 @@ def check_tail(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
     return ()
 
 
-def _check_columns(campaign: Campaign, motion: Motion, fit: ForceFit) -> None:
+def _check_columns(campaign: Campaign, motions: Motions) -> None:
     """Refuses a column that never moves, or a pitch in degrees."""
-    for k, (name, least) in enumerate(_LEAST.items()):
-        if all(np.ptp(f.pose[:, k]) < least for f in campaign.flights):
+    travels = [np.ptp(flight.pose, axis=0) for flight in campaign.flights]
+    widest = np.max(travels, axis=0)
+    for travel, (name, least) in zip(widest, _LEAST.items(), strict=True):
+        if travel < least:
             raise InputError(
                 f"{campaign.path}: column '{name}' does not change in any flight; "
                 "expected one that moves with the glider."
             )
+    motion = motions.joined
     pitch = motion.pose[:, 2]
-    wide = np.ptp(np.percentile(pitch, [2, 98])) > np.pi
     degree = np.pi / 180.0
-    for possible, gain, clearly, words in (
-        (wide, degree, 2.0, "in degrees"),
-        (np.ptp(pitch) < _STILL, 1.0 / degree, 1.2, "57.3 times as large"),
-    ):
-        other = motion._replace(pose=motion.pose * [1.0, 1.0, gain])
-        if possible and clearly * forces.fit_forces(other).misfit < fit.misfit:
-            raise InputError(
-                f"{campaign.path}: column 'pitch' fits the motion {words} (it is read "
-                f"as {pitch.min():.3g} to {pitch.max():.3g} rad); expected the unit "
-                "that it is logged in, degrees or radians."
-            )
+    if np.ptp(np.percentile(pitch, [2, 98])) > np.pi:
+        gain = degree
+        clearly = 2.0
+        words = "in degrees"
+    elif np.ptp(pitch) < _STILL:
+        gain = 1.0 / degree
+        clearly = 1.2
+        words = "57.3 times as large"
+    else:
+        return
+    other = motion._replace(pose=motion.pose * [1.0, 1.0, gain])
+    if clearly * forces.fit_forces(other).misfit < motions.fit.misfit:
+        raise InputError(
+            f"{campaign.path}: column 'pitch' fits the motion {words} (it is read "
+            f"as {pitch.min():.3g} to {pitch.max():.3g} rad); expected the unit "
+            "that it is logged in, degrees or radians."
+        )
 
 
-def _check_attitude(campaign: Campaign, motion: Motion) -> None:
+def _check_attitude(campaign: Campaign, motions: Motions) -> None:
     """Refuses a pitch that was made from the path: it is no attitude."""
-    velocity = motion.velocity[:, :2]
+    motion = motions.joined
+    vx, vz, _ = motion.velocity.T
     fast = motion.speed > 0.5 * np.median(motion.speed)
-    for sign in (1, -1):
-        body, normal = forces.body_axes(sign * motion.pose[:, 2])
-        across = np.sum(velocity * normal, 1)
-        along = np.sum(velocity * body, 1)
-        median = float(np.median(np.abs(np.arctan2(across, along))[fast]))
+    path = np.arctan2(vz, vx)[fast]
+    pitch = motion.pose[fast, 2]
+    for down in (pitch, -pitch):
+        apart = np.angle(np.exp(1j * (path + down)))
+        median = float(np.median(np.abs(apart)))
         if median < _PATH:
             raise InputError(
                 f"{campaign.path}: column 'pitch' is the direction of the path (they "
@@ -146,123 +160,113 @@ def _check_attitude(campaign: Campaign, motion: Motion) -> None:
             )
 
 
-def _check_down(
-    campaign: Campaign,
-    motion: Motion,
-    fit: ForceFit,
-    clearly: float,
-    warnings: list[str],
-) -> Campaign:
-    """Turns z up; refuses another direction of the fall."""
-    (x, z), gravity = fit.constant, campaign.gravity
+def _points_down(campaign: Campaign, motions: Motions) -> bool:
+    """Whether z points down; refuses a fall to a side."""
+    fit = motions.fit
+    gravity = campaign.gravity
+    x, z = fit.constant
     if np.hypot(x, z + gravity) < _NEAR * gravity:
-        return campaign
-    given = forces.fit_forces(motion, np.array([0.0, -gravity]))
-    if given.misfit < clearly * fit.misfit:
-        return campaign
-    size = float(np.hypot(x, z))
-    angle = float(np.arctan2(x, -z))
-    if abs(angle) <= _UPRIGHT:
-        return campaign
-    if np.pi - abs(angle) > _UPRIGHT:
+        return False
+    given = forces.fit_forces(motions.joined, np.array([0.0, -gravity]))
+    angle = abs(float(np.arctan2(x, -z)))
+    clearly = _CLEARLY**2 if motions.are_alike else _CLEARLY
+    if given.misfit < clearly * fit.misfit or angle <= _UPRIGHT:
+        return False
+    if np.pi - angle > _UPRIGHT:
         toward = "+x" if x > 0.0 else "-x"
         raise InputError(
-            f"{campaign.path}: the flights fall along {toward}, at {size:.3g} m/s²; "
-            "expected 'z' to point up and 'x' along the throw (are they exchanged?)."
+            f"{campaign.path}: the flights fall along {toward}, at "
+            f"{np.hypot(x, z):.3g} m/s²; expected 'z' to point up and 'x' along the "
+            "throw (are they exchanged?)."
         )
-    warnings.append(
-        f"column 'z' pointed down (the flights fell along +z at {size:.3g} m/s²): "
-        "it was turned; the angles were kept as they are"
-    )
-    return _turn(campaign, z=True)
+    return True
 
 
-def _check_time(campaign: Campaign, motion: Motion, fit: ForceFit) -> None:
+def _check_time(campaign: Campaign, motions: Motions) -> None:
     """Refuses flights that gain energy from still air: time runs backwards.
 
     A few glides do not determine gravity too: it must hold with the given one as well.
     """
+    fit = motions.fit
+    if _gains(fit) < _PUSH:
+        return
     down = np.array([0.0, np.copysign(campaign.gravity, fit.constant[1])])
-
-    def pushes(fit: ForceFit) -> bool:  # Measured: -0.7 or less.
-        return bool(fit.forces[0] + fit.forces[3] > 0.2)
-
-    if pushes(fit) and pushes(forces.fit_forces(motion, down)):
+    if _gains(forces.fit_forces(motions.joined, down)) > _PUSH:
         raise InputError(
             f"{campaign.path}: the air pushes the gliders along instead of slowing "
             "them; expected rows in the order of time (do they run backwards?)."
         )
 
 
-def _check_ahead(
-    campaign: Campaign, motion: Motion, fit: ForceFit, warnings: list[str]
-) -> Campaign:
-    """Turns x ahead; refuses flights tail first."""
-    heading = forces.calc_heading(motion, fit.sign)
-    back = np.mean(motion.velocity[:, 0]) < 0.0
-    if back and heading < 0.0:
-        warnings.append(
-            "column 'x' pointed backwards (the flights went along -x, tail first): "
-            "it was turned; the angles were kept as they are"
-        )
-        return _turn(campaign, x=True)
-    if back:
+def _gains(fit: ForceFit) -> float:
+    """Push of the air along the flow [1/m]."""
+    return float(fit.forces[0] + fit.forces[3])
+
+
+def _points_back(campaign: Campaign, motions: Motions) -> bool:
+    """Whether x points backwards; refuses flights tail first."""
+    is_ahead = motions.calc_heading(motions.fit.sign) >= 0.0
+    is_back = bool(np.mean(motions.joined.velocity[:, 0]) < 0.0)
+    if is_back and is_ahead:
         raise InputError(
             f"{campaign.path}: the flights go along -x, with the nose there; "
             "expected 'x' to point along the throw."
         )
-    if heading < 0.0:
+    if not is_back and not is_ahead:
         raise InputError(
             f"{campaign.path}: the flights go tail first (column 'pitch' is off by "
             "half a turn); expected pitch 0 to mean the nose along x."
         )
-    return campaign
+    return is_back
 
 
-def _check_force(campaign: Campaign, fit: ForceFit) -> None:
+def _check_force(campaign: Campaign, motions: Motions) -> None:
     """Refuses a vehicle whose wing force is of another order than measured.
 
     An area or a mass alone counts too: the other is fitted about that of the nominal
     glider. Without both, forces per mass say all.
     """
-    if campaign.vehicle.keys().isdisjoint(("wing_area", "mass")):
+    assumed = [name for name in ("mass", "wing_area") if name not in campaign.vehicle]
+    if len(assumed) == 2:
         return
     usual = GliderParameters()
     vehicle = vars(usual) | campaign.vehicle
-    mass, area, density = (vehicle[n] for n in ("mass", "wing_area", "air_density"))
+    mass = vehicle["mass"]
+    area = vehicle["wing_area"]
+    density = vehicle["air_density"]
     given = density * area / mass
-    measured = -float(fit.forces[0])
+    measured = -float(motions.fit.forces[0])
     if measured <= 0.0 or 1.0 / _FORCE < measured / given < _FORCE:
         return
     excess = given / measured
     unit = min(_UNITS, key=lambda factor: abs(math.log(excess / factor)))
-    hint = f" ({_UNITS[unit]}?)"
+    hint = ""
     if abs(math.log(density / usual.air_density)) > math.log(_FORCE):
-        unit = excess
         hint = f" at an air_density of {density:g} kg/m³"
-    elif abs(math.log(excess / unit)) > math.log(_FORCE):
-        unit = excess
-        hint = ""
-    assumed = [n for n in ("mass", "wing_area") if n not in campaign.vehicle]
-    hint += f"; '{assumed[0]}' is not specified, that is assumed" if assumed else ""
+    elif abs(math.log(excess / unit)) <= math.log(_FORCE):
+        hint = f" ({_UNITS[unit]}?)"
+        excess = unit
+    if assumed:
+        hint += f"; '{assumed[0]}' is not specified, that is assumed"
     raise InputError(
         f"{campaign.path}: the wing loading {mass:g} kg / {area:g} m² = "
         f"{mass / area:.2g} kg/m² contradicts the measured forces by a factor of "
-        f"{max(unit, 1.0 / unit):.0f}{hint}; expected kg, m² and kg/m³."
+        f"{max(excess, 1.0 / excess):.0f}{hint}; expected kg, m² and kg/m³."
     )
 
 
-def _turn(campaign: Campaign, *, x: bool = False, z: bool = False) -> Campaign:
-    """Turns an axis of the campaign, and y with it: the frame stays right-handed.
+def _turn(campaign: Campaign, signs: np.ndarray) -> Campaign:
+    """Turns axes by the signs of x and z, and y where one of them turns.
 
-    Of the measured attitude y turns, with the angle about the axis that turns.
+    The frame stays right-handed. Of the measured attitude y turns, with the angle about
+    the axis that turns.
     """
-    signs = [-1.0 if x else 1.0, -1.0 if z else 1.0]
+    x, z = signs
     flights = []
     for flight in campaign.flights:
         attitude = flight.attitude
         if attitude is not None:
-            attitude = attitude * [-1.0, *signs]
-        pose = flight.pose * [*signs, 1.0]
+            attitude = attitude * [x * z, x, z]
+        pose = flight.pose * [x, z, 1.0]
         flights.append(dataclasses.replace(flight, pose=pose, attitude=attitude))
     return dataclasses.replace(campaign, flights=tuple(flights))

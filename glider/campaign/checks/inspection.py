@@ -2,17 +2,20 @@
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable
 
 import numpy as np
 
 from glider.campaign.checks.clocks import check_clocks, check_rates, find_unrelated
+from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.fall import check_fall
-from glider.campaign.checks.forces import calc_heading, fit_forces, join, usable_motion
+from glider.campaign.checks.forces import Motions, calc_heading, measure_motions
 from glider.campaign.checks.frame import check_frame, check_tail
 from glider.campaign.checks.masks import (
     ALL,
     ExcludedRows,
+    Inspection,
     Masks,
     find_repeats,
     name_rows,
@@ -35,16 +38,6 @@ _BEYOND = "pose: beyond a gap whose commands are not known"
 _UNRELATED = "its elevator does not follow its commands, unlike in most flights"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Inspection:
-    """A campaign after all checks: flights that fly, and rows that count."""
-
-    campaign: Campaign  #: Without the excluded flights; axes turned where necessary.
-    masks: dict[str, Masks]  #: Of the flights that are kept, by name.
-    excluded: tuple[ExcludedRows, ...]  #: Rows and whole flights, by file.
-    warnings: tuple[str, ...]  #: Axes that were turned, rates that are off, gaps.
-
-
 def inspect(campaign: Campaign) -> Inspection:
     """Checks a campaign before anything is traced; refuses one of no use."""
     kept = _Kept(campaign)
@@ -52,13 +45,17 @@ def inspect(campaign: Campaign) -> Inspection:
     faults = find_faults(kept.campaign)
     kept.masks.update(faults.masks)
     kept.excluded += faults.excluded
-    check_clocks(kept.campaign, kept.masks)
+    check_clocks(kept.campaign, measure_elevators(kept.campaign, kept.masks))
     off_rates = check_rates(kept.campaign)
     kept.drop(_find_servoless(kept.campaign, kept.masks))
     kept.mask(functools.partial(find_hand, gravity=None), _HELD)
     kept.drop_short()
-    kept.drop(_find_tail_first(kept.campaign, kept.masks))
-    kept.campaign, warnings = check_frame(kept.campaign, kept.masks)
+    motions = kept.motions()
+    astray = _find_tail_first(kept.campaign, motions)
+    if astray:
+        kept.drop(astray)
+        motions = kept.motions()
+    kept.campaign, warnings = check_frame(kept.campaign, motions)
     kept.mask(functools.partial(find_hand, gravity=campaign.gravity), _HELD)
     kept.drop_short()
     kept.mask(find_rolled, _ROLLED)
@@ -66,9 +63,13 @@ def inspect(campaign: Campaign) -> Inspection:
     # Until here poses counted, whatever the servo did.
     kept.mask(lambda flight, _: kept.masks[flight.name].beyond, _BEYOND)
     kept.drop_short(f" ({_BEYOND})")
-    kept.drop(dict.fromkeys(find_unrelated(kept.campaign, kept.masks), _UNRELATED))
-    for check in (check_fall, check_travel, check_tail):
-        warnings += check(kept.campaign, kept.masks)
+    unrelated = find_unrelated(measure_elevators(kept.campaign, kept.masks))
+    kept.drop(dict.fromkeys(unrelated, _UNRELATED))
+    motions = kept.motions()
+    warnings += check_fall(kept.campaign, motions)
+    elevators = measure_elevators(kept.campaign, kept.masks)
+    warnings += check_travel(kept.campaign, elevators)
+    warnings += check_tail(kept.campaign, motions)
     names = sorted(flight.name for flight in kept.campaign.flights)
     return Inspection(
         campaign=kept.campaign,
@@ -85,6 +86,10 @@ class _Kept:
         self.campaign = campaign
         self.masks: dict[str, Masks] = {}
         self.excluded: list[ExcludedRows] = []
+
+    def motions(self) -> Motions:
+        """Motions of the flights that are kept, over their usable rows."""
+        return measure_motions(self.campaign.flights, self.masks)
 
     def drop(self, reasons: dict[str, str], least: float = _MIN_SHARE) -> None:
         """Excludes flights by name; refuses a campaign of which too few remain."""
@@ -105,8 +110,7 @@ class _Kept:
             mask = self.masks[flight.name]
             found = find(flight, mask.usable) & mask.usable
             if found.any():
-                both = dataclasses.replace(mask, pose=mask.pose | found)
-                self.masks[flight.name] = both
+                mask.pose[found] = True
                 self.excluded.append(ExcludedRows(flight.name, name_rows(found), why))
 
     def drop_short(self, cause: str = "") -> None:
@@ -114,14 +118,15 @@ class _Kept:
         reasons = {}
         for flight in self.campaign.flights:
             rows = np.flatnonzero(self.masks[flight.name].usable)
-            time = flight.time[rows]
-            fresh = ~find_repeats(flight.pose, 2)
-            if len(time) < _MIN_ROWS or time[-1] - time[0] < _MIN_SPAN:
+            span = np.ptp(flight.time[rows]) if len(rows) else 0.0
+            if len(rows) < _MIN_ROWS or span < _MIN_SPAN:
                 reasons[flight.name] = (
-                    f"only {len(time)} rows of it show a flight; expected at least "
+                    f"only {len(rows)} rows of it show a flight; expected at least "
                     f"{_MIN_ROWS} over {_MIN_SPAN} s{cause}"
                 )
-            elif len(rows) < _MIN_DENSITY * np.sum(fresh[rows[0] : rows[-1] + 1]):
+                continue
+            fresh = ~find_repeats(flight.pose, 2)
+            if len(rows) < _MIN_DENSITY * np.sum(fresh[rows[0] : rows[-1] + 1]):
                 reasons[flight.name] = "most of its rows are faulty"
         self.drop(reasons)
 
@@ -129,39 +134,40 @@ class _Kept:
 def _find_copies(campaign: Campaign) -> dict[str, str]:
     """Flights whose poses are those of an earlier one, row by row, with the reason."""
     first: dict[bytes, str] = {}
-    flights = campaign.flights
-    pairs = [(f.name, first.setdefault(f.pose.tobytes(), f.name)) for f in flights]
-    return {name: f"the same rows as {other}" for name, other in pairs if other != name}
+    reasons = {}
+    for flight in campaign.flights:
+        other = first.setdefault(flight.pose.tobytes(), flight.name)
+        if other != flight.name:
+            reasons[flight.name] = f"the same rows as {other}"
+    return reasons
 
 
 def _find_servoless(campaign: Campaign, masks: dict[str, Masks]) -> dict[str, str]:
     """Flights whose elevator is faulty in most rows, with the reason."""
-    usable = [(f.name, masks[f.name], masks[f.name].usable) for f in campaign.flights]
-    shares = {n: np.mean(m.elevator[rows]) for n, m, rows in usable if rows.any()}
-    return {
-        name: f"{100 * share:.0f} % of the rows of its elevator are faulty"
-        for name, share in shares.items()
-        if share > _MAX_FAULTY
-    }
+    reasons = {}
+    for flight in campaign.flights:
+        mask = masks[flight.name]
+        share = np.mean(mask.elevator[mask.usable]) if mask.usable.any() else 0.0
+        if share > _MAX_FAULTY:
+            words = f"{100 * share:.0f} % of the rows of its elevator are faulty"
+            reasons[flight.name] = words
+    return reasons
 
 
-def _find_tail_first(campaign: Campaign, masks: dict[str, Masks]) -> dict[str, str]:
+def _find_tail_first(campaign: Campaign, motions: Motions) -> dict[str, str]:
     """Flights that go the other way, or tail first, unlike most others."""
-    motions = {f.name: usable_motion(f, masks) for f in campaign.flights}
-    motions = {name: m for name, m in motions.items() if len(m.time)}
-    if not motions:
-        return {}
-    onward = {n: float(np.mean(m.velocity[:, 0])) >= 0.0 for n, m in motions.items()}
-    ahead = {
-        sign: {n: calc_heading(m, sign) >= 0.0 for n, m in motions.items()}
-        for sign in (1, -1)
-    }
-    if all(len(set(g.values())) == 1 for g in (onward, *ahead.values())):
-        return {}
-    sign = fit_forces(join(list(motions.values()))).sign
+    names = []
+    forward = []
+    for flight, motion in zip(campaign.flights, motions.each, strict=True):
+        if len(motion.time):
+            ahead = calc_heading(motion.with_pitch(motions.fit.sign))
+            onward = np.mean(motion.velocity[:, 0])
+            names.append(flight.name)
+            forward.append([ahead >= 0.0, onward >= 0.0])
     reasons: dict[str, str] = {}
-    for group, why in ((ahead[sign], "tail first"), (onward, "the other way along x")):
-        most = sum(group.values()) * 2 >= len(group)
-        for name in (name for name, value in group.items() if value != most):
+    whys = "tail first", "the other way along x"
+    for why, group in zip(whys, np.reshape(forward, (-1, 2)).T, strict=True):
+        is_usual = 2 * np.sum(group) >= len(group)
+        for name in itertools.compress(names, group != is_usual):
             reasons.setdefault(name, f"it flies {why}, unlike most flights")
     return reasons

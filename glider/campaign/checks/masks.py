@@ -1,10 +1,11 @@
 """What is excluded: rows by masks, and the sentence that reports it."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
-from glider.campaign.logs import Flight
+from glider.campaign.logs import Campaign, Flight
 
 ALL = "all"  # `ExcludedRows.rows` of a whole flight.
 
@@ -40,10 +41,25 @@ class Masks:
         return beyond
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Inspection:
+    """A campaign after checks: flights that fly, and rows that count."""
+
+    campaign: Campaign  #: Without the excluded flights; axes turned where necessary.
+    masks: dict[str, Masks]  #: Of the flights that are kept, by name.
+    excluded: tuple[ExcludedRows, ...]  #: Rows and whole flights, by file.
+    warnings: tuple[str, ...]  #: Axes that were turned, rates that are off, gaps.
+
+
 def no_masks(flight: Flight) -> Masks:
     """Masks that exclude nothing."""
     none = np.zeros(len(flight.time), dtype=bool)
     return Masks(pose=none, elevator=none.copy())
+
+
+def masks_of(flight: Flight, masks: Mapping[str, Masks]) -> Masks:
+    """Masks of a flight, by its name; without an entry they exclude nothing."""
+    return masks.get(flight.name) or no_masks(flight)
 
 
 def stretches(flags: np.ndarray) -> list[tuple[int, int]]:

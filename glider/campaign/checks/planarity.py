@@ -39,17 +39,10 @@ def body_axes(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarra
 
     It is turned by yaw, pitch, roll.
     """
-    zero = np.zeros_like(pitch)
-    one = np.ones_like(pitch)
+    from scipy.spatial.transform import Rotation  # Slow to import.
 
-    def turns(angle: np.ndarray, axis: int) -> np.ndarray:
-        cos = np.cos(angle)
-        sin = np.sin(angle)
-        rows = [one, zero, zero], [zero, cos, -sin], [zero, sin, cos]
-        turn = np.moveaxis(np.array(rows), -1, 0)
-        return np.roll(turn, (axis, axis), (1, 2))
-
-    return turns(yaw, 2) @ turns(pitch, 1) @ turns(roll, 0)
+    angles = np.stack([yaw, pitch, roll], axis=1)
+    return Rotation.from_euler("ZYX", angles).as_matrix()
 
 
 def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:

@@ -5,13 +5,15 @@ it is: from rest it falls 18 mm in 60 ms. Air takes energy from a glider: what
 accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
-import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.masks import (
     ExcludedRows,
+    Inspection,
     Masks,
     find_repeats,
     name_rows,
@@ -61,73 +63,73 @@ _HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's sta
 _LATER = 0.5  # From this share of the log on the force is "usual".
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Faults:
-    """What is wrong with rows of a campaign."""
+class _Scale(NamedTuple):
+    """Noise and last digits of the columns of logs."""
 
-    masks: dict[str, Masks]  #: By the name of the flight.
-    excluded: tuple[ExcludedRows, ...]
-    warnings: tuple[str, ...]
+    noise: np.ndarray  #: (k,) standard deviations.
+    digits: np.ndarray  #: (k,)
+
+    @property
+    def least(self) -> np.ndarray:
+        """Changes (k,) that are surely none of noise and digits."""
+        return np.maximum(_SURELY * self.noise, _QUANTA * self.digits)
 
 
-def find_faults(campaign: Campaign) -> Faults:
+def find_faults(campaign: Campaign) -> Inspection:
     """Finds rows that are frozen, stick out or are displaced; reports gaps.
 
     The noise is measured on all flights: one bad flight does not hide itself. For false
     alarms see `smoothness.THRESHOLD`; a row that sticks out by 4 noises or less passes.
     """
     flights = campaign.flights
-    known = [(f, np.isfinite(f.pose).all(axis=1)) for f in flights]
-    known = [(f, rows & ~find_repeats(f.pose, 2)) for f, rows in known]
-    each = [_measure_noise(f.time[rows], f.pose[rows]) for f, rows in known]
-    noise = np.median(each, axis=0)
-    digits = _last_digits([f.pose[rows] for f, rows in known])
-    angles = [(f.time, f.elevator[:, None]) for f in flights if f.elevator is not None]
-    each = [_measure_noise(time, angle) for time, angle in angles]
-    elevator_noise = float(np.median(each)) if each else 0.0
+    scale = _measure_scale([(flight.time, flight.pose) for flight in flights])
+    of_servos = _find_servo_faults(campaign)
     masks = {}
     excluded = []
     warnings = []
     repeated = 0
-    is_stopped = list[bool]()
+    stopped = 0
     for flight in flights:
-        piece = pieces_with_commands(flight, campaign)
-        of_pose = _pose_faults(flight, noise, digits)
-        of_servo = _elevator_faults(campaign, flight, elevator_noise)
+        of_pose = _pose_faults(flight, scale)
         again = of_pose.pop(_AGAIN)
-        pose = np.logical_or.reduce([again, *of_pose.values()])
-        elevator = np.logical_or.reduce([np.zeros_like(pose), *of_servo.values()])
+        pose = np.any([again, *of_pose.values()], axis=0)
+        elevator = np.zeros_like(pose)
+        reasons = {f"pose: {why}": flags for why, flags in of_pose.items()}
+        for why, flags in of_servos.get(flight.name, {}).items():
+            elevator |= flags
+            reasons[f"elevator: {why}"] = flags
+        for why, flags in reasons.items():
+            if flags.any():
+                excluded.append(ExcludedRows(flight.name, name_rows(flags), why))
         first = 0
         last = len(pose)
         if flight.command is not None:  # The longest piece has all its commands.
+            piece = pieces_with_commands(flight, campaign)
             longest = np.argmax(np.bincount(piece, weights=~pose))
             first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
         mask = Masks(pose=pose, elevator=elevator, first=first, last=last)
         masks[flight.name] = mask
-        for what, faults in (("pose", of_pose), ("elevator", of_servo)):
-            excluded += [
-                ExcludedRows(flight.name, name_rows(flags), f"{what}: {why}")
-                for why, flags in faults.items()
-                if flags.any()
-            ]
         steps = np.diff(flight.time)
         usual = float(np.median(steps))
-        warnings += [
-            f"{flight.name}: a gap of {round(steps[i] / usual) - 1} rows "
-            f"({steps[i]:.3g} s) after row {i + 2}"
-            for i in np.flatnonzero(steps > _LONG_STEP * usual)
-        ]
+        for i in np.flatnonzero(steps > _LONG_STEP * usual):
+            gap = f"{round(steps[i] / usual) - 1} rows ({steps[i]:.3g} s)"
+            warnings.append(f"{flight.name}: a gap of {gap} after row {i + 2}")
         repeated += int(np.sum(again))
-        is_stopped.append(pose[~again][-1])
+        stopped += bool(pose[~again][-1])
     if repeated:
         rows = sum(len(flight.time) for flight in flights)
         warnings.append(f"{repeated} of {rows} rows {_AGAIN}: they are not used")
-    if sum(is_stopped) > _STOPPED * len(flights):
+    if stopped > _STOPPED * len(flights):
         for name, mask in masks.items():  # Within a row a stop can hide in noise.
             for last in np.flatnonzero(mask.usable)[-1:]:
                 mask.pose[last] = True
                 excluded.append(ExcludedRows(name, f"{last + 2}", _AT_STOP))
-    return Faults(masks=masks, excluded=tuple(excluded), warnings=tuple(warnings))
+    return Inspection(
+        campaign=campaign,
+        masks=masks,
+        excluded=tuple(excluded),
+        warnings=tuple(warnings),
+    )
 
 
 def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
@@ -136,46 +138,44 @@ def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
     Lost rows that may hide one command are such a gap if the elevator turned there by
     what no command says, and more than anywhere else: there a servo lags, or stops.
     """
-    steps = np.diff(flight.time)
+    time = flight.time
+    command = flight.command
+    steps = np.diff(time)
     usual = float(np.median(steps))
-    rate = campaign.switch_rate
     is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * usual)
-    if flight.command is None or flight.elevator is None:
-        return np.concatenate([[0], np.cumsum(is_gap)])
-    hides = hides_command(flight.time, flight.command, rate) & (steps > _LOST * usual)
-    if hides.any():
-        tape = command_steps(flight.time, flight.command, rate, flight.command_time)
-        begin = float(flight.elevator[0])
-        servo = campaign.limits
-        ordered = elevator_path(*tape, flight.time, servo, start=begin)
-        apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
-        rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
-        level = np.median(rows, axis=1)  # Of which one may be wrong.
-        turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
-        turned -= np.median(turned)
-        least = _SURELY * float(robust_std(turned))
-        is_near = np.convolve(hides, np.ones(2 * _BESIDE + 1), "same") > 0.0
-        least = np.max(np.abs(turned), where=~is_near, initial=least)
-        is_gap |= hides & (np.abs(turned) > least)
+    if command is not None and flight.elevator is not None:
+        rate = campaign.switch_rate
+        hides = hides_command(time, command, rate) & (steps > _LOST * usual)
+        if hides.any():
+            tape = command_steps(time, command, rate, flight.command_time)
+            begin = float(flight.elevator[0])
+            ordered = elevator_path(*tape, time, campaign.limits, start=begin)
+            apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
+            rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
+            level = np.median(rows, axis=1)  # Of which one may be wrong.
+            turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
+            turned = np.abs(turned - np.median(turned))
+            beside = np.ones(2 * _BESIDE + 1)
+            is_near = np.convolve(hides, beside, "same") > 0.0
+            elsewhere = np.max(turned, where=~is_near, initial=0.0)
+            least = max(_SURELY * float(robust_std(turned)), elsewhere)
+            is_gap |= hides & (turned > least)
     return np.concatenate([[0], np.cumsum(is_gap)])
 
 
-def _pose_faults(
-    flight: Flight, noise: np.ndarray, digits: np.ndarray
-) -> dict[str, np.ndarray]:
+def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
-    unknown = ~np.all(np.isfinite(flight.pose), axis=1)
-    least = np.maximum(_SURELY * noise, _QUANTA * digits)
-    again = _repeated(flight.time, flight.pose, least)
-    again &= ~find_repeats(flight.pose, _EQUAL_POSES)
-    frozen = _frozen(flight, noise, digits)
-    turned = _turned_over(flight)
+    time = flight.time
+    pose = flight.pose
+    unknown = ~np.isfinite(pose).all(axis=1)
+    again = _find_repeated(time, pose, scale) & ~find_repeats(pose, _EQUAL_POSES)
+    frozen = _find_frozen(time, pose, scale)
+    turned = _find_turned_over(flight)
     usable = ~(unknown | again | frozen | turned)
-    standing = find_standing(flight, usable)
+    standing = _find_standing(flight, usable)
     usable &= ~standing
-    own = _measure_noise(flight.time[usable], flight.pose[usable])
-    own = np.clip(own, noise, 3.0 * noise)
-    track = Track(flight.time, flight.pose, own)
+    own = _measure_noise(time[usable], pose[usable])
+    track = Track(time, pose, np.clip(own, scale.noise, 3.0 * scale.noise))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
         "is not a number": unknown,
@@ -189,32 +189,37 @@ def _pose_faults(
     }
 
 
-def _turned_over(flight: Flight) -> np.ndarray:
+def _find_turned_over(flight: Flight) -> np.ndarray:
     """Rows (n,) between jumps of the attitude that no body can turn by.
 
     The longest stretch without a jump is right, and those that continue it.
     """
-    rows = np.arange(len(flight.time))
+    time = flight.time
+    turned = np.zeros(len(time), dtype=bool)
     if flight.attitude is None:
-        return np.zeros(len(rows), dtype=bool)
+        return turned
     _, roll, yaw = flight.attitude.T
     axes = body_axes(flight.pose[:, 2], roll, yaw)
-
-    def is_jump(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Whether the body turns by more than `_TURN` from rows to others."""
-        cosine = 0.5 * (np.einsum("kij,kij->k", axes[one], axes[other]) - 1.0)
-        return cosine < np.cos(_TURN)
-
-    jumps = is_jump(rows[:-1], rows[1:]) & (np.diff(flight.time) < _TURN / _TURNING)
-    parts = np.split(rows, np.flatnonzero(jumps) + 1)
-    longest = max(range(len(parts)), key=lambda k: len(parts[k]))
-    turned = np.ones(len(rows), dtype=bool)
-    for inner, outer, side in ((0, -1, parts[longest:]), (-1, 0, parts[longest::-1])):
-        last = parts[longest][[inner]]
-        for part in side:
-            if part is parts[longest] or not is_jump(last, part[[inner]])[0]:
-                turned[part], last = False, part[[outer]]
+    is_short = np.diff(time) < _TURN / _TURNING
+    is_jump = is_short & _is_jump(axes[:-1], axes[1:])
+    jumps = np.flatnonzero(is_jump) + 1
+    parts = np.split(np.arange(len(time)), jumps)
+    longest = int(np.argmax([len(part) for part in parts]))
+    earlier = [part[::-1] for part in parts[longest::-1]]
+    for side in (parts[longest:], earlier):
+        last = side[0][-1]
+        for part in side[1:]:
+            if _is_jump(axes[last], axes[part[0]]):
+                turned[part] = True
+            else:
+                last = part[-1]
     return turned
+
+
+def _is_jump(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Whether axes (..., 3, 3) are turned by more than `_TURN` from others."""
+    trace = np.sum(one * other, axis=(-2, -1))
+    return 0.5 * (trace - 1.0) < np.cos(_TURN)
 
 
 def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -223,26 +228,32 @@ def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
 
 
+def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> _Scale:
+    """Noise and last digits of logs of times (n,) and columns (n, k), without repeats.
+
+    All differences are multiples of the last digit; of a fast motion the second ones
+    are small.
+    """
+    noises = []
+    steps = []
+    for time, values in logs:
+        fresh = np.isfinite(values).all(axis=1) & ~find_repeats(values, 2)
+        noises.append(_measure_noise(time[fresh], values[fresh]))
+        steps += [np.diff(values[fresh], order, axis=0) for order in (1, 2)]
+    sizes = np.abs(np.concatenate(steps))
+    sizes = np.round(sizes, _DECIMALS)
+    digits = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
+    noise = np.median(noises, axis=0)
+    return _Scale(noise, digits)
+
+
 def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Rows (n,) of a recording (n, k) that repeat the one before, but move on."""
-    fresh = ~find_repeats(values, 2)
-    noise = _measure_noise(time[fresh], values[fresh])
-    digits = _last_digits([values[fresh]])
-    return _repeated(time, values, np.maximum(_SURELY * noise, _QUANTA * digits))
+    return _find_repeated(time, values, _measure_scale([(time, values)]))
 
 
-def _last_digits(logs: Sequence[np.ndarray]) -> np.ndarray:
-    """The last digit of columns (k,) of logs (n, k) without repeats.
-
-    All differences are multiples of it; of a fast motion the second ones are small.
-    """
-    steps = [np.diff(log, order, axis=0) for log in logs for order in (1, 2)]
-    sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
-    return np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
-
-
-def _repeated(time: np.ndarray, values: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """Rows (n,) that repeat the one before where a column moves by more than `least`.
+def _find_repeated(time: np.ndarray, values: np.ndarray, scale: _Scale) -> np.ndarray:
+    """Rows (n,) that repeat the one before where a column moves on.
 
     A camera that measures again measures another number, but for its last digit and
     noise: equal rows of a body that moves by several of these are the last pose, sent
@@ -250,93 +261,89 @@ def _repeated(time: np.ndarray, values: np.ndarray, least: np.ndarray) -> np.nda
     """
     stale = np.zeros(len(time), dtype=bool)
     for first, last in stretches(find_repeats(values, 2)):
-        for k, own in enumerate(least):
-            if _moves_on(time, values[:, k], first - 1, last, own):
+        for column, least in zip(values.T, scale.least, strict=True):
+            if _moves_on(time, first - 1, last, column, least):
                 stale[first : last + 1] = True
     return stale
 
 
-def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray:
+def _find_frozen(time: np.ndarray, pose: np.ndarray, scale: _Scale) -> np.ndarray:
     """Rows (n,) that repeat the row before while the glider moves.
 
     One column alone must have been about to move, or be noisier than its digits by so
     much that equal numbers cannot be.
     """
-    same = np.diff(flight.pose, axis=0, prepend=np.nan) == 0.0
-    least = np.maximum(_SURELY * noise, _QUANTA * digits)
-    frozen = find_repeats(flight.pose, _EQUAL_POSES)
-    for k in range(3):
-        noisy = noise[k] > _NOISY * digits[k]
-        for first, last in stretches(same[:, k]):
-            rows = flight.time, flight.pose[:, k], first - 1, last
-            long = last - first + 2 >= _EQUAL_NUMBERS
-            if long and (noisy or _moves_on(*rows, least[k])):
+    frozen = find_repeats(pose, _EQUAL_POSES)
+    is_noisy = scale.noise > _NOISY * scale.digits
+    for k, column in enumerate(pose.T):
+        for first, last in stretches(find_repeats(column[:, None], _EQUAL_NUMBERS)):
+            if is_noisy[k] or _moves_on(time, first - 1, last, column, scale.least[k]):
                 frozen[first : last + 1] = True
     return frozen
 
 
 def _moves_on(
-    time: np.ndarray, values: np.ndarray, first: int, last: int, least: float
+    time: np.ndarray, first: int, last: int, values: np.ndarray, least: float
 ) -> bool:
     """Whether a column (n,) moves by more than `least` while equal, by its neighbors.
 
     It must catch up, then.
     """
     following = values[last + 1 : last + 2]
-    if not np.all(np.abs(following - values[last]) > least):
+    caught_up = np.abs(following - values[last])
+    if not np.all(caught_up > least):
         return False
-    for rows in (
-        slice(max(first - _REACH, 0), first + 1),
-        slice(last + 1, last + _REACH),
-    ):
-        known = np.isfinite(values[rows])
-        own = time[rows][known]
-        beside = values[rows][known]
+    duration = time[last] - time[first]
+    before = slice(max(first - _REACH, 0), first + 1)
+    after = slice(last + 1, last + _REACH)
+    for rows in (before, after):
+        is_known = np.isfinite(values[rows])
+        own = time[rows][is_known]
         if len(own) >= 4:
-            slope = np.polyfit(own - own[0], beside, 1)[0]
-            if abs(slope) * (time[last] - time[first]) > least:
+            beside = values[rows][is_known]
+            slope, _ = np.polyfit(own - own[0], beside, 1)
+            if abs(slope) * duration > least:
                 return True
     return False
 
 
-def _elevator_faults(
-    campaign: Campaign, flight: Flight, noise: float
-) -> dict[str, np.ndarray]:
-    """Rows (n,) of the elevator that stick out or are frozen, by the reason."""
-    if flight.elevator is None or flight.command is None:
+def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
+    """Rows (n,) of elevators that stick out or are frozen, by flight and reason."""
+    elevators = measure_elevators(campaign, {})
+    if not elevators:
         return {}
-    angle = flight.elevator
-    steps = np.diff(flight.time)
-    rate = campaign.elevator_rate_limit or float(np.max(np.abs(flight.command)))
-    sticks_out = np.zeros(len(angle), dtype=bool)
-    before = angle[:-2]
-    here = angle[1:-1]
-    after = angle[2:]
-    high = np.maximum(before, after)
-    low = np.minimum(before, after)
-    over = np.maximum(here - high, low - here)
-    # A turn of the servo within a step sticks out by a step at full rate.
-    turn = rate * np.minimum(steps[:-1], steps[1:])
-    sticks_out[1:-1] = over > _SURELY * np.sqrt(2.0) * noise + turn
-    frozen = np.zeros(len(angle), dtype=bool)
-    commanded = elevator_path(flight.time, flight.command, flight.time)
-    angles = np.concatenate([np.asarray(f.elevator) for f in campaign.flights])
+    angles = np.concatenate([elevator.angle for elevator in elevators])
     stops = campaign.elevator_limits or (np.min(angles), np.max(angles))
-    for first, last in stretches(np.diff(angle, prepend=np.nan) == 0.0):
-        if last - first + 2 < _EQUAL_NUMBERS:
-            continue
-        value = angle[first]
-        moved = np.ptp(commanded[first - 1 : last + 1])
-        at_stop = min(abs(abs(value) - abs(stop)) for stop in stops) < _NEAR_STOP
-        if moved > max(_MIN_COMMANDED, _SURELY * noise) and not at_stop:
-            frozen[first : last + 1] = True
-    return {
-        "departs from the motion around it": sticks_out,
-        "does not change while commands move it: frozen": frozen & ~sticks_out,
-    }
+    noises = [_measure_noise(each.time, each.angle[:, None]) for each in elevators]
+    surely = _SURELY * float(np.median(noises))
+    faults = {}
+    for elevator in elevators:
+        angle = elevator.angle
+        rate = campaign.elevator_rate_limit or np.max(np.abs(elevator.command))
+        neighbors = np.stack([angle[:-2], angle[2:]])
+        above = angle[1:-1] - neighbors.max(axis=0)
+        below = neighbors.min(axis=0) - angle[1:-1]
+        # A turn of the servo within a step sticks out by a step at full rate.
+        steps = np.diff(elevator.time)
+        turn = rate * np.minimum(steps[:-1], steps[1:])
+        sticks_out = np.maximum(above, below) > np.sqrt(2.0) * surely + turn
+        sticks_out = np.pad(sticks_out, 1)
+        frozen = np.zeros(len(angle), dtype=bool)
+        ordered = elevator.follow(elevator.time)
+        for first, last in stretches(find_repeats(angle[:, None], _EQUAL_NUMBERS)):
+            moved = np.ptp(ordered[first - 1 : last + 1])
+            from_stop = np.abs(np.abs(stops) - abs(angle[first]))
+            rests = np.min(from_stop) < _NEAR_STOP
+            if not rests and moved > max(_MIN_COMMANDED, surely):
+                frozen[first : last + 1] = True
+        faults[elevator.name] = {
+            "departs from the motion around it": sticks_out,
+            "does not change while commands move it: frozen": frozen & ~sticks_out,
+        }
+    return faults
 
 
-def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
+def _find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
     """Rows (n,) that lie still or slide until they do, before the throw or landed."""
     standing = np.zeros(len(usable), dtype=bool)
     rows = np.flatnonzero(usable)
@@ -344,24 +351,25 @@ def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
         return standing
     time = flight.time[rows]
     place = flight.pose[rows, :2]
-    still = np.zeros(len(rows), dtype=bool)
     first = np.searchsorted(time, time - _HALF - 1e-9)
     last = np.searchsorted(time, time + _HALF + 1e-9) - 1
-    for ends in (first, last):
-        still |= np.hypot(*(place[ends] - place).T) > _PLACE
     # At an end of the log one side is enough, if there are rows enough on it.
-    long = time[last] - time[first] > 0.75 * _HALF
-    still = ~still & long
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])
-    for a, b in stretches(still):
-        if time[b] - time[a] < _SHORTEST:
+    is_still = time[last] - time[first] > 0.75 * _HALF
+    for ends in (first, last):
+        is_still &= np.linalg.norm(place[ends] - place, axis=1) <= _PLACE
+    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    way = np.append(0.0, np.cumsum(steps))
+    for begin, end in stretches(is_still):
+        if time[end] - time[begin] < _SHORTEST:
             continue
-        if way[a] < 0.5 * way[-1]:
-            standing[: rows[b] + 1] = True
+        if way[begin] < 0.5 * way[-1]:
+            standing[: rows[end] + 1] = True
         else:
-            level = np.abs(place[:, 1] - np.median(place[a : b + 1, 1])) < _SLIDE
-            before = np.flatnonzero(~level[:a])
-            standing[rows[before[-1] + 1 if len(before) else 0] :] = True
+            ground = np.median(place[begin : end + 1, 1])
+            height = np.abs(place[:begin, 1] - ground)
+            flies = np.flatnonzero(height >= _SLIDE)
+            lands = flies[-1] + 1 if len(flies) else 0
+            standing[rows[lands] :] = True
     return standing
 
 
@@ -373,22 +381,25 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.n
     where its direction is unknown: then only a throw that is stronger shows.
     """
     held = np.zeros(len(usable), dtype=bool)
-    motion = calc_motion(flight.time[usable], flight.pose[usable])
-    if len(motion.time) < 8:
+    own = flight.time[usable]
+    motion = calc_motion(own, flight.pose[usable])
+    time = motion.time
+    if len(time) < 8:
         return held
     speed = np.maximum(motion.speed, 1e-3)
-    force = motion.acceleration[:, :2] + np.array([0.0, gravity or 0.0])
-    along = np.sum(force * motion.velocity[:, :2], axis=1) / speed
-    middle = motion.time[0] + _LATER * (motion.time[-1] - motion.time[0])
-    usual = np.median(along[motion.time >= middle])
+    force = motion.acceleration[:, :2] + [0.0, gravity or 0.0]
+    power = np.sum(force * motion.velocity[:, :2], axis=1)
+    along = power / speed
+    middle = time[0] + _LATER * (time[-1] - time[0])
+    usual = float(np.median(along[time >= middle]))
+    usual = max(usual, 0.0)
     least = _THROW if gravity is None and speed[0] > _REST else _HAND
-    pushes = along - max(float(usual), 0.0) > least
-    if not pushes[0]:
-        return held
-    free = len(pushes) if pushes.all() else int(np.argmin(pushes))
-    if free == len(pushes) or speed[free] < _HAND_GAIN * speed[0]:
+    lets_go = along - usual <= least
+    free = int(np.argmax(lets_go))
+    # First held, then free: 0 is also what `argmax` says of a glider held throughout.
+    if free == 0 or speed[free] < _HAND_GAIN * speed[0]:
         return held
     # The cubics see the hand until their windows are past it.
-    half = motion.time[0] - flight.time[usable][0]
-    held[flight.time <= motion.time[free] + half] = True
+    half = time[0] - own[0]
+    held[flight.time <= time[free] + half] = True
     return held

@@ -42,6 +42,14 @@ class Track(NamedTuple):
     noise: np.ndarray  #: (3,) standard deviations of x, z, pitch.
 
 
+class _End(NamedTuple):
+    """A run, extrapolated to some time."""
+
+    value: np.ndarray  #: Pose and its rate (2, 3).
+    variance: np.ndarray  #: Of both (2,) for noise 1.
+    reach: float  #: Time from the middle of the run [s].
+
+
 def fourth_differences(
     time: np.ndarray, pose: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -49,14 +57,17 @@ def fourth_differences(
     count = len(time) - _STENCIL + 1
     if count <= 0:
         return np.empty((0, pose.shape[1])), np.empty(0)
-    window = np.arange(count)[:, None] + np.arange(_STENCIL)
-    t = time[window]
-    step = (t[:, -1] - t[:, 0]) / (_STENCIL - 1)
-    lags = (t[:, :, None] - t[:, None, :]) / step[:, None, None]
-    weights = 1.0 / np.prod(lags + np.eye(_STENCIL), axis=2)
+    first = np.arange(count)
+    window = first[:, None] + np.arange(_STENCIL)
+    own = time[window]
+    step = np.ptp(own, axis=1) / (_STENCIL - 1)
+    lags = own[:, :, None] - own[:, None]
+    lags /= step[:, None, None]
+    lags += np.eye(_STENCIL)
+    weights = 1.0 / np.prod(lags, axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     # Relative to the first row: far from the origin digits are few.
-    near = pose[window] - pose[window[:, :1]]
+    near = pose[window] - pose[first, None]
     return np.einsum("ik,ikj->ij", weights, near), step
 
 
@@ -66,43 +77,47 @@ def find_one_motion(
     """Usable rows (n,) that stick out, are displaced, or come after a contact."""
     sticks_out = np.zeros(len(track.time), dtype=bool)
     rows = np.flatnonzero(usable)
-    limit = _LONG_STEP * np.median(np.diff(track.time)) * 1.01
-    gaps = np.flatnonzero(np.diff(track.time[rows]) > limit) + 1
-    runs = [run for run in np.split(rows, gaps) if len(run)]
-    finished: list[np.ndarray] = []
+    usual = np.median(np.diff(track.time))
+    steps = np.diff(track.time[rows])
+    gaps = np.flatnonzero(steps > _LONG_STEP * usual * 1.01)
+    runs = np.split(rows, gaps + 1)
+    finished = []
     events = 0
     while runs:
         run = runs.pop()
-        excess = _excess(track, run)
-        if len(excess) == 0 or excess.max() <= 1.0 or events > _MAX_EVENTS:
+        excess = _calc_excess(track, run)
+        if np.max(excess, initial=0.0) <= 1.0 or events > _MAX_EVENTS:
             finished.append(run)
             continue
         events += 1
-        worst = int(np.argmax(excess))
-        at, count = _explain(track, run, worst)
+        at, count = _explain(track, run, int(np.argmax(excess)))
         if count:
-            sticks_out[run[at : at + count]] = True
-            runs.append(np.delete(run, slice(at, at + count)))
+            removed = slice(at, at + count)
+            sticks_out[run[removed]] = True
+            runs.append(np.delete(run, removed))
         else:
             runs += [run[:at], run[at:]]
     kept = np.zeros(len(track.time), dtype=bool)
-    for run in _longest_chain(track, finished):
-        kept[run] = True
+    kept[_find_longest_chain(track, finished)] = True
     rows = np.flatnonzero(kept)
-    sticks_out[_outlying_ends(track, rows)] = True
-    sticks_out[_outlying_ends(track, rows[::-1])] = True
+    for run in (rows, rows[::-1]):
+        sticks_out[_find_outlying_ends(track, run)] = True
     rows = rows[~sticks_out[rows]]
+    contact = _find_contact(track, rows)
     touched = np.zeros_like(kept)
-    touched[rows[_find_contact(track, rows) :]] = True
-    return sticks_out, usable & ~sticks_out & ~kept, touched
+    touched[rows[contact:]] = True
+    displaced = usable & ~sticks_out & ~kept
+    return sticks_out, displaced, touched
 
 
-def _excess(track: Track, run: np.ndarray) -> np.ndarray:
+def _calc_excess(track: Track, run: np.ndarray) -> np.ndarray:
     """Fourth differences of rows (k,) over what is allowed, (k - 4,)."""
     differences, step = fourth_differences(track.time[run], track.pose[run])
     # A step a of the acceleration makes a fourth difference a step², of norm sqrt(70).
-    bound = THRESHOLD * track.noise + _FLOOR * step[:, None] ** 2 / np.sqrt(70.0)
-    return np.max(np.abs(differences) / bound, axis=1, initial=0.0)
+    forced = _FLOOR * step[:, None] ** 2 / np.sqrt(70.0)
+    bound = THRESHOLD * track.noise + forced
+    excess = np.abs(differences) / bound
+    return np.max(excess, axis=1, initial=0.0)
 
 
 def _explain(track: Track, run: np.ndarray, worst: int) -> tuple[int, int]:
@@ -116,57 +131,62 @@ def _explain(track: Track, run: np.ndarray, worst: int) -> tuple[int, int]:
     """
     first = max(worst - _STENCIL, 0)
     last = worst + 2 * _STENCIL
-    near = range(worst, worst + _STENCIL)
-    ways = [(i, c) for c in (1, 0, 2, 3) for i in near if i > 0 or c > 0]
     least = np.inf
-    best = ways[0]
-    for at, count in ways:
-        left = run[first:at]
-        right = run[at + count : last]
-        if count == 0:
-            over = _total_excess(track, left) + _total_excess(track, right)
-        else:
-            over = _total_excess(track, np.concatenate([left, right]))
-            long = min(len(left), len(right)) >= _STENCIL
-            if over == 0.0 and long and not _meet(track, left, right):
-                over = 1e-3  # One row is a part of a jump.
-        if over < least:
-            least = over
-            best = (at, count)
-        if (at, count) == (near[-1], count) and least == 0.0:
+    best = (worst, 1)
+    for count in (1, 0, 2, 3):
+        for at in range(worst, worst + _STENCIL):
+            left = run[first:at]
+            right = run[at + count : last]
+            if count == 0 and at == 0:
+                continue
+            if count == 0:
+                over = _sum_excess(track, left) + _sum_excess(track, right)
+            else:
+                over = _sum_excess(track, np.concatenate([left, right]))
+                is_long = min(len(left), len(right)) >= _STENCIL
+                if over == 0.0 and is_long and not _meet(track, left, right):
+                    over = 1e-3  # One row is a part of a jump.
+            if over < least:
+                least = over
+                best = (at, count)
+        if least == 0.0:
             break
     return best
 
 
-def _total_excess(track: Track, rows: np.ndarray) -> float:
-    return float(np.sum(np.maximum(_excess(track, rows) ** 2 - 1.0, 0.0)))
+def _sum_excess(track: Track, rows: np.ndarray) -> float:
+    excess = _calc_excess(track, rows)
+    return float(np.sum(np.maximum(excess**2 - 1.0, 0.0)))
 
 
-def _longest_chain(track: Track, runs: list[np.ndarray]) -> list[np.ndarray]:
-    """The runs with most rows that can follow one another in one motion."""
-
-    def rows(chain: list[np.ndarray]) -> int:
-        return sum(map(len, chain))
-
-    chains: list[list[np.ndarray]] = []  # The longest that ends with each run.
-    long = (run for run in runs if len(run) >= _STENCIL)
+def _find_longest_chain(track: Track, runs: list[np.ndarray]) -> np.ndarray:
+    """Rows of the runs with most rows that can follow one another in one motion."""
+    chains: list[tuple[np.ndarray, np.ndarray]] = []  # The longest with each last run.
+    none = np.empty(0, dtype=int)
+    best = none
+    long = [run for run in runs if len(run) >= _STENCIL]
     for run in sorted(long, key=lambda run: int(run[0])):
-        earlier = [chain for chain in chains if _meet(track, chain[-1], run)]
-        chains.append([*max(earlier, key=rows, default=[]), run])
-    return max(chains, key=rows, default=[])
+        before = [chain for chain, last in chains if _meet(track, last, run)]
+        chain = np.concatenate([max(before, key=len, default=none), run])
+        chains.append((chain, run))
+        if len(chain) > len(best):
+            best = chain
+    return best
 
 
-def _outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:
+def _find_outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:
     """First rows (k,), at most 3, that a parabola through the next ones misses."""
     for count in (3, 2, 1):
         inner = rows[count : count + _ENDS]
         if len(inner) < _ENDS:
             continue
-        end = rows[count - 1]
-        expected, variance, reach = _extrapolate(track, inner, track.time[end])
-        distance = np.abs(track.pose[end] - expected[0])
-        noise = THRESHOLD * np.sqrt(1.0 + variance[0]) * track.noise
-        if np.any(distance > np.maximum(noise + _JERK * reach**3 / 6.0, _SMALL[0])):
+        last = rows[count - 1]
+        end = _extrapolate(track, inner, track.time[last])
+        distance = np.abs(track.pose[last] - end.value[0])
+        spread = np.sqrt(1.0 + end.variance[0]) * track.noise
+        forced = _JERK * end.reach**3 / 6.0
+        allowed = np.maximum(THRESHOLD * spread + forced, _SMALL[0])
+        if np.any(distance > allowed):
             return rows[:count]
     return rows[:0]
 
@@ -187,44 +207,51 @@ def _find_contact(track: Track, rows: np.ndarray) -> int:
     last = np.arange(half - 1, len(time) - 2)
     first = np.minimum(last - half + 1, len(time) - 2 * half)
     window = first[:, None] + np.arange(2 * half)
-    since = time[window] - 0.5 * (time[last] + time[last + 1])[:, None]
+    middle = 0.5 * (time[last] + time[last + 1])
+    since = time[window] - middle[:, None]
     after = (since > 0.0).astype(float)
-    inverse = np.linalg.pinv(
-        np.stack([after**0, since, since**2, after, after * since], axis=2)
-    )
+    powers = [np.ones_like(since), since, since**2, after, after * since]
+    inverse = np.linalg.pinv(np.stack(powers, axis=2))
     fitted = inverse @ (place[window] - place[last][:, None])
     velocity = fitted[:, 1]
     jump = fitted[:, 4]
-    spread = np.linalg.norm(inverse[:, 4], axis=1) * np.max(track.noise[:2])
-    least = np.maximum(
-        _SMALL[1, 0] + THRESHOLD * spread, _STOPS * np.hypot(*velocity.T)
-    )
-    over = np.hypot(*jump.T) / least
-    over[np.sum(jump * velocity, axis=1) > 0.0] = 0.0
-    over[np.ptp(since, axis=1) > _LONG_STEP * half * step] = 0.0  # A gap in it.
+    noise = np.max(track.noise[:2])
+    spread = noise * np.linalg.norm(inverse[:, 4], axis=1)
+    surely = _SMALL[1, 0] + THRESHOLD * spread
+    stops = _STOPS * np.linalg.norm(velocity, axis=1)
+    over = np.linalg.norm(jump, axis=1) / np.maximum(surely, stops)
+    is_pushed = np.sum(jump * velocity, axis=1) > 0.0
+    has_gap = np.ptp(since, axis=1) > _LONG_STEP * half * step
+    over[is_pushed | has_gap] = 0.0
     begin = int(np.argmax(over > 1.0))
     if over[begin] <= 1.0:
         return len(time)
-    return int(last[begin + np.argmax(over[begin : begin + half])])
+    largest = np.argmax(over[begin : begin + half])
+    return int(last[begin + largest])
 
 
 def _meet(track: Track, left: np.ndarray, right: np.ndarray) -> bool:
     """Whether two runs, each extrapolated by a parabola, meet halfway."""
-    middle = 0.5 * (track.time[left[-1]] + track.time[right[0]])
-    ends = [_extrapolate(track, r, middle) for r in (left[-_ENDS:], right[:_ENDS])]
-    jump = np.abs(ends[0][0] - ends[1][0])  # (2, 3) of position and rate.
-    variance = (ends[0][1] + ends[1][1])[:, None] * track.noise**2
-    reach = np.array([e[2] for e in ends])
-    slack = np.stack([_JERK * np.sum(reach**3) / 6.0, _JERK * np.sum(reach**2) / 2.0])
-    allowed = np.maximum(THRESHOLD * np.sqrt(variance) + slack, _SMALL)
+    gap = track.time[[left[-1], right[0]]]
+    middle = float(np.mean(gap))
+    one = _extrapolate(track, left[-_ENDS:], middle)
+    other = _extrapolate(track, right[:_ENDS], middle)
+    spread = np.sqrt(one.variance + other.variance)
+    noise = THRESHOLD * np.outer(spread, track.noise)
+    cubes = one.reach**3 + other.reach**3
+    squares = one.reach**2 + other.reach**2
+    forced = np.outer([cubes / 6.0, squares / 2.0], _JERK)
+    allowed = np.maximum(noise + forced, _SMALL)
+    jump = np.abs(one.value - other.value)
     return bool(np.all(jump <= allowed))
 
 
-def _extrapolate(
-    track: Track, rows: np.ndarray, time: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Pose and rate (2, 3), their variances (2,) for noise 1, and the reach [s]."""
+def _extrapolate(track: Track, rows: np.ndarray, time: float) -> _End:
+    """A parabola through rows, at a time [s]."""
     since = track.time[rows] - time
-    inverse = np.linalg.pinv(since[:, None] ** np.arange(3))[:2]
-    reach = float(abs(np.mean(since)))
-    return inverse @ track.pose[rows], np.sum(inverse**2, axis=1), reach
+    powers = since[:, None] ** np.arange(3)
+    inverse = np.linalg.pinv(powers)[:2]
+    value = inverse @ track.pose[rows]
+    variance = np.sum(inverse**2, axis=1)
+    reach = abs(float(np.mean(since)))
+    return _End(value, variance, reach)

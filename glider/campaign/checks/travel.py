@@ -6,20 +6,15 @@ servo that is slow keeps its gain, under feedback too, where commands answer its
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.clocks import (
-    NOISES,
-    claim_scale,
-    follow_commands,
-    known_angles,
-    known_commands,
-    mean_rates,
-)
-from glider.campaign.checks.masks import Masks
-from glider.campaign.logs import Campaign, Flight
+from glider.campaign.checks.clocks import NOISES, claim_scale
+from glider.campaign.checks.elevators import Elevator, mean_rates
+from glider.campaign.checks.motion import jackknife_error
+from glider.campaign.logs import Campaign
 from glider.physics.servo import NO_LIMITS, Servo
 
 _DELAYS = np.arange(-0.02, 0.355, 0.02)
@@ -38,11 +33,11 @@ _SCATTER = 0.05
 _MIN_CHANGES = 15  # Changes that a gain is taken from, at least.
 
 
-def check_travel(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, ...]:
+def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str, ...]:
     """Warns of an elevator that turns farther or less than commanded, or refuses it."""
-    if campaign.elevator != "servo":
+    if not elevators:
         return ()
-    gain, error = calc_travel(campaign.flights, masks, campaign.limits)
+    gain, error = calc_travel(elevators, campaign.limits)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
@@ -52,7 +47,7 @@ def check_travel(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, .
 
 
 def calc_travel(
-    flights: Sequence[Flight], masks: Mapping[str, Masks], servo: Servo = NO_LIMITS
+    elevators: Sequence[Elevator], servo: Servo = NO_LIMITS
 ) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
 
@@ -61,48 +56,52 @@ def calc_travel(
     jackknife over flights, and what logs scatter by; it is infinite if the lag is too
     long.
     """
-    flights = [f for f in flights if len(known_angles(f, masks)[0]) > _FEWEST]
-    if not flights:
+    shown = [elevator for elevator in elevators if len(elevator.time) > _FEWEST]
+    if not shown:
         return 0.0, np.inf
-    found = []
+    best = None
     for one in dict.fromkeys([servo, NO_LIMITS]):
-        sums = _sums(flights, masks, one, _DELAYS, _LAGS)
-        at, _ = _find_best(sums)
-        found.append((_unexplained(sums)[at], one, at))
-    _, servo, (first, second) = min(found, key=lambda fit: fit[0])
-    lags = np.interp(second + _FINER, np.arange(len(_LAGS)), _LAGS)
-    delays = np.interp(first + _FINER, np.arange(len(_DELAYS)), _DELAYS)
-    sums = _sums(flights, masks, servo, np.unique(delays), np.unique(lags))
-    best, gain = _find_best(sums)
-    changes = float(np.sum(sums, axis=0)[(3, *best)])
-    parts = np.arange(len(sums))
-    others = [_find_best(sums[parts != k])[1] for k in parts]
-    spread = np.std(others) * np.sqrt(len(parts) - 1.0)
-    error = math.hypot(spread, _SCATTER / math.sqrt(len(flights)))
-    is_known = changes > _MIN_CHANGES and (second < len(_LAGS) - 1 or abs(gain) > 1.0)
-    return abs(gain), float(error) if is_known else np.inf
+        fit = _find_best(_sums(shown, one, _DELAYS, _LAGS))
+        if best is None or fit.left < best.left:
+            best = fit
+            servo = one
+    assert best is not None
+    is_longest = best.lag == len(_LAGS) - 1
+    lags = np.interp(best.lag + _FINER, np.arange(len(_LAGS)), _LAGS)
+    delays = np.interp(best.delay + _FINER, np.arange(len(_DELAYS)), _DELAYS)
+    sums = _sums(shown, servo, np.unique(delays), np.unique(lags))
+    best = _find_best(sums)
+    others = []
+    for k in range(len(sums)):
+        others.append(_find_best(np.delete(sums, k, axis=0)).gain)
+    error = math.hypot(jackknife_error(others), _SCATTER / math.sqrt(len(shown)))
+    if best.changes <= _MIN_CHANGES or (is_longest and abs(best.gain) <= 1.0):
+        error = math.inf
+    return abs(best.gain), error
 
 
-def _find_best(sums: np.ndarray) -> tuple[tuple[int, int], float]:
-    """Rows of the best delay and lag in sums (parts, 4, ...), and the gain."""
-    _, product, power, _ = np.sum(sums, axis=0)
-    first, second = np.unravel_index(np.argmin(_unexplained(sums)), power.shape)
-    at = int(first), int(second)
-    return at, float(product[at] / max(power[at], 1e-30))
+class _Best(NamedTuple):
+    """The delay and lag of a servo that leave least unexplained."""
+
+    delay: int  #: Row of the delays.
+    lag: int  #: Row of the lags.
+    gain: float  #: Measured over commanded travel.
+    left: float  #: Sum of squares that is left [rad²].
+    changes: float  #: Number of them.
 
 
-def _unexplained(sums: np.ndarray) -> np.ndarray:
-    """Sum of squares (delays, lags) that a servo with the best gain leaves."""
-    square, product, power, _ = np.sum(sums, axis=0)
-    return square - product**2 / np.maximum(power, 1e-30)
+def _find_best(sums: np.ndarray) -> _Best:
+    """The best fit by sums (parts, 4, delays, lags)."""
+    square, product, power, count = np.sum(sums, axis=0)
+    left = square - product**2 / np.maximum(power, 1e-30)
+    delay, lag = np.unravel_index(np.argmin(left), left.shape)
+    at = int(delay), int(lag)
+    gain = product[at] / max(power[at], 1e-30)
+    return _Best(*at, float(gain), float(left[at]), float(count[at]))
 
 
 def _sums(
-    flights: Sequence[Flight],
-    masks: Mapping[str, Masks],
-    servo: Servo,
-    delays: np.ndarray,
-    lags: np.ndarray,
+    elevators: Sequence[Elevator], servo: Servo, delays: np.ndarray, lags: np.ndarray
 ) -> np.ndarray:
     """Sums (parts, 4, delays, lags) over flights, or over parts of few flights.
 
@@ -112,28 +111,27 @@ def _sums(
     A servo may turn at the start, because of earlier commands: that part of a change,
     which fades as exp(-t / lag), is taken out of both.
     """
-    parts = math.ceil(_FEWEST / len(flights))
-    sums = np.zeros((len(flights), parts, 4, len(delays), len(lags)))
-    for flight, found in zip(flights, sums, strict=True):
-        ends, change = mean_rates(*known_angles(flight, masks), _WINDOW)
-        if len(change) < parts:
-            continue
-        rows = known_commands(flight, masks)
-        time = flight.time[rows]
+    parts = math.ceil(_FEWEST / len(elevators))
+    found = []
+    for elevator in elevators:
+        ends, change = mean_rates(elevator.time, elevator.angle, _WINDOW)
+        time = elevator.command_time
         late = time - delays[:, None]
-        paths = [follow_commands(flight, masks, late, servo, lag) for lag in lags]
-        path = np.stack(paths, axis=1)  # (delays, lags, rows)
-        place = np.interp(ends, time, np.arange(len(time)))
-        before = np.minimum(place.astype(int), len(time) - 2)
-        share = place - before
-        at = path[..., before] * (1.0 - share) + path[..., before + 1] * share
-        turned = at[..., 1, :] - at[..., 0, :]  # (delays, lags, changes)
-        since = (ends - time[0]) / np.maximum(lags, 1e-3)[:, None, None]
-        fading = np.exp(-since[:, 0]) - np.exp(-since[:, 1])
-        fading /= np.sqrt(np.sum(fading**2, axis=1, keepdims=True)) + 1e-30
-        own = change - (fading @ change)[:, None] * fading  # (lags, changes)
-        turned -= np.einsum("dlk,lk->dl", turned, fading)[..., None] * fading
-        terms = np.broadcast_arrays(own**2, own * turned, turned**2, 1.0)
-        starts = np.arange(parts) * len(change) // parts
-        found[:] = np.moveaxis(np.add.reduceat(np.stack(terms), starts, axis=-1), -1, 0)
-    return sums.reshape(-1, *sums.shape[2:])
+        since = ends - time[0]
+        starts = np.arange(1, parts) * len(change) // parts
+        terms = np.empty((4, len(delays), len(lags), len(change)))
+        for k, lag in enumerate(lags):
+            fading = -np.diff(np.exp(-since / max(lag, 1e-3)), axis=0)[0]
+            fading /= np.linalg.norm(fading) + 1e-30
+            own = change - fading @ change * fading
+            paths = elevator.follow(late, servo, lag)
+            # Between rows, as the log has them: a path that turns there counts less.
+            turned = np.array([np.interp(ends, time, path) for path in paths])
+            turned = turned[:, 1] - turned[:, 0]
+            turned -= np.outer(turned @ fading, fading)
+            terms[0, :, k] = own**2
+            terms[1, :, k] = own * turned
+            terms[2, :, k] = turned**2
+            terms[3, :, k] = 1.0
+        found += [part.sum(axis=-1) for part in np.split(terms, starts, axis=-1)]
+    return np.array(found)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.clocks import mean_rates
+from glider.campaign.checks.elevators import mean_rates
 from glider.campaign.checks.forces import join
 from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.selection import ServoLogs, Stream

@@ -17,8 +17,9 @@ import numpy as np
 import yaml
 
 from glider.campaign.checks.clocks import follow_sign
+from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.fall import check_fall
-from glider.campaign.checks.forces import usable_motion
+from glider.campaign.checks.forces import measure_motions
 from glider.campaign.importing.campaign_import import (
     as_files,
     campaign_of_cuts,
@@ -165,7 +166,9 @@ def _propose(
     try:
         check_signs(campaign)
         if {"length", "time"} & reasons.keys():  # By their ranges only.
-            doubts = check_fall(campaign, {}, says_unknown=True)
+            doubts = check_fall(
+                campaign, measure_motions(campaign.flights, {}), says_unknown=True
+            )
             question += [f"  # ? {words}" for words in doubts]
     except InputError as error:
         question.append(
@@ -269,12 +272,12 @@ def _explain(ranked: Sequence[tuple[Fields, float]]) -> list[str]:
 
 def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
     """Sets the signs of elevator and command in a frame; returns the reason."""
-    motions = {f.name: usable_motion(f, {}) for f in campaign.flights}
+    motions = measure_motions(campaign.flights, {})
     effect = fit_elevator(campaign, motions)[0]
     signs = ["trailing_edge_up", "trailing_edge_down"]
     own, other = reversed(signs) if effect > 0.0 else signs
     frame["elevator"] = own
-    if follow_sign(campaign.flights, {}) < 0:
+    if follow_sign(measure_elevators(campaign, {})) < 0:
         frame["command"] = other
     if abs(effect) < SIGNIFICANT:
         return "? the flights do not show it: check it"

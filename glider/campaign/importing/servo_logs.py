@@ -15,6 +15,7 @@ from scipy.optimize import brute
 from scipy.signal import savgol_filter
 
 from glider.campaign.checks.clocks import calc_correlation
+from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
 from glider.campaign.logs import Campaign, ServoLog
@@ -190,7 +191,8 @@ def align_commands(campaign: Campaign) -> Campaign:
 
     Each file leaves open when a command was given, within the steps of its log.
     """
-    delays = [calc_correlation([f], {}, _DELAYS)[1] for f in campaign.flights]
+    elevators = measure_elevators(campaign, {})
+    delays = [calc_correlation([elevator], _DELAYS)[1] for elevator in elevators]
     most = _ALIGNED * campaign.servo.command_std
     flights = []
     late = np.clip(np.array(delays) - np.median(delays), -most, most)

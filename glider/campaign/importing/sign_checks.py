@@ -10,14 +10,16 @@ raises the misfit by 1.57 to 12 from three flights on, the elevator's effect has
 sign by 16 standard errors or more, and its rate correlates with the commands by 0.94.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from glider.campaign.checks import forces
 from glider.campaign.checks.clocks import check_clocks, follow_sign
+from glider.campaign.checks.elevators import Elevator, measure_elevators
 from glider.campaign.checks.fall import check_fall
-from glider.campaign.checks.forces import fit_elevator
+from glider.campaign.checks.forces import Motions, fit_elevator, measure_motions
 from glider.campaign.checks.frame import check_frame, check_tail
-from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.travel import check_travel
@@ -37,16 +39,14 @@ _STRONGEST = 7.5
 at most in 47 simulated campaigns, parts of them and strong effects; this is √57."""
 _UNDECIDED = "the flights do not show which sign the {} has: check that it is right"
 
-Motions = dict[str, Motion]  # Of flights, by name.
-
 
 def check_signs(campaign: Campaign) -> tuple[str, ...]:
     """Reports what could not be decided; raises InputError where signs are wrong."""
     masks = find_faults(campaign).masks
-    motions = {f.name: forces.usable_motion(f, masks) for f in campaign.flights}
-    motion = forces.join(list(motions.values()))
+    motions = measure_motions(campaign.flights, masks)
+    motion = motions.joined
     _check_attitude(campaign, motion)
-    turned, warnings = check_frame(campaign, masks)
+    turned, warnings = check_frame(campaign, motions)
     if turned is not campaign:
         axis = "forward" if "'x'" in warnings[0] else "up"
         raise InputError(
@@ -55,18 +55,19 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
         )
     if len(motion.time) < _MIN_ROWS:
         return ("too few rows to check the signs of the mapping",)
-    undecided = _check_pitch(campaign, motions, motion)
-    if campaign.elevator == "servo":
-        check_clocks(campaign, masks)
-        undecided += _check_elevator(campaign, motions, masks)
-    undecided += check_fall(campaign, masks, says_unknown=True)
-    return undecided + check_travel(campaign, masks) + check_tail(campaign, masks)
+    undecided = _check_pitch(campaign, motions)
+    elevators = measure_elevators(campaign, masks)
+    if elevators:
+        check_clocks(campaign, elevators)
+        undecided += _check_elevator(campaign, motions, elevators)
+    undecided += check_fall(campaign, motions, says_unknown=True)
+    return undecided + check_travel(campaign, elevators) + check_tail(campaign, motions)
 
 
 def misfit_of(campaign: Campaign) -> float:
     """Misfit of forces [m/s²], times the share of moments that is left if a servo."""
-    motions = {f.name: forces.usable_motion(f, {}) for f in campaign.flights}
-    motion = forces.join(list(motions.values()))
+    motions = measure_motions(campaign.flights, {})
+    motion = motions.joined
     down = [0.0, -campaign.gravity]
     misfit = forces.fit_forces(motion, np.array(down), signs=(1,)).misfit
     if campaign.elevator != "servo":
@@ -128,12 +129,11 @@ def _with_other_ups(campaign: Campaign, motion: Motion) -> dict[str, float]:
     return {a: forces.fit_forces(motion, down).misfit for a, down in downs.items()}
 
 
-def _check_pitch(
-    campaign: Campaign, motions: Motions, motion: Motion
-) -> tuple[str, ...]:
+def _check_pitch(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
     """Refuses a pitch with the wrong sign, or another angle in its place."""
+    motion = motions.joined
     down = np.array([0.0, -campaign.gravity])
-    heading = forces.calc_heading(forces.at_release(list(motions.values())), 1)
+    heading = motions.calc_heading(1)
     if heading < _AHEAD:
         raise InputError(
             f"{campaign.path}: the nose is {np.degrees(np.arccos(heading)):.0f}° off "
@@ -170,18 +170,18 @@ def _check_pitch(
 def _other_angles(campaign: Campaign, motions: Motions) -> dict[str, np.ndarray]:
     """The other logged angles at the rows of the joined motions."""
     angles: dict[str, list[np.ndarray]] = {}
-    for flight in campaign.flights:
+    for flight, motion in zip(campaign.flights, motions.each, strict=True):
         none = None, None, None
         _, roll, yaw = none if flight.attitude is None else flight.attitude.T
         for name, values in ("roll", roll), ("yaw", yaw), ("elevator", flight.elevator):
             if values is not None:
-                at = np.interp(motions[flight.name].time, flight.time, values)
+                at = np.interp(motion.time, flight.time, values)
                 angles.setdefault(name, []).append(at)
     return {name: np.concatenate(parts) for name, parts in angles.items()}
 
 
 def _check_elevator(
-    campaign: Campaign, motions: Motions, masks: dict[str, Masks]
+    campaign: Campaign, motions: Motions, elevators: Sequence[Elevator]
 ) -> tuple[str, ...]:
     """Refuses an elevator or commands of the wrong sign."""
     effect, _, strength, _ = fit_elevator(campaign, motions)
@@ -197,7 +197,7 @@ def _check_elevator(
             f"{effect:.0f} standard errors); expected another sign (frame: elevator) "
             "or another 'clock'."
         )
-    if follow_sign(campaign.flights, masks) < 0:
+    if follow_sign(elevators) < 0:
         raise InputError(
             f"{campaign.path}: frame: the elevator turns against its commands; "
             "expected the sign of one to be the other (command, elevator)."

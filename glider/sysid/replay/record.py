@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.campaign.checks.clocks import find_limits
-from glider.campaign.checks.masks import Masks, no_masks
+from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
@@ -37,7 +37,7 @@ def measure_noise(
 ) -> Noise:
     """Finds the noise of a campaign's channels from all its flights."""
     masks = masks or {}
-    pairs = [(f, masks.get(f.name) or no_masks(f)) for f in campaign.flights]
+    pairs = [(f, masks_of(f, masks)) for f in campaign.flights]
     times = [f.time[m.usable] for f, m in pairs]
     smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
     elevator = 0.0
@@ -116,10 +116,7 @@ def prepare(
         servo = find_limits(campaign, masks, noise.elevator)
     settings = dataclasses.replace(campaign, flights=())
     return in_parallel(
-        lambda f: _record(
-            f, masks.get(f.name) or no_masks(f), settings, noise, space, servo
-        ),
-        flights,
+        lambda f: _record(f, masks_of(f, masks), settings, noise, space, servo), flights
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.clocks import calc_correlation, check_clocks, check_limits
+from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.reader import load_campaign
@@ -292,8 +293,10 @@ def test_flights_too_short_to_show_whether_a_servo_follows_are_kept(campaign):
 
     assert inspect(b.change(campaign, shorten)).excluded == ()
     one = dataclasses.replace(campaign, flights=campaign.flights[:1])
-    assert np.isnan(calc_correlation(b.change(one, shorten).flights, {})).all()
-    check_clocks(b.change(one, shorten), {})
+    short = b.change(one, shorten)
+    elevators = measure_elevators(short, {})
+    assert np.isnan(calc_correlation(elevators)).all()
+    check_clocks(short, elevators)
 
 
 def test_an_elevator_that_stands_at_its_stop_has_no_wrong_clock(campaign):
@@ -309,9 +312,10 @@ def test_an_elevator_that_stands_at_its_stop_has_no_wrong_clock(campaign):
         return dataclasses.replace(flight, command=command, elevator=path + noise)
 
     stopped = b.change(campaign, saturate)
-    check_clocks(stopped, {})
-    known, _ = calc_correlation(stopped.flights, {}, servo=campaign.limits)
-    anywhere, _ = calc_correlation(stopped.flights, {})
+    elevators = measure_elevators(stopped, {})
+    check_clocks(stopped, elevators)
+    known, _ = calc_correlation(elevators, servo=campaign.limits)
+    anywhere, _ = calc_correlation(elevators)
     assert known > 0.95 > anywhere
 
 

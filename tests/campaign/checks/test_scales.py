@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glider.campaign.checks import forces
+from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.fall import check_fall, measure_fall
+from glider.campaign.checks.forces import measure_motions
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.travel import calc_travel
 from glider.campaign.reader import load_campaign
@@ -65,9 +66,8 @@ def test_a_scale_that_is_a_little_off_is_warned_of(campaign):
 
 def test_few_flights_say_how_little_they_show(campaign):
     """The stated error covers the true one."""
-    motions = [forces.usable_motion(flight, {}) for flight in campaign.flights]
     for count in (3, 5, 10, 40):
-        fall, error = measure_fall(motions[:count])
+        fall, error = measure_fall(measure_motions(campaign.flights[:count], {}))
         assert abs(np.log(fall / 9.81)) < 2.0 * error
         assert error < 0.15
 
@@ -85,9 +85,10 @@ def test_throws_of_one_plan_count_as_one_flight(campaign):
     ]
     repeated = dataclasses.replace(campaign, flights=tuple(throws))
     scaled = edited(repeated, b.scale(0.7, 0.7, 1.0))
-    check_fall(scaled, {})  # At most a warning.
+    check_fall(scaled, measure_motions(scaled.flights, {}))  # At most a warning.
+    flown = edited(campaign, b.scale(0.7, 0.7, 1.0))
     with pytest.raises(InputError, match="flights fall at"):
-        check_fall(edited(campaign, b.scale(0.7, 0.7, 1.0)), {})
+        check_fall(flown, measure_motions(flown.flights, {}))
 
 
 @pytest.mark.parametrize("of", ["campaign", "throws"])
@@ -116,5 +117,5 @@ def test_a_servo_that_is_geared_differently_is_refused(campaign, gear):
     ],
 )
 def test_a_slow_servo_turns_as_far_as_commanded(kind, values):
-    gain, error = calc_travel(fly((KINDS[kind](**values),)).flights, {})
+    gain, error = calc_travel(measure_elevators(fly((KINDS[kind](**values),)), {}))
     assert abs(np.log(gain)) < max(0.03, 4.0 * error)

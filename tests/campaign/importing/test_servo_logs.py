@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.clocks import calc_correlation
+from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.selection import ServoLogs, Stream
 from glider.campaign.importing.servo_logs import align_commands, make_servo
@@ -401,7 +402,8 @@ def test_commands_are_aligned_in_all_flights(campaign):
 
 def scatter_of_delays(campaign):
     tried = np.arange(-0.02, 0.03, 0.0005)
-    delays = [calc_correlation([f], {}, tried)[1] for f in campaign.flights]
+    elevators = measure_elevators(campaign, {})
+    delays = [calc_correlation([elevator], tried)[1] for elevator in elevators]
     return np.ptp(delays)
 
 
