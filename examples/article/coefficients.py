@@ -14,8 +14,7 @@ import numpy as np
 
 from glider.errors import InputError
 from glider.physics.aerodynamics import angle_of_attack
-from glider.physics.effects import FIELD_VARIABLES
-from glider.physics.effects.field import COEFFICIENTS, FieldData, gaussians, make_field
+from glider.physics.effects.field import COEFFICIENTS, FieldData, gaussians
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table
 from regression import least_squares
@@ -116,10 +115,8 @@ def residual_basis(speeds: tuple[float, float] | None = None) -> FieldData:
 
 def basis_values(basis: FieldData, variables: dict[str, np.ndarray]) -> np.ndarray:
     """Returns ψ, (N, M), at given values of the basis's variables."""
-    field = make_field(dataclasses.replace(basis, weights={}))
-    columns = [FIELD_VARIABLES.index(name) for name in basis.variables]
     values = np.stack([variables[name] for name in basis.variables], axis=1)
-    return gaussians(field, columns, values)
+    return gaussians(basis, values)
 
 
 def fit_residual(

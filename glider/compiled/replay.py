@@ -13,13 +13,10 @@ from glider.compiled.runge_kutta import DIFFERENCE, put
 from glider.physics.chain import (
     accelerations,
     actuator_terms,
-    air_terms,
     derivatives,
-    flow_of,
+    flow_in_air,
     measure,
     meet_air,
-    meet_field,
-    motion_of,
     theta_of,
 )
 from glider.physics.effects import (
@@ -29,12 +26,7 @@ from glider.physics.effects import (
     EffectKind,
     Field,
 )
-from glider.physics.effects.field import (
-    basis_function,
-    field_variables,
-    of_motion,
-    of_sensors,
-)
+from glider.physics.effects.field import basis_function, field_variables
 from glider.physics.parameters import Parameters, Theta
 
 OFFSET = 3
@@ -128,53 +120,37 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
-def add_linear(field, at, acting, first, end, basis, tangent):
-    """Adds some terms of a field, linear about variables at which they may be others.
+def set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
+    """Writes the tangent (v + 1, 18) of theta's free functions at a state.
 
-    A tangent's first column is the point from which its variables count. Terms and
-    variables that do not act are left out; `basis` (M,) is written.
+    Functions and variables that do not act are left out; `basis` (M,) is written.
     """
-    count, (is_term, is_variable) = len(at), acting
+    servo_rate = actuator_terms(rate, y, theta.c)
+    flow = flow_in_air(now, y, servo_rate, wind_x, wind_z, theta)
+    variables = field_variables(flow)
+    field = theta.field
+    is_function, is_variable = acting
+    tangent[:] = 0.0
+    last = len(variables)
+    for d in range(last):
+        tangent[d, 0] = variables[d]
     for m in range(basis.shape[0]):
-        basis[m] = basis_function(at, field, m)
-    for i in range(first, end):
-        if not is_term[i]:
+        basis[m] = basis_function(variables, field, m)
+    for i in range(is_function.shape[0]):
+        if not is_function[i]:
             continue
         for m in range(basis.shape[0]):
-            tangent[count, 1 + i] += basis[m] * field.weights[i, m]
-        for d in range(count):
+            tangent[last, 1 + i] += basis[m] * field.weights[i, m]
+        for d in range(last):
             if not is_variable[d]:
                 continue
             slope = 0.0
-            here = at[d]
+            here = variables[d]
             for m in range(basis.shape[0]):
                 per = field.inverse_widths[d, m]
                 apart = (field.centers[d, m] - here) * per * per
                 slope += basis[m] * field.weights[i, m] * apart
             tangent[d, 1 + i] += slope
-            tangent[count, 1 + i] += slope * (tangent[d, 0] - here)
-
-
-def set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
-    """Writes the tangent (v + 1, 18) of theta's field at a state.
-
-    The field's air is linear about the flow without it, all else about the flow in it.
-    """
-    motion = motion_of(now, y, actuator_terms(rate, y, theta.c))
-    air_x, air_z = air_terms(motion, y, theta.c)
-    before = flow_of(motion, air_x + wind_x, air_z + wind_z, theta.p)
-    variables = field_variables(
-        meet_field(motion, air_x + wind_x, air_z + wind_z, theta)
-    )
-    tangent[:] = 0.0
-    for d in range(len(variables)):
-        tangent[d, 0] = variables[d]
-    own = theta.field
-    last = theta.field.weights.shape[0]
-    add_linear(
-        own, field_variables(before), acting, 0, 2, basis[: own.num_airs], tangent
-    )
-    add_linear(own, variables, acting, 2, last, basis, tangent)
 
 
 def log_rollout(path, start, numbers, field, states):
@@ -275,7 +251,7 @@ def log_slopes(
         moved: (m, len(numbers)) the same, moved along each of m directions.
         sizes: (m,) how far they are moved.
         field: the residual Field; about each interval's flight it counts as linear.
-        acting: which terms and which variables its functions have, (17,) and (v,).
+        acting: which functions and which variables it has, (17,) and (v,).
         linear: a Field of a tangent alone, written.
         terms: (T,) indices of FIELD_TERMS.
         ends: (K, n), written: the state that each interval ends in.
@@ -298,8 +274,8 @@ def log_slopes(
     carried = np.empty((width, width))
     rates = np.empty((width, width))
     is_turned = path.pitch.shape[1] > 0
-    about = linear if field.weights.shape[1] > 0 else field
-    basis = np.empty(field.weights.shape[1])
+    about = linear if field.num_flown > 0 else field
+    basis = np.empty(field.num_flown)
     for k in range(path.rate.shape[0]):
         own = banked(theta, path.bank[k])
         put(nodes[k], x)
@@ -311,7 +287,7 @@ def log_slopes(
         now = path.times[k] + 0.5 * step
         wind_x = path.wind[k, 0]
         wind_z = path.wind[k, 1]
-        if field.weights.shape[1] > 0:
+        if field.num_flown > 0:
             set_tangent(now, y, rate, wind_x, wind_z, own, acting, basis, tangent)
         own = banked(theta_of(numbers, about), path.bank[k])
         put(derivatives(now, y, rate, wind_x, wind_z, own), usual)
@@ -362,7 +338,7 @@ def log_slopes(
 def log_measure(nodes, numbers, field, pose, by_x):
     """Writes the pose (K, 3) that the sensors show of nodes (K, n), and its slopes.
 
-    The field is what sensors read of it; by_x is (K, 3, n), without slopes (K, 3, 0).
+    Slopes by_x are (K, 3, n), or (K, 3, 0) where they are not asked for.
     """
     theta = theta_of(numbers, field)
     x = np.empty(nodes.shape[1])
@@ -392,14 +368,14 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
     for k in range(nodes.shape[0]):
         put(nodes[k], x)
         x[3] += elevator[k]
-        flow, terms = meet_air(times[k], x, rate[k], 0.0, 0.0, theta)
-        a = accelerations(flow, terms, x, theta.c)
+        flow, free = meet_air(times[k], x, rate[k], 0.0, 0.0, theta)
+        a = accelerations(flow, free, x, theta.c)
         put((*a, flow.air_x, flow.air_z, *field_variables(flow)), values[k])
 
 
 LOOPS = Family(
     (
-        *(banked, add_linear, set_tangent, carry, log_step),
+        *(banked, set_tangent, carry, log_step),
         *(log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
     ),
     (log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
@@ -438,7 +414,7 @@ def roll_out(
 ) -> np.ndarray:
     """Returns the states (K + 1, n) of a flight along a log's path from (n,)."""
     states = np.empty((len(path.times), len(start)))
-    LOOPS.over(kinds, True).log_rollout(path, start, numbers, of_motion(field), states)
+    LOOPS.over(kinds, True).log_rollout(path, start, numbers, field, states)
     return states
 
 
@@ -450,7 +426,7 @@ def with_extras(
     Those of q models with `numbers` (q, ...); they begin as in the first nodes.
     """
     full = nodes.copy()
-    LOOPS.over(kinds, True).log_extras(path, full, numbers, of_motion(field))
+    LOOPS.over(kinds, True).log_extras(path, full, numbers, field)
     return full
 
 
@@ -469,7 +445,7 @@ def measure_nodes(
     rows, n = nodes.shape
     pose = np.empty((rows, 3))
     by_x = np.empty((rows, 3, n if with_slopes else 0))
-    LOOPS.over(kinds, True).log_measure(nodes, numbers, of_sensors(field), pose, by_x)
+    LOOPS.over(kinds, True).log_measure(nodes, numbers, field, pose, by_x)
     return pose, by_x
 
 
@@ -488,7 +464,7 @@ def flow_at(
     """
     values = np.empty((len(nodes), 5 + len(FIELD_VARIABLES)))
     loop = LOOPS.over(kinds, True).log_flow
-    loop(times, nodes, elevator, rate, numbers, of_motion(field), values)
+    loop(times, nodes, elevator, rate, numbers, field, values)
     return values
 
 
@@ -508,7 +484,7 @@ def advance_nodes(
     path = paths[0]._replace(elevator=elevator[0].copy(), rate=rate[0].copy())
     begins = np.array(nodes)
     ends = np.empty_like(begins[:, 1:])
-    given = path, elevator, rate, begins, np.array(numbers), of_motion(field)
+    given = path, elevator, rate, begins, np.array(numbers), field
     LOOPS.over(kinds, True).log_ends(*given, ends)
     return ends
 
@@ -540,11 +516,14 @@ def slopes_along(
     by_term = np.empty((*rows, len(terms)))
     found = ends, by_x, by_term, np.empty((*rows, len(sizes)))
     index = np.array(terms, dtype=np.int64)
-    own = of_motion(field)
-    variables = len(FIELD_VARIABLES) if own.weights.shape[1] else 0
+    variables = len(FIELD_VARIABLES) if field.num_flown else 0
     shape = 1 + variables, 1 + len(FIELD_TERMS)
     linear = NO_FIELD._replace(tangent=np.empty(shape))
-    acting = own.weights.any(axis=1), own.inverse_widths.any(axis=1)
+    flown = slice(field.num_flown)
+    acting = (
+        field.weights[:, flown].any(axis=1),
+        field.inverse_widths[:, flown].any(axis=1),
+    )
     loop = LOOPS.over(kinds, True).log_slopes
-    loop(path, nodes, numbers, moved, sizes, own, acting, linear, index, *found)
+    loop(path, nodes, numbers, moved, sizes, field, acting, linear, index, *found)
     return found

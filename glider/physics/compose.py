@@ -12,27 +12,30 @@ import types
 from collections.abc import Callable
 
 from glider.physics import chain
-from glider.physics.chain import flow_of
 from glider.physics.effects.effect import STAGES, Coefficient, EffectKind
 from glider.physics.effects.field import (
+    FREE_FUNCTIONS,
+    GROUPS,
     basis_function,
-    field_air,
-    field_terms,
     field_variables,
+    motion_variables,
+    rows_of,
 )
 from glider.physics.parameter_space import space_of
 from glider.physics.parameters import NUM_PARAMETERS
 
-_OF_FIELD = basis_function, field_variables, field_air, field_terms
+_OF_FREE_FUNCTIONS = basis_function, field_variables, motion_variables
 _CHAIN = inspect.getsource(chain)
 """Read now: the file may be edited while this process runs."""
 
 
-def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
+def _hooks_source(
+    effects: tuple[EffectKind, ...], has_field: bool, skip_absent: bool
+) -> str:
     """Returns Python text that defines the `*_terms` functions of these effects.
 
     The text calls formula `i` as `formula_i`, its state rate as `rate_i` and what is
-    pending as `pending_i`. With
+    pending as `pending_i`, and the formula of free function `k` as `free_k`. With
     `skip_absent` it omits at run time the formulas whose sizes, the coefficients that
     are not mere shapes, are all at their defaults, and state rates at defaults that no
     search for the effect starts from. That saves a kernel with the whole library most
@@ -67,7 +70,13 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
         lines.append(line)
         return [f"d{i}"] if count == 1 else [f"d{i}[{k}]" for k in range(count)]
 
+    functions = [*FREE_FUNCTIONS.values()]
     lines: list[str] = []
+    places: dict[int, int] = {}
+    for group in GROUPS if has_field else ():
+        rows = rows_of(group)
+        lines.append(_values_source(group, rows))
+        places |= {row: place for place, row in enumerate(rows)}
     for stage, terms in STAGES.items():
         if stage in ("actuator", "log"):
             continue
@@ -75,7 +84,7 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
         stages = (stage, "log") if stage == "sensor" else (stage,)
         first = "motion" if stage == "air" else "flow"
         sums: dict[str, list[str]] = {term: [] for term in terms}
-        lines.append(f"def {stage}_terms({first}, x, c):")
+        lines.append(f"def {stage}_terms({first}, x, c, values):")
         for i, effect in enumerate(effects):
             if effect.stage not in stages:
                 continue
@@ -89,6 +98,14 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
             lines.append(line)
             for k, term in enumerate(targets):
                 sums[term].append(f"e{i}" if len(targets) == 1 else f"e{i}[{k}]")
+        for row, place in places.items():
+            function = functions[row]
+            if function.stage != stage:
+                continue
+            lines.append(f"    f{row} = free_{row}({first}, values[{place}])")
+            targets = function.adds_to
+            for k, term in enumerate(targets):
+                sums[term].append(f"f{row}" if len(targets) == 1 else f"f{row}[{k}]")
         parts = ", ".join(" + ".join(s) if s else "0.0" for s in sums.values())
         lines.append(f"    return {parts}\n")
 
@@ -117,22 +134,59 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
     return "\n".join(lines)
 
 
-def meet_field(motion, wind_x, wind_z, theta):
-    """Replaces that of the chain: the field's air is that of the flow without it."""
-    field = theta.field
-    flow = flow_of(motion, wind_x, wind_z, theta.p)
-    if field.weights.shape[1] + field.tangent.shape[0] > 0:
-        more_x, more_z = field_air(flow, field)
-        flow = flow_of(motion, wind_x + more_x, wind_z + more_z, theta.p)
-    return flow
+_SPANS = {
+    "air": ("motion", "motion_variables", "0", "field.num_air"),
+    "body": ("flow", "field_variables", "field.num_air", "field.num_flown"),
+    "sensor": ("flow", "motion_variables", "field.num_flown", "field.weights.shape[1]"),
+}
+"""What the free functions of a group vary with, and which Gaussians are theirs."""
 
 
-_MEET_FIELD = inspect.getsource(meet_field)
+def _values_source(group: str, rows: list[int]) -> str:
+    """Returns Python text of the values of a group's free functions.
+
+    What is linear about a point is no sensor's.
+    """
+    first, variables, start, end = _SPANS[group]
+    names = [f"v{row}" for row in rows]
+    gaussian = [
+        f"            v{row} = v{row} + basis * field.weights[{row}, m]" for row in rows
+    ]
+    slopes = [
+        f"            v{row} = v{row} + apart * field.tangent[d, {1 + row}]"
+        for row in rows
+    ]
+    at_point = [
+        f"        v{row} = v{row} + field.tangent[last, {1 + row}]" for row in rows
+    ]
+    lines = [
+        f"def {group}_values({first}, field):",
+        f"    {' = '.join(names)} = 0.0 * {first}.xdot",
+        f"    if {end} > {start}:",
+        f"        variables = {variables}({first})",
+        f"        for m in range({start}, {end}):",
+        "            basis = basis_function(variables, field, m)",
+        *gaussian,
+    ]
+    if group != "sensor":
+        lines += [
+            "    if field.tangent.shape[0] > 0:",
+            f"        variables = {variables}({first})",
+            "        last = field.tangent.shape[0] - 1",
+            "        for d in range(min(last, len(variables))):",
+            "            apart = variables[d] - field.tangent[d, 0]",
+            *slopes,
+            *at_point,
+        ]
+    lines.append(f"    return ({', '.join(names)},)\n")
+    return "\n".join(lines)
 
 
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     """Returns the names that the text of `_hooks_source` needs."""
-    names: dict[str, Callable] = {f.__name__: f for f in _OF_FIELD}
+    names: dict[str, Callable] = {f.__name__: f for f in _OF_FREE_FUNCTIONS}
+    for k, kind in enumerate(FREE_FUNCTIONS.values()):
+        names[f"free_{k}"] = kind.formula
     for i, effect in enumerate(effects):
         names[f"formula_{i}"] = effect.formula
         if effect.state_rate is not None:
@@ -150,10 +204,7 @@ def source(
     The functions that `_hooks_source` defines come last and so replace those of
     the nominal model.
     """
-    parts = [_CHAIN, _hooks_source(effects, skip_absent)]
-    if has_field:
-        parts += [_MEET_FIELD, "residual_terms = field_terms"]
-    return "\n\n".join(parts)
+    return "\n\n".join([_CHAIN, _hooks_source(effects, has_field, skip_absent)])
 
 
 @functools.lru_cache(maxsize=64)

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
-from glider.physics.effects.field import FieldData, gaussians, make_field
+from glider.physics.effects.field import FieldData, gaussians
 from glider.report import error_table
 from glider.report.error_table import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
@@ -183,9 +182,7 @@ def carried_figure(result: Result) -> spec.Figure | None:
 def _carried_panels(
     part: FieldData, flown: Mapping[str, np.ndarray]
 ) -> list[spec.Panel]:
-    field = make_field(dataclasses.replace(part, more=[]))
     variable, *others = part.variables
-    columns = [FIELD_VARIABLES.index(name) for name in part.variables]
     values = np.column_stack([flown[name] for name in part.variables])
     low = values.min(axis=0)
     high = values.max(axis=0)
@@ -194,9 +191,10 @@ def _carried_panels(
     lines: dict[str, list[spec.Line]] = {}
     for i, other in enumerate(slices):
         at = np.column_stack([place, np.tile(other, (len(place), 1))])
-        values = gaussians(field, columns, at) @ field.weights.T
+        basis = gaussians(part, at)
         width = 1.0 + i if others else None
-        for term, value in zip(FIELD_TERMS, values.T, strict=True):
+        for term, weights in part.weights.items():
+            value = basis @ weights
             scaled = place * VARIABLES[variable][1]
             line = spec.Line("rest", scaled, value, width=width, is_solid=True)
             lines.setdefault(term, []).append(line)

@@ -11,7 +11,7 @@ from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import PITCH_OFFSET
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.sysid import report, result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
@@ -148,7 +148,7 @@ def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
     gains = survey(task, model)
     real = [name for name, gain in gains.items() if gain > EVIDENCE_THRESHOLD]
     real.sort(key=lambda name: -gains[name])
-    found = [v for name in real for v in BLOCKS[name].depends_on]
+    found = [v for name in real for v in FAMILIES[name].depends_on]
     return tuple(dict.fromkeys(found))[:3]
 
 

@@ -17,9 +17,10 @@ from glider.physics.effects import (
     PITCH_MOMENT,
     PITCH_RATE_LIFT,
 )
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
+from glider.physics.effects.field import FREE_FUNCTIONS
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, RESOLVED, SLACK, SLIGHT, Z
-from glider.sysid.likelihood.blocks import SPREADS, flown_values
+from glider.sysid.likelihood.blocks import flown_values
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.search.support import SearchResult
@@ -60,17 +61,17 @@ def absorbed(
         least, _ = task.bounds(times)
         far = model.theta[times] - least > 2.0 * np.array([known.std(i) for i in times])
         near = set[str]()
-        for block, own in BLOCKS.items():
+        for block, own in FAMILIES.items():
             if name in own.bends and "alpha" in own.variables:
                 alone = own.formulas if own.variables == ("alpha",) else ()
                 near |= {block, *(k for k in alone if not kinds[k].states)}
         if times and not far.any() and near & have:
             found[name] = near & have
-    families = {kind for name in model.free_kinds for kind in BLOCKS[name].formulas}
+    families = {kind for name in model.free_kinds for kind in FAMILIES[name].formulas}
     for block in model.free_kinds:
         if block in found:
             continue
-        own = BLOCKS[block]
+        own = FAMILIES[block]
         bends = own.bends - families.difference(own.formulas)
         bent = bends.intersection(have) - found.keys()
         mine = bent.intersection(own.formulas) if own.formulas else bent
@@ -97,9 +98,9 @@ def standing_alone(
     named = evidence.keys() - unnamed.keys() - {*free_kinds}
     found = set()
     for block in free_kinds:
-        bends = BLOCKS[block].bends
+        bends = FAMILIES[block].bends
         helped = {k for k in bends if _helps(block, k, named, free_kinds, evidence)}
-        for kind in BLOCKS[block].formulas:
+        for kind in FAMILIES[block].formulas:
             helped |= named.intersection(unnamed.get(kind, ()))
         if block not in unnamed and not helped:
             found.add(block)
@@ -118,8 +119,8 @@ def _helps(
     It is of another family if it has one without the formula, or the formula has
     functions of its own.
     """
-    family = BLOCKS[block].formulas
-    beside = [own for own in free_kinds if kind in BLOCKS[own].formulas]
+    family = FAMILIES[block].formulas
+    beside = [own for own in free_kinds if kind in FAMILIES[own].formulas]
     if kind in family or not (family or beside):
         return kind in named
     whole = evidence[kind] if kind in named else 0.0
@@ -135,7 +136,7 @@ def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[st
     """
     families = dict(evidence)
     for block in free_kinds:
-        for kind in BLOCKS[block].bends & evidence.keys():
+        for kind in FAMILIES[block].bends & evidence.keys():
             families[kind] += evidence[block]
             families[block] += evidence[kind]
     least = SLIGHT * sum(evidence.values()) if free_kinds else 0.0
@@ -155,7 +156,7 @@ def small(task: Task, model: FitResult) -> set[str]:
     flown = flown[:: max(1, len(flown) // _ROWS)]
     for own in model.blocks:
         values = own.functions(flown[:, own.columns]) @ own.weights
-        usual = [SPREADS[term] for term in own.terms]
+        usual = [FREE_FUNCTIONS[term].coefficients[0].scale for term in own.terms]
         sizes[own.name] = float(np.max(np.sqrt(np.mean(values**2, axis=0)) / usual))
     largest = max(sizes, key=sizes.__getitem__)
     return {name for name in sizes if sizes[name] < 2.0 * RESOLVED and name != largest}
@@ -262,7 +263,7 @@ def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
     force = shown @ values
     slopes = [*shown[0]]
     flow = types.SimpleNamespace(sin_alpha=np.sin(alpha), cos_alpha=np.cos(alpha))
-    for kind in set(BLOCKS[LIFT].formulas).intersection(model.kinds):
+    for kind in set(FAMILIES[LIFT].formulas).intersection(model.kinds):
         slots = [*space.slots_of(kind)]
         force += space.kinds[kind].formula(flow, *model.theta[slots])
         if kind == CAMBER.kind:  # The other is none there.

@@ -10,8 +10,8 @@ import numpy as np
 from glider.campaign.turning import Signs
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, CAMBER, LIBRARY, POSE_LATENCY
-from glider.physics.effects.families import BLOCKS
-from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
+from glider.physics.effects.families import FAMILIES
+from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, FREE_FUNCTIONS
 from glider.physics.model import GliderModel
 from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
@@ -77,7 +77,7 @@ def effects_of(
     """Effects with their coefficients and standard errors, by their evidence."""
     model = traced.model
     gained = max(sum(traced.evidence.values()), 1e-9)
-    bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
+    bent = {k for name in model.free_kinds for k in FAMILIES[name].bends}
     unnamed = absorbed(task, traced, known)
     bent = bent.union(*unnamed.values())
     nearest = dict.fromkeys(model.free_kinds, "unexplained") | traced.families
@@ -87,7 +87,7 @@ def effects_of(
     }
     if LIFT in model.free_kinds and LIFT not in unnamed:
         families[LIFT] = names_of_lift(task, model, known)
-        others = {*BLOCKS[LIFT].formulas}.intersection(model.kinds) - families[LIFT]
+        others = {*FAMILIES[LIFT].formulas}.intersection(model.kinds) - families[LIFT]
         unnamed |= {kind: {LIFT} for kind in others}
     named: set[str] = {*model.kinds} - unnamed.keys() - {*model.free_kinds}
     for name in sorted(families, key=lambda k: -traced.evidence[k]):
@@ -159,13 +159,13 @@ def _block_entry(
     of_search: dict[str, Any],
 ) -> FoundEffect:
     """A free function as an effect of its family, or of none."""
-    kind = BLOCKS[name]
+    kind = FAMILIES[name]
     own = traced.model.by_name[name]
     has_none = family == "unexplained"
     return FoundEffect(
         kind=family,
         words=f"no effect of the library: {kind.words}" if has_none else kind.words,
-        coefficients=_find_peak(own, known, kind.term)
+        coefficients=_find_peak(own, known, kind.free_function.kind)
         | (numbers_of_lift(own, known, family) if name == LIFT else {}),
         shape=report.LIBRARY_SHAPE if has_none else report.OTHER_SHAPE,
         family=kind.link,
@@ -185,12 +185,12 @@ def rivals_of(
     that has several others instead, they do as well together.
     """
     own = named[0]
-    formulas = {*traced.model.kinds} - BLOCKS.keys()
-    found = set[str]() if own in BLOCKS else {*traced.weighed[own].rivals}
+    formulas = {*traced.model.kinds} - FAMILIES.keys()
+    found = set[str]() if own in FAMILIES else {*traced.weighed[own].rivals}
     for other, _ in traced.rivals:
         lost = formulas - {*other.kinds}
         if lost <= {own} and not {*named} & {*other.kinds}:
-            found |= {*other.kinds} - BLOCKS.keys() - formulas
+            found |= {*other.kinds} - FAMILIES.keys() - formulas
     return tuple(
         kind for kind in task.space.kinds if kind in found.difference(reported)
     )
@@ -235,8 +235,8 @@ def _find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimat
     values = rows @ block.coordinates
     peak = np.unravel_index(np.argmax(np.abs(values)), values.shape)
     height = float(known.std_along(places, rows[peak]))
-    unit = TERM_UNITS.get(term, "-")
-    found = {f"{term}_peak": Estimate(float(values[peak]), height, unit)}
+    [value] = FREE_FUNCTIONS[term].coefficients
+    found = {f"{term}_peak": Estimate(float(values[peak]), height, value.unit)}
     for i, (axis, variable) in enumerate(zip(axes, block.variables, strict=True)):
         slopes = np.gradient(rows, axis, axis=i)
         place = math.nan

@@ -102,8 +102,15 @@ FIELD = FieldData(
     weights={
         "c_lift": [0.2, -0.3, 0.1],
         "c_moment": [0.01, 0.02, 0.0],
-        "wind_x": [0.3, 0.1, 0.0],
         "c_drag": [0.1, 0.0, 0.05],
     },
+    more=[
+        FieldData(
+            variables=["x", "t", "pitch"],
+            centers=[[-1.0, 0.2, -0.1], [0.0, 0.5, 0.2]],
+            widths=[1.5, 0.5, 0.4],
+            weights={"wind_x": [0.3, 0.1]},
+        )
+    ],
 )
 """A residual field that uses most of what a field can do."""

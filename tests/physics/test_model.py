@@ -12,13 +12,7 @@ from glider.paths import models_path
 from glider.physics.confidence import make_confidence
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS, LIBRARY, NO_FIELD, PROFILE_DRAG, WIND
-from glider.physics.effects.field import (
-    FIELD_TERMS,
-    FieldData,
-    make_field,
-    of_motion,
-    of_sensors,
-)
+from glider.physics.effects.field import FIELD_TERMS, FieldData, make_field
 from glider.physics.model import GliderModel, Origin, as_model, load_covariance
 from glider.physics.parameters import GliderParameters
 from tests.helpers.physics import FIELD, at_work
@@ -119,14 +113,14 @@ def test_a_reading_is_measured_and_moves_nothing():
 
 
 def test_gaussians_of_different_widths_add_like_fields_of_one(tmp_path):
-    one = {"variables": ["x", "V"], "weights": {"wind_z": [1.0]}}
+    one = {"variables": ["x", "V"], "weights": {"c_drag": [1.0]}}
     first = FieldData(centers=[[-2.0, 5.0]], widths=[0.5, 2.0], **one)
     second = FieldData(centers=[[0.0, 6.0]], widths=[0.1, 2.0], **one)
     both = FieldData(
         variables=["x", "V"],
         centers=[[-2.0, 5.0], [0.0, 6.0]],
         widths=[[0.5, 0.1], 2.0],
-        weights={"wind_z": [1.0, 1.0]},
+        weights={"c_drag": [1.0, 1.0]},
     )
     GliderModel(field=both).save(tmp_path / "model.yaml")
     read = GliderModel.load(tmp_path / "model.yaml").residual_field
@@ -137,32 +131,46 @@ def test_gaussians_of_different_widths_add_like_fields_of_one(tmp_path):
 
 def test_the_arrays_of_a_field():
     arrays = GliderModel(field=FIELD).residual_field
+    assert (arrays.num_air, arrays.num_flown) == (2, 5)
     np.testing.assert_array_equal(
-        arrays.centers[:, 0], [-1, 0, 0.2, 0, 6, 0.3, *5 * [0]]
+        arrays.centers[:, 2], [-1, 0, 0.2, *4 * [0], 6, 0.3, 0, 0]
     )
     np.testing.assert_allclose(
-        arrays.inverse_widths[:, 1], [1 / 1.5, 0, 2, 0, 0.5, 2.5, *5 * [0]]
+        arrays.inverse_widths[:, 1], [1 / 1.5, 0, 2, 2.5, *7 * [0]]
     )
-    np.testing.assert_array_equal(arrays.inverse_widths[:, 2], 0.0)  # The constant.
-    np.testing.assert_array_equal(arrays.weights[:, 2], [0, 0, 0.1, 0.05, *13 * [0]])
+    np.testing.assert_array_equal(arrays.inverse_widths[:, 4], 0.0)  # The constant.
+    np.testing.assert_array_equal(arrays.weights[:, 4], [0, 0, 0.1, 0.05, *13 * [0]])
 
 
-def test_a_basis_function_of_several_terms_is_evaluated_once_and_where_it_acts():
+def test_a_gaussian_of_several_functions_is_evaluated_once_and_where_it_acts():
     same = {"variables": ["x"], "centers": [[-2.0], [0.0]], "widths": [0.5]}
     data = FieldData(
         **same,
-        weights={"wind_z": [1.0, 0.0]},
+        weights={"c_lift": [1.0, 0.0], "c_drag": [0.5, 0.0]},
         more=[
             FieldData(**same, weights={"pose_x": [0.1, 0.2]}),
-            FieldData(**same, weights={"wind_z": [2.0, 0.0]}),
+            FieldData(**same, weights={"c_lift": [2.0, 0.0]}),
         ],
     )
     field = make_field(data)
-    np.testing.assert_array_equal(field.centers[0], [-2.0, 0.0])
-    terms = [FIELD_TERMS.index(name) for name in ("wind_z", "pose_x")]
-    np.testing.assert_allclose(field.weights[terms], [[3.0, 0.0], [0.1, 0.2]])
-    assert of_motion(field).weights.shape[1] == 1
-    assert of_sensors(field).weights.shape[1] == 2
+    assert (field.num_air, field.num_flown) == (0, 1)
+    np.testing.assert_array_equal(field.centers[0], [-2.0, -2.0, 0.0])
+    terms = [FIELD_TERMS.index(name) for name in ("c_lift", "c_drag", "pose_x")]
+    expected = [[3.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.1, 0.2]]
+    np.testing.assert_allclose(field.weights[terms], expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "variable", "words"),
+    [("wind_z", "V", "x, z, t, pitch, pitchdot"), ("pose_x", "alpha", "x, z, pitch")],
+)
+def test_what_a_free_function_cannot_vary_with_is_refused(name, variable, words):
+    """Air is met before its speed is known; a reading shows the pose alone."""
+    data = FieldData(
+        variables=[variable], centers=[[1.0]], widths=[1.0], weights={name: [1.0]}
+    )
+    with pytest.raises(InputError, match=f"variables of.*{variable}.*some of {words}"):
+        make_field(data)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +194,7 @@ def test_a_basis_function_of_several_terms_is_evaluated_once_and_where_it_acts()
         ("field: {weights: {c_left: [1.0]}}", "'c_left'"),
         (
             "field: {variables: [V], widths: [1], weights: {pose_z: []}}",
-            "variables of pose_z is ['V']; expected x, z and pitch",
+            "variables of pose_z is ['V']; expected some of x, z, pitch",
         ),
         (
             "covariance: {names: [wind.x], matrix: [[1.0]]}",

@@ -9,7 +9,8 @@ import scipy.linalg
 
 from glider.campaign.turning import Signs
 from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, WIND
-from glider.sysid.likelihood.blocks import SPREADS, flown_values
+from glider.physics.effects.field import FREE_FUNCTIONS
+from glider.sysid.likelihood.blocks import flown_values
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import (
@@ -313,7 +314,8 @@ def sized(task, model, name, size):
     own, flown = task.blocks[name], flown_values(task.records, model.theta)
     own = dataclasses.replace(own, coordinates=np.ones(own.count))
     values = own.functions(flown[:, own.columns]) @ own.weights
-    factor = size * SPREADS[own.terms[0]] / np.sqrt(np.mean(values**2))
+    [value] = FREE_FUNCTIONS[own.terms[0]].coefficients
+    factor = size * value.scale / np.sqrt(np.mean(values**2))
     return dataclasses.replace(own, coordinates=factor * own.coordinates)
 
 

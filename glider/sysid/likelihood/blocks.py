@@ -16,29 +16,12 @@ import scipy.linalg
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_VARIABLES, Field
-from glider.physics.effects.families import BLOCKS, BlockKind
-from glider.physics.effects.field import (
-    AIR_TERMS,
-    INERTIA_TERMS,
-    SENSOR_TERMS,
-    FieldData,
-)
+from glider.physics.effects.families import FAMILIES, Family
+from glider.physics.effects.field import SENSOR_TERMS, FieldData, gaussian
 from glider.sysid.constants import RESOLVED, SLACK
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_along, flow_at_nodes
-
-SPREADS = {
-    **dict.fromkeys(AIR_TERMS, 0.5),
-    **{"c_normal": 0.2, "c_axial": 0.2, "c_drag": 0.2, "c_moment": 0.01},
-    **{"elevator_factor": 0.5, "tail_downwash": 0.2, "tail_angle": 0.2},
-    **{"wing_factor": 0.2, "push": 1.0, **dict.fromkeys(INERTIA_TERMS, 0.1)},
-    **dict.fromkeys(SENSOR_TERMS, 0.05),
-}
-"""Prior spread of a block's weights at a strength of one [m/s; -, -, -, m; -, rad, rad;
--, m/s², -, -; m, m, rad]: a tenth of a flat plate's largest coefficients, half of a
-tail's force, a fifth of a wing's, a tenth of the weight, of mass and inertia, of a
-reading what a wide lens or a tilted axis does."""
 
 _ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
 """Terms of blocks that vary about their means: effects of the library, and of measured
@@ -68,7 +51,7 @@ class Block:
     coordinates with a common prior spread, the block's strength.
     """
 
-    name: str  #: Of BLOCKS.
+    name: str  #: Of FAMILIES.
     terms: tuple[str, ...]  #: T of FIELD_TERMS.
     variables: tuple[str, ...]  #: d of FIELD_VARIABLES.
     centers: np.ndarray  #: (M, d)
@@ -147,18 +130,6 @@ def terms_of(blocks: Iterable[Block]) -> set[str]:
     return {term for block in blocks for term in block.terms}
 
 
-def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.ndarray:
-    """Returns Gaussians (n, M) about centers (M, d) at values (n, d)."""
-    squares = np.zeros((len(values), len(centers)))
-    for own, center, width in zip(values.T, centers.T, widths.T, strict=True):
-        apart = own[:, None] - center  # In place: pairs of variables have many.
-        apart /= width
-        apart *= apart
-        squares += apart
-    squares *= -0.5
-    return np.exp(squares, out=squares)
-
-
 def carried_blocks(data: FieldData | None) -> tuple[Block, ...]:
     """Returns the functions that a model carries, each with a factor to fit."""
     found = []
@@ -213,11 +184,11 @@ def values_at_nodes(
 
 
 def make_blocks(flown: np.ndarray) -> dict[str, Block]:
-    """Spreads the bases of BLOCKS over `flown_values`; a point has none."""
+    """Spreads the bases of FAMILIES over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     flown = flown[:: max(1, len(flown) // 2000)]
     reached = dict[str, list[int]]()
-    for name, kind in BLOCKS.items():
+    for name, kind in FAMILIES.items():
         columns = [FIELD_VARIABLES.index(name) for name in kind.variables]
         if np.all(high[columns] - low[columns] >= _LEAST_RANGE):
             reached[name] = columns
@@ -225,28 +196,30 @@ def make_blocks(flown: np.ndarray) -> dict[str, Block]:
     def make(name: str) -> Block:
         columns = reached[name]
         range_ = np.stack([low[columns], high[columns]])
-        return _make_block(name, BLOCKS[name], range_, flown[:, columns])
+        return _make_block(name, FAMILIES[name], range_, flown[:, columns])
 
     return dict(zip(reached, in_parallel(make, reached), strict=True))
 
 
 def _make_block(
-    name: str, kind: BlockKind, range_: np.ndarray, flown: np.ndarray
+    name: str, family: Family, range_: np.ndarray, flown: np.ndarray
 ) -> Block:
     """Spreads Gaussians over the range (2, d) of values (n, d), and mixes them.
 
     Mixtures that no flight shows are left out.
     """
-    of_position = kind.term in ("pose_x", "pose_z")
+    function = family.free_function
+    [value] = function.coefficients
+    of_position = function.kind in ("pose_x", "pose_z")
     width, resolved = _OF_POSITIONS if of_position else (1.0, RESOLVED)
     levels = LEVELS[:1] if of_position else LEVELS
-    own = [_grid(kind.variables, range_, width, i) for i in range(len(levels))]
+    own = [_grid(family.variables, range_, width, i) for i in range(len(levels))]
     centers, widths = map(np.vstack, zip(*own, strict=True))
     pairs = zip(own, levels, strict=True)
     shares = [np.full(len(c), share) for (c, _), (_, share) in pairs]
     basis = np.diag(np.concatenate(shares))
     shown = gaussian(flown, centers, widths)
-    if kind.term in _ABOUT_MEAN:
+    if function.kind in _ABOUT_MEAN:
         mean = shown.mean(axis=0, keepdims=True) @ basis
         basis = basis @ scipy.linalg.null_space(mean)
     squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
@@ -254,12 +227,12 @@ def _make_block(
     basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]
     return Block(
         name=name,
-        terms=(kind.term,),
-        variables=kind.variables,
+        terms=(function.kind,),
+        variables=family.variables,
         centers=centers,
         widths=widths,
         flown=range_,
-        mix=SPREADS[kind.term] * basis,
+        mix=value.scale * basis,
         leading=int(np.count_nonzero(spreads > SLACK)),
         coordinates=np.zeros(basis.shape[1]),
     )

@@ -16,7 +16,7 @@ from glider.compiled import replay as compiled
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET
 from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, PITCH_MOMENT, Field
-from glider.physics.effects.field import COEFFICIENTS, of_sensors
+from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.log_space import resting_states, sensed
@@ -160,7 +160,7 @@ def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndar
     space = record.space
     n = len(record.time)
     step = 1e-4
-    is_read = of_sensors(field).weights.shape[1] > 0
+    is_read = field.weights.shape[1] > field.num_flown
     if not is_read and not np.any(theta[list(space.sensor_slots)]):
         return record.nodes.copy()
     states = np.tile(record.nodes, (2, 1))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS, SLACK, Z
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.information import solve_scaled
@@ -119,7 +119,7 @@ def renamed(search: Search, model: FitResult) -> FitResult | None:
         return None
     own = near.by_first(model.kinds)
     for block in model.free_kinds:
-        score = near.among(set(BLOCKS[block].formulas))
+        score = near.among(set(FAMILIES[block].formulas))
         rest = tuple(member for member in own if member[0] != block)
         options = [max(score.larger(s), key=score, default=s) for s in (rest, own)]
         if found := search.better(model, near, options):
@@ -136,7 +136,7 @@ def families_of(search: Search, model: FitResult) -> dict[str, str]:
         return {}
     found = {}
     for block in model.free_kinds:
-        family = {block, *BLOCKS[block].formulas}
+        family = {block, *FAMILIES[block].formulas}
         own = near.by_first(k for k in model.kinds if k not in family)
         if options := near.among(family - {block}).larger(own):
             [*_, (found[block], _)] = max(options, key=near)

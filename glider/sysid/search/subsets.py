@@ -10,7 +10,7 @@ from math import log
 
 import numpy as np
 
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.sysid import constants
 from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
 from glider.sysid.likelihood.information import Evidence
@@ -202,11 +202,11 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
     likelier than that none of them acts; any other claims that no formula will do,
     which is its rival.
     """
-    if kind not in BLOCKS:
+    if kind not in FAMILIES:
         is_alone = len(kinds) <= 1
         own = log(len(task.vehicle.kinds)) if is_alone else constants.EVIDENCE_THRESHOLD
-    elif not BLOCKS[kind].bends.isdisjoint(kinds):
-        own = log(len(BLOCKS))
+    elif not FAMILIES[kind].bends.isdisjoint(kinds):
+        own = log(len(FAMILIES))
     else:
         own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
     return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, LEAST_SUPPORT, MANY_FLIGHTS, RIVAL_GAP
 from glider.sysid.likelihood.candidates import (
@@ -66,7 +66,7 @@ class Search:
         own = set(model.kinds)
         its = set(other.kinds)
         is_simpler = own <= its
-        is_named = its - own <= BLOCKS.keys() and not (own - its) & BLOCKS.keys()
+        is_named = its - own <= FAMILIES.keys() and not (own - its) & FAMILIES.keys()
         margin = 0.0 if is_simpler or is_named else RIVAL_GAP
         return self.penalized_cost(model) < self.penalized_cost(other) - margin
 
@@ -160,7 +160,7 @@ def _formulas_about(task: Task, model: FitResult) -> Candidates:
 
     Any free function may be offered beside them.
     """
-    terms = {kind.term for kind in BLOCKS.values()}
+    terms = {family.free_function.kind for family in FAMILIES.values()}
     candidates = gather(task, model, terms)
     about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
     if about.scales.is_still:
@@ -220,8 +220,8 @@ def _family_of(kind: str, model: FitResult) -> set[str]:
 
     Beside a free function, any formula of its family does nearly as well.
     """
-    blocks = [b for b in model.free_kinds if kind == b or kind in BLOCKS[b].bends]
-    return {name for block in blocks for name in (block, *BLOCKS[block].formulas)}
+    blocks = [b for b in model.free_kinds if kind == b or kind in FAMILIES[b].bends]
+    return {name for block in blocks for name in (block, *FAMILIES[block].formulas)}
 
 
 def near_and_rivals(

@@ -8,7 +8,7 @@ import pytest
 
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import OFFSET, advance_nodes, roll_out
-from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
+from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.effects.field import (
     FIELD_TERMS,
     SENSOR_TERMS,
@@ -121,8 +121,7 @@ def test_columns_of_a_reading_are_derivatives(task, term):
         weights={term: [small]},
     )
     field, flight = make_field(data), linearize(record, theta, NO_FIELD)
-    column = FIELD_VARIABLES.index(data.variables[0])
-    basis = gaussians(field, [column], record.nodes[:, [variable]])
+    basis = gaussians(data, record.nodes[:, [variable]])
     wide = flight.with_forces(basis, [term], np.eye(1))
     column, error = whitened(wide).T
     numeric = (error - whitened(linearize(record, theta, field))[:, 0]) / small
