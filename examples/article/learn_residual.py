@@ -34,7 +34,7 @@ import numpy as np
 import learning
 from diagrams import playback
 from diagrams.programs import program
-from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.model import GliderModel
 from learning import Identify, Round, learn
 from learning_figures import save_learning_figure
@@ -116,9 +116,10 @@ def weight_changes(rounds: Sequence[Round]) -> list[float]:
 
 
 def _weights(model: GliderModel) -> np.ndarray:
-    if model.field is None:
+    if not model.free_functions:
         return np.zeros(1)
-    return np.array([model.field.weights[name] for name in COEFFICIENTS])
+    [residual] = model.free_functions
+    return np.array([residual.weights[name] for name in COEFFICIENTS])
 
 
 def run(

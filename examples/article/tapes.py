@@ -28,7 +28,7 @@ def fly_tapes(
             where the effects' own states ask for it.
     """
     states = np.empty((len(commands), commands.shape[1] + 1, starts.shape[1]))
-    LOOPS.over(model.kinds, model.has_field).rollouts(
+    LOOPS.over(model.kinds).rollouts(
         np.ascontiguousarray(starts, dtype=float),
         np.ascontiguousarray(commands, dtype=float),
         step,

@@ -181,7 +181,7 @@ def fly_feedback(
     tables = feedback.offset, feedback.gain, feedback.noise
     offset, gain, noise = (np.ascontiguousarray(t, dtype=float) for t in tables)
     states = np.empty((batch, steps + 1 if keep_paths else 1, n))
-    LOOPS.over(model.kinds, model.has_field).guided(
+    LOOPS.over(model.kinds).guided(
         np.ascontiguousarray(starts, dtype=float),
         steps,
         step,

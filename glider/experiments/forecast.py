@@ -30,7 +30,7 @@ from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import linear_flight, moved, prior_of
-from glider.sysid.likelihood.task import FitResult, Task, field_of
+from glider.sysid.likelihood.task import FitResult, Task, acting_gaussians
 from glider.sysid.replay.record import Noise, Record, prepare
 
 Grams = tuple[np.ndarray, ...]
@@ -91,7 +91,9 @@ class Forecast:
 
         def fly(one: tuple[Throw, FitResult]) -> Flight:
             throw, model = one
-            return log_of(throw, self.place, space, model.theta, field_of(model))
+            return log_of(
+                throw, self.place, space, model.theta, acting_gaussians(model)
+            )
 
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
@@ -107,7 +109,7 @@ class Forecast:
         def check(pair: tuple[Throw, list[Record]]) -> bool:
             throw, own = pair
             return len(own) == len(self.explanations) and all(
-                is_safe(throw, record, model.theta, field_of(model), limits)
+                is_safe(throw, record, model.theta, acting_gaussians(model), limits)
                 for record, model in zip(own, self._models, strict=True)
             )
 

@@ -65,17 +65,17 @@ def sensor_terms(flow, x, c, values):
     return 0.0, 0.0, 0.0
 
 
-def air_values(motion, field):
+def air_values(motion, gaussians):
     """Values of the free functions that move the air."""
     return ()
 
 
-def body_values(flow, field):
+def body_values(flow, gaussians):
     """Values of the free functions that act on the glider."""
     return ()
 
 
-def sensor_values(flow, field):
+def sensor_values(flow, gaussians):
     """Values of the free functions that the sensors show."""
     return ()
 
@@ -177,7 +177,7 @@ def elevator_force(flow, plate, deflection, downwash, factor):
 def flow_in_air(t, x, rate, wind_x, wind_z, theta):
     """Returns the Flow of a state, in the effects' air too."""
     motion = motion_of(t, x, rate)
-    values = air_values(motion, theta.field)
+    values = air_values(motion, theta.gaussians)
     more_x, more_z = air_terms(motion, x, theta.c, values)
     return flow_of(motion, wind_x + more_x, wind_z + more_z, theta.p)
 
@@ -185,7 +185,7 @@ def flow_in_air(t, x, rate, wind_x, wind_z, theta):
 def meet_air(t, x, rate, wind_x, wind_z, theta):
     """Returns the Flow of a state and the values of the free functions in it."""
     flow = flow_in_air(t, x, rate, wind_x, wind_z, theta)
-    return flow, body_values(flow, theta.field)
+    return flow, body_values(flow, theta.gaussians)
 
 
 def wrench(flow, values, x, c):
@@ -286,7 +286,7 @@ def derivatives(t, x, u, wind_x, wind_z, theta):
 def measure(x, theta):
     """Returns the pose (x, z, pitch) that the sensors show of a state."""
     flow = flow_of(motion_of(0.0, x, 0.0), 0.0, 0.0, theta.p)
-    values = sensor_values(flow, theta.field)
+    values = sensor_values(flow, theta.gaussians)
     error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c, values)
     return x[0] + error_x, x[1] + error_z, x[2] + error_pitch
 
@@ -296,16 +296,16 @@ def parameters_of(n):
     return Parameters(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8])
 
 
-def theta_of(numbers, field):
+def theta_of(numbers, gaussians):
     """Returns the Theta of a vector: parameters, then coefficients.
 
     It returns an array, so no other function of the chain may call it: compiled, they
     count no references (see `glider.compiled.kernel`), and its array would never go.
     """
-    return Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
+    return Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], gaussians)
 
 
-def derivatives_of(t, z, n, field):
+def derivatives_of(t, z, n, gaussians):
     """Returns ẋ from one vector of all numbers that it depends on.
 
     Args:
@@ -313,8 +313,8 @@ def derivatives_of(t, z, n, field):
         z: (n + 3 + 9 + len(c),) state, command [rad/s], wind (x, z) [m/s], parameters,
             coefficients.
         n: number of states.
-        field: the free functions.
+        gaussians: of the free functions.
     """
     numbers = z[n + NUM_INPUTS :]
-    theta = Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
+    theta = Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], gaussians)
     return derivatives(t, z, z[n], z[n + 1], z[n + 2], theta)

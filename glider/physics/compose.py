@@ -13,29 +13,26 @@ from collections.abc import Callable
 
 from glider.physics import chain
 from glider.physics.effects.effect import STAGES, Coefficient, EffectKind
-from glider.physics.effects.field import (
-    FREE_FUNCTIONS,
+from glider.physics.effects.free_functions import (
     GROUPS,
+    ROWS,
     basis_function,
-    field_variables,
+    flow_variables,
     motion_variables,
-    rows_of,
 )
 from glider.physics.parameter_space import space_of
 from glider.physics.parameters import NUM_PARAMETERS
 
-_OF_FREE_FUNCTIONS = basis_function, field_variables, motion_variables
+_OF_FREE_FUNCTIONS = basis_function, flow_variables, motion_variables
 _CHAIN = inspect.getsource(chain)
 """Read now: the file may be edited while this process runs."""
 
 
-def _hooks_source(
-    effects: tuple[EffectKind, ...], has_field: bool, skip_absent: bool
-) -> str:
+def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool) -> str:
     """Returns Python text that defines the `*_terms` functions of these effects.
 
     The text calls formula `i` as `formula_i`, its state rate as `rate_i` and what is
-    pending as `pending_i`, and the formula of free function `k` as `free_k`. With
+    pending as `pending_i`. With
     `skip_absent` it omits at run time the formulas whose sizes, the coefficients that
     are not mere shapes, are all at their defaults, and state rates at defaults that no
     search for the effect starts from. That saves a kernel with the whole library most
@@ -44,8 +41,20 @@ def _hooks_source(
     """
     space = space_of(effects)
 
+    free = [kind for kind in effects if kind.is_free]
+    places: dict[str, int] = {}
+    lines: list[str] = []
+    for group, stages in GROUPS.items():
+        rows = [ROWS[kind.kind] for kind in free if kind.stage in stages]
+        names = [kind.kind for kind in free if kind.stage in stages]
+        lines.append(_values_source(group, rows))
+        places |= {name: place for place, name in enumerate(names)}
+
     def entries(i: int) -> list[tuple[str, Coefficient]]:
         """Returns the coefficients of an effect, each with its text."""
+        if effects[i].is_free:
+            [value] = effects[i].coefficients
+            return [(f"values[{places[effects[i].kind]}]", value)]
         slots = space.slots_of(effects[i].kind)
         texts = [f"c[{slot - NUM_PARAMETERS}]" for slot in slots]
         return [*zip(texts, effects[i].coefficients, strict=True)]
@@ -70,13 +79,6 @@ def _hooks_source(
         lines.append(line)
         return [f"d{i}"] if count == 1 else [f"d{i}[{k}]" for k in range(count)]
 
-    functions = [*FREE_FUNCTIONS.values()]
-    lines: list[str] = []
-    places: dict[int, int] = {}
-    for group in GROUPS if has_field else ():
-        rows = rows_of(group)
-        lines.append(_values_source(group, rows))
-        places |= {row: place for place, row in enumerate(rows)}
     for stage, terms in STAGES.items():
         if stage in ("actuator", "log"):
             continue
@@ -90,7 +92,7 @@ def _hooks_source(
                 continue
             line = f"    e{i} = {call('formula', i, first)}"
             targets = effect.adds_to
-            if skip_absent:
+            if skip_absent and not effect.is_free:
                 sizes = [(text, c) for text, c in entries(i) if not c.is_shape]
                 present = [f"{text} != {c.default}" for text, c in sizes]
                 zeros = ", ".join([f"0.0 * {first}.xdot"] * len(targets))
@@ -98,14 +100,6 @@ def _hooks_source(
             lines.append(line)
             for k, term in enumerate(targets):
                 sums[term].append(f"e{i}" if len(targets) == 1 else f"e{i}[{k}]")
-        for row, place in places.items():
-            function = functions[row]
-            if function.stage != stage:
-                continue
-            lines.append(f"    f{row} = free_{row}({first}, values[{place}])")
-            targets = function.adds_to
-            for k, term in enumerate(targets):
-                sums[term].append(f"f{row}" if len(targets) == 1 else f"f{row}[{k}]")
         parts = ", ".join(" + ".join(s) if s else "0.0" for s in sums.values())
         lines.append(f"    return {parts}\n")
 
@@ -135,9 +129,14 @@ def _hooks_source(
 
 
 _SPANS = {
-    "air": ("motion", "motion_variables", "0", "field.num_air"),
-    "body": ("flow", "field_variables", "field.num_air", "field.num_flown"),
-    "sensor": ("flow", "motion_variables", "field.num_flown", "field.weights.shape[1]"),
+    "air": ("motion", "motion_variables", "0", "gaussians.num_air"),
+    "body": ("flow", "flow_variables", "gaussians.num_air", "gaussians.num_flown"),
+    "sensor": (
+        "flow",
+        "motion_variables",
+        "gaussians.num_flown",
+        "gaussians.weights.shape[1]",
+    ),
 }
 """What the free functions of a group vary with, and which Gaussians are theirs."""
 
@@ -148,33 +147,36 @@ def _values_source(group: str, rows: list[int]) -> str:
     What is linear about a point is no sensor's.
     """
     first, variables, start, end = _SPANS[group]
+    if not rows:
+        return f"def {group}_values({first}, gaussians):\n    return ()\n"
     names = [f"v{row}" for row in rows]
     gaussian = [
-        f"            v{row} = v{row} + basis * field.weights[{row}, m]" for row in rows
+        f"            v{row} = v{row} + basis * gaussians.weights[{row}, m]"
+        for row in rows
     ]
     slopes = [
-        f"            v{row} = v{row} + apart * field.tangent[d, {1 + row}]"
+        f"            v{row} = v{row} + apart * gaussians.tangent[d, {1 + row}]"
         for row in rows
     ]
     at_point = [
-        f"        v{row} = v{row} + field.tangent[last, {1 + row}]" for row in rows
+        f"        v{row} = v{row} + gaussians.tangent[last, {1 + row}]" for row in rows
     ]
     lines = [
-        f"def {group}_values({first}, field):",
+        f"def {group}_values({first}, gaussians):",
         f"    {' = '.join(names)} = 0.0 * {first}.xdot",
         f"    if {end} > {start}:",
         f"        variables = {variables}({first})",
         f"        for m in range({start}, {end}):",
-        "            basis = basis_function(variables, field, m)",
+        "            basis = basis_function(variables, gaussians, m)",
         *gaussian,
     ]
     if group != "sensor":
         lines += [
-            "    if field.tangent.shape[0] > 0:",
+            "    if gaussians.tangent.shape[0] > 0:",
             f"        variables = {variables}({first})",
-            "        last = field.tangent.shape[0] - 1",
+            "        last = gaussians.tangent.shape[0] - 1",
             "        for d in range(min(last, len(variables))):",
-            "            apart = variables[d] - field.tangent[d, 0]",
+            "            apart = variables[d] - gaussians.tangent[d, 0]",
             *slopes,
             *at_point,
         ]
@@ -185,8 +187,6 @@ def _values_source(group: str, rows: list[int]) -> str:
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     """Returns the names that the text of `_hooks_source` needs."""
     names: dict[str, Callable] = {f.__name__: f for f in _OF_FREE_FUNCTIONS}
-    for k, kind in enumerate(FREE_FUNCTIONS.values()):
-        names[f"free_{k}"] = kind.formula
     for i, effect in enumerate(effects):
         names[f"formula_{i}"] = effect.formula
         if effect.state_rate is not None:
@@ -196,29 +196,24 @@ def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     return names
 
 
-def source(
-    effects: tuple[EffectKind, ...], has_field: bool, skip_absent: bool = False
-) -> str:
+def source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
     """Returns the text of the chain with these effects joined in.
 
     The functions that `_hooks_source` defines come last and so replace those of
     the nominal model.
     """
-    return "\n\n".join([_CHAIN, _hooks_source(effects, has_field, skip_absent)])
+    return "\n\n".join([_CHAIN, _hooks_source(effects, skip_absent)])
 
 
 @functools.lru_cache(maxsize=64)
-def compose(
-    effects: tuple[EffectKind, ...] = (), has_field: bool = False
-) -> types.SimpleNamespace:
+def compose(effects: tuple[EffectKind, ...] = ()) -> types.SimpleNamespace:
     """The functions of the chain, `derivatives` and others, with effects joined in.
 
     The effects are in the order in which their coefficients follow each other in `c`.
-    Without a residual Field `field` is not looked at.
     """
     tag = "-".join(e.kind for e in effects) or "nominal"
-    filename = f"<dynamics of {tag}{'-field' * has_field}>"
-    text = source(effects, has_field)
+    filename = f"<dynamics of {tag}>"
+    text = source(effects)
     linecache.cache[filename] = (len(text), None, text.splitlines(True), filename)
     names = formulas(effects)
     exec(compile(text, filename, "exec"), names)  # Our own text only.

@@ -136,7 +136,7 @@ class SequenceCost:
         batch = len(commands)
         to_go = np.empty((batch, self.steps + 1))
         states = np.empty((batch if keep else 0, self.steps + 1, self.num_states))
-        LOOPS.over(model.kinds, model.has_field).sampled_costs(
+        LOOPS.over(model.kinds).sampled_costs(
             start,
             commands,
             np.zeros(self.steps) if nominal is None else nominal,

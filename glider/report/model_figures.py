@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from glider.physics.effects.field import FieldData, gaussians
+from glider.physics.effects.free_functions import FreeFunction
 from glider.report import error_table
 from glider.report.error_table import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
@@ -164,13 +164,12 @@ def _lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
 
 
 def carried_figure(result: Result) -> spec.Figure | None:
-    """The residual field of a corrected model, term by term.
+    """The free functions of a corrected model.
 
     Over one variable; of two, over the first, at three values of the second.
     """
-    field = result.model.field
-    parts = [] if field is None else [field, *field.more]
-    parts = [p for p in parts if len(p.variables) in (1, 2) and p.centers]
+    functions = result.model.free_functions
+    parts = [p for p in functions if len(p.variables) in (1, 2) and p.centers]
     flown = result.residual_after.variables
     panels = [panel for part in parts for panel in _carried_panels(part, flown)]
     if not panels:
@@ -180,7 +179,7 @@ def carried_figure(result: Result) -> spec.Figure | None:
 
 
 def _carried_panels(
-    part: FieldData, flown: Mapping[str, np.ndarray]
+    part: FreeFunction, flown: Mapping[str, np.ndarray]
 ) -> list[spec.Panel]:
     variable, *others = part.variables
     values = np.column_stack([flown[name] for name in part.variables])
@@ -191,7 +190,7 @@ def _carried_panels(
     lines: dict[str, list[spec.Line]] = {}
     for i, other in enumerate(slices):
         at = np.column_stack([place, np.tile(other, (len(place), 1))])
-        basis = gaussians(part, at)
+        basis = part.basis(at)
         width = 1.0 + i if others else None
         for term, weights in part.weights.items():
             value = basis @ weights

@@ -51,7 +51,7 @@ def is_one_left(proposal: Proposal) -> bool:
 def is_done(proposal: Proposal) -> bool:
     """Checks whether more flights would show nothing more."""
     is_known = proposal.ending_now < _SMALL * proposal.ending_air
-    is_explained = not proposal.explanations[0].model.blocks
+    is_explained = not proposal.explanations[0].model.functions
     return is_one_left(proposal) and is_known and is_explained
 
 

@@ -103,9 +103,9 @@ def verdict(
         effects.append(entry("angle_sign"))
     if unnamed:
         effects.append(entry("unexplained"))
-    blocks = ("air over x",) if field else ()
+    functions = ("air over x",) if field else ()
     traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=(*kinds, *blocks), blocks=blocks),
+        model=types.SimpleNamespace(kinds=(*kinds, *functions), functions=functions),
         forces=None if left_over is None else object(),
     )
     left = Residual(
@@ -328,17 +328,17 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
 
 
 @pytest.mark.parametrize(
-    ("kinds", "blocks", "expected"),
+    ("kinds", "functions", "expected"),
     [
         (("mass", "center_of_pressure"), (), True),
         (("mass", "profile_drag"), (), False),
         (("mass",), (object(),), False),
         ((), (), False),
     ],
-    ids=["own", "more", "block", "nothing"],
+    ids=["own", "more", "function", "nothing"],
 )
-def test_only_the_plates_own_numbers_are_of_the_plate(kinds, blocks, expected):
-    model = types.SimpleNamespace(kinds=kinds, blocks=blocks)
+def test_only_the_plates_own_numbers_are_of_the_plate(kinds, functions, expected):
+    model = types.SimpleNamespace(kinds=kinds, functions=functions)
     assert changes_baseline_alone(model) is expected
 
 

@@ -12,7 +12,7 @@ from glider.control import mpc
 from glider.control.mpc import LAST, Replanner
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
@@ -144,7 +144,7 @@ def test_who_need_not_arrive_ends_where_it_is_cheapest():
 def test_what_cannot_be_planned_for_is_refused(monkeypatch):
     with pytest.raises(InputError, match="command rate is nan"):
         controller(command_rate=np.nan)
-    gust = FieldData(
+    gust = FreeFunction(
         kind="unexplained",
         variables=["t"],
         centers=[[0.5]],
@@ -152,7 +152,7 @@ def test_what_cannot_be_planned_for_is_refused(monkeypatch):
         weights={"wind_z": [0.3]},
     )
     with pytest.raises(InputError, match="depends on time"):
-        controller(GliderModel(field=gust))
+        controller(GliderModel(free_functions=(gust,)))
     whole = mpc.solve_structured
     monkeypatch.setattr(
         mpc, "solve_structured", lambda *a, **k: whole(*a, **(k | {"iterations": 2}))

@@ -249,6 +249,9 @@ class EffectKind:
     #: log is replayed through it; then it is no part of the dynamics that fly the log.
     #: An actuator without one is integrated by its formulas.
     replay: Callable[..., Replay] | None = None
+    #: Whether its coefficient is a function of the flow, of FREE_FUNCTIONS, which no
+    #: vector of numbers holds.
+    is_free: bool = False
 
     def __post_init__(self):
         """Raises InputError where the effect could not be used."""

@@ -3,7 +3,7 @@
 import dataclasses
 
 from glider.physics.effects import LIBRARY, EffectKind
-from glider.physics.effects.field import FREE_FUNCTIONS
+from glider.physics.effects.free_functions import FREE_FUNCTIONS
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -16,7 +16,7 @@ class Family:
 
     link: str  #: Of the force chain, as reports have it.
     free_function: EffectKind  #: Of FREE_FUNCTIONS.
-    variables: tuple[str, ...]  #: Of FIELD_VARIABLES, one or two.
+    variables: tuple[str, ...]  #: Of FLOW_VARIABLES, one or two.
     formulas: tuple[str, ...]  #: Effects of the library that are of the family.
     bends: frozenset[str]  #: Effects whose formula it may bend.
 

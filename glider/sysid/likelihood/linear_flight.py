@@ -16,8 +16,8 @@ from glider.compiled.replay import (
     measure_nodes,
     slopes_along,
 )
-from glider.physics.effects import FIELD_TERMS, PITCH_MOMENT, PITCH_OFFSET, Field
-from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS
+from glider.physics.effects import PITCH_MOMENT, PITCH_OFFSET, Gaussians
+from glider.physics.effects.free_functions import AIR_TERMS, ROWS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
 from glider.sysid.replay.log_space import SERVO_LOG, sensed
@@ -73,7 +73,7 @@ class LinearFlight:
     by_air: np.ndarray
     by_trim: np.ndarray
     by_term: np.ndarray  #: By a constant of each of `terms`.
-    terms: tuple[str, ...]  #: Of FIELD_TERMS, the air's first.
+    terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, the air's first.
     inputs: np.ndarray
     pose_by_x: np.ndarray
     outputs: np.ndarray
@@ -157,14 +157,14 @@ def path_of(
 def linearize(
     record: Record,
     theta: np.ndarray,
-    field: Field,
+    gaussians: Gaussians,
     directions: Sequence[Direction] = (),
     about: Surroundings = STILL_AIR,
     terms: Iterable[str] = (),
 ) -> LinearFlight:
     """Makes a flight linear about its smoothed measurement and its surroundings.
 
-    Forces may be added to it later only by `terms` of FIELD_TERMS.
+    Forces may be added to it later only by `terms` of FREE_FUNCTIONS.
     """
     space = record.space
     theta = theta.copy()
@@ -172,7 +172,7 @@ def linearize(
     theta[list(space.slots_of(PITCH_OFFSET.kind))] += constants[3]  # It reads too much.
     with_states = any(d.kind in space.states for d in directions)
     kinds = space.flown
-    nodes = true_nodes(record, theta, field, with_states)
+    nodes = true_nodes(record, theta, gaussians, with_states)
     states = space.acting_states(theta)
     columns = len(directions) + 1
     terms = dict.fromkeys(t for t in (*AIR_TERMS, *terms) if t not in SENSOR_TERMS)
@@ -201,10 +201,10 @@ def linearize(
             begins = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
             own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
             start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
-    index = [FIELD_TERMS.index(name) for name in shown]
+    index = [ROWS[name] for name in shown]
     width = states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
-        kinds, path, nodes, dynamics, moved, sizes, field, index, width
+        kinds, path, nodes, dynamics, moved, sizes, gaussians, index, width
     )
     inputs = np.zeros((len(ends), width, columns))
     by_air = by_term[:, :, :2]
@@ -214,7 +214,9 @@ def linearize(
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
     beside = {j: d for j, d in moving.items() if j not in plain}
-    secants = _secants(record, theta, field, [*beside.values()], about, (nodes, ends))
+    secants = _secants(
+        record, theta, gaussians, [*beside.values()], about, (nodes, ends)
+    )
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
     by_x = by_x.take(states, 1).take(states, 2)
@@ -236,8 +238,8 @@ def linearize(
         by_term=by_term,
         terms=shown,
         inputs=inputs.take(states, 1),
-        pose_by_x=measure_nodes(kinds, nodes, dynamics, field)[1].take(states, 2),
-        outputs=_outputs(record, theta, field, directions, nodes),
+        pose_by_x=measure_nodes(kinds, nodes, dynamics, gaussians)[1].take(states, 2),
+        outputs=_outputs(record, theta, gaussians, directions, nodes),
         start=start,
     )
 
@@ -245,7 +247,7 @@ def linearize(
 def _secants(
     record: Record,
     theta: np.ndarray,
-    field: Field,
+    gaussians: Gaussians,
     directions: Sequence[Direction],
     about: Surroundings,
     usual: tuple[np.ndarray, np.ndarray],
@@ -263,12 +265,12 @@ def _secants(
     with_states = [s for s, kind in kinds.items() if kind in space.states]
     if with_states:  # The path is the same, and the motion too without the effect.
         own = [bases[shapes] for shapes in with_states]
-        found = with_states_along(record, own, usual[0], field)
+        found = with_states_along(record, own, usual[0], gaussians)
         nodes |= zip(with_states, found, strict=True)
     acting = space.acting_states(theta)
     for shapes, kind in kinds.items():
         if kind not in space.states:
-            nodes[shapes] = true_nodes(record, bases[shapes], field)
+            nodes[shapes] = true_nodes(record, bases[shapes], gaussians)
         elif not {*space.states[kind]}.intersection(acting):
             ends[shapes] = usual[1]
     others = [shapes for shapes in bases if shapes not in ends]
@@ -279,7 +281,7 @@ def _secants(
     pairs = [path_of(record, model, about) for model, _ in flown]
     paths, numbers = zip(*pairs, strict=True)
     begins = [begin for _, begin in flown]
-    found = advance_nodes(space.flown, paths, begins, numbers, field)
+    found = advance_nodes(space.flown, paths, begins, numbers, gaussians)
     ends |= zip(others, found, strict=False)
     moved = zip(directions, found[len(others) :], strict=True)
     return [(end - ends[d.shapes]) / d.size for d, end in moved]
@@ -288,19 +290,19 @@ def _secants(
 def _outputs(
     record: Record,
     theta: np.ndarray,
-    field: Field,
+    gaussians: Gaussians,
     directions: Sequence[Direction],
     nodes: np.ndarray,
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
     space = record.space
-    pose = sensed(space, nodes, theta, field)
+    pose = sensed(space, nodes, theta, gaussians)
     logged = _logged(record, nodes, theta)
     shown = np.hstack([pose, logged])
     outputs = np.zeros((*shown.shape, len(directions) + 1))
     for j, d in enumerate(directions):
         if d.slot in space.sensor_slots:
-            moved = sensed(space, nodes, d.moved(theta), field)
+            moved = sensed(space, nodes, d.moved(theta), gaussians)
             outputs[:, :3, j] = (moved - pose) / d.size
         elif d.slot >= space.num_flown:
             moved = _logged(record, nodes, d.moved(theta))

@@ -78,7 +78,7 @@ class Search:
         *,
         again: bool = False,
     ) -> FitResult:
-        """Fits a model, and the strengths of its blocks, unless its set is known.
+        """Fits a model, and the strengths of its functions, unless its set is known.
 
         Not to the end where it is far behind a rival; beside a worse one, or none, such
         a set is fitted once more. A known set is fitted again from another start if
@@ -126,7 +126,7 @@ class Search:
         few = self.task.offering(kinds).thinned(MANY_FLIGHTS)
         if self._formulas[0] is not model or self._formulas[1] != few.kinds:
             self._formulas = model, few.kinds, _formulas_about(few, model)
-        leading = [block.leading_only for block in few.blocks.values()]
+        leading = [function.leading_only for function in few.functions.values()]
         candidates = self._formulas[2].offering(leading)
         gram = candidates.total(candidates.model.scales)
         if not np.all(np.isfinite(gram)):
@@ -220,8 +220,12 @@ def _family_of(kind: str, model: FitResult) -> set[str]:
 
     Beside a free function, any formula of its family does nearly as well.
     """
-    blocks = [b for b in model.free_kinds if kind == b or kind in FAMILIES[b].bends]
-    return {name for block in blocks for name in (block, *FAMILIES[block].formulas)}
+    functions = [b for b in model.free_kinds if kind == b or kind in FAMILIES[b].bends]
+    return {
+        name
+        for function in functions
+        for name in (function, *FAMILIES[function].formulas)
+    }
 
 
 def near_and_rivals(

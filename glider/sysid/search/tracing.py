@@ -100,15 +100,15 @@ def _begun_from(task: Task, earlier: FitResult) -> FitResult:
     free = list(task.free(earlier.kinds))
     theta = task.vehicle.theta.copy()
     theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
-    blocks = tuple(
-        dataclasses.replace(task.blocks[own.name], strength=own.strength)
-        for own in earlier.blocks
+    functions = tuple(
+        dataclasses.replace(task.functions[own.name], strength=own.strength)
+        for own in earlier.functions
     )
     return FitResult(
         kinds=earlier.kinds,
         theta=theta,
         free=tuple(free),
-        blocks=blocks,
+        functions=functions,
         scales=earlier.scales,
     )
 

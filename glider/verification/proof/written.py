@@ -57,7 +57,7 @@ def write_proof(
 def expect_writable(funnel: Funnel) -> None:
     """Raises InputError for a funnel whose proof the verifying program cannot read."""
     model = funnel.nominal.model
-    if len(model.effects) != len(_winds(model)) or model.has_field:
+    if len(model.effects) != len(_winds(model)) or model.free_functions:
         raise InputError(
             "--write-proof is for a glider of flat plates, in still air or in a steady "
             "wind; this model has other effects."

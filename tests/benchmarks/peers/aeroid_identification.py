@@ -22,7 +22,7 @@ from glider.campaign.logs import Campaign
 from glider.compiled import replay
 from glider.compiled.kernel import Family
 from glider.physics.chain import derivatives, theta_of
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.sysid.likelihood.linear_flight import STILL_AIR, path_of
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task
@@ -183,7 +183,7 @@ class Identification:
         slopes = np.empty_like(states)
         fly = SLOPES.over(self.task.space.flown, True).flight_slopes
         path = self.elevator[k, node], self.rate[k]
-        fly(states, *path, self.last[1], NO_FIELD, self.launches[0].copy(), slopes)
+        fly(states, *path, self.last[1], NO_GAUSSIANS, self.launches[0].copy(), slopes)
         slopes[7:] = -self.gust_rate * states[7:]
         return slopes
 
@@ -210,7 +210,7 @@ class _Rollouts:
             start = launch.copy()
             start[:7] += LAUNCH * shift
             kinds = own.task.space.flown
-            states = replay.roll_out(kinds, path, start, numbers, NO_FIELD)
+            states = replay.roll_out(kinds, path, start, numbers, NO_GAUSSIANS)
             flown.append(states[:, :4])
         outputs = np.concatenate(np.moveaxis(flown, 2, 0)).T
         return SimulationResult(own.time, outputs[:, :0], outputs, (), self.outputs)

@@ -1,7 +1,7 @@
 """Free functions: effects whose coefficient is a sum of Gaussians, not a number.
 
 This is the article's learned residual of C_L, C_D and C_M (kind
-``rbf_residual``), generalised: it may depend on any of FIELD_VARIABLES, and it
+``rbf_residual``), generalised: it may depend on any of FLOW_VARIABLES, and it
 may also be a motion of the air that varies in space or time. The tracer carries
 what it cannot identify (kind ``unexplained``) as such a field.
 """
@@ -18,7 +18,7 @@ from glider.physics.effects.effect import Coefficient, EffectKind, constant
 from glider.physics.effects.wrench import dynamic_pressure_area
 from glider.physics.formulas import exp, scalar
 
-FIELD_UNITS = {
+FLOW_UNITS = {
     "x": "m",
     "z": "m",
     "t": "s",
@@ -37,9 +37,9 @@ The reduced rate is the pitch rate over the airspeed, of which it counts 0.5 m/s
 least: what a turn adds to the angle of attack along a wing. See also `tail_load`.
 """
 
-FIELD_VARIABLES = tuple(FIELD_UNITS)
+FLOW_VARIABLES = tuple(FLOW_UNITS)
 
-_OF_MOTION = FIELD_VARIABLES[:7]  # What the air may vary with.
+_OF_MOTION = FLOW_VARIABLES[:7]  # What the air may vary with.
 _OF_POSE = ("x", "z", "pitch")  # What the error of a reading may vary with.
 
 _LEAST_SPEED = 0.5  # That reduced rates are over, at rest [m/s].
@@ -117,6 +117,7 @@ def _free_function(
         coefficients=(value,),
         formula=formula,
         words=words,
+        is_free=True,
     )
 
 
@@ -238,7 +239,8 @@ mass and inertia are over the glider's own, and what is read is the measured min
 true pose.
 """
 
-FIELD_TERMS = tuple(FREE_FUNCTIONS)
+ROWS = {name: row for row, name in enumerate(FREE_FUNCTIONS)}
+"""Their rows in arrays."""
 
 GROUPS = {
     "air": ("air",),
@@ -254,11 +256,11 @@ def rows_of(group: str) -> list[int]:
     return [i for i, kind in enumerate(_KINDS) if kind.stage in stages]
 
 
-AIR_TERMS = tuple(FIELD_TERMS[i] for i in rows_of("air"))
-SENSOR_TERMS = tuple(FIELD_TERMS[i] for i in rows_of("sensor"))
+AIR_TERMS = tuple(_KINDS[i].kind for i in rows_of("air"))
+SENSOR_TERMS = tuple(_KINDS[i].kind for i in rows_of("sensor"))
 
 
-class Field(NamedTuple):
+class Gaussians(NamedTuple):
     """The numbers of a glider's free functions, as arrays that numba takes.
 
     value_k = Σ_m weights[k, m] exp(-½ Σ_d z_dm²),
@@ -268,7 +270,7 @@ class Field(NamedTuple):
     the air first, then those that act on the body, then those that sensors show.
     """
 
-    centers: np.ndarray  #: (v, M), in the order of FIELD_VARIABLES.
+    centers: np.ndarray  #: (v, M), in the order of FLOW_VARIABLES.
     #: (v, M), zero where the Gaussian does not depend on the variable; a column of
     #: zeros is a constant.
     inverse_widths: np.ndarray
@@ -278,13 +280,13 @@ class Field(NamedTuple):
     #: (v + 1, 18), of constants alone (1, 18), or of length zero, of what is added as
     #: linear about a point: its variables in the first column, slopes of the values
     #: along them in the others, and values there in the last row.
-    tangent: np.ndarray = np.zeros((0, 1 + len(FIELD_TERMS)))
+    tangent: np.ndarray = np.zeros((0, 1 + len(_KINDS)))
 
 
-NO_FIELD = Field(
-    np.zeros((len(FIELD_VARIABLES), 0)),
-    np.zeros((len(FIELD_VARIABLES), 0)),
-    np.zeros((len(FIELD_TERMS), 0)),
+NO_GAUSSIANS = Gaussians(
+    np.zeros((len(FLOW_VARIABLES), 0)),
+    np.zeros((len(FLOW_VARIABLES), 0)),
+    np.zeros((len(_KINDS), 0)),
     0,
     0,
 )
@@ -292,7 +294,7 @@ NO_FIELD = Field(
 
 @scalar
 def motion_variables(motion):
-    """Returns the values of those of FIELD_VARIABLES that a Motion has."""
+    """Returns the values of those of FLOW_VARIABLES that a Motion has."""
     return (
         motion.x,
         motion.z,
@@ -305,8 +307,8 @@ def motion_variables(motion):
 
 
 @scalar
-def field_variables(flow):
-    """Returns the values of FIELD_VARIABLES in a flow."""
+def flow_variables(flow):
+    """Returns the values of FLOW_VARIABLES in a flow."""
     return (
         *motion_variables(flow),
         flow.speed,
@@ -317,32 +319,42 @@ def field_variables(flow):
 
 
 @scalar
-def basis_function(variables, field, m):
-    """Returns a Gaussian of a field at the first of its variables."""
+def basis_function(variables, gaussians, m):
+    """Returns a Gaussian at the first of its variables."""
     exponent = 0.0 * variables[0]
     for d in range(len(variables)):
-        if field.inverse_widths[d, m] != 0.0:
-            scaled = (variables[d] - field.centers[d, m]) * field.inverse_widths[d, m]
+        per = gaussians.inverse_widths[d, m]
+        if per != 0.0:
+            scaled = (variables[d] - gaussians.centers[d, m]) * per
             exponent = exponent - 0.5 * scaled * scaled
     return exp(exponent)
 
 
 @dataclasses.dataclass(kw_only=True)
-class FieldData:
-    """A field as it stands in a model file: plain lists of numbers by name."""
+class FreeFunction:
+    """Gaussians over some variables, and their weights in one free function or several.
+
+    As it stands in a model file: plain lists of numbers by name.
+    """
 
     kind: str = "rbf_residual"  #: "rbf_residual" or "unexplained".
-    #: Names in FIELD_VARIABLES that it depends on.
+    #: Names in FLOW_VARIABLES that it depends on.
     variables: list[str] = dataclasses.field(default_factory=list)
-    #: One row a basis function, one column a variable.
+    #: One row a Gaussian, one column a variable.
     centers: list[list[float]] = dataclasses.field(default_factory=list)
     #: Standard deviation of the Gaussians in each variable, or of each Gaussian.
     widths: list[float | list[float]] = dataclasses.field(default_factory=list)
-    constant: bool = False  #: Whether the last row of weights is of a constant.
-    #: Name in FIELD_TERMS to one weight a basis function.
+    constant: bool = False  #: Whether the last weight is of a constant.
+    #: Name in FREE_FUNCTIONS to one weight a Gaussian.
     weights: dict[str, list[float]] = dataclasses.field(default_factory=dict)
-    #: Further fields over other variables that add to it.
-    more: list["FieldData"] = dataclasses.field(default_factory=list)
+
+    def basis(self, values: np.ndarray) -> np.ndarray:
+        """Returns Gaussians and constant (N, M) at values (N, d) of the variables."""
+        shape = len(self.centers), len(self.variables)
+        centers = np.reshape(self.centers, shape)
+        widths = [np.full(len(centers), own) for own in self.widths]
+        found = gaussian(values, centers, np.reshape(widths, shape[::-1]).T)
+        return np.hstack([found, np.ones((len(values), int(self.constant)))])
 
 
 def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.ndarray:
@@ -357,90 +369,89 @@ def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.
     return np.exp(squares, out=squares)
 
 
-def gaussians(data: FieldData, values: np.ndarray) -> np.ndarray:
-    """Returns the basis functions (N, M) at values (N, d) of the data's variables."""
-    centers = np.array(data.centers).reshape(-1, len(data.variables))
-    widths = [np.full(len(centers), own) for own in data.widths]
-    found = gaussian(values, centers, np.reshape(widths, (-1, len(centers))).T)
-    return np.hstack([found, np.ones((len(values), int(data.constant)))])
+def gaussians_of(functions: Iterable[FreeFunction]) -> Gaussians:
+    """Returns the arrays of free functions, each Gaussian of a group once.
 
-
-def joined(parts: Iterable[Field]) -> Field:
-    """Returns the sum of fields, each Gaussian that a group of theirs has once."""
-    parts = [*parts]
-    shapes = np.vstack(
-        [
-            np.hstack([part.centers for part in parts]),
-            np.hstack([part.inverse_widths for part in parts]),
-        ]
-    )
-    added = np.hstack([part.weights for part in parts])
-    kept = []
-    weights = []
-    ends = []
+    Raises:
+        InputError: one is malformed.
+    """
+    functions = [*functions]
+    if not functions:
+        return NO_GAUSSIANS
+    parts = [_arrays_of(function) for function in functions]
+    shapes = np.hstack([shape for shape, _ in parts])
+    weights = np.hstack([own for _, own in parts])
+    found = []
     for group in GROUPS:
         rows = rows_of(group)
-        acts = np.flatnonzero(added[rows].any(axis=0))
-        own, first, which = np.unique(
+        acts = np.flatnonzero(weights[rows].any(axis=0))
+        _, first, which = np.unique(
             shapes[:, acts], axis=1, return_index=True, return_inverse=True
         )
-        total = np.zeros((len(first), len(FIELD_TERMS)))
-        of_group = np.zeros((len(acts), len(FIELD_TERMS)))
-        of_group[:, rows] = added[rows][:, acts].T
-        np.add.at(total, which.ravel(), of_group)
+        total = np.zeros((len(weights), len(first)))
+        for row in rows:
+            np.add.at(total[row], which.ravel(), weights[row, acts])
         order = np.argsort(first)  # Else as they were.
-        kept.append(own[:, order])
-        weights.append(total[order].T)
-        ends.append(len(first))
-    centers, inverse_widths = np.split(np.hstack(kept), 2)
-    return Field(
+        found.append((shapes[:, acts[first[order]]], total[:, order]))
+    centers, inverse_widths = np.split(np.hstack([shape for shape, _ in found]), 2)
+    counts = [own.shape[1] for _, own in found]
+    return Gaussians(
         np.ascontiguousarray(centers),
         np.ascontiguousarray(inverse_widths),
-        np.ascontiguousarray(np.hstack(weights)),
-        ends[0],
-        ends[0] + ends[1],
+        np.ascontiguousarray(np.hstack([own for _, own in found])),
+        counts[0],
+        counts[0] + counts[1],
     )
 
 
-def make_field(data: FieldData) -> Field:
-    """Returns the arrays of a field; raises InputError where it is malformed."""
-    field = f"field '{data.kind}'"
-    names = dict.fromkeys(data.variables, FIELD_VARIABLES)
-    for name, known in (names | dict.fromkeys(data.weights, FIELD_TERMS)).items():
-        expect(name in known, f"{field}: a name", name, f"one of {', '.join(known)}")
-    for terms, allowed in ((SENSOR_TERMS, _OF_POSE), (AIR_TERMS, _OF_MOTION)):
-        own = [name for name in terms if name in data.weights]
-        others = [name for name in data.variables if name not in allowed]
-        needed = f"some of {', '.join(allowed)}"
-        what = f"{field}: variables of {', '.join(own)}"
-        expect(not own or not others, what, others, needed)
-    needed = (
-        f"one width > 0 for each of {', '.join(data.variables)}, or for each center"
-    )
-    good = len(data.widths) == len(data.variables)
-    expect(good, f"{field}: widths", data.widths, needed)
-    for own in data.widths:  # NaN is refused below.
-        good = not isinstance(own, list) or len(own) == len(data.centers)
-        good = good and not np.any(np.less_equal(own, 0.0))
-        expect(good, f"{field}: widths", own, needed)
-    count = len(data.centers) + data.constant
-    centers = np.zeros((len(FIELD_VARIABLES), count))
+def _arrays_of(function: FreeFunction) -> tuple[np.ndarray, np.ndarray]:
+    """Returns centers above inverse widths (2 v, M), and weights (17, M)."""
+    _check(function)
+    rows = [FLOW_VARIABLES.index(name) for name in function.variables]
+    count = len(function.centers)
+    centers = np.zeros((len(FLOW_VARIABLES), count + function.constant))
     inverse_widths = np.zeros_like(centers)
-    rows = [FIELD_VARIABLES.index(name) for name in data.variables]
-    for m, center in enumerate(data.centers):
-        good = len(center) == len(rows)
-        needed = f"{len(rows)} numbers"
-        expect(good, f"{field}: center {m}", center, needed)
+    for m, center in enumerate(function.centers):
         centers[rows, m] = center
-    for row, own in zip(rows, data.widths, strict=True):
-        inverse_widths[row, : len(data.centers)] = 1.0 / np.asarray(own)
-    weights = np.zeros((len(FIELD_TERMS), count))
-    for name, values in data.weights.items():
-        good = len(values) == count
-        expect(good, f"{field}: '{name}'", values, f"{count} weights")
-        weights[FIELD_TERMS.index(name)] = values
+    for row, width in zip(rows, function.widths, strict=True):
+        inverse_widths[row, :count] = 1.0 / np.asarray(width)
+    weights = np.zeros((len(_KINDS), centers.shape[1]))
+    for name, own in function.weights.items():
+        weights[ROWS[name]] = own
     arrays = {"centers": centers, "widths": inverse_widths, "weights": weights}
     for name, array in arrays.items():
-        expect(np.isfinite(array).all(), f"{field}: {name}", array, "finite numbers")
-    own = Field(centers, inverse_widths, weights, 0, 0)
-    return joined([own, *map(make_field, data.more)])
+        what = f"free function '{function.kind}': {name}"
+        expect(bool(np.isfinite(array).all()), what, array, "finite numbers")
+    return np.vstack([centers, inverse_widths]), weights
+
+
+def _check(function: FreeFunction) -> None:
+    """Raises InputError where a name is unknown or a length does not fit."""
+    what = f"free function '{function.kind}'"
+    known = dict.fromkeys(function.variables, FLOW_VARIABLES)
+    for name, names in (known | dict.fromkeys(function.weights, ROWS)).items():
+        needed = f"one of {', '.join(names)}"
+        expect(name in names, f"{what}: a name", name, needed)
+    for terms, allowed in ((SENSOR_TERMS, _OF_POSE), (AIR_TERMS, _OF_MOTION)):
+        own = [name for name in terms if name in function.weights]
+        others = [name for name in function.variables if name not in allowed]
+        needed = f"some of {', '.join(allowed)}"
+        varied = f"{what}: variables of {', '.join(own)}"
+        expect(not own or not others, varied, others, needed)
+    needed = (
+        f"one width > 0 for each of {', '.join(function.variables)}, or for each center"
+    )
+    good = len(function.widths) == len(function.variables)
+    expect(good, f"{what}: widths", function.widths, needed)
+    for width in function.widths:  # NaN is refused below.
+        good = not isinstance(width, list) or len(width) == len(function.centers)
+        good = good and not np.any(np.less_equal(width, 0.0))
+        expect(good, f"{what}: widths", width, needed)
+    for m, center in enumerate(function.centers):
+        good = len(center) == len(function.variables)
+        needed = f"{len(function.variables)} numbers"
+        expect(good, f"{what}: center {m}", center, needed)
+    count = len(function.centers) + function.constant
+    for name, weights in function.weights.items():
+        good = len(weights) == count
+        expect(good, f"{what}: '{name}'", weights, f"{count} weights")

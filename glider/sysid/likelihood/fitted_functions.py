@@ -1,10 +1,11 @@
-"""Free functions in the links of the force chain: blocks of Gaussians.
+"""Free functions as flights show them: mixtures of Gaussians with a prior.
 
-A block adds a function of a flow's variables to one link: the air, the forces, the
-tail's force or the stream at the tail. It is a Gaussian process with a physical prior
-scale (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch. 45),
-and stands for any formula of a family of effects. Blocks compete with the library's
-formulas; beside one they absorb what a formula of nearly the right shape leaves.
+Each adds a function of a flow's variables to one link of the force chain: the air, the
+forces, the tail's force or the stream at the tail. It is a Gaussian process with a
+physical prior scale (MacKay, Information Theory, Inference, and Learning Algorithms,
+2003, ch. 45), and stands for any formula of a family of effects. Such functions compete
+with the library's formulas; beside one they absorb what a formula of nearly the right
+shape leaves.
 """
 
 import dataclasses
@@ -15,20 +16,20 @@ import numpy as np
 import scipy.linalg
 
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import FIELD_VARIABLES, Field
+from glider.physics.effects import FLOW_VARIABLES, Gaussians
 from glider.physics.effects.families import FAMILIES, Family
-from glider.physics.effects.field import SENSOR_TERMS, FieldData, gaussian
+from glider.physics.effects.free_functions import SENSOR_TERMS, FreeFunction, gaussian
 from glider.sysid.constants import RESOLVED, SLACK
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_along, flow_at_nodes
 
 _ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
-"""Terms of blocks that vary about their means: effects of the library, and of measured
+"""Terms that vary about their means: these are effects of the library, and of measured
 positions nothing that a flight shows."""
 
 LEVELS = (8, 1.0), (32, 0.3)
-"""Gaussians over one variable, and their prior spread over that of a block: wide ones,
+"""Gaussians over one variable, and their prior spread over the function's: wide ones,
 and narrow ones for kinks that only sharp flights show."""
 _PAIR_COUNTS = {"x": 8, "z": 4}
 """Those over each of two variables; over others there are 5."""
@@ -44,16 +45,16 @@ _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Block:
+class FittedFunction:
     """Gaussians over variables, with a weight for each of some terms.
 
     Weights (M T,) go by functions first and then by terms; they are mixtures of
-    coordinates with a common prior spread, the block's strength.
+    coordinates with a common prior spread, the function's strength.
     """
 
     name: str  #: Of FAMILIES.
-    terms: tuple[str, ...]  #: T of FIELD_TERMS.
-    variables: tuple[str, ...]  #: d of FIELD_VARIABLES.
+    terms: tuple[str, ...]  #: T of FREE_FUNCTIONS.
+    variables: tuple[str, ...]  #: d of FLOW_VARIABLES.
     centers: np.ndarray  #: (M, d)
     widths: np.ndarray  #: (M, d)
     flown: np.ndarray  #: (2, d) least and largest values of the variables in flight.
@@ -68,8 +69,8 @@ class Block:
         return self.mix.shape[1]
 
     @property
-    def leading_only(self) -> "Block":
-        """The block with its leading coordinates alone."""
+    def leading_only(self) -> "FittedFunction":
+        """The function with its leading coordinates alone."""
         mix = self.mix[:, : self.leading]
         coordinates = self.coordinates[: self.leading]
         return dataclasses.replace(self, mix=mix, coordinates=coordinates)
@@ -77,7 +78,7 @@ class Block:
     @property
     def columns(self) -> list[int]:
         """Indices of the variables."""
-        return [FIELD_VARIABLES.index(name) for name in self.variables]
+        return [FLOW_VARIABLES.index(name) for name in self.variables]
 
     @property
     def reached(self) -> np.ndarray:
@@ -86,7 +87,7 @@ class Block:
         is_within = (low <= self.centers) & (self.centers <= high)
         return self.centers[is_within.all(axis=1)]
 
-    def functions(self, values: np.ndarray) -> np.ndarray:
+    def gaussians(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (n, M) at values of the variables (n, d)."""
         return gaussian(values, self.centers, self.widths)
 
@@ -96,10 +97,10 @@ class Block:
         return (self.mix @ self.coordinates).reshape(-1, len(self.terms))
 
     @property
-    def data(self) -> FieldData:
+    def data(self) -> FreeFunction:
         """The function as a model file has it, without terms of no weight."""
         weights = zip(self.terms, self.weights.T.tolist(), strict=True)
-        return FieldData(
+        return FreeFunction(
             kind="unexplained",
             variables=list(self.variables),
             centers=self.centers.tolist(),
@@ -118,26 +119,26 @@ class Block:
     def along(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (K, M) along a flight, those of sensors (K + 1, M).
 
-        `values` (K + 1, v) are FIELD_VARIABLES at its nodes.
+        `values` (K + 1, v) are FLOW_VARIABLES at its nodes.
         """
         if self.terms[0] not in SENSOR_TERMS:
             values = variables_between(values)
-        return self.functions(values[:, self.columns])
+        return self.gaussians(values[:, self.columns])
 
 
-def terms_of(blocks: Iterable[Block]) -> set[str]:
-    """Returns the terms of some blocks."""
-    return {term for block in blocks for term in block.terms}
+def terms_of(functions: Iterable[FittedFunction]) -> set[str]:
+    """Returns the terms of some functions."""
+    return {term for function in functions for term in function.terms}
 
 
-def carried_blocks(data: FieldData | None) -> tuple[Block, ...]:
+def carried_functions(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...]:
     """Returns the functions that a model carries, each with a factor to fit."""
     found = []
-    for part in () if data is None else (data, *data.more):
+    for part in functions:
         weights = np.array(list(part.weights.values())).T.reshape(-1, 1)
         centers = np.array(part.centers).reshape(-1, len(part.variables))
         found.append(
-            Block(
+            FittedFunction(
                 name=f"{', '.join(part.weights)} over {', '.join(part.variables)}",
                 terms=tuple(part.weights),
                 variables=tuple(part.variables),
@@ -153,9 +154,9 @@ def carried_blocks(data: FieldData | None) -> tuple[Block, ...]:
 
 
 def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES along all flights of a model, (n, v)."""
+    """Returns FLOW_VARIABLES along all flights of a model, (n, v)."""
     flows = [flow_along(record, theta)[1] for record in records]
-    return np.concatenate(flows)[:, -len(FIELD_VARIABLES) :]
+    return np.concatenate(flows)[:, -len(FLOW_VARIABLES) :]
 
 
 def between(values: np.ndarray) -> np.ndarray:
@@ -164,46 +165,46 @@ def between(values: np.ndarray) -> np.ndarray:
 
 
 def variables_between(values: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES at the midpoints, (K, v): angles of attack turn by ±π."""
+    """Returns FLOW_VARIABLES at the midpoints, (K, v): angles of attack turn by ±π."""
     middle = between(values)
-    alpha = FIELD_VARIABLES.index("alpha")
+    alpha = FLOW_VARIABLES.index("alpha")
     turned = between(np.unwrap(values[:, alpha]))
     middle[:, alpha] = np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
     return middle
 
 
 def values_at_nodes(
-    flight: LinearFlight, theta: np.ndarray, field: Field
+    flight: LinearFlight, theta: np.ndarray, gaussians: Gaussians
 ) -> np.ndarray:
-    """Returns FIELD_VARIABLES at the nodes of a flight of a model, (K + 1, v)."""
+    """Returns FLOW_VARIABLES at the nodes of a flight of a model, (K + 1, v)."""
     nodes = flight.nodes.copy()
     wind = flight.about.wind(flight.record)
     nodes[:, 4:6] -= np.vstack([wind[:1], between(wind), wind[-1:]])
-    flow = flow_at_nodes(flight.record, theta, nodes, field)
-    return flow[:, -len(FIELD_VARIABLES) :]
+    flow = flow_at_nodes(flight.record, theta, nodes, gaussians)
+    return flow[:, -len(FLOW_VARIABLES) :]
 
 
-def make_blocks(flown: np.ndarray) -> dict[str, Block]:
+def make_functions(flown: np.ndarray) -> dict[str, FittedFunction]:
     """Spreads the bases of FAMILIES over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     flown = flown[:: max(1, len(flown) // 2000)]
     reached = dict[str, list[int]]()
     for name, kind in FAMILIES.items():
-        columns = [FIELD_VARIABLES.index(name) for name in kind.variables]
+        columns = [FLOW_VARIABLES.index(name) for name in kind.variables]
         if np.all(high[columns] - low[columns] >= _LEAST_RANGE):
             reached[name] = columns
 
-    def make(name: str) -> Block:
+    def make(name: str) -> FittedFunction:
         columns = reached[name]
         range_ = np.stack([low[columns], high[columns]])
-        return _make_block(name, FAMILIES[name], range_, flown[:, columns])
+        return _make_function(name, FAMILIES[name], range_, flown[:, columns])
 
     return dict(zip(reached, in_parallel(make, reached), strict=True))
 
 
-def _make_block(
+def _make_function(
     name: str, family: Family, range_: np.ndarray, flown: np.ndarray
-) -> Block:
+) -> FittedFunction:
     """Spreads Gaussians over the range (2, d) of values (n, d), and mixes them.
 
     Mixtures that no flight shows are left out.
@@ -225,7 +226,7 @@ def _make_block(
     squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
     spreads = np.sqrt(np.maximum(squares[::-1], 0.0))
     basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]
-    return Block(
+    return FittedFunction(
         name=name,
         terms=(function.kind,),
         variables=family.variables,
