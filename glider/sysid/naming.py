@@ -4,6 +4,7 @@ Beside a free function a formula may stand for what the function leaves, and a f
 function for the error of a formula. The model has both; the report names one.
 """
 
+import math
 import types
 from collections.abc import Collection, Mapping, Sequence
 
@@ -18,7 +19,6 @@ from glider.physics.effects import (
     PITCH_RATE_LIFT,
 )
 from glider.physics.effects.families import FAMILIES
-from glider.physics.effects.free_functions import FREE_FUNCTIONS
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, RESOLVED, SLACK, SLIGHT, Z
 from glider.sysid.likelihood.fitted_functions import flown_values
 from glider.sysid.likelihood.task import FitResult, Task
@@ -156,8 +156,8 @@ def small(task: Task, model: FitResult) -> set[str]:
     flown = flown[:: max(1, len(flown) // _ROWS)]
     for own in model.functions:
         values = own.gaussians(flown[:, own.columns]) @ own.weights
-        usual = [FREE_FUNCTIONS[term].coefficients[0].scale for term in own.terms]
-        sizes[own.name] = float(np.max(np.sqrt(np.mean(values**2, axis=0)) / usual))
+        [value] = own.effect.coefficients
+        sizes[own.name] = math.sqrt(np.mean(values**2)) / value.scale
     largest = max(sizes, key=sizes.__getitem__)
     return {name for name in sizes if sizes[name] < 2.0 * RESOLVED and name != largest}
 

@@ -10,11 +10,7 @@ from glider.campaign.turning import Signs
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, CAMBER, LIBRARY, POSE_LATENCY
 from glider.physics.effects.families import FAMILIES
-from glider.physics.effects.free_functions import (
-    COEFFICIENTS,
-    FLOW_UNITS,
-    FREE_FUNCTIONS,
-)
+from glider.physics.effects.free_functions import COEFFICIENTS, FLOW_UNITS
 from glider.physics.model import GliderModel
 from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
@@ -168,7 +164,7 @@ def _function_entry(
     return FoundEffect(
         kind=family,
         words=f"no effect of the library: {kind.words}" if has_none else kind.words,
-        coefficients=_find_peak(own, known, kind.free_function.kind)
+        coefficients=_find_peak(own, known)
         | (numbers_of_lift(own, known, family) if name == LIFT else {}),
         shape=report.LIBRARY_SHAPE if has_none else report.OTHER_SHAPE,
         family=kind.link,
@@ -218,9 +214,7 @@ def numbers_of_lift(
     return {"slope": Estimate(value, std, "1/rad")}
 
 
-def _find_peak(
-    function: FittedFunction, known: Uncertainty, term: str
-) -> dict[str, Estimate]:
+def _find_peak(function: FittedFunction, known: Uncertainty) -> dict[str, Estimate]:
     """The largest value of a free function's term, and where it is.
 
     Standard errors follow from the covariance C of the coordinates w. With a term
@@ -234,15 +228,13 @@ def _find_peak(
     low, high = function.flown
     axes = [*np.linspace(low, high, count).T]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    rows = (
-        function.gaussians(points.reshape(-1, len(axes)))
-        @ (function.mix[function.terms.index(term) :: len(function.terms)])
-    )  # b, (n, q)
+    rows = function.gaussians(points.reshape(-1, len(axes))) @ function.mix  # b, (n, q)
     rows = rows.reshape(*points.shape[:-1], -1)
     values = rows @ function.coordinates
     peak = np.unravel_index(np.argmax(np.abs(values)), values.shape)
     height = float(known.std_along(places, rows[peak]))
-    [value] = FREE_FUNCTIONS[term].coefficients
+    term = function.effect.kind
+    [value] = function.effect.coefficients
     found = {f"{term}_peak": Estimate(float(values[peak]), height, value.unit)}
     for i, (axis, variable) in enumerate(zip(axes, function.variables, strict=True)):
         slopes = np.gradient(rows, axis, axis=i)

@@ -32,6 +32,7 @@ from glider.estimation.running import run_ekf
 from glider.paths import cache_folder
 from glider.physics import aerodynamics, chain, servo
 from glider.physics.effects import (
+    FREE_FUNCTIONS,
     NO_GAUSSIANS,
     PROFILE_DRAG,
     THRUST,
@@ -138,7 +139,7 @@ def test_the_file_is_named_by_a_digest_of_its_sources(fresh_cache):
     assert files_in(fresh_cache) == [name]
     load((PROFILE_DRAG,))
     assert len(files_in(fresh_cache)) == 2
-    load((), True)
+    load((*FREE_FUNCTIONS.values(),))
     assert len(files_in(fresh_cache)) == 3
 
 

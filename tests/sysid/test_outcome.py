@@ -9,7 +9,6 @@ import scipy.linalg
 
 from glider.campaign.turning import Signs
 from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, WIND
-from glider.physics.effects.free_functions import FREE_FUNCTIONS
 from glider.sysid.likelihood.fitted_functions import flown_values
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
@@ -314,7 +313,7 @@ def sized(task, model, name, size):
     own, flown = task.functions[name], flown_values(task.records, model.theta)
     own = dataclasses.replace(own, coordinates=np.ones(own.count))
     values = own.gaussians(flown[:, own.columns]) @ own.weights
-    [value] = FREE_FUNCTIONS[own.terms[0]].coefficients
+    [value] = own.effect.coefficients
     factor = size * value.scale / np.sqrt(np.mean(values**2))
     return dataclasses.replace(own, coordinates=factor * own.coordinates)
 

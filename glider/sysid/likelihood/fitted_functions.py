@@ -16,9 +16,9 @@ import numpy as np
 import scipy.linalg
 
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import FLOW_VARIABLES, Gaussians
+from glider.physics.effects import FLOW_VARIABLES, FREE_FUNCTIONS, EffectKind, Gaussians
 from glider.physics.effects.families import FAMILIES, Family
-from glider.physics.effects.free_functions import SENSOR_TERMS, FreeFunction, gaussian
+from glider.physics.effects.free_functions import FreeFunction, gaussian
 from glider.sysid.constants import RESOLVED, SLACK
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
@@ -46,19 +46,19 @@ _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FittedFunction:
-    """Gaussians over variables, with a weight for each of some terms.
+    """A free function as a search fits it.
 
-    Weights (M T,) go by functions first and then by terms; they are mixtures of
-    coordinates with a common prior spread, the function's strength.
+    The weights of its Gaussians are mixtures of coordinates with a common prior spread,
+    the function's strength.
     """
 
     name: str  #: Of FAMILIES.
-    terms: tuple[str, ...]  #: T of FREE_FUNCTIONS.
+    effect: EffectKind  #: Of FREE_FUNCTIONS, whose coefficient it is.
     variables: tuple[str, ...]  #: d of FLOW_VARIABLES.
     centers: np.ndarray  #: (M, d)
     widths: np.ndarray  #: (M, d)
     flown: np.ndarray  #: (2, d) least and largest values of the variables in flight.
-    mix: np.ndarray  #: (M T, q) weights of coordinates, the most shown ones first.
+    mix: np.ndarray  #: (M, q) weights of coordinates, the most shown ones first.
     leading: int  #: Number of coordinates by which it is compared with others.
     coordinates: np.ndarray  #: (q,) zero unless it acts in a model.
     strength: float = 1.0  #: Prior spread of the coordinates.
@@ -74,6 +74,11 @@ class FittedFunction:
         mix = self.mix[:, : self.leading]
         coordinates = self.coordinates[: self.leading]
         return dataclasses.replace(self, mix=mix, coordinates=coordinates)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether sensors show it, and nothing else."""
+        return self.effect.stage == "sensor"
 
     @property
     def columns(self) -> list[int]:
@@ -93,13 +98,12 @@ class FittedFunction:
 
     @property
     def weights(self) -> np.ndarray:
-        """Weights of the Gaussians in each term, (M, T)."""
-        return (self.mix @ self.coordinates).reshape(-1, len(self.terms))
+        """Weights of the Gaussians, (M,)."""
+        return self.mix @ self.coordinates
 
     @property
     def data(self) -> FreeFunction:
-        """The function as a model file has it, without terms of no weight."""
-        weights = zip(self.terms, self.weights.T.tolist(), strict=True)
+        """The function as a model file has it."""
         return FreeFunction(
             kind="unexplained",
             variables=list(self.variables),
@@ -107,49 +111,50 @@ class FittedFunction:
             widths=[
                 own[0] if np.ptp(own) == 0.0 else own for own in self.widths.T.tolist()
             ],
-            weights={term: own for term, own in weights if any(own)},
+            weights={self.effect.kind: self.weights.tolist()},
         )
 
     @property
     def basis(self) -> tuple[object, ...]:
-        """What the functions along a flight depend on, equal where they are."""
+        """What the Gaussians along a flight depend on, equal where they are."""
         own = self.centers.tobytes(), self.widths.tobytes()
-        return self.variables, self.terms[0] in SENSOR_TERMS, *own
+        return self.variables, self.is_read, *own
 
     def along(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (K, M) along a flight, those of sensors (K + 1, M).
 
         `values` (K + 1, v) are FLOW_VARIABLES at its nodes.
         """
-        if self.terms[0] not in SENSOR_TERMS:
+        if not self.is_read:
             values = variables_between(values)
         return self.gaussians(values[:, self.columns])
 
 
 def terms_of(functions: Iterable[FittedFunction]) -> set[str]:
-    """Returns the terms of some functions."""
-    return {term for function in functions for term in function.terms}
+    """Returns the names in FREE_FUNCTIONS of some functions."""
+    return {function.effect.kind for function in functions}
 
 
 def carried_functions(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...]:
     """Returns the functions that a model carries, each with a factor to fit."""
     found = []
-    for part in functions:
-        weights = np.array(list(part.weights.values())).T.reshape(-1, 1)
-        centers = np.array(part.centers).reshape(-1, len(part.variables))
-        found.append(
-            FittedFunction(
-                name=f"{', '.join(part.weights)} over {', '.join(part.variables)}",
-                terms=tuple(part.weights),
-                variables=tuple(part.variables),
-                centers=centers,
-                widths=np.column_stack([np.full(len(centers), w) for w in part.widths]),
-                flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
-                mix=weights,
-                leading=1,
-                coordinates=np.ones(1),
+    for own in functions:
+        centers = np.array(own.centers).reshape(-1, len(own.variables))
+        widths = [np.full(len(centers), width) for width in own.widths]
+        for kind, weights in own.weights.items():
+            found.append(
+                FittedFunction(
+                    name=f"{kind} over {', '.join(own.variables)}",
+                    effect=FREE_FUNCTIONS[kind],
+                    variables=tuple(own.variables),
+                    centers=centers,
+                    widths=np.column_stack(widths),
+                    flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
+                    mix=np.reshape(weights, (-1, 1)),
+                    leading=1,
+                    coordinates=np.ones(1),
+                )
             )
-        )
     return tuple(found)
 
 
@@ -228,7 +233,7 @@ def _make_function(
     basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]
     return FittedFunction(
         name=name,
-        terms=(function.kind,),
+        effect=function,
         variables=family.variables,
         centers=centers,
         widths=widths,

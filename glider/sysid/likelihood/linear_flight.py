@@ -16,7 +16,7 @@ from glider.compiled.replay import (
     measure_nodes,
     slopes_along,
 )
-from glider.physics.effects import PITCH_MOMENT, PITCH_OFFSET, Gaussians
+from glider.physics.effects import PITCH_MOMENT, PITCH_OFFSET, EffectKind, Gaussians
 from glider.physics.effects.free_functions import AIR_TERMS, ROWS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
@@ -49,12 +49,12 @@ STILL_AIR = Surroundings()
 
 
 class AddedColumns(NamedTuple):
-    """Columns of functions times some terms, made only when a flight is whitened."""
+    """Columns of a free function, made only when a flight is whitened."""
 
-    basis: np.ndarray  #: (K, M) functions in intervals; of sensors (K + 1, M) at nodes.
-    by_term: np.ndarray  #: (K, n, T) of a constant of each term; of sensors (1, C, T).
-    mix: np.ndarray  #: (M, T, q) mixtures of functions times terms.
-    are_read: bool  #: Whether sensors read them.
+    basis: np.ndarray  #: (K, M) Gaussians in intervals; of sensors (K + 1, M) at nodes.
+    by_value: np.ndarray  #: (K, n) slopes by its value; of sensors (1, C).
+    mix: np.ndarray  #: (M, q) mixtures of Gaussians.
+    is_read: bool  #: Whether sensors show it.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -78,7 +78,7 @@ class LinearFlight:
     pose_by_x: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    forces: tuple[AddedColumns, ...] = ()  #: They come before the last column.
+    functions: tuple[AddedColumns, ...] = ()  #: They come before the last column.
 
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
@@ -95,7 +95,7 @@ class LinearFlight:
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        bare = dataclasses.replace(self, forces=())
+        bare = dataclasses.replace(self, functions=())
         return bare.combined(np.zeros(self.inputs.shape[2] - 1))
 
     def with_force_errors(self) -> "LinearFlight":
@@ -107,38 +107,38 @@ class LinearFlight:
         forces = self.by_term.take([*map(self.terms.index, FORCES)], 2)
         return dataclasses.replace(self, by_air=forces)
 
-    def with_forces(
-        self, basis: np.ndarray, terms: Sequence[str], mix: np.ndarray
+    def with_function(
+        self, basis: np.ndarray, effect: EffectKind, mix: np.ndarray
     ) -> "LinearFlight":
-        """Returns the flight with more columns, before the last.
+        """Returns the flight with the columns of a free function, before the last.
 
-        Each mixes (M terms, q), functions first, M functions with values (K, M) at the
-        midpoints of intervals times some of `terms`; or (K + 1, M) at the nodes times
-        some of SENSOR_TERMS.
+        Each mixes (M, q) Gaussians with values (K, M) at the midpoints of intervals; or
+        (K + 1, M) at the nodes, of an effect that sensors show.
         """
-        are_read = terms[0] in SENSOR_TERMS
-        of = SENSOR_TERMS if are_read else self.terms
-        by_term = np.eye(self.outputs.shape[1])[None] if are_read else -self.by_term
-        by_term = by_term.take([of.index(name) for name in terms], 2)
-        mix = mix.reshape(-1, len(terms), mix.shape[1])
-        own = AddedColumns(basis, by_term, mix, are_read)
-        return dataclasses.replace(self, forces=(*self.forces, own))
+        is_read = effect.stage == "sensor"
+        if is_read:
+            channels = np.arange(self.outputs.shape[1])
+            by_value = 1.0 * (channels == SENSOR_TERMS.index(effect.kind))[None]
+        else:
+            by_value = -self.by_term[:, :, self.terms.index(effect.kind)]
+        own = AddedColumns(basis, by_value, mix, is_read)
+        return dataclasses.replace(self, functions=(*self.functions, own))
 
     def whole(self) -> "LinearFlight":
-        """Returns the flight with the columns of its forces among the others."""
-        if not self.forces:
+        """Returns the flight with the columns of its free functions among the others."""
+        if not self.functions:
             return self
         first = self.inputs.shape[2] - 1
-        places = [first] * sum(own.mix.shape[2] for own in self.forces)
+        places = [first] * sum(own.mix.shape[1] for own in self.functions)
         arrays = self.inputs, self.outputs, self.start
         inputs, outputs, start = (np.insert(own, places, 0.0, -1) for own in arrays)
-        for own in self.forces:
-            last = first + own.mix.shape[2]
-            made = own.by_term @ np.tensordot(own.basis, own.mix, 1)
-            (outputs if own.are_read else inputs)[..., first:last] = made
+        for own in self.functions:
+            last = first + own.mix.shape[1]
+            made = own.by_value[:, :, None] * (own.basis @ own.mix)[:, None]
+            (outputs if own.is_read else inputs)[..., first:last] = made
             first = last
         return dataclasses.replace(
-            self, forces=(), inputs=inputs, outputs=outputs, start=start
+            self, functions=(), inputs=inputs, outputs=outputs, start=start
         )
 
 
@@ -164,7 +164,7 @@ def linearize(
 ) -> LinearFlight:
     """Makes a flight linear about its smoothed measurement and its surroundings.
 
-    Forces may be added to it later only by `terms` of FREE_FUNCTIONS.
+    Free functions may be added to it later only at `terms` of FREE_FUNCTIONS.
     """
     space = record.space
     theta = theta.copy()

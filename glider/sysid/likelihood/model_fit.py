@@ -94,7 +94,9 @@ def with_functions(
     bases = {function.basis: function for function in functions}
     along = {basis: function.along(values) for basis, function in bases.items()}
     for function in functions:
-        flight = flight.with_forces(along[function.basis], function.terms, function.mix)
+        flight = flight.with_function(
+            along[function.basis], function.effect, function.mix
+        )
     return flight
 
 

@@ -78,7 +78,7 @@ def vent():
     return searched(VENT)
 
 
-def test_functions_of_the_same_variables_have_their_own_functions(vent):
+def test_functions_of_the_same_variables_have_their_own_gaussians(vent):
     search, plate = vent
     function = search.task.functions["air along z over x"]
     wide = dataclasses.replace(function, widths=2.0 * function.widths)
@@ -87,10 +87,12 @@ def test_functions_of_the_same_variables_have_their_own_functions(vent):
     found = with_functions(
         flight, plate.theta, NO_GAUSSIANS, [function, wide, apart, function]
     )
-    for own, added in zip((function, wide, apart, function), found.forces, strict=True):
-        [alone] = with_functions(flight, plate.theta, NO_GAUSSIANS, [own]).forces
+    for own, added in zip(
+        (function, wide, apart, function), found.functions, strict=True
+    ):
+        [alone] = with_functions(flight, plate.theta, NO_GAUSSIANS, [own]).functions
         np.testing.assert_array_equal(added.basis, alone.basis)
-    assert len({added.basis.tobytes() for added in found.forces}) == 3
+    assert len({added.basis.tobytes() for added in found.functions}) == 3
 
 
 def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
@@ -311,7 +313,7 @@ def test_a_bent_floor_is_an_error_of_the_measured_height():
 @pytest.mark.parametrize(
     "name", ["drag over alpha", "moment over alpha and reduced_rate"]
 )
-def test_the_field_in_a_model_file_has_the_functions_values(vent, name):
+def test_a_function_in_a_model_file_has_the_values_of_the_fitted_one(vent, name):
     function = vent[0].task.functions[name]
     coordinates = np.random.default_rng(0).normal(size=function.count)
     function = dataclasses.replace(function, coordinates=coordinates)
@@ -320,7 +322,7 @@ def test_the_field_in_a_model_file_has_the_functions_values(vent, name):
     expected = function.gaussians(values) @ function.weights
     assert np.abs(expected).max() > 1e-4
     gaussians = gaussians_of([function.data])
-    column = [ROWS[term] for term in function.terms]
+    row = ROWS[function.effect.kind]
     rest = np.zeros(len(FLOW_VARIABLES))
     found = []
     for value in values:
@@ -328,6 +330,6 @@ def test_the_field_in_a_model_file_has_the_functions_values(vent, name):
         basis = [basis_function(rest, gaussians, m) for m in range(gaussians.num_flown)]
         found.append(gaussians.weights @ basis)
     found = np.array(found)
-    np.testing.assert_allclose(found[:, column], expected, atol=1e-12)
-    others = [k for k in range(len(ROWS)) if k not in column]
+    np.testing.assert_allclose(found[:, row], expected, atol=1e-12)
+    others = [k for k in range(len(ROWS)) if k != row]
     assert np.all(found[:, others] == 0.0)

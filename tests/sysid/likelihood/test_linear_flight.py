@@ -100,7 +100,7 @@ def test_columns_of_a_field_are_derivatives(task, term):
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
     one = np.ones((len(record.time) - 1, 1))
     flight = linearize(record, theta, NO_GAUSSIANS, terms=[term])
-    wide = flight.with_forces(one, [term], np.eye(1))
+    wide = flight.with_function(one, FREE_FUNCTIONS[term], np.eye(1))
     one = FreeFunction(constant=True, weights={term: [small]})
     field = gaussians_of([one])
     column, error = np.moveaxis(whiten(wide, SCALES).innovations, 2, 0)
@@ -122,7 +122,7 @@ def test_columns_of_a_reading_are_derivatives(task, term):
     )
     field, flight = gaussians_of([data]), linearize(record, theta, NO_GAUSSIANS)
     basis = data.basis(record.nodes[:, [variable]])
-    wide = flight.with_forces(basis, [term], np.eye(1))
+    wide = flight.with_function(basis, FREE_FUNCTIONS[term], np.eye(1))
     column, error = whitened(wide).T
     numeric = (error - whitened(linearize(record, theta, field))[:, 0]) / small
     launch, _ = np.linalg.qr(whitened(of_launch(flight)))
@@ -217,10 +217,11 @@ def test_an_error_of_many_columns_is_that_of_each(task):
         *(task.records[0], task.vehicle.theta, NO_GAUSSIANS, columns),
         terms=["c_drag", "wind_z"],
     )
-    for terms in (["c_drag", "wind_z"], ["pose_x", "pose_pitch"], ["c_drag"]):
-        nodes = len(flight.by_air) + (terms[0] in SENSOR_TERMS)
+    for name in ("c_drag", "pose_pitch", "wind_z"):
+        nodes = len(flight.by_air) + (name in SENSOR_TERMS)
         basis = rng.normal(size=(nodes, 2))
-        flight = flight.with_forces(basis, terms, rng.normal(size=(2 * len(terms), 3)))
+        mix = rng.normal(size=(2, 3))
+        flight = flight.with_function(basis, FREE_FUNCTIONS[name], mix)
     change = rng.normal(size=len(columns) + 9)
     whitened = whiten(flight, SCALES).innovations
     at_once = whiten(flight.combined(change), SCALES).innovations[..., 0]
