@@ -6,8 +6,8 @@ measured before the plan) and identifies the model from all flights so far, in t
 
     weights   the article's: noisy states are differenced, and ridge regression finds
               26 weights each for what C_L, C_D and C_M lack, starting from zero
-    traced    motion capture is traced to an effect of the library, or to a field of
-              one variable where none explains it
+    traced    motion capture is traced to an effect of the library, or to a free
+              function where none explains it
 
 and a planner that knows the truth says what there is to reach. The default truth is the
 article's mismatch: 126 weights a coefficient, over airspeed too, which 26 cannot hold.

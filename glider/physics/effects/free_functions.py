@@ -1,9 +1,9 @@
 """Free functions: effects whose coefficient is a sum of Gaussians, not a number.
 
-This is the article's learned residual of C_L, C_D and C_M (kind
-``rbf_residual``), generalised: it may depend on any of FLOW_VARIABLES, and it
-may also be a motion of the air that varies in space or time. The tracer carries
-what it cannot identify (kind ``unexplained``) as such a field.
+Each link of the force chain has one, which adds to the same terms as the library's
+effects; what it is of a flow stands in the numbers of a model, not in the text of its
+formula. So is the article's learned residual of C_L, C_D and C_M (kind
+``rbf_residual``), and what the tracer cannot identify (kind ``unexplained``).
 """
 
 import dataclasses
@@ -15,7 +15,11 @@ import numpy as np
 from glider.errors import expect
 from glider.physics.aerodynamics import angle_of_attack, tail_load
 from glider.physics.effects.effect import Coefficient, EffectKind, constant
-from glider.physics.effects.wrench import dynamic_pressure_area
+from glider.physics.effects.wrench import (
+    PITCH_MOMENT,
+    PROFILE_DRAG,
+    dynamic_pressure_area,
+)
 from glider.physics.formulas import exp, scalar
 
 FLOW_UNITS = {
@@ -56,17 +60,6 @@ def _lift(flow, value):
 
 
 @scalar
-def _drag(flow, value):
-    size = -value * dynamic_pressure_area(flow)
-    return size * flow.air_x, size * flow.air_z
-
-
-@scalar
-def _moment(flow, value):
-    return value * dynamic_pressure_area(flow) * flow.speed
-
-
-@scalar
 def _push(flow, value):
     force = flow.mass * value
     return force * flow.cos_pitch, -force * flow.sin_pitch
@@ -95,25 +88,25 @@ def _added_inertia(flow, value):
 
 def _free_function(
     kind: str,
+    stage: str,
     unit: str,
     spread: float,
-    stage: str,
-    adds_to: tuple[str, ...],
     words: str,
+    adds_to: tuple[str, ...] = (),
     formula: Callable = constant,
 ) -> EffectKind:
     """Returns an effect whose coefficient is a function of the flow, not a number.
 
-    `spread` is what is expected of the function before any flight: a tenth of a flat
-    plate's largest coefficients, half of a tail's force, a fifth of a wing's, a tenth
-    of the weight, of mass and inertia, of a reading what a wide lens or a tilted axis
-    does.
+    It adds to the term of its name unless told otherwise. `spread` is what is expected
+    of the function before any flight: a tenth of a flat plate's largest coefficients,
+    half of a tail's force, a fifth of a wing's, a tenth of the weight, of mass and
+    inertia, of a reading what a wide lens or a tilted axis does.
     """
     value = Coefficient("value", unit, scale=spread, lower=-1e3, upper=1e3)
     return EffectKind(
         kind=kind,
         stage=stage,
-        adds_to=adds_to,
+        adds_to=adds_to or (kind,),
         coefficients=(value,),
         formula=formula,
         words=words,
@@ -122,110 +115,81 @@ def _free_function(
 
 
 _FORCE = ("force_x", "force_z")
+_DRAG = PROFILE_DRAG.formula
+_MOMENT = PITCH_MOMENT.formula
 
 _KINDS = (
+    _free_function("wind_x", "air", "m/s", 0.5, "air along x that changes"),
+    _free_function("wind_z", "air", "m/s", 0.5, "air along z that changes"),
+    _free_function("c_lift", "wrench", "-", 0.2, "a lift force", _FORCE, _lift),
+    _free_function("c_drag", "wrench", "-", 0.2, "a drag that changes", _FORCE, _DRAG),
     _free_function(
-        "wind_x", "m/s", 0.5, "air", ("wind_x",), "air along x that changes"
+        "c_moment", "wrench", "m", 0.01, "a moment that changes", ("moment",), _MOMENT
     ),
     _free_function(
-        "wind_z", "m/s", 0.5, "air", ("wind_z",), "air along z that changes"
-    ),
-    _free_function(
-        "c_lift", "-", 0.2, "wrench", _FORCE, "a lift across the stream", _lift
-    ),
-    _free_function("c_drag", "-", 0.2, "wrench", _FORCE, "a drag that changes", _drag),
-    _free_function(
-        "c_moment", "m", 0.01, "wrench", ("moment",), "a moment that changes", _moment
-    ),
-    _free_function(
-        "elevator_factor",
-        "-",
-        0.5,
-        "surface",
-        ("elevator_factor",),
-        "a tail's force that changes",
+        "elevator_factor", "surface", "-", 0.5, "a tail's force that changes"
     ),
     _free_function(
         "tail_downwash",
+        "geometry",
         "rad",
         0.2,
-        "geometry",
-        ("downwash",),
         "a stream at the tail that turns",
+        ("downwash",),
         _downwash,
     ),
     _free_function(
-        "tail_angle", "rad", 0.2, "geometry", ("elevator_trim",), "a tail that turns"
+        "tail_angle", "geometry", "rad", 0.2, "a tail that turns", ("elevator_trim",)
     ),
+    _free_function("wing_factor", "surface", "-", 0.2, "a wing's force that changes"),
     _free_function(
-        "wing_factor",
-        "-",
-        0.2,
-        "surface",
-        ("wing_factor",),
-        "a wing's force that changes",
-    ),
-    _free_function(
-        "c_normal", "-", 0.2, "surface", ("wing_normal",), "a lift that changes"
+        "c_normal", "surface", "-", 0.2, "a lift that changes", ("wing_normal",)
     ),
     _free_function(
         "push",
+        "wrench",
         "m/s²",
         1.0,
-        "wrench",
-        _FORCE,
         "a push along the body axis that changes",
+        _FORCE,
         _push,
     ),
     _free_function(
         "c_axial",
+        "wrench",
         "-",
         0.2,
-        "wrench",
-        _FORCE,
         "an axial force that changes",
+        _FORCE,
         _axial_force,
     ),
     _free_function(
         "added_mass",
+        "inertia",
         "-",
         0.1,
-        "inertia",
-        ("added_mass",),
         "an added mass that changes",
-        _added_mass,
+        formula=_added_mass,
     ),
     _free_function(
         "added_inertia",
+        "inertia",
         "-",
         0.1,
-        "inertia",
-        ("added_inertia",),
         "an added inertia that changes",
-        _added_inertia,
+        formula=_added_inertia,
     ),
     _free_function(
-        "pose_x",
-        "m",
-        0.05,
-        "sensor",
-        ("pose_x",),
-        "an error of the measured x that changes",
+        "pose_x", "sensor", "m", 0.05, "an error of the measured x that changes"
     ),
     _free_function(
-        "pose_z",
-        "m",
-        0.05,
-        "sensor",
-        ("pose_z",),
-        "an error of the measured z that changes",
+        "pose_z", "sensor", "m", 0.05, "an error of the measured z that changes"
     ),
     _free_function(
         "pose_pitch",
+        "sensor",
         "rad",
         0.05,
-        "sensor",
-        ("pose_pitch",),
         "an error of the measured pitch that changes",
     ),
 )
@@ -250,14 +214,14 @@ GROUPS = {
 """Stages of the free functions that are evaluated together, in their order."""
 
 
-def rows_of(group: str) -> list[int]:
+def _rows_of(group: str) -> list[int]:
     """Returns the places of a group's kinds in FREE_FUNCTIONS."""
     stages = GROUPS[group]
     return [i for i, kind in enumerate(_KINDS) if kind.stage in stages]
 
 
-AIR_TERMS = tuple(_KINDS[i].kind for i in rows_of("air"))
-SENSOR_TERMS = tuple(_KINDS[i].kind for i in rows_of("sensor"))
+AIR_TERMS = tuple(_KINDS[i].kind for i in _rows_of("air"))
+SENSOR_TERMS = tuple(_KINDS[i].kind for i in _rows_of("sensor"))
 
 
 class Gaussians(NamedTuple):
@@ -383,7 +347,7 @@ def gaussians_of(functions: Iterable[FreeFunction]) -> Gaussians:
     weights = np.hstack([own for _, own in parts])
     found = []
     for group in GROUPS:
-        rows = rows_of(group)
+        rows = _rows_of(group)
         acts = np.flatnonzero(weights[rows].any(axis=0))
         _, first, which = np.unique(
             shapes[:, acts], axis=1, return_index=True, return_inverse=True

@@ -125,7 +125,7 @@ class LinearFlight:
         return dataclasses.replace(self, functions=(*self.functions, own))
 
     def whole(self) -> "LinearFlight":
-        """Returns the flight with the columns of its free functions among the others."""
+        """Returns the flight with its free functions' columns among the others."""
         if not self.functions:
             return self
         first = self.inputs.shape[2] - 1

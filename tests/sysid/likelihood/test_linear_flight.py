@@ -96,7 +96,7 @@ def test_a_gyro_agrees_with_the_poses_that_it_is_derived_from():
 
 @pytest.mark.parametrize("term", sorted({*FREE_FUNCTIONS} - {*SENSOR_TERMS}))
 def test_columns_of_a_field_are_derivatives(task, term):
-    """A constant of each term, put in as a field and as a column."""
+    """A constant of each term, put in as a free function and as a column."""
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
     one = np.ones((len(record.time) - 1, 1))
     flight = linearize(record, theta, NO_GAUSSIANS, terms=[term])
