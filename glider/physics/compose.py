@@ -32,15 +32,14 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool) -> str:
     """Returns Python text that defines the `*_terms` functions of these effects.
 
     The text calls formula `i` as `formula_i`, its state rate as `rate_i` and what is
-    pending as `pending_i`. With
-    `skip_absent` it omits at run time the formulas whose sizes, the coefficients that
-    are not mere shapes, are all at their defaults, and state rates at defaults that no
-    search for the effect starts from. That saves a kernel with the whole library most
-    of its work, and is right for floats and complex steps, but not for AutoDiffXd
-    coefficients.
+    pending as `pending_i`. The coefficient of a free function is one of `values`. With
+    `skip_absent` the text omits at run time the formulas whose sizes, the coefficients
+    that are not mere shapes, are all at their defaults, and state rates at defaults
+    that no search for the effect starts from. That saves a kernel with the whole
+    library most of its work, and is right for floats and complex steps, but not for
+    AutoDiffXd coefficients.
     """
     space = space_of(effects)
-
     free = [kind for kind in effects if kind.is_free]
     places: dict[str, int] = {}
     lines: list[str] = []
@@ -144,7 +143,7 @@ _SPANS = {
 def _values_source(group: str, rows: list[int]) -> str:
     """Returns Python text of the values of a group's free functions.
 
-    What is linear about a point is no sensor's.
+    Those that sensors show are never linear about a point.
     """
     first, variables, start, end = _SPANS[group]
     if not rows:

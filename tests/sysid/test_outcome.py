@@ -406,7 +406,7 @@ def likeliest(shown, values):
 
 
 @pytest.mark.parametrize(
-    ("link", "function", "slope", "names", "likelier"),
+    ("link", "law", "slope", "names", "likelier"),
     [
         ("lift", lambda a, q: np.sin(a), 0.0, "attached_lift", ""),
         ("lift", lambda a, q: -0.3 * q, 0.0, "pitch_rate_lift", "dynamic_stall"),
@@ -438,7 +438,7 @@ def likeliest(shown, values):
     ],
 )
 def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
-    link, function, slope, names, likelier
+    link, law, slope, names, likelier
 ):
     task, _ = task_of(fly(flights=8, duration=0.6))
     name = f"{link} over alpha and reduced_rate"
@@ -446,7 +446,7 @@ def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
     nearest = {"lift": "dynamic_stall", "moment": "pitch_damping"}[link]
     at = flown_values(task.records, task.vehicle.theta)[:, function.columns]
     shown = function.gaussians(at) @ function.mix
-    weights, covariance = likeliest(shown, function(*at.T))
+    weights, covariance = likeliest(shown, law(*at.T))
     errors = scipy.linalg.block_diag(1e-8, covariance)
     own = dataclasses.replace(function, coordinates=weights)
     theta, [slot] = task.vehicle.theta.copy(), task.space.slots_of(formula)

@@ -135,7 +135,7 @@ def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     assert set(found.kinds) <= {"push over t", "thrust"}
     own = found.by_name["push over t"]
     t = np.array([0.03, 0.06, 0.3, 0.7])
-    pushed = (own.gaussians(t[:, None]) @ own.weights)[:, 0]
+    pushed = own.gaussians(t[:, None]) @ own.weights
     index, start = search.task.space.index, search.task.vehicle.theta
     thrust = found.theta[index["thrust.force"]]
     pushed += thrust / start[index["mass"]]
@@ -151,7 +151,7 @@ def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha()
     assert set(found.kinds) <= {"added mass over alpha", "added_mass"}
     own = found.by_name["added mass over alpha"]
     alpha = np.linspace(0.1, 1.0, 19)[:, None]
-    carried = (own.gaussians(alpha) @ own.weights)[:, 0]
+    carried = own.gaussians(alpha) @ own.weights
     index, start = search.task.space.index, search.task.vehicle.theta
     mass = found.theta[index["added_mass.mass"]]
     carried += mass / start[index["mass"]]
