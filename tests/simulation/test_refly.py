@@ -84,7 +84,7 @@ def test_the_last_models_forces_explain_the_measured_accelerations(
     assert force_error(nominal["measured"], acceleration) > 3.0 * error
 
 
-def test_a_models_residual_field_is_flown_too(campaign, flight):
+def test_the_free_functions_of_a_model_are_flown_too(campaign, flight):
     wind = GliderModel(effects=(KINDS["wind"](x=-1.0, z=0.3),))
     weights = {"wind_x": [-1.0], "wind_z": [0.3]}
     field = GliderModel(free_functions=[FreeFunction(constant=True, weights=weights)])
