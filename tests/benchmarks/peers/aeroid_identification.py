@@ -181,7 +181,7 @@ class Identification:
         if values != self.last[0]:
             self.last = values, self.numbers(parameters)
         slopes = np.empty_like(states)
-        fly = SLOPES.over(self.task.space.flown, True).flight_slopes
+        fly = SLOPES.over(self.task.space.flown).flight_slopes
         path = self.elevator[k, node], self.rate[k]
         fly(states, *path, self.last[1], NO_GAUSSIANS, self.launches[0].copy(), slopes)
         slopes[7:] = -self.gust_rate * states[7:]
