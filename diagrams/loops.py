@@ -21,6 +21,7 @@ from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan
 from glider.simulation.fly import check_command_rate
 from glider.systems.elevator_servo import ElevatorServo
+from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.noise import SampledNoise
 from glider.systems.observer import ExtraStates
 
@@ -189,7 +190,9 @@ def estimated_loop(
         filter: any System with the inputs "measured", x, z, pitch and perhaps elevator,
             and "elevator_rate" (1), and the output "state", such as
             `ExtendedKalmanFilter`. It becomes a part of this diagram, too.
-        planned: the model whose servo limits the second servo has; None: the truth's.
+        planned: the model whose servo the second servo is; None: that of an
+            `ExtendedKalmanFilter`. For another filter it has the truth's limits and
+            no actuators.
         command_rate: the command is held between samples at this rate [Hz]; None:
             it follows the estimate at once.
         capture_rate: of motion capture [Hz]; None: that of the filter's periodic
@@ -218,9 +221,11 @@ def estimated_loop(
     if measured.size() < len(_CAPTURED):
         capture = _first_of(builder, "pose_capture", capture, measured.size())
     builder.AddNamedSystem("estimator", filter)
-    own = planned or truth
-    if own.num_states != wanted:  # The filter's glider has other actuators.
-        own = GliderModel(parameters=own.parameters)
+    own = planned
+    if own is None and isinstance(filter, ExtendedKalmanFilter):
+        own = filter.ekf.model
+    if own is None:
+        own = GliderModel(parameters=truth.parameters)
     believed = builder.AddNamedSystem("believed_servo", ElevatorServo(own, wanted))
     builder.AddNamedSystem("regulator", regulator)
     builder.Connect(capture, measured)

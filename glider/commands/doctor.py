@@ -86,13 +86,15 @@ def _compiler() -> str:
 
 
 def _solver() -> str:
-    """Solves a small problem with Drake."""
-    from pydrake.solvers import IpoptSolver, MathematicalProgram
+    """Solves a small problem with the solvers of plans and of funnels."""
+    from pydrake.solvers import ClarabelSolver, MathematicalProgram, SnoptSolver
 
     program = MathematicalProgram()
     x = program.NewContinuousVariables(1)
     program.AddBoundingBoxConstraint(1.0, 2.0, x)
     program.AddLinearCost(x[0])
-    if not IpoptSolver().Solve(program, None, None).is_success():
-        raise RuntimeError("IPOPT does not solve a linear program")
-    return "IPOPT solves a linear program"
+    for solver in (SnoptSolver(), ClarabelSolver()):
+        if not solver.Solve(program, None, None).is_success():
+            name = solver.solver_id().name()
+            raise RuntimeError(f"{name} does not solve a linear program")
+    return "SNOPT and Clarabel solve a linear program"

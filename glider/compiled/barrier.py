@@ -10,6 +10,9 @@ import numpy as np
 
 from glider.compiled.kernel import called_code, machine_code
 
+STIFFEST = 1e10
+"""Factor within which the force of a bound or an inequality stays of the barrier's."""
+
 
 class Program(NamedTuple):
     """A flight to optimize: N knots of states and command, segments of one length h.
@@ -270,6 +273,15 @@ def _longest(value, change, keep, longest_yet):
 
 
 @machine_code
+def longest_step(values, changes, keep):
+    """Returns the share of changes that leaves of all positive values a share keep."""
+    share = 1.0
+    for i in range(len(values)):
+        share = _longest(values[i], changes[i], keep, share)
+    return share
+
+
+@machine_code
 def add_barrier(barrier, forces, scratch):
     """Adds the barrier function's slope and curvature to the cost's."""
     for i in range(forces.shape[1]):
@@ -328,4 +340,4 @@ def change_multipliers(program, barrier, share, share_of_forces, optimum, scratc
                 gap = _inwards(side) * (optimum.w[i] - program.bounds[side, i])
                 own = barrier / gap
                 force = forces[side, i] + share_of_forces * scratch.moves[side, i]
-                forces[side, i] = min(max(force, own / 1e10), 1e10 * own)
+                forces[side, i] = min(max(force, own / STIFFEST), STIFFEST * own)

@@ -1,4 +1,4 @@
-"""Smooth inequalities g(x) >= 0 at the points of a collocated path.
+"""Smooth inequalities g(x) >= 0 at the points of a collocated path after its launch.
 
 In the interior-point method each is g(x) - margin - s = 0 with a slack s > 0, whose
 force λ is that of the barrier, λ s = μ. Slack and force are eliminated from Newton's
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.compiled.barrier import Scratch
+from glider.compiled.barrier import STIFFEST, Scratch, longest_step
 from glider.compiled.collocation import Path
 from glider.compiled.runge_kutta import TINY
 
@@ -23,14 +23,12 @@ _CURVATURE_STEP = 1e-4
 _LEAST_SLACK = 5e-2
 """Slack at first, at least."""
 
-_STIFFEST = 1e10
-"""Factor within which a force stays of the barrier's own."""
-
 
 class Inequalities:
-    """Slacks (J, P) and forces (J, P) of J inequalities at the P points of a path.
+    """Slacks (J, P - 1) and forces (J, P - 1) of J inequalities at points of a path.
 
-    Where there are none, all methods return at once.
+    The first of the path's P points, the launch, is fixed and left out. Where there
+    are no inequalities, all methods return at once.
     """
 
     def __init__(
@@ -44,12 +42,12 @@ class Inequalities:
 
         Args:
             formulas: J of them.
-            margins: (J, P) that each g is to be at least.
+            margins: (J, P) that each g is to be at least; the launch's is not read.
             path: whose points, slopes and curvature are read and written.
             barrier: weight of the barrier function.
         """
         self._formulas = formulas
-        self._margins = margins
+        self._margins = margins[:, 1:]
         self._path = path
         self.count = 0
         if formulas:
@@ -60,21 +58,21 @@ class Inequalities:
 
     def evaluate(self) -> None:
         """Evaluates g at the points."""
-        states = self._path.points[:, :-1].T
+        states = self._path.points[1:, :-1].T
         values = [formula(states) for formula in self._formulas]
         self._values = np.array(values) - self._margins
 
     def linearize(self) -> None:
         """Differentiates g at the points."""
         if self.count:
-            found = [_differentiate(g, self._path.points) for g in self._formulas]
+            found = [_differentiate(g, self._path.points[1:]) for g in self._formulas]
             self._slopes = np.array([slopes for slopes, _ in found])
             self._curvature = np.array([curvature for _, curvature in found])
 
     def push(self, scratch: Scratch) -> None:
         """Writes the slope of the Lagrangian by the points, -Σ λ ∂g."""
         if self.count:
-            pushes = scratch.pushes[:, :-1]
+            pushes = scratch.pushes[1:, :-1]
             np.einsum("jp,jpi->pi", -self._forces, self._slopes, out=pushes)
 
     @property
@@ -104,12 +102,12 @@ class Inequalities:
             return
         stiffness = self._forces / self._slacks
         slopes = self._slopes
-        curvature = self._path.curvature[:, :-1, :-1]
+        curvature = self._path.curvature[1:, :-1, :-1]
         curvature += np.einsum("jp,jpa,jpb->pab", stiffness, slopes, slopes)
         curvature -= np.einsum("jp,jpab->pab", self._forces, self._curvature)
         missed = self._values - self._slacks
         after = barrier / self._slacks - stiffness * missed
-        pushes = scratch.barrier_pushes[:, :-1]
+        pushes = scratch.barrier_pushes[1:, :-1]
         np.einsum("jp,jpi->pi", -after, slopes, out=pushes)
 
     def keep_clear(
@@ -123,14 +121,15 @@ class Inequalities:
         """
         if not self.count:
             return 1.0, 1.0, 0.0
-        shifts = scratch.shifts[:, :-1]
+        shifts = scratch.shifts[1:, :-1]
         missed = self._values - self._slacks
         self._rise = np.einsum("jpi,pi->jp", self._slopes, shifts) + missed
         own = barrier / self._slacks
         self._moves = own - self._forces - self._forces / self._slacks * self._rise
         expected = -float((own * self._rise).sum())
-        share = _longest(self._slacks, self._rise, keep)
-        return share, _longest(self._forces, self._moves, keep), expected
+        share = longest_step(self._slacks.ravel(), self._rise.ravel(), keep)
+        share_of_forces = longest_step(self._forces.ravel(), self._moves.ravel(), keep)
+        return share, share_of_forces, expected
 
     def weigh_barrier(self, barrier: float) -> float:
         """Returns the barrier function of the slacks."""
@@ -156,14 +155,7 @@ class Inequalities:
         self._slacks = self._slacks + share * self._rise
         forces = self._forces + share_of_forces * self._moves
         own = barrier / self._slacks
-        self._forces = np.clip(forces, own / _STIFFEST, own * _STIFFEST)
-
-
-def _longest(values: np.ndarray, changes: np.ndarray, keep: float) -> float:
-    """Returns the share of changes that takes a share keep of a positive value."""
-    falls = changes < 0.0
-    shares = -keep * values[falls] / changes[falls]
-    return float(np.min(shares, initial=1.0))
+        self._forces = np.clip(forces, own / STIFFEST, own * STIFFEST)
 
 
 def _differentiate(

@@ -26,7 +26,7 @@ from glider.errors import expect
 from glider.physics.chain import theta_of
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from glider.physics.parameter_space import space_of
+from glider.physics.parameter_space import ParameterSpace, space_of
 from glider.physics.parameters import PARAMETER_NAMES, Theta
 
 
@@ -41,15 +41,22 @@ def physical(
     """
     places = model.space.places(names)
     estimates = model.vector[places]
-    # An estimate beyond the bounds may move back.
-    lower = np.minimum(model.space.lower[places], estimates)
-    upper = np.maximum(model.space.upper[places], estimates)
+    lower, upper = _bounds(model.space, places, estimates)
     margin = np.where(deviations > 0.0, upper - estimates, lower - estimates)
     share = np.divide(
         margin, deviations, out=np.ones_like(deviations), where=deviations != 0.0
     )
     share = share.min(axis=-1, keepdims=True, initial=1.0)
     return deviations * np.where(share < 1.0, share * (1.0 - _INSIDE), 1.0)
+
+
+def _bounds(
+    space: ParameterSpace, places: list[int], estimates: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the bounds (m,) of numbers; an estimate beyond one may stay."""
+    lower = np.minimum(space.lower[places], estimates)
+    upper = np.maximum(space.upper[places], estimates)
+    return lower, upper
 
 
 def theta_at(
@@ -87,11 +94,11 @@ def glider_at(
     space = space_of(tuple(effect.kind for effect in model.effects))
     vector = space.pack(model.parameters, model.effects)
     places = space.places(names)
-    vector[places] += deviation
+    estimate = vector[places]
+    drawn = estimate + np.reshape(deviation, len(places))
     if truncate:
-        vector[places] = np.clip(
-            vector[places], space.lower[places], space.upper[places]
-        )
+        drawn = np.clip(drawn, *_bounds(space, places, estimate))
+    vector[places] = drawn
     parameters, effects = space.unpack(vector, model.parameters)
     return dataclasses.replace(model, parameters=parameters, effects=effects)
 

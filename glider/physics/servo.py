@@ -3,12 +3,13 @@
 The servo turns its demanded angle ψ at the commanded rate u. It keeps its rate limit,
 and slows down before a stop, which ψ approaches as exp(-t / STOPPING_TIME):
     ψ' = u, clipped to ± the rate limit and to [(low - ψ) / τ, (high - ψ) / τ].
-So ψ never leaves the travel. The elevator's angle φ follows ψ through the actuators of
-`glider.physics.effects.signals`: a delay T, a lag and those of a user.
+So a ψ within the travel stays there. The elevator's angle φ follows ψ through the
+actuators of `glider.physics.effects.signals`: a delay T, a lag and those of a user.
 
 `limited_rate` is the law in state-space form, for integrators. A simulated glider
 knows ψ by its states: `demanded_angle` of `glider.physics.chain`. `held_angle` and
-`elevator_path` are its exact solution for held commands.
+`elevator_path` are its exact solution for held commands, from an angle within the
+travel.
 """
 
 import math

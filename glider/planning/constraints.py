@@ -8,6 +8,7 @@ from here.
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -89,9 +90,10 @@ class Violation(NamedTuple):
     amount: float
     unit: str
 
-    def __str__(self) -> str:
-        """Returns the name and the amount, as a message has them."""
-        return f"{self.name} by {self.amount:.3g} {self.unit}".rstrip()
+    @property
+    def size(self) -> str:
+        """The amount with its unit, as a message has it."""
+        return f"{self.amount:.3g} {self.unit}".rstrip()
 
 
 def constraints_of(problem: PerchingProblem, servo: Servo = NO_LIMITS) -> Constraints:
@@ -140,19 +142,19 @@ def _bound_state(state, limits, where=""):
 
 def _keep_off(obstacle: Obstacle, number: int, count: int) -> Inequality:
     """Keeps the center of mass off an obstacle."""
-    x, z = obstacle.center
-    radius = obstacle.radius + obstacle.clearance
-
-    rounded = (_ROUNDING * radius) ** 2
-
-    def clearance(states):
-        squared = (states[0] - x) ** 2 + (states[1] - z) ** 2
-        return sqrt(squared + rounded) - math.sqrt(radius**2 + rounded)
-
     name = (
         "clearance of the obstacle" if count == 1 else f"clearance of obstacle {number}"
     )
-    return Inequality(name=name, unit="m", formula=clearance)
+    formula = functools.partial(
+        _clearance, obstacle.center, obstacle.radius + obstacle.clearance
+    )
+    return Inequality(name=name, unit="m", formula=formula)
+
+
+def _clearance(center, radius, states):
+    rounded = (_ROUNDING * radius) ** 2
+    squared = (states[0] - center[0]) ** 2 + (states[1] - center[1]) ** 2
+    return sqrt(squared + rounded) - math.sqrt(radius**2 + rounded)
 
 
 def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
@@ -184,6 +186,7 @@ def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
 def find_violations(constraints: Constraints, path: Path) -> list[Violation]:
     """Returns what a path violates, the largest amount in SI units first.
 
+    What is not a number violates by an infinite amount.
     Bounds hold at the knots; inequalities hold between them too; the dynamics hold
     at the collocation points, where what they miss is the defect of a segment.
     """
@@ -201,10 +204,14 @@ def find_violations(constraints: Constraints, path: Path) -> list[Violation]:
         for states in (path.between, path.states):
             least = inequality.formula(np.moveaxis(states, -1, 0)).min()
             found.append((inequality, -float(least)))
-    violations = [Violation(part.name, amount, part.unit) for part, amount in found]
+    rows = [(part.name, amount, part.unit) for part, amount in found]
     defects = path.defects.max(axis=0)
     units = _UNITS + ("",) * (len(defects) - len(_UNITS))
     for name, amount, unit in zip(path.model.state_names, defects, units, strict=True):
-        violations.append(Violation(f"dynamics of {name}", float(amount), unit))
+        rows.append((f"dynamics of {name}", float(amount), unit))
+    violations = [
+        Violation(name, math.inf if math.isnan(amount) else amount, unit)
+        for name, amount, unit in rows
+    ]
     violations.sort(key=lambda violation: -violation.amount)
     return [violation for violation in violations if violation.amount > 0.0]

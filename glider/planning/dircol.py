@@ -1,8 +1,8 @@
 """Plans a perch by direct collocation: first on few knots, then on more.
 
 Our own solver takes the meshes one by one. Where it does not get there, Drake's
-DirectCollocation is solved once. The plan records what was tried, and how much the
-path that is found lacks of a flight.
+DirectCollocation is solved once. The plan records what was tried, and by how much the
+path that was found misses the dynamics.
 """
 
 import contextlib
@@ -54,8 +54,8 @@ class PlanningError(RuntimeError):
 
     Attributes:
         attempts: what was tried.
-        violations: what the best path that was reached violates, the largest amount
-            in SI units first.
+        violations: what the best path found violates, the largest amount in SI units
+            first.
     """
 
     def __init__(self, attempts: tuple[Attempt, ...], violations: list[Violation]):
@@ -65,7 +65,9 @@ class PlanningError(RuntimeError):
         tried = [f"{a.solver} on {a.knots} knots: {a.status}" for a in attempts]
         text = f"No plan ({'; '.join(tried)}). "
         if violations:
-            text += f"The best path that was reached violates {violations[0]} most."
+            worst = violations[0]
+            text += f"The best path found violates '{worst.name}' the most, "
+            text += f"by {worst.size}."
         super().__init__(text)
 
     def __reduce__(self):

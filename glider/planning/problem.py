@@ -56,15 +56,19 @@ class Hook:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Obstacle:
-    """Cylinder across the plane of flight that the center of mass has to stay clear of.
+    """A cylinder, normal to the plane of flight, that the center of mass must avoid.
 
-    The glider's ends reach farther: its tail is up to 0.3 m behind the center of mass.
-    Where they matter, the clearance has to contain them.
+    Only the center of mass is constrained: the tail extends up to 0.3 m behind it, so
+    include that in `clearance` if it matters.
     """
 
     center: list[float]  #: Place of its axis, (x, z) [m].
     radius: float  #: Radius [m].
     clearance: float = 0.0  #: Least distance of the center of mass from it [m].
+
+    def contains(self, places: np.ndarray) -> np.ndarray:
+        """Whether places (..., 2) are inside the cylinder, its clearance apart."""
+        return np.linalg.norm(places - np.array(self.center), axis=-1) < self.radius
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -201,14 +205,18 @@ def _check(problem: PerchingProblem) -> None:
         low, high = getattr(problem, name)
         inside = f"a place within '{name}', {show([low, high])}"
         expect(low <= place <= high, "field 'wire'", problem.wire, inside)
+    good = isinstance(problem.obstacles, (list, tuple))
+    expect(good, "field 'obstacles'", problem.obstacles, "a list of Obstacle")
     for number, obstacle in enumerate(problem.obstacles):
         _check_obstacle(obstacle, f"field 'obstacles[{number}]", problem.wire)
 
 
 def _check_obstacle(obstacle: Obstacle, what: str, wire: list[float]) -> None:
     """Raises InputError for what is no obstacle, or one that holds the wire."""
+    expect(isinstance(obstacle, Obstacle), f"{what}'", obstacle, "an Obstacle")
     center = obstacle.center
-    good = len(center) == len(wire) and all(map(is_number, center))
+    numbers = list(center) if np.iterable(center) else []
+    good = len(numbers) == len(wire) and all(map(is_number, numbers))
     expect(good, f"{what}.center'", center, "2 finite numbers")
     good = is_number(obstacle.radius) and obstacle.radius > 0.0
     expect(good, f"{what}.radius'", obstacle.radius, "a positive number")

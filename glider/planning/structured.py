@@ -268,6 +268,8 @@ def _raise_margins(
 ) -> bool:
     """Raises margins (J, 2 N - 1) of the points beside which an inequality is violated.
 
+    That of the launch, which no plan can move, stays as it is.
+
     Returns:
         whether there are any.
     """
@@ -281,6 +283,8 @@ def _raise_margins(
         for half, segment in np.argwhere(halves < 0.0):
             lacking = _BEYOND - 1.1 * halves[half, segment]
             for point in (segment + half, knots + segment):
+                if point == 0:  # The launch is fixed.
+                    continue
                 margin[point] = max(margin[point], at_points[point] + lacking)
             violated = True
     return violated

@@ -12,6 +12,7 @@ from glider.physics.effects import ANGLE_SIGN, CAMBER, LIBRARY, POSE_LATENCY
 from glider.physics.effects.families import FAMILIES
 from glider.physics.effects.free_functions import COEFFICIENTS, FLOW_UNITS
 from glider.physics.model import GliderModel
+from glider.physics.parameter_space import OF_VEHICLE
 from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
@@ -286,7 +287,8 @@ def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Es
     found = {}
     for slot in task.vehicle.unknown:
         unit = space.entries[slot].unit
-        unit = per_kilogram.get(unit, unit)
+        if space.owners[slot] == OF_VEHICLE:
+            unit = per_kilogram.get(unit, unit)
         value = float(model.theta[slot])
         found[space.names[slot]] = Estimate(value, known.std(slot), unit)
     return found

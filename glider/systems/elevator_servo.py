@@ -5,7 +5,8 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from glider.physics.model import GliderModel
+from glider.errors import expect
+from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import limited_rate
 from glider.systems.template import float_class
 
@@ -26,17 +27,21 @@ def ElevatorServo_(T):
             elevator_rate (1): rate within the limits [rad/s].
 
         Args:
-            model: the glider whose servo it is.
-            num_states: size n of `state`; None: the model's.
+            model: the glider whose servo it is, or the path of its file.
+            num_states: size n of `state`, which begins with the model's states; None:
+                as many.
         """
 
         def _construct(self, model=None, num_states=None, converter=None):
             LeafSystem_[T].__init__(self, converter)
             self.set_name("servo")
-            self._model = GliderModel() if model is None else model
+            self._model = GliderModel() if model is None else as_model(model)
             self._numbers = self._model.numbers
             self._command = self.DeclareVectorInputPort("command", 1)
-            size = self._model.num_states if num_states is None else num_states
+            least = self._model.num_states
+            size = least if num_states is None else num_states
+            needed = f"at least the model's {least}"
+            expect(size >= least, "ElevatorServo: num_states", size, needed)
             self._state = self.DeclareVectorInputPort("state", size)
             self.DeclareVectorOutputPort("elevator_rate", 1, self._calc_rate)
 

@@ -1,4 +1,4 @@
-"""What commands print on a terminal and in a pipe, and what the TAB key proposes."""
+"""What commands print on a terminal and in a pipe."""
 
 import fcntl
 import json

@@ -211,6 +211,19 @@ def test_an_own_actuator_of_the_servos_formula_replays_as_the_servo_does():
     assert exact.max() > 0.29
 
 
+@pytest.mark.parametrize(
+    ("pending", "message"),
+    [
+        (lambda late: late, "its pending fails"),
+        (lambda late, gain, time: -gain * time * late, "is 0.03; expected -0.03, the"),
+    ],
+)
+def test_what_is_pending_is_checked(pending, message):
+    """The servo keeps its limits by it."""
+    with pytest.raises(InputError, match=message):
+        dataclasses.replace(STICKY, pending=pending)
+
+
 def test_an_own_actuator_needs_no_state():
     weak = dataclasses.replace(
         STICKY,

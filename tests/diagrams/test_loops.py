@@ -19,14 +19,16 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
-from glider.physics.effects import DYNAMIC_STALL
+from glider.estimation.perching import perching_filter
+from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG
 from glider.physics.held_commands import command_steps
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.physics.servo import elevator_path
+from glider.physics.servo import elevator_path, limited_rate
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER, fly
+from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
 from glider.systems.regulator import tracking_regulator
@@ -401,6 +403,27 @@ def test_a_users_controller_and_filter_fly_to_the_wire():
     [other] = simulate_flights(seeing, launches(1), duration)
     assert flight.perched and other.perched
     assert np.max(np.abs(flight.states[-1] - other.states[-1])) > 1e-4
+
+
+@pytest.mark.parametrize("planned", [None, NOMINAL])
+def test_the_second_servo_is_the_filters_or_the_one_that_is_given(planned):
+    """Of the true glider's it knows nothing: that lags by another time."""
+    truth = GliderModel(effects=(SERVO_LAG(time_constant=0.08),))
+    ekf, prior = perching_filter(LAGGING, PROBLEM.launch)
+    regulator = tracking_regulator(LAGGING, plan_of(lagging=True))
+    loop = estimated_loop(
+        truth, regulator, ExtendedKalmanFilter(ekf, prior), planned=planned
+    )
+    servo = loop.GetSubsystemByName("believed_servo")
+    context = servo.CreateDefaultContext()
+    state = np.zeros(8)
+    state[[3, 7]] = 0.9, 2.0  # The elevator, and its lagged rate.
+    servo.GetInputPort("command").FixValue(context, [5.0])
+    servo.GetInputPort("state").FixValue(context, state)
+    own = (planned or LAGGING).parameters.servo
+    demanded = 0.9 if planned else 0.9 + 0.03 * 2.0
+    expected = limited_rate(5.0, demanded, own)
+    assert servo.GetOutputPort("elevator_rate").Eval(context) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ def test_few_throws_tell_the_hidden_effect(found):
     assert len(found.probabilities) == len(found.proposals) + 1
 
 
+@pytest.mark.nightly
 def test_the_result_is_reported(found, tmp_path):
     output = run_main(next_throw, found, tmp_path, "--effect=command_delay")
     assert output.figures == found.key_figures()

@@ -41,6 +41,7 @@ class Hook(NamedTuple):
     steady_state: Callable | None
     coefficients: tuple[()] = ()
     rate_by_alphadot: bool = False
+    pending: Callable | None = None
 
 
 def hook(

@@ -1,6 +1,7 @@
 """One statement of the problem, read by every planner and by the proof."""
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.constraints import constraints_of, find_violations
 from glider.planning.dircol import PlanningError
-from glider.planning.path import Path
+from glider.planning.path import POINTS, Path
 from glider.planning.problem import Obstacle, PerchingProblem
 
 MODEL = GliderModel()
 POLE = PerchingProblem.load("perching_pole")
+PIN = Obstacle(center=[-1.3, 0.06], radius=0.04)
 
 
 def clearances(path, obstacle):
@@ -61,7 +63,7 @@ def test_what_a_path_violates_is_named_with_its_unit(article_plan, state, value,
     states[state] = value
     path = Path(MODEL, article_plan.times, states, article_plan.inputs)
     found = find_violations(constraints, path)
-    assert words in [str(violation) for violation in found]
+    assert words in [f"{violation.name} by {violation.size}" for violation in found]
     amounts = [violation.amount for violation in found]
     assert amounts == sorted(amounts, reverse=True)
     kept = find_violations(constraints, path_of(article_plan))
@@ -106,11 +108,19 @@ def test_an_obstacle_that_is_not_in_the_way_changes_nothing(article_plan):
     np.testing.assert_allclose(found.states, article_plan.states, atol=1e-4)
 
 
+def test_an_obstacle_close_to_the_launch_is_avoided():
+    """The plan without it passes 0.1 mm inside, between the launch and a middle."""
+    near = Obstacle(center=[-3.42305, 0.06952], radius=0.03)
+    found = plan(MODEL, PerchingProblem(obstacles=[near]), knots=(25,))
+    assert [attempt.solver for attempt in found.attempts] == ["interior point"]
+    assert clearances(path_of(found), near).min() > -1e-6
+
+
 def test_an_obstacle_that_cannot_be_avoided_is_named():
     """A wall across the whole height."""
     wall = Obstacle(center=[-1.75, 0.0], radius=1.2)
     problem = PerchingProblem(obstacles=[wall])
-    with pytest.raises(PlanningError, match=r"clearance of the obstacle by .* m"):
+    with pytest.raises(PlanningError, match="'clearance of the obstacle' the most, by"):
         plan(MODEL, problem, knots=(15,))
 
 
@@ -120,9 +130,14 @@ def test_drake_s_program_has_the_obstacle_too(article_plan):
     assert result.is_success()
     own = plan(MODEL, POLE, knots=(21,))
     assert result.get_optimal_cost() == pytest.approx(own.cost, rel=0.02)
-    x, z = dc.GetStateSamples(result)[:2]
-    center, radius = POLE.obstacles[0].center, POLE.obstacles[0].radius
-    assert np.hypot(x - center[0], z - center[1]).min() > radius - 1e-5
+    times = dc.GetSampleTimes(result)
+    states = dc.GetStateSamples(result).T
+    path = Path(MODEL, times, states, dc.GetInputSamples(result)[0])
+    [pole] = POLE.obstacles
+    x, z = path.between[[0, POINTS // 2]].T[:2]
+    radius = pole.radius + pole.clearance
+    distances = np.hypot(x - pole.center[0], z - pole.center[1])
+    assert distances.min() > radius - 1e-5
 
 
 @pytest.mark.parametrize(
@@ -145,6 +160,42 @@ def test_an_obstacle_that_cannot_be_is_refused(tmp_path, text, words):
         PerchingProblem.load(path)
     for word in ("odd.yaml", *words):
         assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("obstacles", "words"),
+    [
+        (None, "'obstacles' is None; expected a list of Obstacle"),
+        (PIN, "'obstacles' is Obstacle.*; expected a list of Obstacle"),
+        ([{"center": [-1.0, 0.0], "radius": 0.1}], r"'obstacles\[0\]' is {center: "),
+        ([PIN, None], r"'obstacles\[1\]' is None; expected an Obstacle"),
+        ([dataclasses.replace(PIN, center=5)], r"center' is 5; expected 2 finite"),
+        ([dataclasses.replace(PIN, center=None)], r"center' is None; expected 2"),
+        ([dataclasses.replace(PIN, center="ab")], r"center' is 'ab'; expected 2"),
+        ([dataclasses.replace(PIN, radius=None)], r"radius' is None; expected a pos"),
+    ],
+)
+def test_what_is_no_obstacle_is_refused_in_python_too(obstacles, words):
+    with pytest.raises(InputError, match=words):
+        PerchingProblem(obstacles=obstacles)
+
+
+def test_constraints_pickle():
+    again = pickle.loads(pickle.dumps(constraints_of(POLE, MODEL.parameters.servo)))
+    state = MODEL.initial_state(POLE.launch)
+    [inequality] = constraints_of(POLE).inequalities
+    assert again.inequalities[0].formula(state) == inequality.formula(state)
+
+
+def test_a_path_that_is_not_finite_violates_most(article_plan):
+    constraints = constraints_of(POLE, MODEL.parameters.servo)
+    states = article_plan.states.copy()
+    states[20, 1] = np.nan
+    path = Path(MODEL, article_plan.times, states, article_plan.inputs)
+    found = find_violations(constraints, path)
+    infinite = {v.name for v in found if v.amount == np.inf}
+    assert {"z", "clearance of the obstacle", "dynamics of z"} <= infinite
+    assert found[0].amount == np.inf
 
 
 def test_a_launch_in_an_obstacle_is_refused():

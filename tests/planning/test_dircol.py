@@ -127,7 +127,7 @@ def test_limits_left_unturned_cannot_be_met_and_the_failure_says_so():
     assert worst.amount > 0.01
     assert worst.amount == max(violation.amount for violation in error.violations)
     assert str(error).endswith(
-        f"violates {worst.name} by {worst.amount:.3g} {worst.unit} most."
+        f"violates '{worst.name}' the most, by {worst.amount:.3g} {worst.unit}."
     )
     assert [(a.solver, a.knots) for a in error.attempts] == [
         ("interior point", 6),
@@ -156,7 +156,7 @@ def test_a_failure_survives_a_journey(article_plan):
     error = PlanningError(article_plan.attempts, violations)
     again = pickle.loads(pickle.dumps(error))
     assert str(again) == str(error)
-    assert "violates pitch at the wire by 0.25 rad most" in str(again)
+    assert "violates 'pitch at the wire' the most, by 0.25 rad." in str(again)
     assert vars(again) == vars(error)
 
 

@@ -192,7 +192,7 @@ def test_a_launch_that_just_misses_is_told_by_how_much():
     launch = [-3.362, 0.117, 0.087, 0.0, 6.005, 0.0, 0.0]
     slow = dataclasses.replace(PROBLEM, launch=launch, x_limits=[-4.0, 1.0])
     with pytest.raises(
-        PlanningError, match=r"violates .* by 0\.0\d+ .* most"
+        PlanningError, match=r"violates '.*' the most, by 0\.0\d+ "
     ) as caught:
         plan(MODEL, slow, knots=(15, 25))
     assert 1e-3 < caught.value.violations[0].amount < 0.03

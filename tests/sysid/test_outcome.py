@@ -29,6 +29,7 @@ from glider.sysid.outcome import (
     numbers_of_lift,
     rivals_of,
     spreads_of,
+    vehicle_of,
 )
 from glider.sysid.report import LIBRARY_SHAPE, OTHER_SHAPE
 from glider.sysid.result import ResidualTable
@@ -518,3 +519,13 @@ def test_what_stands_for_errors_of_free_functions_is_slight():
     # A slight formula is the name of what bends it.
     found = {of_drag: 3000.0, "camber": 12.0, of_lift: 50.0}
     assert slight((of_drag, of_lift), found) == set()
+
+
+def test_units_per_kilogram_are_those_of_the_vehicle_alone():
+    """An effect's coefficient has the wing's area, which is per kilogram, in it."""
+    task, _ = task_of(dataclasses.replace(fly(flights=3), vehicle={}))
+    model = types.SimpleNamespace(theta=task.vehicle.theta)
+    known = types.SimpleNamespace(std=lambda slot: 0.1)
+    units = {name: own.unit for name, own in vehicle_of(task, model, known).items()}
+    assert units["wing_area"] == "m²/kg"
+    assert units["pitch_damping.coefficient"] == "m²"

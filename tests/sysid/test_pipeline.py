@@ -106,6 +106,7 @@ def test_the_model_file_holds_the_effect(few):
     assert few.model.free_functions == ()
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_run_that_begins_with_fewer_flights_gives_the_same_answer(few):
     campaign, flights = campaign_path("attached_lift"), first_flights(10)

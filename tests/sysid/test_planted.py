@@ -2,6 +2,7 @@
 
 import pytest
 
+from glider.physics.effects import KINDS
 from glider.sysid.likelihood.task import start_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.search.support import Search
@@ -45,3 +46,14 @@ def test_the_whole_pipeline_names_planted_effects(kind):
     assert found.kind == kind
     for name, truth in effect.to_dict().items():
         assert found.coefficients[name].value == pytest.approx(truth, rel=0.15)
+
+
+@pytest.mark.nightly
+def test_a_wind_that_all_flights_share_is_in_the_model():
+    """And no variation over flights about zero, of which no model has a mean."""
+    planted = (KINDS["wind"](x=-0.4), KINDS["profile_drag"](cd0=0.03))
+    result = close_the_loop(fly(*planted, flights=20, seed=24), seed=24)
+    assert not result.spreads
+    found = {effect.kind.kind: effect.to_dict() for effect in result.model.effects}
+    assert found["wind"]["x"] == pytest.approx(-0.4, abs=2e-3)
+    assert found["profile_drag"]["cd0"] == pytest.approx(0.03, abs=2e-4)

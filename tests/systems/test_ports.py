@@ -84,7 +84,7 @@ def test_the_docstring_has_the_ports_and_their_sizes(make):
     ("system", "arguments"),
     [
         (GliderPlant, ["model", "fast"]),
-        (ElevatorServo, ["parameters", "num_states"]),
+        (ElevatorServo, ["model", "num_states"]),
         (SampledNoise, ["size", "rate", "rows"]),
         (ExtraStates, ["model"]),
     ],

@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
+from glider.errors import InputError
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import STOPPING_TIME, Servo, limited_rate
 from glider.systems.elevator_servo import ElevatorServo
 
+LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.1),))
+LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.1),))
 LOW, HIGH, LIMIT = -0.4463, 0.9473, 13.0
 
 
@@ -22,7 +25,7 @@ def evaluate(servo, command, state):
 
 def test_the_limits_act_before_a_lag():
     """The elevator stands 0.6 rad from its stop, and the lag takes it there."""
-    servo = ElevatorServo(GliderModel(effects=(SERVO_LAG(time_constant=0.1),)))
+    servo = ElevatorServo(LAGGING)
     rng = np.random.default_rng(1)
     for state in rng.uniform(-1.0, 1.0, (20, 8)):
         state[7] = 5.0 * state[7]
@@ -63,3 +66,15 @@ def test_a_copy_keeps_its_limits():
     state = np.zeros(7)
     state[3] = 0.2
     assert evaluate(servo, [5.0], state) == [0.0]
+
+
+def test_a_model_can_be_the_path_of_its_file(tmp_path):
+    LAGGING.save(tmp_path / "lagging.yaml")
+    assert ElevatorServo(tmp_path / "lagging.yaml").GetInputPort("state").size() == 8
+    with pytest.raises(InputError, match="expected a GliderModel or the path"):
+        ElevatorServo(GliderParameters())
+
+
+def test_too_few_states_are_refused():
+    with pytest.raises(InputError, match="num_states is 7; expected at least the"):
+        ElevatorServo(LAGGING, 7)

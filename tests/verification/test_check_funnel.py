@@ -98,6 +98,7 @@ def test_the_command_line_asks_whether_the_hook_takes_the_last_set(capsys):
     assert "The certificate does not hold: 3 faults." in words
 
 
+@pytest.mark.nightly
 def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys):
     funnel = str(models_path("funnels", "head_wind_95.npz"))
     model = models_path("identified", "head_wind.yaml")

@@ -68,6 +68,7 @@ def command_of(funnel, states, k):
     return nominal.inputs[k] - (states - nominal.states[k]) @ nominal.gains[k]
 
 
+@pytest.mark.nightly
 def test_centers_of_held_commands_are_where_the_gliders_fly(clocked_set):
     """To first order: what is left falls with the square of the deviation."""
     nominal, center = clocked_set.nominal, clocked_set.gliders
@@ -162,6 +163,7 @@ def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
     np.testing.assert_array_equal(*piece.gliders.commands)
 
 
+@pytest.mark.nightly
 def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
     funnel = among(clocked, allowed_by(10.0))
     nominal, center = funnel.nominal, funnel.gliders

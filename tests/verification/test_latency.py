@@ -184,6 +184,7 @@ def test_no_flight_is_farther_from_its_prediction(rest, slopes, hold):
     assert np.abs(both).max() <= bounds[0] + 0.05 * bounds[1]
 
 
+@pytest.mark.nightly
 def test_what_is_left_is_that_of_the_worst_prediction(rest, slopes):
     some = predictions_of(rest, LATENCY)[10:20:9]
     found = prove_latency(some, 0.005, workers=1)

@@ -20,7 +20,9 @@ SHARE = 0.2
 """Of the set's size in other tests, so that the servo keeps a margin."""
 
 
-@pytest.fixture(scope="module", params=["ellipsoid", "box"])
+@pytest.fixture(
+    scope="module", params=["ellipsoid", pytest.param("box", marks=pytest.mark.nightly)]
+)
 def rest(request):
     """A funnel of one glider, said to be of a set; not a certificate."""
     return among(of_one("phase_1.npz"), allowed_by(SHARE, request.param))

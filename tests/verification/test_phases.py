@@ -255,6 +255,7 @@ def quick(monkeypatch, checked_once):
     return run
 
 
+@pytest.mark.nightly
 def test_the_command_line_checks_all_of_them(quick, tmp_path, capsys, rests):
     assert quick("--hook", "--latency", "0.01") == 0
     words = capsys.readouterr().out
@@ -276,6 +277,7 @@ def test_the_command_line_checks_all_of_them(quick, tmp_path, capsys, rests):
     assert "the hook accepts" in capsys.readouterr().out
 
 
+@pytest.mark.nightly
 def test_all_of_them_are_proven_or_nothing_is(quick, monkeypatch, capsys):
     monkeypatch.setattr(check.Verdict, "is_whole", True)
     bounds = ["--hold", "0.02", "--wind", "0.02", "--latency", "0.01"]
@@ -355,6 +357,7 @@ def test_phases_of_a_set_of_nothing_are_refused(quick, tmp_path, capsys):
     assert "ellipsoid of nothing, is smaller than the model's, the 95 % " in said
 
 
+@pytest.mark.nightly
 def test_phases_have_one_set_of_gliders(launch, rests):
     sets = [among(own, allowed_by()) for own in (scaled(launch, 0.9), *rests)]
     assert phase_faults(sets[0], sets[1:]) == []
@@ -363,6 +366,7 @@ def test_phases_have_one_set_of_gliders(launch, rests):
         assert "different sets of gliders; expected one" in fault
 
 
+@pytest.mark.nightly
 def test_gliders_of_phases_are_flown_by_the_clock_only(quick, capsys, monkeypatch):
     monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 0)
     asked = "--model", str(models_path("identified", "head_wind.yaml")), "--confidence"

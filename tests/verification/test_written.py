@@ -146,11 +146,13 @@ def test_numbers_that_doubles_may_lose_are_refused(run, lines, name):
     assert "too small" in done.stdout
 
 
+@pytest.mark.nightly
 def test_a_late_interval_is_verified(run, late):
     done = run(late)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.nightly
 def test_bounds_that_r_exceeds_are_refused(run, proven, tmp_path):
     """The largest |R| found there is 0.93 of the bound; Gram matrices are for 0.7."""
     piece = alone(proven, 150)

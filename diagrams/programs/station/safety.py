@@ -34,8 +34,8 @@ _NUMBERS = re.compile(r"[-+\d.]+")
 class WaitReasons:
     """Tells when the operator is to be shown why the station waits.
 
-    A reason is shown once it has lasted for PATIENCE, and again only if it was away for
-    as long: poses that are refused for two reasons by turns show each of them once.
+    A reason is shown once it has lasted for `_PATIENCE`, and again only if it was away
+    for as long: poses that are refused for two reasons by turns show each of them once.
     Reasons that differ in their numbers are the same.
     """
 

@@ -22,6 +22,8 @@ from diagrams.programs.station.scenario import Scenario
 from glider.campaign.logs import Flight
 from glider.errors import InputError
 from glider.files import schema
+from glider.physics.model import parse_model
+from glider.physics.servo import Servo, held_angle
 
 _TOPICS = ("/pose", "/command", "/estimate", "/event")
 
@@ -193,7 +195,9 @@ def flight_of(path: Path) -> Flight | None:
         return None
     try:
         scenario = schema.parse_yaml(facts["scenario"], str(path))
-        return _flight_of(path, topics, schema.convert(scenario, Scenario, str(path)))
+        scenario = schema.convert(scenario, Scenario, str(path))
+        model, _ = parse_model(facts["model"], str(path))
+        return _flight_of(path, topics, scenario, model.parameters.servo)
     except (KeyError, TypeError) as error:
         raise InputError(
             f"{path}: field {error} is missing; expected a record of the station."
@@ -201,7 +205,10 @@ def flight_of(path: Path) -> Flight | None:
 
 
 def _flight_of(
-    path: Path, topics: Mapping[str, list[dict[str, Any]]], scenario: Scenario
+    path: Path,
+    topics: Mapping[str, list[dict[str, Any]]],
+    scenario: Scenario,
+    servo: Servo,
 ) -> Flight | None:
     """Returns the flight of a record's messages."""
     measured = scenario.sensors.elevator
@@ -221,17 +228,16 @@ def _flight_of(
     rates = np.array([0.0, *(command["rate"] for command in topics["/command"])])
     known = [command["angle"] for command in topics["/command"]]
     spans = np.maximum(np.diff(acts), 1e-9)
-    means = rates.copy()
-    means[1:-1] = np.diff(known) / spans
     # Where a command was late, the servo went to neutral.
-    is_late = np.append(False, spans > scenario.servo.timeout)
-    rates[:-1][is_late] = means[:-1][is_late]
+    is_late = spans > scenario.servo.timeout
+    rates[1:-1][is_late] = (np.diff(known) / spans)[is_late]
     angles = np.array([*known[:1], *known])  # Before the first the elevator rests.
     when = table[:, 1]
     latest = np.searchsorted(acts, when, side="right")
     begins = np.append(when[0], acts)[latest]
     command = rates[latest]
-    commanded = angles[latest] + means[latest] * (when - begins)
+    held = zip(command, angles[latest], when - begins, strict=True)
+    commanded = np.array([held_angle(u, angle, servo, t) for u, angle, t in held])
     # Between two rows more than one command may have begun: their mean is held.
     hides = np.flatnonzero(np.diff(latest) > 1)
     is_old = hides[np.diff(latest, prepend=-1)[hides] == 0]

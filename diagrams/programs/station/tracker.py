@@ -6,7 +6,8 @@ from collections import deque
 import numpy as np
 
 from diagrams.programs.station.scenario import Release
-from glider.physics.servo import Servo, elevator_path
+from glider.physics.held_commands import latest_command
+from glider.physics.servo import Servo, held_angle
 from glider.physics.state import ELEVATOR, NUM_STATES, PITCH, POSITION, VELOCITY
 
 NO_COMMANDS = np.full((32, 3), (-1e12, 0.0, 0.0))
@@ -35,15 +36,24 @@ class CommandTape:
 
 
 def mean_rates(rows: np.ndarray, times: np.ndarray, servo: Servo) -> np.ndarray:
-    """Returns mean demanded rates between times (k + 1,), by the rows of a tape.
+    """Returns mean demanded rates (k,) between times (k + 1,), by the rows of a tape.
 
-    Rates (k,) [rad/s].
+    Each row has the demanded angle where its command begins: after a silence, in which
+    the servo turns to neutral, that is another than the last command led to. No time
+    has the rate 0.
     """
-    first = max(np.searchsorted(rows[:, 0], times[0], side="right") - 1, 0)
-    begins, angles, commands = rows[first:].T
-    start = float(angles[0])
-    path = elevator_path(begins, commands, times, servo, start=start)
-    return np.diff(path) / np.diff(times)
+    latest = np.maximum(latest_command(rows[:, 0], times), 0)
+    path = np.array(
+        [
+            held_angle(command, angle, servo, time - begin)
+            for time, (begin, angle, command) in zip(
+                times.tolist(), rows[latest].tolist(), strict=True
+            )
+        ]
+    )
+    spans = np.diff(times)
+    rates = np.zeros(len(spans))
+    return np.divide(np.diff(path), spans, out=rates, where=spans > 0.0)
 
 
 class _PoseHistory:

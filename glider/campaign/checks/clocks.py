@@ -16,15 +16,18 @@ import numpy as np
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
-from glider.physics.servo import NO_LIMITS, Servo, elevator_path
+from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo, elevator_path
 
 _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator that are tried [s]: command_delay and servo_lag are < 0.3."""
 _SHIFTS = np.arange(-1.5, 1.51, 0.01)  # Between clocks, for the message [s].
 _BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, to find which comes first [s].
-_LEADS = -0.015
-"""Delay below which an elevator moves before its commands [s]: no servo does. Measured:
--0.005 to 0.025 in 20 campaigns: half a row, as a command is held until the next."""
+_LEADS = 0.015
+"""Lead above which an elevator moves before its commands [s]: no servo does. Measured:
+-0.025 to 0.005 in 20 campaigns: half a row, as a command is held until the next."""
+_AS_GOOD = 2.0
+"""Ratio of what two signs leave unexplained below which either may be the servo's: 1.0
+under feedback where a slow servo swings, 9 and more in 20 campaigns without it."""
 _FOLLOWS = 0.4
 """Correlation of rates below which an elevator does not follow. Measured: 0.96 and more
 for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for
@@ -63,7 +66,8 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
             f"'elevator_rate_command' would move it by {commanded:.2g} rad; expected "
             "its measured angle, and the commands that were given."
         )
-    correlation, _ = calc_correlation(campaign.flights, masks)
+    servo = campaign.limits
+    correlation, _ = calc_correlation(campaign.flights, masks, servo=servo)
     follows = abs(correlation)
     if follows < _FOLLOWS:
         shifted, shift = calc_correlation(campaign.flights, masks, _SHIFTS)
@@ -75,12 +79,17 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
             f"delay up to {_DELAYS[-1]:.2g} s{hint}); expected both on the clock of "
             "'time'."
         )
-    # Under feedback a slow servo swings: half a period before, it turns the other way.
-    sign = math.copysign(1.0, correlation)
-    _, delay = calc_correlation(campaign.flights, masks, _BOTH_WAYS, sign)
-    if delay < _LEADS:
+    # Under feedback a slow servo swings: half a period before, it turns the other way,
+    # and either sign may be the servo's.
+    leads = []
+    for sign in (1.0, -1.0):
+        known = campaign.flights, masks
+        of_sign, _ = calc_correlation(*known, _DELAYS, sign, servo)
+        if of_sign * sign > 0.0 and 1.0 - of_sign**2 < _AS_GOOD * (1.0 - follows**2):
+            leads.append(-calc_correlation(*known, _BOTH_WAYS, sign, servo)[1])
+    if leads and min(leads) > _LEADS:
         raise InputError(
-            f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
+            f"{campaign.path}: column 'elevator' moves {min(leads):.3f} s before "
             "'elevator_rate_command'; expected both on the clock of 'time'."
         )
 
@@ -178,15 +187,17 @@ def calc_correlation(
     masks: Mapping[str, Masks],
     delays: np.ndarray = _DELAYS,
     sign: float = 0.0,
+    servo: Servo = NO_LIMITS,
 ) -> tuple[float, float]:
     """Best correlation of elevators with commands, -1 to 1, and its delay [s].
 
-    With a `sign`, of 1 or -1, the best of that sign. Both are nan where too few rates
+    With a `sign`, of 1 or -1, the best of that sign. Where an elevator slows down
+    before a stop of the servo, it follows no command. Both are nan where too few rates
     are known to judge: no comparison with them holds.
     """
     count, turned, ordered, together = np.zeros((4, len(delays)))
     for flight in flights:
-        rate, commands = _rates(flight, masks, delays)
+        rate, commands = _rates(flight, masks, delays, servo)
         known = np.isfinite(commands)
         commands = np.where(known, commands, 0.0)
         count += np.sum(known, axis=1)
@@ -207,9 +218,12 @@ def follow_sign(flights: Sequence[Flight], masks: Mapping[str, Masks]) -> int:
 
 
 def _rates(
-    flight: Flight, masks: Mapping[str, Masks], delays: np.ndarray
+    flight: Flight, masks: Mapping[str, Masks], delays: np.ndarray, servo: Servo
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Changes (k,) of the elevator and (delays, k) by earlier commands [rad]."""
+    """Changes (k,) of the elevator and (delays, k) by earlier commands [rad].
+
+    Those by commands are nan near a stop, and where commands are not known.
+    """
     time, angle = known_angles(flight, masks)
     if len(time) < 2:
         return np.empty(0), np.empty((len(delays), 0))
@@ -219,7 +233,12 @@ def _rates(
     at = ends - delays[:, None, None]
     earlier = follow_commands(flight, masks, at)
     earlier[(at < first) | (at > last)] = np.nan
-    return rate, earlier[:, 1] - earlier[:, 0]
+    changes = earlier[:, 1] - earlier[:, 0]
+    slowing = STOPPING_TIME * servo.rate if math.isfinite(servo.rate) else 0.0
+    shown = np.interp(ends, time, angle)
+    is_near = (shown < servo.low + slowing) | (shown > servo.high - slowing)
+    changes[:, is_near.any(axis=0)] = np.nan
+    return rate, changes
 
 
 def mean_rates(

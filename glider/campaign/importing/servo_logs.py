@@ -64,8 +64,7 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
         measured = path(np.clip(flight.time, *elevator.time[[0, -1]]))
     if angles is not None:
         _check_reach(flight, angles, settings, source)
-        limit = settings.elevator_rate_limit
-        return _from_angles(flight.time, angles, measured, limit, source)
+        return _from_angles(flight.time, angles, measured, settings, source)
     if elevator is None or measured is None:
         raise InputError(
             f"{source}: columns: no angle of the elevator is mapped; expected "
@@ -88,15 +87,16 @@ def _from_angles(
     time: np.ndarray,
     asked: Stream,
     measured: np.ndarray | None,
-    limit: float | None,
+    settings: Campaign,
     source: str,
 ) -> Servo:
-    """Servo that goes to commanded angles, at its limit at most.
+    """Servo that goes to commanded angles within its travel, at its limit at most.
 
     It passes them when they are logged, as samples of a path. Those that it cannot
     reach so, and those of a log of changes, are steps: they were given at some time of
     the log's step before, half a step on the average.
     """
+    limit = settings.elevator_rate_limit
     if limit is None:
         if measured is None:
             raise InputError(
@@ -107,6 +107,8 @@ def _from_angles(
         limit = max(float(np.max(np.abs(rate))), _LEAST_LIMIT)
     step = asked.step
     goals = asked.values[:, 0]
+    if settings.elevator_limits is not None:
+        goals = np.clip(goals, *settings.elevator_limits)
     gaps = np.diff(asked.time)
     is_step = (gaps > 1.5 * step) | (np.abs(np.diff(goals)) > limit * gaps)
     rows = np.flatnonzero(is_step)

@@ -259,6 +259,8 @@ class EffectKind:
         for c in self.coefficients:
             _check_coefficient(f"effect '{self.kind}': coefficient '{c.name}'", c)
         _check_defaults(self)
+        if self.pending is not None:
+            _check_pending(self)
 
     @property
     def defaults(self) -> tuple[float, ...]:
@@ -398,6 +400,26 @@ def _check_defaults(kind: EffectKind) -> None:
             )
 
 
+def _check_pending(kind: EffectKind) -> None:
+    """Checks that what is pending grows by the rate that comes in and not out."""
+    values = [
+        min(max(c.default + c.scale, c.lower), c.upper) for c in kind.coefficients
+    ]
+    try_formulas(kind, tuple(values))
+    assert kind.pending and kind.steady_state and kind.state_rate
+    rate = _TRIAL_FLOW.elevator_rate
+    states = 0.1 + np.array(kind.steady_state(rate, *values), ndmin=1)
+    slopes = np.array(kind.state_rate(rate, *states, *values), ndmin=1)
+    step = 1e-6
+    before = kind.pending(*(states - step * slopes), *values)
+    after = kind.pending(*(states + step * slopes), *values)
+    growth = (after - before) / (2.0 * step)
+    expected = rate - kind.formula(rate, *states, *values)
+    good = math.isclose(growth, expected, rel_tol=1e-4, abs_tol=1e-6)
+    needed = f"{expected:g}, the rate that comes in less the one that goes out"
+    expect(good, f"effect '{kind.kind}': the rate of pending", float(growth), needed)
+
+
 def try_formulas(
     kind: EffectKind,
     values: tuple[float, ...],
@@ -452,5 +474,7 @@ def try_formulas(
         tried("state_rate", kind.state_rate, count, along, *arguments)
         # Off rest, for at rest an effect with a state may do nothing at any size.
         states = tuple(s + 0.1 for s in states)
+    if kind.pending is not None:
+        tried("pending", kind.pending, 1, *states, *values)
     count = 1 if is_actuator else len(kind.adds_to)
     return tried("formula", kind.formula, count, given, *states, *values)

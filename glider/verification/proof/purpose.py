@@ -31,8 +31,8 @@ _PLAN_TOLERANCE = 1e-4
 keep them up to a tolerance. The shipped funnels exceed them by up to 2e-6."""
 
 _PLACE_TOLERANCE = 1e-6
-"""Amount by which launch and wire may be off [m, rad, m/s, rad/s], where it is 6e-8 in
-the shipped funnels, and commands and times of the same feedback [rad/s, s]."""
+"""Amount by which launch and wire may be off [m, rad, m/s, rad/s]; it is 6e-8 in the
+shipped funnels."""
 
 
 def unmet(*checks: tuple[object, str]) -> list[str]:

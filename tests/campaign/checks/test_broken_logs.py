@@ -296,6 +296,25 @@ def test_flights_too_short_to_show_whether_a_servo_follows_are_kept(campaign):
     check_clocks(b.change(one, shorten), {})
 
 
+def test_an_elevator_that_stands_at_its_stop_has_no_wrong_clock(campaign):
+    """Only what it does between its stops counts."""
+    rng = np.random.default_rng(3)
+
+    def saturate(flight):
+        step = int(0.04 * 120.0)
+        pushes = rng.choice([-8.0, 8.0, 8.0], len(flight.time) // step + 1)
+        command = np.repeat(pushes, step)[: len(flight.time)]
+        path = elevator_path(flight.time, command, flight.time, campaign.limits)
+        noise = rng.normal(0.0, 0.005, len(path))
+        return dataclasses.replace(flight, command=command, elevator=path + noise)
+
+    stopped = b.change(campaign, saturate)
+    check_clocks(stopped, {})
+    known, _ = calc_correlation(stopped.flights, {}, servo=campaign.limits)
+    anywhere, _ = calc_correlation(stopped.flights, {})
+    assert known > 0.95 > anywhere
+
+
 def test_a_short_gap_is_cut_only_where_it_hides_how_the_elevator_turned(campaign):
     """It hides a command of two rows; a gap one row later shows its beginning."""
     command = campaign.flights[ODD].command

@@ -345,6 +345,16 @@ def test_angles_that_are_logged_at_changes_only_are_held_between(campaign):
     assert angle[TIME > 0.75] == pytest.approx(0.1, abs=1e-6)
 
 
+def test_angles_beyond_a_stop_are_those_of_the_stop(campaign):
+    """The servo stands there; on its way back it counts from there."""
+    rows = np.array([-0.3, 0.1, 0.5, 1.2])
+    servo = logged(campaign, angle_command=(rows, [0.0, 1.2, 0.5, 0.5]))
+    high = campaign.elevator_limits[1]
+    assert servo.elevator[(TIME > 0.3) & (TIME < 0.4)] == pytest.approx(high)
+    assert servo.elevator[TIME > 0.7] == pytest.approx(0.5, abs=1e-6)
+    assert moved(servo)[TIME > 0.7] == pytest.approx(0.5, abs=0.01)
+
+
 def test_a_command_long_before_a_flight_is_held_in_it(campaign):
     """Of a log of changes, none of which is near the flight."""
     rows = np.array([-3.0, -2.9, 3.0])

@@ -25,6 +25,7 @@ from diagrams.programs.program import (
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import GliderModel
+from glider.planning.constraints import Violation
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Attempt
 
@@ -221,10 +222,14 @@ def test_a_problem_without_a_plan_is_one_sentence(capsys):
     )
 
     def fail():
-        raise PlanningError({"position at the wire": 0.25}, (attempt,))
+        violation = Violation("position at the wire", 0.25, "m")
+        raise PlanningError((attempt,), [violation])
 
     assert run(fail) == 2
-    assert "position at the wire by 0.25" in capsys.readouterr().err
+    assert (
+        "violates 'position at the wire' the most, by 0.25 m."
+        in capsys.readouterr().err
+    )
 
 
 def test_a_fault_of_ours_is_not_hidden():

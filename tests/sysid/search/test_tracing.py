@@ -36,6 +36,7 @@ def test_the_same_effects_in_more_flights_are_the_answer_of_a_full_search(windy)
     np.testing.assert_allclose(found.model.theta, full.model.theta, atol=1e-4)
 
 
+@pytest.mark.nightly
 def test_other_effects_are_searched_as_if_there_had_been_no_earlier_model(windy):
     drag = KINDS["profile_drag"](cd0=0.1)
     full, found = trace_among(drag, 8), trace_among(drag, 8, windy.model)
@@ -44,6 +45,7 @@ def test_other_effects_are_searched_as_if_there_had_been_no_earlier_model(windy)
     assert found.found_by == full.found_by and found.evidence == full.evidence
 
 
+@pytest.mark.nightly
 def test_an_earlier_model_of_what_is_not_tried_is_no_start():
     thrust = KINDS["thrust"](force=0.1)
     full = trace_among(thrust, 6)

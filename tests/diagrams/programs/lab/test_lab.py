@@ -46,15 +46,6 @@ CHANGES = {"x-glider-lab": "1"}
 
 
 @pytest.fixture
-def folder(tmp_path):
-    """A session's folder with no throw yet."""
-    path = tmp_path / "head_wind"
-    path.mkdir()
-    shutil.copy(campaign_folder("head_wind") / "campaign.yaml", path)
-    return path
-
-
-@pytest.fixture
 def open_session(folder):
     """Opens sessions of the folder, and closes them at the end."""
     sessions = []

@@ -34,14 +34,6 @@ def browser():
         yield browser
 
 
-@pytest.fixture
-def folder(tmp_path):
-    path = tmp_path / "head_wind"
-    path.mkdir()
-    shutil.copy(campaign_folder("head_wind") / "campaign.yaml", path)
-    return path
-
-
 @contextlib.contextmanager
 def served(folder, *options):
     """Runs `glider lab`; yields the address of its page."""

@@ -1,6 +1,7 @@
 """Parts of the station alone: the wire's limits, the cameras' clock, release."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagrams.programs.station.clocks import AHEAD, WINDOW, CameraClock
-from diagrams.programs.station.scenario import Release
+from diagrams.programs.station.scenario import Release, Scenario, Sensors
+from diagrams.programs.station.throw_log import _flight_of
 from diagrams.programs.station.tracker import CommandTape, ReleaseDetector, mean_rates
 from diagrams.programs.station.wire import Wire
 from glider.physics.parameters import GliderParameters
+from glider.physics.servo import elevator_path
 
 SERVO = GliderParameters().servo
 
@@ -142,6 +145,18 @@ def test_the_tape_integrates_what_was_commanded():
     assert rate == pytest.approx(10.0 * turn)
 
 
+def test_the_tape_has_what_the_servo_did_in_a_silence():
+    """It turned to neutral: the next command begins there."""
+    tape = CommandTape()
+    tape.rest_at(0.0)
+    tape.add(0.0, 0.0, -5.0)
+    tape.add(0.2, 0.0, 1.0)
+    times = np.array([0.1, 0.2, 0.2, 0.3])
+    rates = mean_rates(tape.rows, times, SERVO)
+    assert rates[0] == pytest.approx(-10.0 * SERVO.low, rel=0.01)
+    assert rates[1:] == pytest.approx([0.0, 1.0])
+
+
 def thrown(push, seconds=0.5, rate=120.0, lost=(), speed=7.0):
     """Poses (k, 5) of a throw released at time 0, pushed by so many m/s²."""
     time = np.arange(-seconds, 0.3, 1.0 / rate)
@@ -175,3 +190,29 @@ def test_what_is_no_release(push, speed, place):
     rows[:, 1] += place + 3.5
     assert not any(detector.add(r[0], r[1:]) for r in rows)
     assert math.isfinite(detector.poses.motion()[0])
+
+
+def test_an_elevator_that_is_not_measured_is_that_of_the_servo():
+    """The last command goes on behind the stop."""
+    acts = 0.02 * np.arange(1, 7)
+    rates = np.full(6, 13.0)
+    time = np.arange(0.0, 0.3, 1.0 / 120.0)
+    angles = elevator_path(acts, rates, acts, SERVO)
+    pose = {
+        "free": True,
+        "fault": "",
+        "x": 0.0,
+        "z": 0.0,
+        "pitch": 0.0,
+        "elevator": 0.0,
+    }
+    commands = zip(acts.tolist(), rates.tolist(), angles.tolist(), strict=True)
+    topics = {
+        "/pose": [pose | {"stamp": t, "time": t} for t in time.tolist()],
+        "/command": [{"acts": t, "rate": u, "angle": a} for t, u, a in commands],
+    }
+    scenario = Scenario(sensors=Sensors(elevator=False))
+    flight = _flight_of(Path("throw_001.mcap"), topics, scenario, SERVO)
+    expected = elevator_path(acts, rates, time, SERVO)
+    assert flight.elevator == pytest.approx(expected, abs=1e-9)
+    assert np.max(flight.elevator) <= SERVO.high
