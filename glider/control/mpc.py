@@ -11,7 +11,11 @@ from glider.physics.state import POSITION
 from glider.planning.constraints import check_plannable
 from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
-from glider.planning.structured import CollocatedFlight, solve_structured
+from glider.planning.structured import (
+    CollocatedFlight,
+    solve_from_guess,
+    solve_structured,
+)
 
 _RATE_COST = 0.1
 """Weight of the elevator's squared rate [1/(rad²/s)] beside the goal's weights of
@@ -62,6 +66,11 @@ class Replanner:
     a plan from everywhere. Where a solve fails the last plan goes on, and so does the
     rest of a plan that is all but over.
 
+    Obstacles are avoided at a plan's knots and midway between them, 11 ms apart, so
+    that a path may cut a clearance by some millimeters in between. Where the measured
+    state is inside a clearance, a plan has to be out of it after those 11 ms; if none
+    is, the last plan goes on.
+
     Args:
         model: the glider that is planned with.
         problem: whose launch, goal, weights and limits; its rate_cost is replaced
@@ -91,9 +100,7 @@ class Replanner:
         """Returns the plan from the problem's launch, which begins at time 0."""
         line = straight_line(self._model, self._problem)
         knots = max(_FEWEST, round(line.states.end_time() / _SPACING))
-        flight = solve_structured(
-            self._model, self._problem, knots, line, arrive=False, name="the first plan"
-        )
+        flight = solve_from_guess(self._model, self._problem, knots, line, arrive=False)
         what = "ModelPredictiveController: the first plan's status"
         expect(flight.solved, what, flight.status, "a launch with a plan")
         return ReplanResult(flight=flight, begin=0.0)
@@ -126,6 +133,7 @@ class Replanner:
             elapsed=elapsed,
             tolerance=_TOLERANCE,
             iterations=_ITERATIONS,
+            rounds=1,
             name="the last plan",
         )
         again = dataclasses.replace(

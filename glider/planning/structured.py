@@ -167,6 +167,7 @@ def solve_structured(
     elapsed: float = 0.0,
     tolerance: float = 1e-6,
     iterations: int = 150,
+    rounds: int = _ROUNDS,
     name: str = "the plan on fewer knots",
 ) -> CollocatedFlight:
     """Plans from a guess, or again from a plan, its multipliers included.
@@ -180,7 +181,9 @@ def solve_structured(
         arrive: see `make_program`.
         elapsed: time since the launch of a plan to start from [s].
         tolerance: see `optimize`.
-        iterations: see `optimize`; fewer bound the time.
+        iterations: see `optimize`, of each round; fewer bound the time.
+        rounds: solutions at most; with one, inequalities hold at the knots and the
+            middles of segments, and are not checked between.
         name: of what is found.
 
     Raises:
@@ -199,12 +202,12 @@ def solve_structured(
     inequalities = constraints_of(problem, model.parameters.servo).inequalities
     formulas = [inequality.formula for inequality in inequalities]
     margins = np.zeros((len(formulas), 2 * knots - 1))
-    for _ in range(_ROUNDS):
+    is_checked = bool(formulas) and rounds > 1 and tolerance < COARSE_TOLERANCE
+    for _ in range(rounds):
         found = optimize(
             model, program, start, barrier, tolerance, iterations, formulas, margins
         )
-        is_coarse = tolerance >= COARSE_TOLERANCE
-        if is_coarse or not formulas or found.status != "solved":
+        if not is_checked or found.status != "solved":
             break
         w = found.optimum.w
         points = w[:-1].reshape(knots, n + 1)
@@ -233,20 +236,22 @@ def solve_from_guess(
     knots: int,
     guess: Guess | CollocatedFlight,
     tolerance: float = 1e-6,
+    arrive: bool = True,
 ) -> CollocatedFlight:
     """Plans from a guess; if that fails, from a flight that ends where it is cheapest.
 
     Where there are obstacles, it begins with the plan that there is without them: from
-    a line that runs into one, a dearer way round it may be found, or none.
+    a line that runs into one, a dearer way round it may be found, or none. `arrive` is
+    that of `make_program`.
 
     Raises:
         UncompilableError: a formula is not of what numba compiles.
     """
 
-    def solve(start, clear=False, **options):
+    def solve(start, clear=False, arrive=arrive):
         own = dataclasses.replace(problem, obstacles=[]) if clear else problem
         return solve_structured(
-            model, own, knots, start, tolerance=tolerance, **options
+            model, own, knots, start, tolerance=tolerance, arrive=arrive
         )
 
     if problem.obstacles and isinstance(guess, Guess):
@@ -256,7 +261,7 @@ def solve_from_guess(
             if flight.solved:
                 return flight
     flight = solve(guess)
-    if flight.solved:
+    if flight.solved or not arrive:
         return flight
     free = solve(guess, arrive=False)
     again = solve(free) if free.solved else flight

@@ -39,12 +39,7 @@ def closest_pass(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> Pas
     kept = np.flatnonzero(np.append(np.diff(times) > 0.0, True))
     times = times[kept]
     states = states[kept]
-    fine = times
-    path = states[:, POSITION]
-    if len(times) > 1:
-        steps = np.diff(times)[:, None] * np.arange(_REFINEMENT) / _REFINEMENT
-        fine = np.append((times[:-1, None] + steps).ravel(), times[-1])
-        path = CubicHermiteSpline(times, path, states[:, VELOCITY])(fine)
+    fine, path = _refine(times, states)
     start = path[:-1] - wire
     along = np.diff(path, axis=0)
     square = np.sum(along**2, axis=1)
@@ -60,6 +55,25 @@ def closest_pass(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> Pas
     return Pass(time=time, miss=float(distances[k]), arrival=arrival)
 
 
+def _refine(times: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns finer times and the places (..., 2) there, of times that increase."""
+    places = states[:, POSITION]
+    if len(times) == 1:
+        return times, places
+    steps = np.diff(times)[:, None] * np.arange(_REFINEMENT) / _REFINEMENT
+    fine = np.append((times[:-1, None] + steps).ravel(), times[-1])
+    return fine, CubicHermiteSpline(times, places, states[:, VELOCITY])(fine)
+
+
+def _collides(times: np.ndarray, states: np.ndarray, problem: PerchingProblem) -> bool:
+    """Whether a logged flight enters one of a problem's obstacles."""
+    if not problem.obstacles:
+        return False
+    kept = np.flatnonzero(np.append(np.diff(times) > 0.0, True))
+    _, places = _refine(times[kept], states[kept])
+    return any(bool(o.contains(places).any()) for o in problem.obstacles)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownFlight:
     """One flight of a simulated glider; a hook that takes it ends it at the wire."""
@@ -69,6 +83,7 @@ class FlownFlight:
     miss: float  #: Least distance of the center of mass from the wire [m].
     arrival: np.ndarray  #: (n,) state there.
     hook: Hook  #: At the glider.
+    collided: bool  #: Whether the center of mass enters an obstacle.
     #: (K, 2) of wing and elevator along their normals [N], if asked for.
     forces: np.ndarray | None = None
     #: Of motion capture and of the commands, where there is one.
@@ -86,8 +101,9 @@ class FlownFlight:
 
     @property
     def perched(self) -> bool:
-        """Whether the hook holds the glider at the wire."""
-        return bool(self.hook.takes(np.array(self.miss), self.arrival))
+        """Whether the hook holds the glider at the wire, and no obstacle stops it."""
+        held = bool(self.hook.takes(np.array(self.miss), self.arrival))
+        return held and not self.collided
 
 
 def hooked(
@@ -122,6 +138,7 @@ def hooked(
         miss=passed.miss,
         arrival=passed.arrival,
         hook=problem.hook,
+        collided=_collides(times, states, problem),
         forces=forces,
         log=log,
     )
@@ -167,8 +184,13 @@ class Perches:
 
     @property
     def perched(self) -> int:
-        """Number of flights that the hook holds."""
+        """Number of flights that perch."""
         return sum(flight.perched for flight in self.flights)
+
+    @property
+    def collided(self) -> int:
+        """Number of flights that enter an obstacle."""
+        return sum(flight.collided for flight in self.flights)
 
     @property
     def worst(self) -> FlownFlight:
@@ -182,13 +204,15 @@ class Perches:
             "speed_at_wire_m_s": self.speeds,
             "pitch_at_wire_rad": self.pitches,
             "perched": self.perched,
+            "collided": self.collided,
         }
 
     def describe(self) -> str:
         """Describes the number that perch, and the median flight at the wire."""
         pitch = np.degrees(np.median(self.pitches))
+        entered = f"{self.collided} enter an obstacle, " if self.collided else ""
         return (
-            f"{self.perched} of {len(self)} launches perch, median miss "
+            f"{self.perched} of {len(self)} launches perch, {entered}median miss "
             f"{1000 * np.median(self.misses):.1f} mm at {np.median(self.speeds):.1f} "
             f"m/s, nose {abs(pitch):.0f}° {'down' if pitch > 0.0 else 'up'}"
         )

@@ -125,19 +125,20 @@ def test_an_obstacle_that_cannot_be_avoided_is_named():
 
 
 def test_drake_s_program_has_the_obstacle_too(article_plan):
-    dc = perching_program(MODEL, POLE, knots=21)
+    [pole] = POLE.obstacles
+    pole = dataclasses.replace(pole, clearance=0.0)
+    problem = dataclasses.replace(POLE, obstacles=[pole])
+    dc = perching_program(MODEL, problem, knots=21)
     result = SnoptSolver().Solve(dc.prog())
     assert result.is_success()
-    own = plan(MODEL, POLE, knots=(21,))
+    own = plan(MODEL, problem, knots=(21,))
     assert result.get_optimal_cost() == pytest.approx(own.cost, rel=0.02)
     times = dc.GetSampleTimes(result)
     states = dc.GetStateSamples(result).T
     path = Path(MODEL, times, states, dc.GetInputSamples(result)[0])
-    [pole] = POLE.obstacles
     x, z = path.between[[0, POINTS // 2]].T[:2]
-    radius = pole.radius + pole.clearance
     distances = np.hypot(x - pole.center[0], z - pole.center[1])
-    assert distances.min() > radius - 1e-5
+    assert distances.min() > pole.radius - 1e-5
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 from glider.physics.effects.geometry import WIND
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
+from glider.planning.problem import Obstacle, PerchingProblem
 from glider.verification.dynamics.nominal import evaluate
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.servo_limits import servo_bounds
@@ -15,7 +16,7 @@ from glider.verification.proof.check import check_funnel, largest_between
 from glider.verification.proof.exact_check import BALL_BITS, check_time, exact_faults
 from glider.verification.proof.interval import at_time
 from glider.verification.proof.interval_growth import growth_forms
-from glider.verification.proof.purpose import model_faults
+from glider.verification.proof.purpose import model_faults, path_faults
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import (
     higher_forms,
@@ -151,6 +152,14 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     unknown = NO_DEFECT.copy()
     unknown[100] = np.nan  # Not the first that is looked at.
     assert np.isnan(largest_between(funnel, unknown, rng, 20))
+
+
+def test_obstacles_are_not_proven(funnel):
+    """Not even one that the nominal keeps clear of."""
+    far = Obstacle(center=[-1.0, -0.7], radius=0.1)
+    assert path_faults(funnel, PerchingProblem()) == []
+    [fault] = path_faults(funnel, PerchingProblem(obstacles=[far]))
+    assert "obstacles" in fault and "not proven" in fault
 
 
 def test_a_funnel_of_another_glider_names_what_differs(funnel):
