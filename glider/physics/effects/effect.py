@@ -224,9 +224,7 @@ class EffectKind:
     is_rare: bool = False
     #: The scale of noise by which the coefficients vary from flight to flight, or none.
     varies_by: str = ""
-    families: tuple[
-        str, ...
-    ] = ()  #: Free functions of which it is a formula, FAMILIES.
+    families: tuple[str, ...] = ()  #: Those of FAMILIES of which it is a formula.
     #: Further free functions that may bend its formula, or links of which all may:
     #: lags are soon over, and only the deflection distinguishes a change of the tail's
     #: angle from one of its force.
