@@ -41,6 +41,9 @@ FASTER = {
 }
 """Options that make an example shorter: by default it flies hundreds of launches."""
 
+LONGEST = ("glider close-the-loop four_at_once",)
+"""Run by make nightly: the sample campaign of `make demo` goes the same way."""
+
 SERVERS = ("glider lab",)
 """Commands that serve a page until Ctrl-C."""
 
@@ -144,8 +147,21 @@ def test_the_wheel_has_the_packages_and_the_models_of_the_tree(place):
     place.run(f"python -c {shlex.quote(INSTALLED)} {shlex.quote(str(ROOT))}")
 
 
-@pytest.mark.readme
-@pytest.mark.parametrize("command", [c for c in COMMANDS if c not in OF_CI])
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(
+            command,
+            marks=[
+                pytest.mark.nightly
+                if command.startswith(LONGEST)
+                else pytest.mark.readme
+            ],
+        )
+        for command in COMMANDS
+        if command not in OF_CI
+    ],
+)
 def test_a_command_runs(place, command):
     if command == "make demo":
         report = json.loads((place.folder / "out/last_week/report.json").read_text())

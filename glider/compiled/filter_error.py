@@ -13,6 +13,8 @@ moving air, a pitch acceleration, the elevator's departure from its replayed pat
 pitch zero.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from glider.compiled.kernel import inlined_code, machine_code
@@ -30,6 +32,37 @@ PROCESSES = 4
 ELEVATOR = 3
 PITCH = 2
 PITCH_RATE = 6
+
+
+class FilterArrays(NamedTuple):
+    """A flight of K intervals, C channels and m columns, with n states, to filter.
+
+    The last four are written.
+    """
+
+    times: np.ndarray  #: (K + 1,) of the nodes [s].
+    by_x: np.ndarray  #: (K, n, n) how each interval's end moves with its node.
+    by_air: np.ndarray  #: (K, n, 2) how it moves with a constant velocity of the air.
+    by_trim: np.ndarray  #: (K, n) how it moves with the flight's own trim.
+    inputs: np.ndarray  #: (K, n, m) how each column moves it.
+    pose_by_x: np.ndarray  #: (K + 1, 3, n) how the pose moves with the node.
+    #: (K + 1, C, m) how each column moves pose, elevator and, if C is 5, the pitch rate
+    #: that a gyro measures.
+    outputs: np.ndarray
+    seen: np.ndarray  #: (K + 1, C) whether they were measured.
+    variance: np.ndarray  #: (C,) of the measurements.
+    start: np.ndarray  #: (n + 8,) variances of the deviations at the first node.
+    mean: np.ndarray  #: (n + 8, m) what each column moves them by there; written.
+    rates: np.ndarray  #: (4,) of the processes [1/s].
+    powers: np.ndarray  #: (4,) their steady variances.
+    innovations: np.ndarray  #: (K + 1, C, m) over their standard deviations.
+    variances: np.ndarray  #: (K + 1, C) of the innovations; 1 where nothing was seen.
+    #: (K + 1, C, n + 8) covariances of deviations and measurements; of length zero
+    #: where nothing is to be smoothed.
+    gains: np.ndarray
+    #: (K + 1, 2, n + 9), written with them: covariances of the gusts and the deviations
+    #: after a row, and the gusts of the last column.
+    airs: np.ndarray
 
 
 @inlined_code
@@ -106,26 +139,7 @@ def filter_columns(
 
     Args:
         n, m: numbers of states and columns.
-        times: (K + 1,) of the nodes [s].
-        by_x: (K, n, n) how each interval's end moves with its node.
-        by_air: (K, n, 2) how it moves with a constant velocity of the air.
-        by_trim: (K, n) how it moves with the flight's own trim.
-        inputs: (K, n, m) how each column moves it.
-        pose_by_x: (K + 1, 3, n) how the pose moves with the node.
-        outputs: (K + 1, C, m) how each column moves pose, elevator and, if C is 5,
-            the pitch rate that a gyro measures.
-        seen: (K + 1, C) whether they were measured.
-        variance: (C,) of the measurements.
-        start: (n + 8,) variances of the deviations at the first node.
-        mean: (n + 8, m) what each column moves them by there; written.
-        rates: (4,) of the processes [1/s].
-        powers: (4,) their steady variances.
-        innovations: (K + 1, C, m), written: over their standard deviations.
-        variances: (K + 1, C), written: of the innovations; 1 where nothing was seen.
-        gains: (K + 1, C, n + 8), written: covariances of deviations and measurements;
-            of length zero where nothing is to be smoothed.
-        airs: (K + 1, 2, n + 9), written with them: covariances of the gusts and the
-            deviations after a row, and the gusts of the last column.
+        others: those of FilterArrays.
     """
     total = n + OWN_STATES
     keep = np.ones(OWN_STATES)
@@ -282,25 +296,32 @@ def move_back(n, m, step, rates, moves, later, summed, earlier):
 
 
 @machine_code
-def smooth_flight(adjoint, *flight):
-    """Filters a flight of one column and smooths its gusts, see `filter_columns`.
+def smooth_flight(
+    adjoint,
+    times,
+    by_x,
+    by_air,
+    by_trim,
+    inputs,
+    pose_by_x,
+    outputs,
+    seen,
+    variance,
+    start,
+    mean,
+    rates,
+    powers,
+    innovations,
+    variances,
+    gains,
+    airs,
+):
+    """Smooths the gusts of a flight of one column that was filtered.
 
     The adjoint recursion of Bryson and Frazier: with what later rows say of a node's
     deviations in `adjoint` (n + 8,), written, they are filtered + covariance · adjoint.
     It leaves the gusts in airs[:, :, -1], and the adjoint of the first node.
     """
-    times = flight[0]
-    by_x = flight[1]
-    by_air = flight[2]
-    by_trim = flight[3]
-    pose_by_x = flight[5]
-    seen = flight[7]
-    rates = flight[11]
-    innovations = flight[13]
-    variances = flight[14]
-    gains = flight[15]
-    airs = flight[16]
-    filter_flight(*flight)
     n = by_x.shape[1]
     total = n + OWN_STATES
     moves = np.zeros((n, n + 5))
@@ -331,20 +352,31 @@ def smooth_flight(adjoint, *flight):
 
 
 @inlined_code
-def trace_back(n, by_sensor, by_start, by_power, by_time, *flight):
+def trace_back(
+    n,
+    by_sensor,
+    by_start,
+    by_power,
+    by_time,
+    times,
+    by_x,
+    by_air,
+    by_trim,
+    inputs,
+    pose_by_x,
+    outputs,
+    seen,
+    variance,
+    start,
+    mean,
+    rates,
+    powers,
+    innovations,
+    variances,
+    gains,
+    airs,
+):
     """Writes the slopes of `score_flight` of a flight that was filtered."""
-    times = flight[0]
-    by_x = flight[1]
-    by_air = flight[2]
-    by_trim = flight[3]
-    pose_by_x = flight[5]
-    seen = flight[7]
-    rates = flight[11]
-    powers = flight[12]
-    innovations = flight[13]
-    variances = flight[14]
-    gains = flight[15]
-    airs = flight[16]
     total = n + OWN_STATES
     size = total + 1  # The last column is λ.
     moves = np.zeros((n, n + 5))
@@ -421,7 +453,7 @@ def trace_back(n, by_sensor, by_start, by_power, by_time, *flight):
 
 @machine_code
 def score_flight(by_sensor, by_start, by_power, by_time, *flight):
-    """Filters a flight of one column and writes the slopes of its cost.
+    """Writes the slopes of the cost of a flight of one column that was filtered.
 
     The cost is ½ Σ (e² + log s) of innovations e over their standard deviations and of
     their variances s. With λ, the adjoint of `smooth_flight`, and Λ, its covariance,
@@ -434,9 +466,8 @@ def score_flight(by_sensor, by_start, by_power, by_time, *flight):
         by_start: (n + 8,) by those of the deviations at the first node.
         by_power: (4,) by the steady ones of the processes, but for their start.
         by_time: (2,) by the logarithms of the gusts' correlation times.
-        flight: arguments of `filter_columns`, with gains and airs.
+        flight: those of FilterArrays, with gains and airs.
     """
-    filter_flight(*flight)
     n = flight[1].shape[1]
     if n == MOTION:
         trace_back(MOTION, by_sensor, by_start, by_power, by_time, *flight)
@@ -444,8 +475,25 @@ def score_flight(by_sensor, by_start, by_power, by_time, *flight):
         trace_back(n, by_sensor, by_start, by_power, by_time, *flight)
 
 
-def no_flight() -> tuple[np.ndarray, ...]:
-    """Returns arguments of the types that `filter_flight` is compiled for."""
+def no_flight() -> FilterArrays:
+    """Returns arrays of the types that `filter_flight` is compiled for."""
     a, b, c = (np.zeros((0,) * count) for count in (1, 2, 3))
-    seen = np.zeros((0, 0), dtype=bool)
-    return a, c, c, b, c, c, c, seen, a, a, b, a, a, c, b, c, c
+    return FilterArrays(
+        times=a,
+        by_x=c,
+        by_air=c,
+        by_trim=b,
+        inputs=c,
+        pose_by_x=c,
+        outputs=c,
+        seen=np.zeros((0, 0), dtype=bool),
+        variance=a,
+        start=a,
+        mean=b,
+        rates=a,
+        powers=a,
+        innovations=c,
+        variances=b,
+        gains=c,
+        airs=c,
+    )

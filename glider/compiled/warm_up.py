@@ -32,8 +32,7 @@ def warm_up(space: ParameterSpace) -> None:
 
 def _warm_up_filter() -> None:
     """Compiles the loops that are the same for all gliders."""
-    filter_error.filter_flight(*filter_error.no_flight())
-    adjoint = np.zeros(0)
-    filter_error.smooth_flight(adjoint, *filter_error.no_flight())
-    slopes = np.zeros((4, 0))
-    filter_error.score_flight(*slopes, *filter_error.no_flight())
+    flight = filter_error.no_flight()
+    filter_error.filter_flight(*flight)
+    filter_error.smooth_flight(np.zeros(0), *flight)
+    filter_error.score_flight(*np.zeros((4, 0)), *flight)

@@ -9,6 +9,7 @@ import numpy as np
 from glider.compiled.filter_error import (
     OWN_STATES,
     PROCESSES,
+    FilterArrays,
     filter_flight,
     score_flight,
     smooth_flight,
@@ -78,34 +79,45 @@ def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
 ) -> WhitenedFlight:
     """Filters a flight; the start's variances are given where they are others."""
-    arguments = _filter_arguments(flight.whole(), scales, start)
-    filter_flight(*arguments)
-    return WhitenedFlight(arguments[13], np.log(arguments[14]))
+    return _whitened(_filter(flight.whole(), scales, start))
 
 
-def _filter_arguments(
+def _whitened(arrays: FilterArrays) -> WhitenedFlight:
+    return WhitenedFlight(arrays.innovations, np.log(arrays.variances))
+
+
+def _filter(
     flight: LinearFlight,
     scales: Scales,
     start: np.ndarray | None = None,
     smoothed: int = 0,
-) -> tuple[np.ndarray, ...]:
-    """Arguments of `filter_flight`, with so many nodes to be smoothed."""
+) -> FilterArrays:
+    """Filters a flight, of which so many nodes are to be smoothed."""
     record = flight.record
     n = flight.by_x.shape[1]
     usual = start_variances(flight, scales)
     channels = record.seen.shape[1]
-    return (
-        *(record.time, flight.by_x, flight.by_air, flight.by_trim, flight.inputs),
-        *(flight.pose_by_x, flight.outputs, record.seen),
-        np.square(scales.sensors[:channels]),
-        usual if start is None else start,
-        flight.start.copy(),
-        1.0 / np.array(scales.times),
-        usual[n : n + PROCESSES],
-        *(np.empty(flight.outputs.shape), np.empty(record.seen.shape)),
-        np.empty((smoothed, channels, n + OWN_STATES)),
-        np.empty((smoothed, 2, n + OWN_STATES + 1)),
+    arrays = FilterArrays(
+        times=record.time,
+        by_x=flight.by_x,
+        by_air=flight.by_air,
+        by_trim=flight.by_trim,
+        inputs=flight.inputs,
+        pose_by_x=flight.pose_by_x,
+        outputs=flight.outputs,
+        seen=record.seen,
+        variance=np.square(scales.sensors[:channels]),
+        start=usual if start is None else start,
+        mean=flight.start.copy(),
+        rates=1.0 / np.array(scales.times),
+        powers=usual[n : n + PROCESSES],
+        innovations=np.empty(flight.outputs.shape),
+        variances=np.empty(record.seen.shape),
+        gains=np.empty((smoothed, channels, n + OWN_STATES)),
+        airs=np.empty((smoothed, 2, n + OWN_STATES + 1)),
     )
+    filter_flight(*arrays)
+    return arrays
 
 
 class Smoothed(NamedTuple):
@@ -117,11 +129,11 @@ class Smoothed(NamedTuple):
 
 def smooth(flight: LinearFlight, scales: Scales) -> Smoothed:
     """Smooths a flight of one column, its error."""
-    arguments = _filter_arguments(flight, scales, smoothed=len(flight.record.time))
+    arrays = _filter(flight, scales, smoothed=len(flight.record.time))
     adjoint = np.zeros(len(flight.start))
-    smooth_flight(adjoint, *arguments)
-    gusts = arguments[16][:, :, -1]
-    return Smoothed(arguments[9] * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
+    smooth_flight(adjoint, *arrays)
+    gusts = arrays.airs[:, :, -1]
+    return Smoothed(arrays.start * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
 
 
 def excludes(scales: Scales, about: Surroundings) -> bool:
@@ -173,17 +185,17 @@ def negative_log_likelihood(
 
 def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
     """Returns the cost of a flight of one column [nats], and its slopes by `logs`."""
-    arguments = _filter_arguments(flight, scales, smoothed=len(flight.record.time))
-    start = arguments[9]
     n = flight.by_x.shape[1]
-    by_sensor = np.empty_like(arguments[8])
-    by_start = np.empty_like(start)
     by_power = np.empty(PROCESSES)
     by_time = np.empty(2)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        score_flight(by_sensor, by_start, by_power, by_time, *arguments)
+        arrays = _filter(flight, scales, smoothed=len(flight.record.time))
+        start = arrays.start
+        by_sensor = np.empty_like(arrays.variance)
+        by_start = np.empty_like(start)
+        score_flight(by_sensor, by_start, by_power, by_time, *arrays)
         sensors = np.zeros(5)
-        sensors[: len(by_sensor)] = 2.0 * arguments[8] * by_sensor
+        sensors[: len(by_sensor)] = 2.0 * arrays.variance * by_sensor
         by_start[n : n + PROCESSES] += by_power
         by_start *= 2.0 * start
         air, air_z, moment, servo, *constants = by_start[n:]
@@ -202,5 +214,5 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         "rest": by_start[OFFSET] if rests(flight.record, scales) else 0.0,
         "memory": by_start[NUM_STATES:n].sum(),
     }
-    cost = WhitenedFlight(arguments[13], np.log(arguments[14])).cost
+    cost = _whitened(arrays).cost
     return cost, np.array([by_name[name] for name in NAMES])

@@ -206,11 +206,12 @@ def test_changed_coefficients_are_one_column(flight):
 
 
 def test_every_flight_takes_the_filter_that_is_compiled_first(flight, monkeypatch):
-    types, filter_flight = [], filtering.filter_flight
+    types = []
+    filter_flight = filtering.filter_flight
 
-    def spy(*arguments):
-        types.append(tuple(map(numba.typeof, arguments)))
-        filter_flight(*arguments)
+    def spy(*arrays):
+        types.append(tuple(map(numba.typeof, arrays)))
+        filter_flight(*arrays)
 
     monkeypatch.setattr(filtering, "filter_flight", spy)
     for asked in (flight, flight.error_only()):
