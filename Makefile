@@ -75,7 +75,7 @@ lint: setup
 	$(BIN)/mypy
 
 tables: setup
-	$(BIN)/python -m tests.benchmarks.tables
+	$(BIN)/python -m benchmarks.tables
 
 proofs: setup
 	for funnel in drawn head_wind head_wind_95; do \
@@ -87,7 +87,7 @@ proofs: setup
 		--phases models/funnels/any_phase/phase_*.npz
 
 benchmark: setup
-	@for script in tests/benchmarks/bench_*.py; do \
+	@for script in benchmarks/bench_*.py; do \
 		if [ ! -e "$$script" ]; then echo "There are no benchmarks yet."; break; fi; \
 		echo "$$script"; $(BIN)/python "$$script" || exit 1; \
 	done

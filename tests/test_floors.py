@@ -60,6 +60,7 @@ FLOORS = [
     "examples",
     "examples.article",
     "tests",
+    "benchmarks",
 ]
 """Packages and lone modules from the ground up; of those that fit a module, the
 longest holds. Modules of one package may import one another, but not in a circle."""
@@ -73,7 +74,7 @@ ROOMS = {
 } - {"glider"}
 """What may hold modules: none lies loose in glider/ but those that FLOORS names."""
 
-OURS = {"glider", "diagrams", "examples", "tests"}
+OURS = {"glider", "diagrams", "examples", "tests", "benchmarks"}
 
 Sources = dict[str, tuple[Path, str]]
 """Module name to its file and text."""

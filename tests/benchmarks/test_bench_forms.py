@@ -5,12 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from glider.physics.effects import ADDED_MASS, DYNAMIC_STALL, EffectKind
-from glider.physics.model import GliderModel
-from glider.simulation.campaigns import fly_path
-from glider.sysid.replay.log_space import log_space_of, sensed, vector_of
-from glider.sysid.result import FoundEffect
-from tests.benchmarks.bench_forms import (
+from benchmarks.bench_forms import (
     Planted,
     draw,
     draw_families,
@@ -18,6 +13,11 @@ from tests.benchmarks.bench_forms import (
     taken_place,
     with_play,
 )
+from glider.physics.effects import ADDED_MASS, DYNAMIC_STALL, EffectKind
+from glider.physics.model import GliderModel
+from glider.simulation.campaigns import fly_path
+from glider.sysid.replay.log_space import log_space_of, sensed, vector_of
+from glider.sysid.result import FoundEffect
 from tests.helpers.hooked_flight import EVERY, HookedGlider, hook
 from tests.helpers.lifelike import Capture
 from tests.helpers.lifelike_flight import STEP

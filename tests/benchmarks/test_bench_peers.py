@@ -6,9 +6,9 @@ import types
 
 import pytest
 
-from tests.benchmarks import bench_peers
-from tests.benchmarks.peers.aeroid_identification import Estimates, rows_of
-from tests.benchmarks.peers.pairs import Pair, time_pair
+from benchmarks import bench_peers
+from benchmarks.peers.aeroid_identification import Estimates, rows_of
+from benchmarks.peers.pairs import Pair, time_pair
 
 
 @pytest.mark.parametrize("name", ["pysindy", "aeroid"])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from benchmarks.power import MOST_SIGMAS, limits_of
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import fit_model, grams_of, linear_flights
 from glider.sysid.likelihood.scale_fit import fit_scales
-from tests.benchmarks.power import MOST_SIGMAS, limits_of
 from tests.helpers.known_truth import begin, task_of
 from tests.helpers.tasks import fly
 

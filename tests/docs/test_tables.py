@@ -7,10 +7,10 @@ import types
 
 import pytest
 
+from benchmarks import code_digest, tables
+from benchmarks.table_rows import TABLES
 from glider.errors import InputError
 from glider.paths import models_path
-from tests.benchmarks import code_digest, tables
-from tests.benchmarks.table_rows import TABLES
 
 NAMES = sorted(path.stem for path in tables.RECORDS.glob("*.json"))
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
@@ -30,9 +30,7 @@ def test_pages_have_what_was_measured_and_say_with_which_code(name):
     """Neither edited by hand nor left behind, and nothing old is taken for new."""
     text = tables.markdown(tables.load_record(name), TABLES[name].code)
     for page, blocks in tables.blocks_of(name).items():
-        assert blocks == [text], (
-            f"{page.name}: python -m tests.benchmarks.tables --mark"
-        )
+        assert blocks == [text], f"{page.name}: python -m benchmarks.tables --mark"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -41,7 +39,7 @@ def test_what_was_measured_still_ships(name):
     for row, measured in tables.load_record(name).rows.items():
         for path, digest in measured.inputs.items():
             now = hashlib.sha256(models_path(path).read_bytes()).hexdigest()
-            command = f"python -m tests.benchmarks.tables {name}/{row}"
+            command = f"python -m benchmarks.tables {name}/{row}"
             assert now == digest, f"models/{path} has changed: {command}"
 
 

@@ -51,10 +51,13 @@ class Sensors:
     rate: float = 120.0  #: Of the frames [Hz].
     latency: float = 0.006  #: Least time from exposure to reception [s].
     elevator: bool = True  #: Whether the elevator's angle is measured too.
+    #: Standard error of the frames' times against those of the commands [s]: that of
+    #: `latency`. A delay that it explains is no effect of the glider.
+    clock_std: float = 0.001
 
     def __post_init__(self):
         """Raises InputError where a number cannot be."""
-        _check(self, rate=1000.0, latency=1.0)
+        _check(self, rate=1000.0, latency=1.0, clock_std=1.0)
         _check_positive(self, "rate")
 
 

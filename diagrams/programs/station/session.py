@@ -77,9 +77,11 @@ class Session:
             scenario.sensors.rate,
             scenario.command_rate or scenario.sensors.rate,
         )
+        error = scenario.sensors.clock_std
+        log = ServoLog(command_std=error)
         if not scenario.sensors.elevator:
-            log = ServoLog(angle="reconstructed")
-            campaign = dataclasses.replace(campaign, servo=log)
+            log = ServoLog(angle="reconstructed", clock_std=error)
+        campaign = dataclasses.replace(campaign, servo=log)
         file = folder / "campaign.yaml"
         if file.exists():
             known, _ = read_settings(file)

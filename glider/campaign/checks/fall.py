@@ -9,7 +9,7 @@ depend on the airspeed. Flights rarely show which of them is right, so that the 
 over the ways is part of the uncertainty. So is the scatter with a flight left out, or
 with a quarter of the time of all flights if that is larger.
 
-Measured (tests/benchmarks/bench_fall.py): of 501 campaigns and parts of campaigns of
+Measured (benchmarks/bench_fall.py): of 501 campaigns and parts of campaigns of
 three flights or more, simulated with strong effects or thrown by hand, the logarithm
 of gravity is off by 0.5 standard deviations (RMS), and by at most 1.4 in any. The
 standard deviation is 0.05 to 0.09 of a campaign, 0.09 to 0.11 of three throws.
@@ -23,14 +23,11 @@ import numpy as np
 from glider.campaign.checks import forces
 from glider.campaign.checks.clocks import claim_scale
 from glider.campaign.checks.masks import Masks
-from glider.campaign.checks.motion import Motion, robust_std
+from glider.campaign.checks.motion import Motion, are_alike, robust_std
 from glider.campaign.logs import Campaign
 
 _MIN_FLIGHTS = 3  # One throw alone may be off by far more than it shows: a warning.
 _PIECES = 4  # That flights are cut into: with one left out, forms of forces matter.
-# Share of the variance of velocities that is between flights, below which they are
-# alike: less than 0.05 of throws of one plan, 0.56 to 0.87 of campaigns.
-_ALIKE = 0.2
 _OFF = 0.05, 0.15  # Part by which gravity may be off: warned of, refused.
 _SURELY = 1.7  # Standard deviations that must be in it.
 UNKNOWN = 0.2
@@ -62,7 +59,7 @@ def check_fall(
     are_few = len(motions) < _MIN_FLIGHTS
     refused = _OFF[1]
     surely = _SURELY
-    if are_few or _are_alike(motions):
+    if are_few or are_alike(motions):
         refused = math.inf
         surely = 2.0 * _SURELY
     if are_few:
@@ -83,14 +80,6 @@ def check_fall(
         "large ('units: time', the frame rate), or the right gravity"
     )
     return claim_scale(campaign, ratio, surely * error, (_OFF[0], refused), found)
-
-
-def _are_alike(motions: list[Motion]) -> bool:
-    """Whether flights repeat each other, as throws of one plan do: they are as one."""
-    rows = min(len(motion.time) for motion in motions)
-    velocity = np.array([motion.velocity[:rows, :2] for motion in motions])
-    total = np.var(velocity, axis=(0, 1)).sum()
-    return bool(np.var(velocity, axis=0).mean(axis=0).sum() < _ALIKE * total)
 
 
 def measure_fall(motions: list[Motion]) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """Velocity and acceleration of a log without a model: local cubics."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,10 @@ import numpy as np
 SPAN = 0.1
 """Duration that a cubic is fitted over [s]: at 120 Hz and 0.4 mm of noise it leaves
 0.3 m/s² in an acceleration."""
+
+_ALIKE = 0.2
+"""Share of the variance of velocities that is between flights, below which they are
+alike: less than 0.05 of throws of one plan, 0.56 to 0.87 of campaigns."""
 
 _LONGEST = 1.5  # Duration of a window with missing rows over that of one without.
 
@@ -60,3 +65,11 @@ def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motio
         velocity=coefficients[:, 1] / scale,
         acceleration=2 * coefficients[:, 2] / scale**2,
     )
+
+
+def are_alike(motions: Sequence[Motion]) -> bool:
+    """Whether flights repeat each other, as throws of one plan do: they are as one."""
+    rows = min(len(motion.time) for motion in motions)
+    velocity = np.array([motion.velocity[:rows, :2] for motion in motions])
+    total = np.var(velocity, axis=(0, 1)).sum()
+    return bool(np.var(velocity, axis=0).mean(axis=0).sum() < _ALIKE * total)

@@ -11,7 +11,7 @@ axes of the body point to its nose and up. Its probability is made of
 - attitude: gliders fly nose ahead and upright, each flight on the average.
 
 Rows and flights of one glider repeat the errors of this model: they count less than
-independent ones (tests/benchmarks/bench_guess.py measures the calibration).
+independent ones (benchmarks/bench_guess.py measures the calibration).
 """
 
 import dataclasses

@@ -9,10 +9,10 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from benchmarks import bench_guess, bench_guess_foreign
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.guess import guess_mapping
 from glider.errors import InputError
-from tests.benchmarks import bench_guess, bench_guess_foreign
 from tests.campaign.importing import foreign
 
 MOTIVE = Path(__file__).parents[4] / "shared" / "measured" / "raw_motive"

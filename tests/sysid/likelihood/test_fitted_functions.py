@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.bench_forms import draw
 from glider.campaign.turning import Signs
 from glider.physics.effects import FLOW_VARIABLES, KINDS, NO_GAUSSIANS
 from glider.physics.effects.families import FAMILIES
@@ -29,7 +30,6 @@ from glider.sysid.outcome import model_of
 from glider.sysid.search.moves import families_of, renamed
 from glider.sysid.search.support import Search
 from glider.sysid.search.tracing import improved
-from tests.benchmarks.bench_forms import draw
 from tests.helpers.other_forms import FORMS
 from tests.helpers.tasks import begin, fly, task_of
 

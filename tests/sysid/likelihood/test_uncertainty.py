@@ -109,7 +109,7 @@ def test_exact_information_has_many_degrees_of_freedom():
 @pytest.mark.parametrize("variation", [0.0, 1.0, 10.0])
 @pytest.mark.parametrize(("count", "flights"), [(2, 20), (5, 20), (8, 40)])
 def test_the_joint_set_holds_correlated_coefficients(count, flights, variation):
-    """See tests/benchmarks/bench_coverage.py; once 44 to 62 % where they vary."""
+    """See benchmarks/bench_coverage.py; once 44 to 62 % where they vary."""
     draws = LinearCampaigns(
         flights=flights, coefficients=count, correlation=0.9, variation=variation
     )

@@ -31,6 +31,7 @@ from glider.files import schema
 from glider.physics.held_commands import command_steps
 from glider.physics.model import GliderModel
 from glider.physics.servo import elevator_path
+from glider.sysid.pipeline import close_the_loop
 from tests.campaign.importing import foreign
 from tests.helpers.lockstep import Lockstep
 
@@ -139,6 +140,30 @@ def test_a_slow_servo_under_feedback_is_no_wrong_clock(tmp_path):
     assert len(found.campaign.flights) == 4 and found.warnings == ()
     gain, error = calc_travel(campaign.flights, {}, campaign.limits)
     assert abs(gain - 1.0) < 0.03 < 3.0 * error
+
+
+def test_throws_of_one_plan_show_no_turned_frame(tmp_path):
+    """A feedback holds them to one path: forces may explain it with any gravity."""
+    lab = Lockstep(tmp_path / "s", Simulation(truth="attached_flow"))
+    lab.fly(20)
+    found = inspect(load_campaign(tmp_path / "s"))
+    assert found.warnings == ()
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    "truth",
+    ["attached_flow", "head_wind", "rough_skin", "set_wing", "slow_servo", "wing_wash"],
+)
+def test_sixty_throws_show_the_effects_of_the_glider_alone(truth, tmp_path):
+    """The station's clocks are no delay of the servo."""
+    lab = Lockstep(tmp_path / "s", Simulation(truth=truth))
+    lab.fly(60)
+    result = close_the_loop(tmp_path / "s")
+    planted = [effect.kind.kind for effect in GliderModel.load(truth).effects]
+    assert [effect.kind for effect in result.effects] == planted
+    errors = result.errors
+    assert errors["corrected"].position_rms_m < 1.2 * errors["floor"].position_rms_m
 
 
 def test_a_record_holds_all_that_is_needed_to_repeat_a_throw(tmp_path, nominal):

@@ -1,0 +1,30 @@
+"""Drake's own DirectCollocation, on a plant that runs its formulas in Python."""
+
+from benchmarks.bench_planning import KNOTS, plan_plainly
+from benchmarks.peers.pairs import Pair
+from glider.physics.model import GliderModel
+from glider.planning.dircol import plan
+from glider.planning.problem import PerchingProblem
+
+
+def pairs() -> tuple[Pair, ...]:
+    """Returns the article's perch on 25, then 41 knots."""
+    model, problem = GliderModel(), PerchingProblem()
+    costs: dict[str, float] = {}
+
+    def ours():
+        costs["ours"] = plan(model, problem, KNOTS).cost
+
+    def theirs():
+        costs["theirs"] = plan_plainly(problem)
+
+    return (
+        Pair(
+            task="plan on 25, then 41 knots, checked",
+            peer="plain Drake with SNOPT",
+            ours=ours,
+            theirs=theirs,
+            told=lambda: f"cost {costs['ours']:.3f} and {costs['theirs']:.3f}",
+            rounds=5,
+        ),
+    )
