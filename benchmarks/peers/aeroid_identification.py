@@ -52,9 +52,9 @@ LAUNCH = np.array([0.003, 0.003, 0.01, 0.001, 0.05, 0.05, 0.3])
 """Typical errors of smoothed launch states: units of AeroID's parameters of them."""
 
 
-def flight_slopes(states, elevator, rate, numbers, field, x, slopes):
+def flight_slopes(states, elevator, rate, numbers, gaussians, x, slopes):
     """Writes d/dt of STATES (9, F), but of the gusts; x (n,) is scratch, 0 from 7."""
-    theta = theta_of(numbers, field)
+    theta = theta_of(numbers, gaussians)
     for i in range(states.shape[1]):
         for j in range(7):
             x[j] = states[j, i]

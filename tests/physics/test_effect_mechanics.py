@@ -345,9 +345,9 @@ def test_added_mass_obeys_kirchhoffs_equations(ahead):
         assert np.linalg.norm(actual - nominal_derivatives(x, 3.0)) > 0.1
 
 
-def test_a_field_of_added_mass_obeys_them_at_each_angle_of_attack():
+def test_free_functions_of_added_mass_obey_them_at_each_angle_of_attack():
     center, width, weights = 0.3, 0.2, (0.4, 0.25)
-    field = gaussians_of(
+    gaussians = gaussians_of(
         [
             FreeFunction(
                 variables=["alpha"],
@@ -357,8 +357,8 @@ def test_a_field_of_added_mass_obeys_them_at_each_angle_of_attack():
             )
         ]
     )
-    theta = Theta(PARAMETERS, np.zeros(0), field)
-    with_field = compose((*FREE_FUNCTIONS.values(),))
+    theta = Theta(PARAMETERS, np.zeros(0), gaussians)
+    chain = compose((*FREE_FUNCTIONS.values(),))
     for x in random_states(30):
         velocity = x[4:6]
         across, along = velocity @ normal_of(x[2]), velocity @ axis_of(x[2])
@@ -367,11 +367,11 @@ def test_a_field_of_added_mass_obeys_them_at_each_angle_of_attack():
         mass = weights[0] * share * PARAMETERS.mass
         inertia = weights[1] * share * PARAMETERS.pitch_inertia
         expected = kirchhoff(x, 3.0, PARAMETERS, mass, inertia, 0.0)
-        actual = with_field.derivatives(0.0, x, 3.0, 0.0, 0.0, theta)
+        actual = chain.derivatives(0.0, x, 3.0, 0.0, 0.0, theta)
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
 
 
-def test_a_field_of_forces_meets_the_air_of_a_field_as_any_other():
+def test_free_functions_of_forces_meet_the_air_of_others_as_any_air():
     """What varies with the angle of attack and the airspeed is of the flow in it."""
     wind = 0.4, -0.9
     air = {"wind_x": [wind[0]], "wind_z": [wind[1]]}

@@ -95,16 +95,16 @@ def test_a_gyro_agrees_with_the_poses_that_it_is_derived_from():
 
 
 @pytest.mark.parametrize("term", sorted({*FREE_FUNCTIONS} - {*SENSOR_TERMS}))
-def test_columns_of_a_field_are_derivatives(task, term):
+def test_columns_of_free_functions_are_derivatives(task, term):
     """A constant of each term, put in as a free function and as a column."""
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
     one = np.ones((len(record.time) - 1, 1))
     flight = linearize(record, theta, NO_GAUSSIANS, terms=[term])
     wide = flight.with_function(one, FREE_FUNCTIONS[term], np.eye(1))
     one = FreeFunction(constant=True, weights={term: [small]})
-    field = gaussians_of([one])
+    gaussians = gaussians_of([one])
     column, error = np.moveaxis(whiten(wide, SCALES).innovations, 2, 0)
-    there = whiten(linearize(record, theta, field), SCALES).innovations[..., 0]
+    there = whiten(linearize(record, theta, gaussians), SCALES).innovations[..., 0]
     numeric = (error - there) / small
     np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
 
@@ -120,20 +120,20 @@ def test_columns_of_a_reading_are_derivatives(task, term):
         widths=[0.3],
         weights={term: [small]},
     )
-    field, flight = gaussians_of([data]), linearize(record, theta, NO_GAUSSIANS)
+    gaussians, flight = gaussians_of([data]), linearize(record, theta, NO_GAUSSIANS)
     basis = data.basis(record.nodes[:, [variable]])
     wide = flight.with_function(basis, FREE_FUNCTIONS[term], np.eye(1))
     column, error = whitened(wide).T
-    numeric = (error - whitened(linearize(record, theta, field))[:, 0]) / small
+    numeric = (error - whitened(linearize(record, theta, gaussians))[:, 0]) / small
     launch, _ = np.linalg.qr(whitened(of_launch(flight)))
     column, numeric = (v - launch @ (launch.T @ v) for v in (column, numeric))
     assert np.abs(numeric).max() > 1.0
     np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
 
 
-def test_moving_air_acts_on_the_forces_of_a_field(task):
+def test_moving_air_acts_on_the_forces_of_free_functions(task):
     """As a steady wind, by central differences."""
-    field = gaussians_of(
+    gaussians = gaussians_of(
         [
             FreeFunction(
                 variables=["alpha", "V"],
@@ -144,13 +144,13 @@ def test_moving_air_acts_on_the_forces_of_a_field(task):
         ]
     )
     record, theta = task.records[0], task.vehicle.theta
-    flight = linearize(record, theta, field)
+    flight = linearize(record, theta, gaussians)
     kinds = record.space.flown
 
     def ends(*wind):
         about = Surroundings(np.array([*wind, 0.0, 0.0]))
         path, numbers = path_of(record, theta, about)
-        return advance_nodes(kinds, [path], [flight.nodes], [numbers], field)[0]
+        return advance_nodes(kinds, [path], [flight.nodes], [numbers], gaussians)[0]
 
     for k, wind in enumerate(1e-3 * np.eye(2)):
         expected = (ends(*wind) - ends(*-wind))[:, flight.states] / 2e-3
