@@ -30,7 +30,7 @@ from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import linear_flight, moved, prior_of
-from glider.sysid.likelihood.task import FitResult, Task, acting_gaussians
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Noise, Record, prepare
 
 Grams = tuple[np.ndarray, ...]
@@ -91,9 +91,7 @@ class Forecast:
 
         def fly(one: tuple[Throw, FitResult]) -> Flight:
             throw, model = one
-            return log_of(
-                throw, self.place, space, model.theta, acting_gaussians(model)
-            )
+            return log_of(throw, self.place, space, model.theta, model.gaussians)
 
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
@@ -109,7 +107,7 @@ class Forecast:
         def check(pair: tuple[Throw, list[Record]]) -> bool:
             throw, own = pair
             return len(own) == len(self.explanations) and all(
-                is_safe(throw, record, model.theta, acting_gaussians(model), limits)
+                is_safe(throw, record, model.theta, model.gaussians, limits)
                 for record, model in zip(own, self._models, strict=True)
             )
 

@@ -29,7 +29,7 @@ from glider.sysid.likelihood.fitted_functions import values_at_nodes, variables_
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import FitResult, Task, acting_gaussians
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Record
 from glider.sysid.report import EquationErrors, Errors
 
@@ -252,8 +252,8 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
         return (costs[0] - costs[1]) / (2.0 * _STEP), float(curvature.sum())
 
     theta = model.theta
-    gaussians = acting_gaussians(model)
-    values = [variables_between(values_at_nodes(f, theta, gaussians)) for f in flights]
+    nodes = [values_at_nodes(flight, theta, model.gaussians) for flight in flights]
+    values = [variables_between(own) for own in nodes]
     sizes = np.abs(np.concatenate(values))
     overall, _ = slopes(np.ones(len(sizes)))
     found = {}

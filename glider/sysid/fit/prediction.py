@@ -27,7 +27,7 @@ from glider.sysid.likelihood.linear_flight import (
 )
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import FitResult, Task, acting_gaussians
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
@@ -63,9 +63,7 @@ class RolloutModel:
 
     def with_numbers_of(self, model: FitResult) -> "RolloutModel":
         """Returns another model, whose errors are taken to be as large."""
-        return dataclasses.replace(
-            self, theta=model.theta, gaussians=acting_gaussians(model)
-        )
+        return dataclasses.replace(self, theta=model.theta, gaussians=model.gaussians)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -86,7 +84,7 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
     """Returns a fitted model as one that flies logs again."""
     return RolloutModel(
         theta=model.theta,
-        gaussians=acting_gaussians(model),
+        gaussians=model.gaussians,
         scales=scales,
         per_flight_trims=task.vehicle.per_flight_trims,
     ).on(task.records)

@@ -21,7 +21,7 @@ from glider.sysid.likelihood.information import (
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import FitResult, Task, acting_gaussians
+from glider.sysid.likelihood.task import FitResult, Task
 
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
 Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
@@ -99,7 +99,7 @@ class Candidates:
         self, flights: Sequence[LinearFlight], scales: Scales
     ) -> list[np.ndarray]:
         theta = self.model.theta
-        gaussians = acting_gaussians(self.model)
+        gaussians = self.model.gaussians
         functions = self.functions
 
         def one(flight: LinearFlight) -> np.ndarray:  # It holds one flight's only.

@@ -35,7 +35,7 @@ from glider.sysid.likelihood.linear_flight import (
 )
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES, Scales, lifted
-from glider.sysid.likelihood.task import FitResult, Task, acting_gaussians
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Record
 
 _FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
@@ -71,7 +71,7 @@ def linear_flight(
     terms: Iterable[str] = (),
 ) -> LinearFlight:
     """Returns one flight, linear about a model; see `linear_flights`."""
-    gaussians = acting_gaussians(model)
+    gaussians = model.gaussians
     functions = model.functions
     terms = {*terms, *terms_of(functions), *(FORCES if model.has_force_errors else ())}
     own = model.about.get(record.name, STILL_AIR)

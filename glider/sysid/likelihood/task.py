@@ -1,6 +1,7 @@
 """The task of a fit, flights and the effects to try, and a model that is fitted."""
 
 import dataclasses
+import functools
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
@@ -133,6 +134,11 @@ class FitResult:
         """Functions that act, by name."""
         return {own.name: own for own in self.functions}
 
+    @functools.cached_property
+    def gaussians(self) -> Gaussians:
+        """Functions that act, as the dynamics take them."""
+        return gaussians_of(b.data for b in self.functions if b.coordinates.any())
+
     @property
     def free_kinds(self) -> tuple[str, ...]:
         """Free functions among the kinds."""
@@ -186,8 +192,3 @@ def start_of(task: Task, noise: Noise) -> FitResult:
         free=task.free(()),
         scales=start_scales(noise),
     )
-
-
-def acting_gaussians(model: FitResult) -> Gaussians:
-    """Returns a model's functions as the dynamics take them."""
-    return gaussians_of(b.data for b in model.functions if b.coordinates.any())
