@@ -11,7 +11,7 @@ import time
 import numpy as np
 from pydrake.autodiffutils import InitializeAutoDiff
 
-from glider.compiled import rollouts
+from glider.compiled.flight import fly_tapes
 from glider.physics.effects import LIBRARY, PROFILE_DRAG, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.systems.plant import GliderPlant
@@ -54,12 +54,7 @@ def flights_per_second(effects, order, batch=10_000, steps=75):
     model = GliderModel(effects=effects)
     start = np.tile(model.initial_state(STATE), (batch, 1))
     command = np.random.default_rng(0).uniform(-5, 5, (batch, steps))
-    states = np.empty((batch, steps + 1, start.shape[1]))
-    loop, theta = rollouts.LOOPS.over(model.kinds).rollouts, model.numbers
-    laps = model.count_laps(0.01, order)
-    seconds = best_seconds(
-        lambda: loop(start, command, 0.01, order, laps, theta, states), 1, 10
-    )
+    seconds = best_seconds(lambda: fly_tapes(model, start, command, 0.01, order), 1, 10)
     return batch / seconds
 
 

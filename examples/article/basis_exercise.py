@@ -8,11 +8,11 @@ import numpy as np
 from basis_dynamics import BasisFrame, Numbers, SampledFlights
 from basis_features import angle_sign
 from basis_recipe import load_recipe
+from glider.compiled.flight import fly_tapes
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import NUM_STATES
-from tapes import fly_tapes
 
 EXERCISE = Path(__file__).with_name("identification.yaml")
 """File of the article's exercise."""

@@ -9,7 +9,7 @@ from glider.errors import expect
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief, run_ekf
 from glider.physics.chain import NUM_INPUTS
-from glider.physics.servo import limited_rates
+from glider.physics.servo import limited_rate
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,8 @@ def fly_watched(
         now = states[:, k]
         held[:, k, : gain.shape[1]] -= now[:, :n] @ gain[k].T
         angles = model.chain.demanded_angle(now.T, model.numbers.c)
-        held[:, k, 0] = limited_rates(held[:, k, 0], angles, servo)
+        commands = zip(held[:, k, 0], angles, strict=True)
+        held[:, k, 0] = [limited_rate(rate, angle, servo) for rate, angle in commands]
         z[ekf.estimated.places], z[ekf.estimated.entry] = now.T, held[:, k].T
         _advance(ekf, k * ekf.period, z)
         z[ekf.estimated.places] += shocks[:, k].T

@@ -1,43 +1,11 @@
-"""Flights under tapes of commands, each held for a step, and plans of them."""
+"""Plans of flights under tapes of commands, each held for a step."""
 
 from typing import Any
 
 import numpy as np
 
-from glider.compiled.rollouts import LOOPS
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
-
-
-def fly_tapes(
-    model: GliderModel,
-    starts: np.ndarray,
-    commands: np.ndarray,
-    step: float,
-    *,
-    order: int = 4,
-) -> np.ndarray:
-    """Computes states (B, N + 1, n) of a glider under command tapes in still air.
-
-    Args:
-        model: the glider.
-        starts: (B, n) states at launch.
-        commands: (B, N) elevator-rate commands, each held for a step [rad/s].
-        step: [s].
-        order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
-            where the effects' own states ask for it.
-    """
-    states = np.empty((len(commands), commands.shape[1] + 1, starts.shape[1]))
-    LOOPS.over(model.kinds).rollouts(
-        np.ascontiguousarray(starts, dtype=float),
-        np.ascontiguousarray(commands, dtype=float),
-        step,
-        order,
-        model.count_laps(step, order),
-        model.numbers,
-        states,
-    )
-    return states
 
 
 def held_plan(

@@ -5,9 +5,9 @@ modules call them, functions that allocate their arrays. Nothing else in the lib
 calls numba, except the doctor's check of the compiler.
 
 kernel: the compiler, its cache and all that machine code depends on.
-runge_kutta: the step that all loops share. jacobian: exact slopes. rollouts,
-closed_loop: batches of gliders under tapes and under feedback. replay: flights along a
-log. warm_up: compiles these loops in advance. actuators: an elevator behind actuators.
+runge_kutta: the step that all loops share. jacobian: exact slopes. flight: the loop
+that flies gliders, under tapes and under feedback. replay: flights along a log, with
+slopes. warm_up: compiles these in advance. actuators: an elevator behind actuators.
 ekf, riccati, sequence_costs: the loops of the filter, the feedback and the sampling
 planners. collocation: a glider along a collocated path. stages, barrier,
 interior_point: the solver of direct collocation, compiled once for all gliders. taylor:

@@ -76,20 +76,16 @@ def advance_block(slope, t, work, step, order, data):
         data: handed to slope.
     """
     n = work.shape[0] - 1
-    if order == 1:
-        slope(t, 0, work, data)
-        for i in range(n):
-            for j in range(BLOCK):
-                work[i, 0, j] += step * work[i, 1, j]
-        return
     for i in range(n):
         for j in range(BLOCK):
             work[i, 2, j] = work[i, 0, j]
             work[i, 3, j] = work[i, 0, j]
-    for stage in range(4):
+    for stage in range(order):
         node = (stage + 1) // 2
         slope(t + 0.5 * step * node, node, work, data)
         weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
+        if order == 1:
+            weight = 1.0
         ahead = 0.5 * step if stage < 2 else step
         for i in range(n):
             for j in range(BLOCK):

@@ -1,106 +1,14 @@
-"""Costs of many command sequences from one launch."""
+"""Costs of flights under command sequences."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled import rollouts as tapes
-from glider.compiled.kernel import Family
-from glider.compiled.rollouts import rollouts
-from glider.compiled.runge_kutta import BLOCK, put
-from glider.physics.chain import demanded_angle
-from glider.physics.servo import rate_bounds
-
-
-def cost_to_go(states, command, nominal, penalty, step, cost, to_go):
-    """Writes the cost-to-go of a flight at each of its steps; see `sampled_costs`."""
-    steps = command.shape[0]
-    for k in range(steps, -1, -1):
-        final = 0.0
-        may_end = cost.free_end and k > 0
-        if k == steps or may_end:
-            for i in range(cost.goal.shape[0]):
-                final += cost.weights[i] * (states[k, i] - cost.goal[i]) ** 2
-        if k == steps:
-            least = final
-        else:
-            v = command[k]
-            pull = nominal[k] * (v - 0.5 * nominal[k])
-            least += cost.rate * step * v * v + penalty * pull
-            # A flight that has diverged (NaN) ends before.
-            if may_end and not least < final:
-                least = final
-        to_go[k] = least
-
-
-def sampled_costs(
-    start,
-    command,
-    nominal,
-    penalty,
-    step,
-    order,
-    laps,
-    servo,
-    cost,
-    theta,
-    to_go,
-    states,
-):
-    """Flies one launch under many command sequences and computes their costs.
-
-    With the stage cost
-        l_k = rate step v_k² + penalty (ν_k v_k - ν_k² / 2)
-    of commands v about a nominal sequence ν and the final cost
-        f(x) = (x - goal)ᵀ diag(weights) (x - goal)
-    the cost-to-go is S_N = f(x_N), S_k = l_k + S_{k+1}; with a free end it is
-    S_k = min(f(x_k), l_k + S_{k+1}) for k > 0: the flight ends where that is
-    cheapest. Still air.
-
-    Args:
-        start: (n,) state at launch.
-        command: (B, N) elevator-rate commands, each held for one step [rad/s].
-        nominal: (N,) [rad/s].
-        penalty: of the likelihood ratio; 0 for none.
-        step: [s].
-        order: 1 for explicit Euler, 4 for classical Runge-Kutta.
-        laps: equal steps of the integrator to one of them.
-        servo: its limits; the glider gets commands that it follows.
-        cost: of a flight, see `FlightCost`.
-        theta: the glider's numbers.
-        to_go: (B, N + 1), written.
-        states: (B, N + 1, n), written; or (0, N + 1, n) to keep none.
-    """
-    batch, steps = command.shape
-    n = start.shape[0]
-    given = np.empty((BLOCK, steps))
-    starts = np.empty((BLOCK, n))
-    path = np.empty((BLOCK, steps + 1, n))
-    for j in range(BLOCK):
-        put(start, starts[j])
-    for first in range(0, batch, BLOCK):
-        count = min(BLOCK, batch - first)
-        for j in range(BLOCK):  # What is left of the last block repeats a glider.
-            angle = demanded_angle(start, theta.c)
-            for k in range(steps):
-                low, high = rate_bounds(angle, servo, step)
-                rate = min(max(command[first + min(j, count - 1), k], low), high)
-                angle += rate * step
-                given[j, k] = rate
-        rollouts(starts, given, step, order, laps, theta, path)
-        for j in range(count):
-            row = first + j
-            cost_to_go(path[j], command[row], nominal, penalty, step, cost, to_go[row])
-            if states.shape[0] > 0:
-                for k in range(steps + 1):
-                    put(path[j, k], states[row, k])
-
-
-LOOPS = Family((cost_to_go, sampled_costs), (sampled_costs,), uses=(tapes.LOOPS,))
+from glider.compiled.kernel import machine_code
 
 
 class FlightCost(NamedTuple):
-    """Cost of a flight under a sequence of commands, see `sampled_costs`.
+    """Cost of a flight under a sequence of commands, see `costs_to_go`.
 
     Attributes:
         goal: (7,) state to end in.
@@ -113,3 +21,46 @@ class FlightCost(NamedTuple):
     weights: np.ndarray
     rate: float
     free_end: bool
+
+
+@machine_code
+def costs_to_go(states, command, nominal, penalty, step, cost):
+    """Returns the costs-to-go S (B, N + 1) of flights at each of their steps.
+
+    With the stage cost
+        l_k = rate step v_k² + penalty (ν_k v_k - ν_k² / 2)
+    of commands v about a nominal sequence ν and the final cost
+        f(x) = (x - goal)ᵀ diag(weights) (x - goal)
+    it is S_N = f(x_N), S_k = l_k + S_{k+1}; with a free end
+    S_k = min(f(x_k), l_k + S_{k+1}) for k > 0: the flight ends where that is cheapest.
+
+    Args:
+        states: (B, N + 1, n).
+        command: (B, N) elevator-rate commands [rad/s].
+        nominal: (N,) [rad/s].
+        penalty: of the likelihood ratio; 0 for none.
+        step: time that a command is held [s].
+        cost: of a flight, see `FlightCost`.
+    """
+    batch, steps = command.shape
+    to_go = np.empty((batch, steps + 1))
+    for b in range(batch):
+        least = 0.0
+        for k in range(steps, -1, -1):
+            may_end = cost.free_end and k > 0
+            final = 0.0
+            if k == steps or may_end:
+                for i in range(cost.goal.shape[0]):
+                    apart = states[b, k, i] - cost.goal[i]
+                    final += cost.weights[i] * apart * apart
+            if k == steps:
+                least = final
+            else:
+                v = command[b, k]
+                pull = nominal[k] * (v - 0.5 * nominal[k])
+                least += cost.rate * step * v * v + penalty * pull
+                # A flight that has diverged (NaN) ends before.
+                if may_end and not least < final:
+                    least = final
+            to_go[b, k] = least
+    return to_go

@@ -10,15 +10,14 @@ continuous feedback but for the second order of the period.
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from glider.compiled.flight import Steps, fly_batch, make_feedback, make_tape
 from glider.control.tvlqr import TrackingPolicy
 from glider.errors import expect
 from glider.physics.model import GliderModel
-from glider.physics.parameters import Theta
-from glider.physics.servo import limited_rates
 
 STEP = 0.0025
 """Longest Runge-Kutta step [s]; half as long changes commands by less than 1e-4 of the
@@ -48,29 +47,6 @@ class Hold:
     def rest(self) -> float:
         """What is left of the latency [s]."""
         return max(self.latency - self.waiting * self.period, 0.0)
-
-
-def rates_of(
-    model: GliderModel,
-    states: np.ndarray,
-    command: np.ndarray,
-    wind: np.ndarray | None = None,
-    theta: Theta | None = None,
-) -> np.ndarray:
-    """Returns ẋ (B, n) of gliders under commands (B,), servo limits included.
-
-    The wind (B, 2) is that beyond the model's own [m/s]; theta has other numbers than
-    the model's own.
-    """
-    numbers = theta or model.numbers
-    angle = model.chain.demanded_angle(states.T, numbers.c)
-    rate = limited_rates(command, angle, model.parameters.servo)
-    air = (0.0, 0.0) if wind is None else (wind[:, 0], wind[:, 1])
-    found = model.chain.derivatives(0.0, list(states.T), rate, *air, numbers)
-    rates = np.empty_like(states)
-    for column, value in zip(rates.T, found, strict=True):
-        column[:] = value
-    return rates
 
 
 def policy_command(
@@ -104,16 +80,16 @@ def held_command(
         return policy_command(policy, times, states)
     for number, command in enumerate(waiting):
         time = hold.rest if number == 0 else hold.period
-        states = flown_under(model, states, time, lambda x, t, u=command: u)
+        states = flown_under(model, states, time, command)
         times = times + time
 
-    def feedback(x, since):
-        return policy_command(policy, times + since, x)
+    def feedback(steps):
+        return make_feedback(policy.sample, steps, times)
 
     # What is made for held commands makes up for the hold itself.
     ahead = 0.0 if policy.period else 0.5 * hold.period
-    states = flown_under(model, states, ahead, feedback)
-    return feedback(states, ahead)
+    states = _flown(model, states, ahead, feedback)
+    return policy_command(policy, times + ahead, states)
 
 
 def fly_held(
@@ -137,50 +113,40 @@ def fly_held(
     plan = policy.plan
     hold = Hold(period=period, predicts=True)
     begins = period * np.arange(math.ceil(plan.duration / period - 1e-9))
-    state = plan.states[:1]
-    flown = []
+    times = []
+    states = []
+    commands = []
+    now = plan.states[:1]
     for begin, end in itertools.pairwise([*begins, plan.duration]):
-        command = held_command(model, policy, np.array([begin]), state, [], hold)
-        here = np.linspace(begin, end, math.ceil((end - begin) / step - 1e-9) + 1)
-        for k, time in enumerate(here):
-            gap = time - here[k - 1] if k else 0.0
-            count = math.ceil(gap / fine)
-            for _ in range(count):
-                state = advance(
-                    lambda x, t, u=command: rates_of(model, x, u), state, gap / count
-                )
-            flown.append((time, state[0], command[0]))
-    times, states, commands = map(np.array, zip(*flown, strict=True))
-    return times, states, commands
+        command = held_command(model, policy, np.array([begin]), now, [], hold)
+        intervals = math.ceil((end - begin) / step - 1e-9)
+        every = math.ceil((end - begin) / (intervals * fine) - 1e-9)
+        count = intervals * every
+        steps = Steps(count, (end - begin) / count, every=every)
+        tape = make_tape(command[None], count)
+        path = fly_batch(model, now, steps, tape).states[0]
+        now = path[-1:]
+        times.append(np.linspace(begin, end, intervals + 1))
+        states.append(path)
+        commands.append(np.repeat(command, intervals + 1))
+    return np.concatenate(times), np.concatenate(states), np.concatenate(commands)
 
 
 def flown_under(
-    model: GliderModel,
-    states: np.ndarray,
-    duration: float,
-    command: Callable[..., np.ndarray],
+    model: GliderModel, states: np.ndarray, duration: float, commands: np.ndarray
 ) -> np.ndarray:
-    """Returns states (B, n) some time [s] later, under commands u(x, t) (B,)."""
+    """Returns states (B, n) some time [s] later, under held commands (B,) [rad/s]."""
+
+    def tape(steps):
+        return make_tape(commands[:, None], steps.number)
+
+    return _flown(model, states, duration, tape)
+
+
+def _flown(model, states, duration, feedback):
+    """Returns states (B, n) some time [s] later, under a feedback of these steps."""
+    if duration == 0.0:
+        return states
     count = math.ceil(duration / STEP - 1e-9)
-    step = duration / max(count, 1)
-    for k in range(count):
-        states = advance(
-            lambda x, t, at=k * step: rates_of(model, x, command(x, at + t)),
-            states,
-            step,
-        )
-    return states
-
-
-def advance(rates, states, step):
-    """Returns states (B, n) one Runge-Kutta step, a number or (B, 1), later.
-
-    Args:
-        rates: ẋ of states and of the time since the step began.
-    """
-    half = 0.5 * step
-    k1 = rates(states, 0.0 * step)
-    k2 = rates(states + half * k1, half)
-    k3 = rates(states + half * k2, half)
-    k4 = rates(states + step * k3, step)
-    return states + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    steps = Steps(count, duration / count, every=count)
+    return fly_batch(model, states, steps, feedback(steps)).states[:, -1]

@@ -26,7 +26,7 @@ from glider.errors import expect
 from glider.physics.chain import theta_of
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from glider.physics.parameter_space import ParameterSpace, space_of
+from glider.physics.parameter_space import ParameterSpace
 from glider.physics.parameters import PARAMETER_NAMES, Theta
 
 
@@ -57,6 +57,15 @@ def _bounds(
     lower = np.minimum(space.lower[places], estimates)
     upper = np.maximum(space.upper[places], estimates)
     return lower, upper
+
+
+def numbers_at(
+    model: GliderModel, names: tuple[str, ...], deviations: np.ndarray
+) -> np.ndarray:
+    """Returns all numbers (B, P) of gliders that deviate from a model by (B, m)."""
+    numbers = np.tile(model.vector, (len(deviations), 1))
+    numbers[:, model.space.places(names)] += deviations
+    return numbers
 
 
 def theta_at(
@@ -91,9 +100,9 @@ def glider_at(
     Raises:
         InputError: it is not physical.
     """
-    space = space_of(tuple(effect.kind for effect in model.effects))
-    vector = space.pack(model.parameters, model.effects)
+    space = model.space
     places = space.places(names)
+    vector = model.vector.copy()
     estimate = vector[places]
     drawn = estimate + np.reshape(deviation, len(places))
     if truncate:

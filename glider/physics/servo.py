@@ -66,13 +66,6 @@ def limited_rate(command, angle, servo):
     return min(max(command, low), high)
 
 
-def limited_rates(commands: np.ndarray, angles: np.ndarray, servo: Servo) -> np.ndarray:
-    """Returns `limited_rate` of arrays of commands [rad/s] and angles [rad]."""
-    top = np.clip((servo.high - angles) / STOPPING_TIME, -servo.rate, servo.rate)
-    bottom = np.maximum((servo.low - angles) / STOPPING_TIME, -servo.rate)
-    return np.clip(commands, np.minimum(bottom, top), top)
-
-
 @scalar
 def _held_rate(command, angle, servo):
     """Returns ψ' while a command is held [rad/s], and how long it stays so [s].

@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 
-from glider.compiled.sequence_costs import LOOPS, FlightCost
+from glider.compiled.flight import fly_tapes
+from glider.compiled.sequence_costs import FlightCost, costs_to_go
 from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS
@@ -111,46 +112,23 @@ class SequenceCost:
         The likelihood ratio is taken about `nominal` (N,) [rad/s] with the weight
         `penalty`, see `glider.compiled.sequence_costs`.
         """
-        return self._fly(start, commands, nominal, penalty, False)[0]
+        states = self.fly(start, commands)
+        commands = np.ascontiguousarray(commands, dtype=float)
+        nominal = np.zeros(self.steps) if nominal is None else nominal
+        return costs_to_go(states, commands, nominal, penalty, self.step, self._cost)
 
     def fly(self, start: np.ndarray, commands: np.ndarray) -> np.ndarray:
         """Returns the states of the flights, shape (B, N + 1, n)."""
-        return self._fly(start, commands, None, 0.0, True)[1]
-
-    def _fly(
-        self,
-        start: np.ndarray,
-        commands: np.ndarray,
-        nominal: np.ndarray | None,
-        penalty: float,
-        keep: bool,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        start = np.ascontiguousarray(start, dtype=float)
-        commands = np.ascontiguousarray(commands, dtype=float)
+        start = np.asarray(start, dtype=float)
+        commands = np.asarray(commands, dtype=float)
         good = start.shape == (self.num_states,) and commands.shape[1:] == (self.steps,)
         what = "SequenceCost: the pair of shapes"
         shapes = (start.shape, commands.shape)
         needed = f"a start ({self.num_states},) and commands (B, {self.steps})"
         expect(good, what, shapes, needed)
-        model = self.model
-        batch = len(commands)
-        to_go = np.empty((batch, self.steps + 1))
-        states = np.empty((batch if keep else 0, self.steps + 1, self.num_states))
-        LOOPS.over(model.kinds).sampled_costs(
-            start,
-            commands,
-            np.zeros(self.steps) if nominal is None else nominal,
-            penalty,
-            self.step,
-            self._order,
-            model.count_laps(self.step, self._order),
-            self.servo,
-            self._cost,
-            model.numbers,
-            to_go,
-            states,
+        return fly_tapes(
+            self.model, start[None], commands, self.step, self._order, servo=self.servo
         )
-        return to_go, states
 
 
 def mppi_update(

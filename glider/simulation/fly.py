@@ -9,7 +9,7 @@ from typing import Protocol
 import joblib
 import numpy as np
 
-from glider.compiled.closed_loop import Feedback, fly_feedback
+from glider.compiled.flight import Feedback, Steps, fly_batch, make_feedback
 from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.physics.state import NUM_STATES
@@ -128,42 +128,39 @@ def fly(
         InputError: what is given does not fit together.
     """
     model = as_model(model)
-    known = tuple(policy.state_names)
-    fed_back = model.state_names[: len(known)]
-    needed = f"{', '.join(known)} first"
-    needed += ", as the policy feeds them back, or diagrams.closed_loop's observer"
-    expect(fed_back == known, "the glider's states", model.state_names, needed)
+    check_states(model, policy)
     clock = make_clock(policy, command_rate, step, after)
     laps = model.count_laps(clock.step)
     starts = full_starts(model, starts)
-    noise = _checked_noise(noise, (len(starts), clock.commands, len(known)))
+    if noise is not None:
+        noise = np.asarray(noise, dtype=float)
+        shape = len(starts), clock.commands, len(policy.state_names)
+        expect(clock.hold, "the command rate", None, "a number, as there is noise")
+        expect(noise.shape == shape, "the noise's shape", noise.shape, str(shape))
+    count = clock.steps * laps
+    steps = Steps(count, clock.step / laps, every=laps if keep_paths else count)
+    problem = PerchingProblem() if problem is None else problem
     if clock.hold:
         sampled = np.arange(clock.commands) * clock.hold * clock.step
+        offset, gain = (table[None] for table in policy.sample(sampled))
+        if noise is not None:
+            offset = offset - np.sum(gain * noise, axis=2)
+            gain = np.broadcast_to(gain, noise.shape)
+        feedback = Feedback(offset, gain, clock.hold * laps)
     else:
-        sampled = np.arange(2 * clock.steps * laps + 1) * 0.5 * clock.step / laps
-    offset, gain = policy.sample(sampled)
-    problem = PerchingProblem() if problem is None else problem
-    miss, arrivals, states = fly_feedback(
-        model,
-        starts,
-        clock.steps * laps,
-        clock.step / laps,
-        Feedback(offset, gain, clock.hold * laps, noise),
-        wire=(problem.wire[0], problem.wire[1]),
-        keep_paths=keep_paths,
-    )
-    states = states[:, ::laps]
+        feedback = make_feedback(policy.sample, steps)
+    flown = fly_batch(model, starts, steps, feedback, wire=problem.wire)
+    states = flown.states
     commands = None
     if keep_paths and clock.hold:
-        begins = states[:, : -1 : clock.hold]
-        seen = begins[:, :, : len(known)] + (noise if noise.shape[1] else 0.0)
-        wanted = offset - np.sum(gain * seen, axis=2)
+        begins = states[:, : -1 : clock.hold, : gain.shape[2]]
+        wanted = offset - np.sum(gain * begins, axis=2)
         fastest = model.parameters.servo.rate
         commands = np.clip(wanted, -fastest, fastest)
     return Flights(
         times=np.arange(clock.steps + 1) * clock.step,
-        miss=miss,
-        arrivals=arrivals,
+        miss=flown.miss,
+        arrivals=flown.arrivals,
         problem=problem,
         ends=states[:, -1].copy(),
         paths=states if keep_paths else None,
@@ -172,15 +169,14 @@ def fly(
     )
 
 
-def _checked_noise(noise: np.ndarray | None, shape: tuple[int, int, int]) -> np.ndarray:
-    """Returns the noise of B launches, H commands and m states; (B, 0, m) for none."""
-    if noise is None:
-        return np.empty((shape[0], 0, shape[2]))
-    noise = np.asarray(noise, dtype=float)
-    if noise.shape[1:2] != (0,):
-        expect(shape[1], "the command rate", None, "a number, as there is noise")
-        expect(noise.shape == shape, "the noise's shape", noise.shape, str(shape))
-    return noise
+def check_states(model: GliderModel, policy: Policy) -> None:
+    """Raises InputError unless a glider's first states are those that are fed back."""
+    known = tuple(policy.state_names)
+    fed_back = model.state_names[: len(known)]
+    needed = f"{', '.join(known)} first"
+    needed += ", as the policy feeds them back, or diagrams.closed_loop's observer"
+    what = "the list of the glider's states"
+    expect(fed_back == known, what, model.state_names, needed)
 
 
 def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief, run_ekf
-from glider.physics.servo import limited_rates
+from glider.physics.servo import limited_rate
 from glider.physics.state import ELEVATOR
 from glider.simulation.fly import Policy
 
@@ -36,33 +37,34 @@ def fly_on_estimate(
         prediction.
     """
     model = ekf.model
-    steps = ticks * errors.shape[1]
-    numbers = model.numbers
-    offset, gain = policy.sample(np.arange(steps) * ekf.period)
-    (batch, n), size = starts.shape, errors.shape[2]
-    states, means = np.empty((2, batch, steps + 1, n))
-    states[:, 0], means[:, 0] = starts, prior.mean
-    certain = np.zeros((n, n))
+    servo = model.parameters.servo
+    count = ticks * errors.shape[1]
+    offset, gain = policy.sample(np.arange(count) * ekf.period)
+    batch, n = starts.shape
+    states = np.empty((batch, count + 1, n))
+    means = np.empty((batch, count + 1, n))
+    states[:, 0] = starts
+    means[:, 0] = prior.mean
     covariance = prior.covariance
-    nothing = np.full((batch, 1, size), np.nan)
-
-    def step(k, mean, covariance, measured):
-        """Returns mean and covariance one prediction later."""
-        command = offset[k] - means[:, k] @ gain[k]
-        angle = model.chain.demanded_angle(mean.T, numbers.c)
-        rates = limited_rates(command, angle, model.parameters.servo)
-        before = Belief(mean=mean, covariance=covariance)
-        time = k * ekf.period
-        found = run_ekf(ekf, before, rates[:, None, None], measured, time)
-        return found.means[:, 1], found.covariances[:, 1]
-
-    for k in range(steps):
-        # Without a measurement a filter predicts: it flies its own glider.
-        states[:, k + 1], _ = step(k, states[:, k], certain, nothing)
+    nothing = np.full((batch, 1, errors.shape[2]), np.nan)
+    steps = Steps(ekf.steps, ekf.period / ekf.steps, every=ekf.steps)
+    for k in range(count):
+        mean = means[:, k]
+        command = offset[k] - mean @ gain[k]
+        tape = make_tape(command[:, None], ekf.steps)
+        truth = fly_batch(model, states[:, k], steps, tape).states[:, 1]
+        states[:, k + 1] = truth
         measured = nothing
         if (k + 1) % ticks == 0:
-            pose = model.chain.measure(states[:, k + 1].T, numbers)
-            shown = np.column_stack([*pose, states[:, k + 1, ELEVATOR]])
+            pose = model.chain.measure(truth.T, model.numbers)
+            shown = np.column_stack([*pose, truth[:, ELEVATOR]])
             measured = (shown + errors[:, k // ticks])[:, None]
-        means[:, k + 1], covariance = step(k, means[:, k], covariance, measured)
+        angles = model.chain.demanded_angle(mean.T, model.numbers.c)
+        commands = zip(command, angles, strict=True)
+        rates = [limited_rate(rate, angle, servo) for rate, angle in commands]
+        belief = Belief(mean=mean, covariance=covariance)
+        inputs = np.reshape(rates, (batch, 1, 1))
+        found = run_ekf(ekf, belief, inputs, measured, k * ekf.period)
+        means[:, k + 1] = found.means[:, 1]
+        covariance = found.covariances[:, 1]
     return states, means

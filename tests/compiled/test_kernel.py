@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from examples.article.tapes import fly_tapes
 from glider.compiled import (
     barrier,
     collocation,
     fast_functions,
     filter_error,
+    flight,
     jacobian,
     kernel,
     riccati,
-    rollouts,
     stages,
 )
+from glider.compiled.flight import fly_tapes
 from glider.compiled.kernel import Family, reached
 from glider.compiled.replay import flow_at
 from glider.compiled.runge_kutta import BLOCK
@@ -52,7 +52,7 @@ def pull(flow, force):
 SCALAR = "from glider.physics.formulas import scalar\n"
 SESSION = """
 import numpy as np
-from examples.article.tapes import fly_tapes
+from glider.compiled.flight import fly_tapes
 from glider.physics.effects import Coefficient, EffectKind
 from glider.physics.model import GliderModel
 from users_helper import gain
@@ -129,7 +129,7 @@ def family(module, uses=()):
 
 def load(effects=()):
     """Asks for a loop, as its caller does, in a session that has none yet."""
-    return family(rollouts).over(effects).rollouts
+    return family(flight).over(effects).flights
 
 
 def test_the_file_is_named_by_a_digest_of_its_sources(fresh_cache):
@@ -236,7 +236,7 @@ def test_an_edit_of_a_loop_gets_its_family_and_its_callers_another_file(fresh_ca
     def load_all(edit=""):
         slopes = family(jacobian)
         slopes.text += edit
-        for loops in (family(rollouts), slopes, family(riccati, uses=(slopes,))):
+        for loops in (family(flight), slopes, family(riccati, uses=(slopes,))):
             loops.over()
 
     load_all()
@@ -248,7 +248,7 @@ def test_an_edit_of_a_loop_gets_its_family_and_its_callers_another_file(fresh_ca
 def test_an_edit_of_the_tuples_that_a_loop_takes_gets_another_file(fresh_cache):
     """What numba keeps names their classes; one that is gone cannot be loaded."""
     load()
-    edited = family(rollouts)
+    edited = family(flight)
     edited._module += "# edited"
     edited.over()
     assert len(files_in(fresh_cache)) == 2
@@ -259,9 +259,9 @@ def test_a_loop_that_moves_to_another_module_gets_another_file(
 ):
     """An old file names the classes of tuples by a module that is gone."""
     load()
-    monkeypatch.setitem(sys.modules, "moved", rollouts)
-    monkeypatch.setattr(rollouts.rollouts, "__module__", "moved")
-    family(rollouts).over()
+    monkeypatch.setitem(sys.modules, "moved", flight)
+    monkeypatch.setattr(flight.flights, "__module__", "moved")
+    family(flight).over()
     assert len(files_in(fresh_cache)) == 2
 
 
@@ -278,8 +278,8 @@ def test_what_is_kept_beside_its_own_file_reaches_no_other_file():
 
 
 def test_a_loop_that_is_not_there_is_no_attribute():
-    with pytest.raises(AttributeError, match="rolouts"):
-        _ = rollouts.LOOPS.over().rolouts
+    with pytest.raises(AttributeError, match="flihgts"):
+        _ = flight.LOOPS.over().flihgts
 
 
 def test_a_formula_without_a_name_compiles_without_a_file(fresh_cache):

@@ -6,7 +6,8 @@ import pickle
 import numpy as np
 import pytest
 
-from examples.article.tapes import fly_tapes, held_plan
+from examples.article.tapes import held_plan
+from glider.compiled.flight import fly_tapes
 from glider.control.mppi import sequence_of
 from glider.control.tvlqr import sample_plan
 from glider.physics.model import GliderModel

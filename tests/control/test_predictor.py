@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from glider.control.predictor import Hold, advance, held_command, policy_command
+from glider.control.predictor import Hold, flown_under, held_command, policy_command
 from glider.control.tvlqr import tracking_policy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.simulation.fly import fly
+from tests.helpers.second_flight import advance, rates_of
 
 
 @pytest.fixture(scope="module")
@@ -41,18 +42,14 @@ def test_a_prediction_is_what_the_glider_then_does(policy):
     waiting = [np.full(5, 3.0), np.full(5, -2.0)]
     found = held_command(model, policy, times, states, waiting, hold)
 
-    x, step, theta = states.copy(), 1e-4, model.numbers
-
-    def rates(x, u):
-        return np.array(model.chain.derivatives(0.0, x.T, u, 0.0, 0.0, theta)).T
-
+    x, step = states.copy(), 1e-4
     for k in range(400):  # To the middle of its hold, 0.04 s later.
         fixed = 3.0 if k < 100 else -2.0
         t = times + k * step
 
         def slope(x, since, k=k, fixed=fixed, t=t):
             own = policy_command(policy, t + since, x)
-            return rates(x, np.full(5, fixed) if k < 300 else own)
+            return rates_of(model, x, np.full(5, fixed) if k < 300 else own)
 
         x = advance(slope, x, step)
     expected = policy_command(policy, times + 0.04, x)
@@ -72,18 +69,12 @@ def test_held_predictions_fly_as_the_feedback_that_acts_at_once(policy, article_
             while t[0] < policy.duration - 1e-9:
                 span = min(period, policy.duration - t[0])
                 u = held_command(model, policy, t, x, [np.zeros(4)], hold)
-                for _ in range(8):
-                    x = advance(lambda x, since, u=u: _rates(model, x, u), x, span / 8)
+                x = flown_under(model, x, span, u)
                 t = t + span
             errors[predicts, period] = np.abs(x - end).max()
     assert errors[True, 0.02] < 0.3 * errors[False, 0.02]
     assert errors[True, 0.01] < 0.3 * errors[True, 0.02]
     assert errors[False, 0.01] > 0.4 * errors[False, 0.02]
-
-
-def _rates(model, x, u):
-    found = model.chain.derivatives(0.0, x.T, u, 0.0, 0.0, model.numbers)
-    return np.array(found).T
 
 
 @pytest.mark.parametrize(

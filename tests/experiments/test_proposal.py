@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from examples.article.tapes import fly_tapes
+from glider.compiled.flight import fly_tapes
 from glider.errors import InputError
 from glider.experiments.explanations import UNKNOWN, Findings, explain, load_findings
 from glider.experiments.proposal import next_throw, propose, read_task

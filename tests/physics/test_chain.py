@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.symbolic import MakeVectorContinuousVariable
 
-from examples.article.tapes import fly_tapes
+from glider.compiled.flight import fly_tapes
 from glider.compiled.jacobian import differentiate
 from glider.physics import formulas
 from glider.physics.model import GliderModel

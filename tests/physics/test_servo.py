@@ -14,7 +14,6 @@ from glider.physics.servo import (
     elevator_path,
     held_angle,
     limited_rate,
-    limited_rates,
     rate_bounds,
 )
 
@@ -126,12 +125,6 @@ def test_an_elevator_that_begins_beyond_a_stop_begins_there():
 @given(ANY_COMMAND, ANY_ANGLE)
 def test_the_rate_limit_holds_anywhere(command, angle):
     assert abs(limited_rate(command, angle, SERVO)) <= SERVO.rate
-
-
-@given(ANY_COMMAND, ANY_ANGLE)
-def test_arrays_and_numbers_have_one_law(command, angle):
-    [rate] = limited_rates(np.array([command]), np.array([angle]), SERVO)
-    assert rate == limited_rate(command, angle, SERVO)
 
 
 @given(st.floats(-13.0, 13.0), st.floats(SERVO.low + 0.066, SERVO.high - 0.066))

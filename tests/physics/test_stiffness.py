@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from examples.article.tapes import fly_tapes
+from glider.compiled.flight import fly_tapes
 from glider.errors import InputError
 from glider.physics.effects import COMMAND_DELAY, DYNAMIC_STALL, SERVO_LAG, WIND
 from glider.physics.model import SHORTEST, STABLE, GliderModel

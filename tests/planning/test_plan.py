@@ -7,7 +7,8 @@ import pickle
 import numpy as np
 import pytest
 
-from examples.article.tapes import fly_tapes, held_plan
+from examples.article.tapes import held_plan
+from glider.compiled.flight import fly_tapes
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.plan import load_plan, save_plan

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
-from examples.article.tapes import fly_tapes
+from glider.compiled.flight import fly_tapes
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.compose import compose

@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.errors import InputError
+from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.exact_check import exact_faults
@@ -68,3 +70,32 @@ def test_flights_from_inside_end_in_the_goal(funnel):
 def test_boundary_states_are_on_the_boundary(funnel):
     states = boundary_states(funnel, 40, sphere_points(10, 7))
     assert funnel.level(funnel.nominal.times[40], states) == pytest.approx(1.0)
+
+
+def pad(array, width=0.0):
+    """Returns arrays (T, n) or (T, n, n) with another row and column, of zeros."""
+    grown = np.pad(array, [(0, 0)] + [(0, 1)] * (array.ndim - 1))
+    if array.ndim == 3:
+        grown[:, -1, -1] = width
+    return grown
+
+
+@pytest.mark.parametrize("effects", [(), (DYNAMIC_STALL(time_constant=0.05),)])
+def test_a_glider_without_the_funnels_states_is_refused(funnel, effects):
+    """It would be fed back another state, or none."""
+    lagging = GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
+    nominal = funnel.nominal
+    flight = dataclasses.replace(
+        nominal,
+        model=lagging,
+        states=lagging.initial_state(nominal.states.T).T,
+        gains=pad(nominal.gains),
+        bends=pad(nominal.bends),
+    )
+    larger = dataclasses.replace(
+        funnel, nominal=flight, S=pad(funnel.S, 1.0), slopes=pad(funnel.slopes)
+    )
+    rng = np.random.default_rng(0)
+    assert falsify_funnel(larger, 8, rng, climb=False).samples == 8
+    with pytest.raises(InputError, match=r"glider's states is .*\.servo_rate first"):
+        falsify_funnel(larger, 8, rng, model=GliderModel(effects=effects))

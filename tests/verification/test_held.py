@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.__main__ import main
-from glider.control.predictor import Hold, advance, rates_of
+from glider.control.predictor import Hold
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.state import ELEVATOR
@@ -32,6 +32,7 @@ from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
+from tests.helpers.second_flight import advance, rates_of
 from tests.verification.clocked import ERROR, PERIOD, WIND, changed, part
 from tests.verification.points import sphere_points
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.control.predictor import Hold, advance, policy_command, rates_of
+from glider.control.predictor import Hold, policy_command
 from glider.errors import InputError
 from glider.physics.confidence import glider_at
 from glider.physics.servo import STOPPING_TIME
@@ -27,6 +27,7 @@ from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop
+from tests.helpers.second_flight import advance, rates_of
 from tests.verification.clocked import ERROR, PERIOD, WIND, changed, part
 from tests.verification.points import sphere_points
 from tests.verification.test_gliders import NAMES, allowed_by, among

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from glider.__main__ import main
-from glider.control.predictor import advance, rates_of
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.compose import compose
@@ -36,6 +35,7 @@ from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
 from tests.helpers.physics import PARAMETERS
+from tests.helpers.second_flight import advance, rates_of
 
 FOLDER = models_path("funnels", "any_phase")
 LATENCY = 0.01

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from glider.__main__ import main
-from glider.control.predictor import Hold, advance, rates_of
+from glider.control.predictor import Hold
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.confidence import SHAPES, make_confidence
@@ -31,6 +31,7 @@ from glider.verification.sos.sphere import normalized
 from glider.verification.trials import as_flown
 from glider.verification.trials.as_flown import FlownLoop, fly_loop
 from glider.verification.trials.falsify import ESCAPE_LEVEL, boundary_states
+from tests.helpers.second_flight import advance, rates_of
 from tests.verification.forging import HELD, forge
 from tests.verification.test_gliders import allowed_by, among
 

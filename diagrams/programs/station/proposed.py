@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from glider.compiled.closed_loop import Feedback, fly_feedback
+from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.errors import InputError, expect
 from glider.files import schema
 from glider.physics.model import GliderModel
@@ -66,11 +66,9 @@ def tape_plan(model: GliderModel, launch: list[float], commands: Path) -> Plan:
     times = STEP * np.arange(count + 1)
     latest = np.searchsorted(begins, times[:-1] + 1e-9, side="right") - 1
     inputs = np.where(latest < 0, 0.0, rates[latest])
-    n = model.num_states
-    tape = Feedback(inputs, np.zeros((count, n)), 1, np.empty((1, 0, n)))
+    tape = make_tape(inputs[None])
     start = model.initial_state(np.array(launch))[None]
-    flown = fly_feedback(model, start, count, STEP, tape, keep_paths=True)
-    states = flown[2][0]
+    states = fly_batch(model, start, Steps(count, STEP), tape).states[0]
     return Plan(
         times=times,
         states=states,

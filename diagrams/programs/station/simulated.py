@@ -37,10 +37,10 @@ from diagrams.programs.station.scenario import (
 )
 from diagrams.programs.station.wire import Wire
 from glider.campaign.motion_capture import MotionCapture
-from glider.compiled.closed_loop import Feedback, fly_feedback
+from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.errors import expect
 from glider.physics.model import GliderModel
-from glider.physics.state import ELEVATOR, NUM_STATES, POSITION, VELOCITY
+from glider.physics.state import ELEVATOR, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.simulation.fly import STEP
 
@@ -240,18 +240,14 @@ class SimulatedGlider:
             return
         count = max(math.ceil(span / STEP), 1)
         count *= self._truth.count_laps(span / count)
-        nothing = np.zeros((1, NUM_STATES))
+        steps = Steps(count, span / count, every=count)
+        tape = make_tape(np.array([[rate]]), count)
         wire = self._problem.wire
-        miss, arrival, states = fly_feedback(
-            self._truth,
-            self._state[None],
-            count,
-            span / count,
-            Feedback(np.array([rate]), nothing, count, np.empty((1, 0, NUM_STATES))),
-            wire=(wire[0], wire[1]),
-        )
+        flown = fly_batch(self._truth, self._state[None], steps, tape, wire=wire)
+        miss = flown.miss
+        arrival = flown.arrivals
         before = self._state
-        self._state = states[0, -1].copy()
+        self._state = flown.states[0, -1].copy()
         away = np.array(wire) - self._state[POSITION]
         passes = away @ self._state[VELOCITY] <= 0.0
         self._miss = min(self._miss, float(miss[0]))

@@ -15,9 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glider.compiled.runge_kutta import TINY
-from glider.control.predictor import advance
 from glider.physics.confidence import ConfidenceSet, theta_at
-from glider.verification.dynamics.nominal import Nominal, hermite_path, open_loop_rates
+from glider.verification.dynamics.nominal import (
+    Nominal,
+    advanced,
+    hermite_path,
+    open_loop_rates,
+)
 
 STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
@@ -57,8 +61,10 @@ def make_moving_center(
     names = confidence.names
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names, held) for share in shares]
-    A, B, push = ends = _linear(nominal, names, held)
-    first, last = ([of[k] for of in ends] for k in (nominal.flows, nominal.flows + 1))
+    ends = _linear(nominal, names, held)
+    A, B, push = ends
+    first = [of[nominal.flows] for of in ends]
+    last = [of[nominal.flows + 1] for of in ends]
     nodes = [first, *between, last]
     shifts = np.zeros_like(push)
     commands = np.zeros((len(times), len(names)))
@@ -71,13 +77,14 @@ def make_moving_center(
         step = (times[k + 1] - times[k]) / STEPS
         for i in range(STEPS):
 
-            def rate(X, since, first=2 * i, step=step, number=number, U=U):
-                here = nodes[first + round(2.0 * since / step)]
+            def rate(share, X, first=2 * i, number=number, U=U):
+                here = nodes[first + round(2.0 * share)]
                 A, B, push = (of[number] for of in here)
                 return A @ X + np.outer(B, U) + push
 
-            X = advance(rate, X, step)
-        shifts[k + 1], commands[k + 1] = X, U
+            X = advanced(rate, X, step)
+        shifts[k + 1] = X
+        commands[k + 1] = U
     slopes = A @ shifts + B[:, :, None] * commands[:, None] + push
     if not held:
         commands = -np.einsum("ti,tim->tm", nominal.gains, shifts)

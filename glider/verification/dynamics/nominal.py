@@ -12,19 +12,21 @@ as long as the servo follows its command, which the funnel ensures; `defect` bou
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 from scipy.interpolate import PPoly
 
+from glider.compiled.flight import Steps, fly_batch, make_feedback
+from glider.compiled.runge_kutta import advance
 from glider.control.predictor import fly_held, policy_command
 from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.confidence import theta_at
 from glider.physics.model import GliderModel
-from glider.physics.servo import limited_rates
-from glider.simulation.fly import fly
+from glider.physics.servo import limited_rate
 from glider.verification.dynamics.jets import (
     Dependence,
     Jet,
@@ -181,8 +183,9 @@ def make_nominal(
     arrays = *flight, gains, np.zeros((*gains.shape, gains.shape[1]))
     nominal = Nominal(model=model, **dict(zip(ARRAYS, arrays, strict=True)))
     angles = nominal.states @ nominal.demanded
-    rates = limited_rates(nominal.inputs, angles, model.parameters.servo)
-    if np.any(rates != nominal.inputs):
+    servo = model.parameters.servo
+    commands = zip(nominal.inputs, angles, strict=True)
+    if any(limited_rate(u, angle, servo) != u for u, angle in commands):
         raise InputError("The plan needs its servo at a limit: no funnel about it.")
     return nominal
 
@@ -190,12 +193,9 @@ def make_nominal(
 def _continuous_flight(model, policy, step):
     """Returns times, states and inputs of the feedback as it is."""
     plan = policy.plan
-    count = aligned_count(policy.plan, step)
-    fine = aligned_count(plan, min(_FLIGHT_STEP, plan.duration / count))
-    every = -(-fine // count)
-    step = plan.duration / (count * every)
-    states = fly_plan(model, policy, plan.states[:1], step, every)[0]
+    count = aligned_count(plan, step)
     times = np.linspace(0.0, plan.duration, count + 1)
+    [states] = fly_plan(model, policy, plan.states[:1], count, _FLIGHT_STEP)
     return times, states, policy_command(policy, times, states)
 
 
@@ -203,14 +203,42 @@ def fly_plan(
     model: GliderModel,
     policy: TrackingPolicy,
     states: np.ndarray,
+    count: int,
     step: float,
-    every: int,
+    numbers: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Flies states (B, n) to a plan's end; returns every so many steps, (B, T, n)."""
-    step = step * (1.0 + 1e-9)  # They divide the plan.
-    flights = fly(model, policy, states, step=step, after=0.0, keep_paths=True)
-    assert flights.paths is not None
-    return flights.paths[:, ::every]
+    """Flies states (B, n) to a plan's end.
+
+    Args:
+        count: of equal intervals, at whose ends states are returned.
+        step: longest step of the integration [s].
+        numbers: (B, P) of gliders that differ, as in `GliderModel.vector`.
+
+    Returns:
+        states (B, count + 1, n).
+    """
+    interval = policy.duration / count
+    every = math.ceil(interval / step - 1e-9)
+    every *= model.count_laps(interval / every)
+    steps = Steps(count * every, interval / every, every=every)
+    feedback = make_feedback(policy.sample, steps)
+    return fly_batch(model, states, steps, feedback, numbers=numbers).states
+
+
+def advanced(
+    rate: Callable[[float, np.ndarray], np.ndarray], x: np.ndarray, step: float
+) -> np.ndarray:
+    """Returns a matrix x one Runge-Kutta step [s] later.
+
+    Its derivative is `rate(share, x)`, after a share of the step.
+    """
+
+    def slope(t, node, x, data, rates):
+        rates[:] = rate(0.5 * node, x)
+
+    x = x.copy()
+    advance(slope, 0.0, x, step, 4, None, np.empty((3, *x.shape)))
+    return x
 
 
 def hermite_path(times: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> PPoly:
@@ -234,7 +262,8 @@ def hermite_powers(
     its slope in time, (..., 3).
     """
     half = 0.5 * (times[1] - times[0])
-    (a, b), (da, db) = values, half * slopes
+    a, b = values
+    da, db = half * slopes
     powers = [
         0.5 * (a + b) + 0.25 * (da - db),
         0.75 * (b - a) - 0.25 * (da + db),

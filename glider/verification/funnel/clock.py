@@ -13,13 +13,15 @@ import itertools
 import numpy as np
 from scipy.linalg import expm
 
-from glider.control.predictor import advance
-from glider.verification.dynamics.nominal import Nominal, table_of
+from glider.verification.dynamics.nominal import Nominal, advanced, table_of
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
-ROOM, BEND_ROOM = 1.15, 1.05
-"""Factors on the largest q̇ and eᵀ M e at a time: for what is between, and norms."""
+ROOM = 1.15
+"""Factor on the largest q̇ at a time: for what is between, and norms."""
+
+BEND_ROOM = 1.05
+"""Factor on the largest eᵀ M e at a time: for what is between, and norms."""
 
 
 def _steps(nominal, first, last):
@@ -45,19 +47,19 @@ def undo_hold(nominal: Nominal, first: int, last: int, gains: np.ndarray) -> Non
     """Writes the feedback of a hold that ends with gains (n,) into a flight."""
     nominal.gains[last] = gains
     for k, (move, push) in reversed([*enumerate(_steps(nominal, first, last), first)]):
-        nominal.gains[k] = gains = gains @ move / (1.0 + gains @ push)
+        gains = gains @ move / (1.0 + gains @ push)
+        nominal.gains[k] = gains
     here = slice(first, last + 1)
     nominal.bends[here] = 0.0
     nominal.closed_loop[here] = nominal.part(here).closed_loop
     ends = _bend_rates(nominal, here)
     for k, step in enumerate(np.diff(nominal.times[here])):
 
-        def rate(M, since, k=k, step=step):
-            share = since / step
+        def rate(share, M, k=k):
             between = ((1.0 - share) * of[k] + share * of[k + 1] for of in ends)
             return _bend_slope(M, *between)
 
-        M = advance(rate, nominal.bends[first + k], step)
+        M = advanced(rate, nominal.bends[first + k], step)
         nominal.bends[first + k + 1] = 0.5 * (M + M.T)
 
 
@@ -156,7 +158,8 @@ def _apart(nominal, S, at):
     bends = [np.zeros((2, *v.shape)) for v in (nominal.gains, nominal.bends)]
     for bend, slopes in zip(bends, hold_slopes(nominal), strict=True):
         change = (slopes[k + 1] - slopes[k]).T * steps / 6.0
-        bend[0, k] = bend[1, k + 1] = change.T
+        bend[0, k] = change.T
+        bend[1, k + 1] = change.T
     of_gains, of_bends = (bend[:, at] for bend in bends)
     size = np.linalg.norm((of_gains[:, :, None] @ turn)[:, :, 0], axis=2)
     square = np.linalg.norm(turn.swapaxes(1, 2) @ of_bends @ turn, 2, axis=(2, 3))

@@ -19,11 +19,10 @@ import functools
 import numpy as np
 from scipy.linalg import expm
 
-from glider.control.predictor import advance
 from glider.control.tvlqr import weight_matrix
 from glider.progress import Shares, silent
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import Nominal, advanced
 from glider.verification.funnel import clock, servo_limits
 from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
 from glider.verification.funnel.remainder import (
@@ -161,7 +160,8 @@ class ShapeFlow:
             SolverError: no solver gave a usable answer, or the set vanishes.
         """
         times = self.nominal.times
-        settings, (count, n) = self._task.settings, self.nominal.states.shape
+        settings = self._task.settings
+        count, n = self.nominal.states.shape
         last = count - 1
         # Where commands are held, at least at the end of each and in its middle.
         hold = min(settings.hold, 0.5 * settings.period or np.inf)
@@ -171,7 +171,8 @@ class ShapeFlow:
         shapes = np.zeros((count, n, n))
         before = None
         since = 0
-        shapes[last] = S = self._cut(S, last)
+        S = self._cut(S, last)
+        shapes[last] = S
         for k in range(last, 0, -1):
             self._steer(S, k - 1)
             if times[k] == times[k - 1]:  # A sample: the set must not be larger before.
@@ -188,14 +189,16 @@ class ShapeFlow:
                     progress((last - k) / last)
                 S = self._step(S, k, growth + since * slope, slope)
                 since = (since + 1) % hold
-            S = shapes[k - 1] = self._cut(S, k - 1)
+            S = self._cut(S, k - 1)
+            shapes[k - 1] = S
         return shapes
 
     def _steer(self, S, k):
         """Makes the feedback at a time, for a set about then, if it is to be made."""
         if self._slopes is None:
             return
-        nominal, (directions, bounds) = self.nominal, self._bounds
+        nominal = self.nominal
+        directions, bounds = self._bounds
         times = nominal.times
         settings = self._task.settings
         first = k
@@ -237,13 +240,12 @@ class ShapeFlow:
         step = self.nominal.times[k] - self.nominal.times[k - 1]
         first, second = linear_part(self.nominal.closed_loop[[k, k - 1]])
 
-        def rate(S, since):
+        def rate(share, S):
             L = np.linalg.cholesky(S)
-            share = since / step
             product = S @ ((1.0 - share) * first + share * second)
             return product + product.T + L @ (growth + share * slope) @ L.T
 
-        S = advance(rate, S, step)
+        S = advanced(rate, S, step)
         if not np.all(np.isfinite(S)):
             raise SolverError(f"The funnel vanishes at {self.nominal.times[k]:.3f} s.")
         return 0.5 * (S + S.T)

@@ -18,17 +18,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.control.predictor import (
     STEP,
     Hold,
-    advance,
     flown_under,
     held_command,
     policy_command,
-    rates_of,
 )
 from glider.errors import expect
-from glider.physics.confidence import ConfidenceSet, physical, theta_at
+from glider.physics.confidence import ALONE, ConfidenceSet, numbers_at, physical
 from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.proof.phases import GRID_ROOM, choose, first_commands
@@ -42,8 +41,11 @@ from glider.verification.trials.falsify import (
     check_gliders,
 )
 
-_MOST_WIND, _MOST_ERROR = 20.0, 100.0
-"""Strongest wind [m/s] and largest error of the command [rad/s] that are flown."""
+_MOST_WIND = 20.0
+"""Strongest wind that is flown [m/s]."""
+
+_MOST_ERROR = 100.0
+"""Largest error of the command that is flown [rad/s]."""
 
 _FRESH = 1e-3
 """Push by which the direction where V rises fastest is found [m/s, rad/s]."""
@@ -147,7 +149,8 @@ def fly_loop(
 
 def _phases(funnel, hold, genes, rests=()):
     """Returns times (B,) from the launch to the clock's first sample after it [s]."""
-    if period := funnel.settings.period:  # Its second command was computed then.
+    period = funnel.settings.period
+    if period:  # Its second command was computed then.
         return np.full(len(genes), period - hold.latency)
     first = first_commands(funnel, rests)[0] - hold.latency if rests else 0.0
     return first + genes[:, funnel.num_states + 2] * hold.period
@@ -158,7 +161,8 @@ def check_clock(funnel: Funnel, hold: Hold, rests: Sequence[Funnel] = ()) -> Non
     latency = hold.latency
     found = hold.period
     for own in rests or (funnel,):
-        if period := own.settings.period:
+        period = own.settings.period
+        if period:
             expect(found == period, "the period of commands", found, "the funnel's")
             good = latency < period and (hold.predicts or latency == 0.0)
             words = "less than the period, with a predictor"
@@ -194,7 +198,7 @@ def _phase_levels(launch, rests, loop, genes):
     flight = _Flight(launch, loop, genes)
     still = np.zeros(len(genes))
     flight.fly(still, _phases(launch, loop.hold, genes, rests), begins=True)
-    predicted = flown_under(model, flight.states, latency, lambda x, t: still)
+    predicted = flown_under(model, flight.states, latency, still)
     flight.fly(still, latency)
     chosen = choose(rests, predicted)
     levels = np.zeros((3, len(genes)))
@@ -218,11 +222,11 @@ class _Flight:
         self._funnel = funnel
         self._loop = loop
         self._model = funnel.nominal.model
-        self._theta = self._glider = None
-        if allowed := loop.gliders:
-            on_boundary = allowed.on_boundary(genes[:, n + 4 :])
-            self._glider = physical(self._model, allowed.names, on_boundary)
-            self._theta = theta_at(self._model, allowed.names, self._glider.T)
+        allowed = loop.gliders or ALONE
+        on_boundary = allowed.on_boundary(genes[:, n + 4 :])
+        deviations = physical(self._model, allowed.names, on_boundary)
+        self._numbers = numbers_at(self._model, allowed.names, deviations)
+        self._glider = deviations if loop.gliders else None
         self._policy = funnel_policy(funnel, held=True)
         self._wind = loop.wind * genes[:, n : n + 2]
         self._error = loop.command_error * np.sign(genes[:, n])
@@ -267,17 +271,25 @@ class _Flight:
             left = np.clip(end - self._times, 0.0, step)
             chooses = (begins and number == 0) or not self._funnel.settings.period
             error, wind = self._pushes_now(command, chooses)
-
-            def rates(x, t, u=command + error, w=wind):
-                return rates_of(self._model, x, u, w, self._theta)
-
-            flown = advance(rates, self.states, left[:, None])
-            self.states = np.where(left[:, None] > 0.0, flown, self.states)
+            self.states = self._step(left, command + error, wind)
             self._times = np.where(left < step - 1e-15, end, self._times + left)
             level = self._funnel.level(self._times, self.states, self._glider)
             self.largest = np.maximum(self.largest, level)
             acts = self._times > self._first + self._loop.hold.latency
             self._later = np.where(acts, np.maximum(self._later, level), self._later)
+
+    def _step(self, duration, command, wind, order=4):
+        """Returns states (B, n) one step of durations (B,) [s] later."""
+        flown = fly_batch(
+            self._model,
+            self.states,
+            Steps(1, 1.0, order),
+            make_tape(command[:, None]),
+            numbers=self._numbers,
+            wind=wind,
+            pace=duration,
+        )
+        return flown.states[:, 1]
 
     def _pushes_now(self, command, chooses):
         """Returns error (B,) and wind (B, 2): steady, or where V rises fastest.
@@ -289,13 +301,12 @@ class _Flight:
         error = self._funnel.error(self._times, self.states, self._glider)
         pull = np.einsum("bij,bj->bi", self._funnel.shape(self._times), error)
         slopes = []
+        second = np.ones(len(self._times))
         for push in _FRESH * np.eye(3):
-            ahead, behind = (
-                rates_of(
-                    self._model, self.states, command + p[0], p[None, 1:], self._theta
-                )
-                for p in (push, -push)
-            )
+            wind = np.tile(push[1:], (len(second), 1))
+            # Euler's step of a second ends a derivative away.
+            ahead = self._step(second, command + push[0], wind, order=1)
+            behind = self._step(second, command - push[0], -wind, order=1)
             slopes.append(np.sum(pull * (ahead - behind), axis=1))
         toward = np.array(slopes[1:]).T
         size = np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from glider.errors import InputError
-from glider.physics.confidence import ConfidenceSet, glider_at, physical
+from glider.physics.confidence import ALONE, ConfidenceSet, numbers_at, physical
 from glider.physics.model import GliderModel
 from glider.progress import Shares, silent
+from glider.simulation.fly import check_states, full_starts
 from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.forms import to_ball
@@ -32,13 +33,18 @@ _START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
 CLIMB_ROUNDS = 6
 """Rounds of ascent along the boundary, each with a fifth as many flights."""
 
-CLIMB_WIDTH, CLIMB_NARROWING = 0.3, 0.6
-"""Length by which the first round strays from the worst points, on the unit sphere, and
-the factor on it from a round to the next."""
+CLIMB_WIDTH = 0.3
+"""Length by which the first round strays from the worst points, on the unit sphere."""
 
-_GLIDERS, _CLIMBERS = 24, 8
-"""Gliders drawn at each start time, besides the set's corners, half of them within the
-set and half on its boundary; and those that fly in each round of the climb."""
+CLIMB_NARROWING = 0.6
+"""Factor on this length from a round to the next."""
+
+_GLIDERS = 24
+"""Gliders drawn at each start time, besides the set's corners: half of them within the
+set and half on its boundary."""
+
+_CLIMBERS = 8
+"""Gliders that fly in each round of the climb."""
 
 _NUDGE = 0.05
 """Step towards the set's boundary by which its worst corner is looked for."""
@@ -119,7 +125,7 @@ class _Trial:
         """Has flown nothing yet."""
         self._funnel = funnel
         self._rng = rng
-        self._model = model
+        self._model = None if confidence else model
         self._confidence = confidence
         self._found = []
 
@@ -127,11 +133,11 @@ class _Trial:
         """Flies from one time: random points first, then near the worst."""
         last = len(self._funnel.nominal.times) - 1
         k = min(round(share * last), last - 1)
-        found = self._fly_all(k, self._draw(count))
+        found = self._fly(k, *self._draw(count))
         width = CLIMB_WIDTH
         kept = max(1, count // 25)
         for _ in range(CLIMB_ROUNDS if climb else 0):
-            found = self._fly_all(k, self._stray(_worst(found, kept), width))
+            found = self._fly(k, *self._stray(_worst(found, kept), width))
             width *= CLIMB_NARROWING
         if climb and self._confidence:
             self._fly_corner(self._confidence, k, _worst(found, kept), width)
@@ -144,7 +150,7 @@ class _Trial:
         return Falsification(**found, confidence=self._confidence)
 
     def _draw(self, count):
-        """Returns gliders, and random points for each: [(δ, points)]."""
+        """Returns deviations (B, m) of gliders, and a random point (B, n) of each."""
         rng = self._rng
         allowed = self._confidence
         gliders = np.empty((1, 0))
@@ -154,12 +160,16 @@ class _Trial:
             at_edge = allowed.on_boundary(directions)
             gliders = np.concatenate([allowed.corners(), inside, at_edge])
         points = normalized(rng.normal(size=(count, self._funnel.num_states)))
-        return [*zip(gliders, np.array_split(points, len(gliders)), strict=True)]
+        shares = [len(part) for part in np.array_split(points, len(gliders))]
+        return np.repeat(gliders, shares, axis=0), points
 
     def _stray(self, worst, width):
         """Returns points near the worst, and gliders near theirs."""
-        (_, points, gliders), allowed, rng = worst, self._confidence, self._rng
-        flights = []
+        _, points, gliders = worst
+        allowed = self._confidence
+        rng = self._rng
+        near_gliders = []
+        near_points = []
         climbers = min(_CLIMBERS, len(points)) if allowed else 1
         for first in range(climbers):
             glider = gliders[first]
@@ -167,8 +177,10 @@ class _Trial:
                 w = np.linalg.pinv(allowed.factor) @ glider
                 w = w / max(np.linalg.norm(w), 1e-300)
                 glider = allowed.on_boundary(w + width * rng.normal(size=w.shape))
-            flights.append((glider, strayed(points[first::climbers], width, rng)))
-        return flights
+            near = strayed(points[first::climbers], width, rng)
+            near_points.append(near)
+            near_gliders.append(np.tile(glider, (len(near), 1)))
+        return np.concatenate(near_gliders), np.concatenate(near_points)
 
     def _fly_corner(self, allowed, k, worst, width):
         """Flies the worst corner of the set, to first order from the worst flight."""
@@ -176,41 +188,31 @@ class _Trial:
         if not allowed.dimension or not np.isfinite(values[0]):
             return
         shrunk = (1.0 - _NUDGE) * gliders[0]
-        start = points[:1]
-        around = [self._fly(k, shrunk + _NUDGE * a, start)[0] for a in allowed.factor.T]
-        slope = np.array(around)[:, 0] - self._fly(k, shrunk, start)[0]
+        around = np.vstack([shrunk + _NUDGE * allowed.factor.T, shrunk])
+        start = np.repeat(points[:1], len(around), axis=0)
+        *moved, usual = self._fly(k, around, start)[0]
+        slope = np.array(moved) - usual
         if allowed.shape == "box":
             slope = np.sign(slope)
         points = strayed(points, width, self._rng)
-        self._fly_all(k, [(allowed.on_boundary(slope), points)])
+        corner = np.tile(allowed.on_boundary(slope), (len(points), 1))
+        self._fly(k, corner, points)
 
-    def _fly_all(self, k, flights):
-        """Flies gliders from points each; returns what to climb, points, gliders."""
-        found = (self._fly(k, glider, points) for glider, points in flights)
-        return tuple(map(np.concatenate, zip(*found, strict=True)))
-
-    def _fly(self, k, deviation, points):
-        """Flies a glider from points; returns what to climb, points and gliders."""
+    def _fly(self, k, deviations, points):
+        """Flies gliders from points; returns what to climb, points and gliders."""
         funnel = self._funnel
-        glider = self._model
-        own = None
-        if self._confidence:
-            estimate = funnel.nominal.model
-            names = self._confidence.names
-            own = deviation = physical(estimate, names, deviation)
-            glider = glider_at(estimate, names, deviation)
-        flown = np.tile(deviation, (len(points), 1))
-        if not len(points):
-            return np.empty(0), points, flown
+        allowed = self._confidence or ALONE
+        deviations = physical(funnel.nominal.model, allowed.names, deviations)
+        own = deviations if self._confidence else None
         states = boundary_states(funnel, k, points, own)
-        levels, _ = fly_from(funnel, k, states, glider, own)
+        levels, _ = fly_from(funnel, k, states, self._model, allowed.names, own)
         levels = np.where(np.isfinite(levels), levels, np.inf)
         time = np.full(len(points), funnel.nominal.times[k])
         # A flight starts at 1: what counts is how close it comes again, or goes beyond.
         later = levels[:, 1:].max(axis=1)
         most = levels.max(axis=1)
-        self._found.append((time, most, later, levels[:, -1], states, flown))
-        return later, points, flown
+        self._found.append((time, most, later, levels[:, -1], states, deviations))
+        return later, points, deviations
 
 
 def _worst(found, kept):
@@ -231,22 +233,31 @@ def fly_from(
     first: int,
     states: np.ndarray,
     model: GliderModel | None = None,
-    deviation: np.ndarray | None = None,
+    names: tuple[str, ...] = (),
+    deviations: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flies states (B, n) from one of the funnel's times to its end.
 
-    V is about the center of a glider with a deviation δ (m,) in the funnel's set, or
-    about the nominal. The funnel's own glider flies if no other does.
+    The funnel's own glider flies if no other does, or gliders that deviate from it in
+    some numbers by (B, m). V is about the center of each if the funnel is of a set.
 
     Returns:
         V of each at the funnel's times from `first` on, (B, T - first), and the
         paths (B, T - first, n'), n' the states of the glider that flies.
     """
-    policy = funnel_policy(funnel, first)
-    times = funnel.nominal.times[first:]
     model = model or funnel.nominal.model
-    paths = fly_plan(model, policy, states, (times[1] - times[0]) / 2.0, 2)
-    return funnel.level(times, paths[..., : funnel.num_states], deviation), paths
+    policy = funnel_policy(funnel, first)
+    check_states(model, policy)
+    times = funnel.nominal.times[first:]
+    numbers = None
+    center = None
+    if deviations is not None:
+        numbers = numbers_at(model, names, deviations)
+        center = deviations[:, None]
+    starts = full_starts(model, states)
+    step = 0.5 * (times[1] - times[0])
+    paths = fly_plan(model, policy, starts, len(times) - 1, step, numbers)
+    return funnel.level(times, paths[..., : funnel.num_states], center), paths
 
 
 def boundary_states(
@@ -254,11 +265,11 @@ def boundary_states(
 ) -> np.ndarray:
     """Returns states (B, n) on the boundary at a time, given unit vectors (B, n).
 
-    Those of a glider of the funnel's set are about its own center.
+    Those of gliders of the funnel's set, (m,) or (B, m), are about their own centers.
     """
     states = funnel.nominal.states[k] + directions @ to_ball(funnel.S[k])[1].T
     if deviation is not None and funnel.gliders:
-        states = states + funnel.gliders.shifts[k] @ deviation
+        states = states + deviation @ funnel.gliders.shifts[k].T
     return states
 
 

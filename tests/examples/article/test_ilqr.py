@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.compiled.flight import fly_tapes
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import GliderModel
@@ -12,7 +13,6 @@ from glider.physics.parameters import load_parameters
 from glider.physics.servo import STOPPING_TIME
 from ilqr import ARTICLE, DivergedError, IlqrSettings, goal_cost, goal_problem, ilqr
 from ilqr_kernels import linearize_steps
-from tapes import fly_tapes
 from tests.helpers.flights import LAGGING, NOMINAL, QUICK
 from tests.helpers.physics import random_states
 
