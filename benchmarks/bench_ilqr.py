@@ -33,14 +33,14 @@ def main():
     heavy = GliderModel(
         parameters=load_parameters(models_path("vehicles", "heavy.yaml"))
     )
-    field = GliderModel.load(models_path("truths", "low_reynolds.yaml"))
+    learned = GliderModel.load(models_path("truths", "low_reynolds.yaml"))
     regular, settings = goal_problem(), IlqrSettings()
     cases = [
         ("regular, servo's limits", heavy, regular, settings),
         ("regular, no limits", heavy, regular, IlqrSettings(within_limits=False)),
         ("regular, Runge-Kutta", heavy, regular, IlqrSettings(order=4)),
         ("the article's", heavy, goal_problem(rate_cost=0.0), ARTICLE),
-        ("regular, field of 126 weights", field, regular, settings),
+        ("regular, free functions", learned, regular, settings),
     ]
     for name, *given in cases:
         planned = ilqr(*given)

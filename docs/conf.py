@@ -43,7 +43,7 @@ myst_heading_anchors = 3
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
     "clear": f"{constants.CLEAR:.0f}",
-    "bend_threshold": f"{np.log(len(families.BLOCKS)):.1f}",
+    "bend_threshold": f"{np.log(len(families.FAMILIES)):.1f}",
     "block_threshold": f"{constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP:.0f}",
     "followed": f"{constants.FOLLOWED}",
     "folds": f"{constants.FOLDS}",

@@ -90,9 +90,9 @@ class Correction:
 
 
 def name_effects(model: GliderModel) -> str:
-    """Returns the kinds of a model's effects, its field among them, or "nothing"."""
+    """Returns the kinds of a model's effects and free functions, or "nothing"."""
     kinds = [effect.kind.kind for effect in model.effects]
-    kinds += [] if model.field is None else [model.field.kind]
+    kinds += dict.fromkeys(own.kind for own in model.free_functions)
     return " + ".join(kinds) or "nothing"
 
 

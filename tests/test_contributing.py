@@ -184,7 +184,7 @@ def test_the_source_of_a_loop_is_shown(capsys):
     exec(compile(recipe("module_text"), "CONTRIBUTING.md", "exec"), {})
     shown = capsys.readouterr().out
     assert "def flights(" in shown
-    assert "def air_terms(motion, x, c):\n    e0 = formula_0(" in shown
+    assert "def air_terms(motion, x, c, values):\n    e0 = formula_0(" in shown
 
 
 def test_the_figure_of_the_recipe_is_drawn():

@@ -22,7 +22,7 @@ from glider.campaign.logs import Campaign
 from glider.compiled import replay
 from glider.compiled.kernel import Family
 from glider.physics.chain import derivatives, theta_of
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.sysid.likelihood.linear_flight import STILL_AIR, path_of
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task
@@ -52,9 +52,9 @@ LAUNCH = np.array([0.003, 0.003, 0.01, 0.001, 0.05, 0.05, 0.3])
 """Typical errors of smoothed launch states: units of AeroID's parameters of them."""
 
 
-def flight_slopes(states, elevator, rate, numbers, field, x, slopes):
+def flight_slopes(states, elevator, rate, numbers, gaussians, x, slopes):
     """Writes d/dt of STATES (9, F), but of the gusts; x (n,) is scratch, 0 from 7."""
-    theta = theta_of(numbers, field)
+    theta = theta_of(numbers, gaussians)
     for i in range(states.shape[1]):
         for j in range(7):
             x[j] = states[j, i]
@@ -181,9 +181,9 @@ class Identification:
         if values != self.last[0]:
             self.last = values, self.numbers(parameters)
         slopes = np.empty_like(states)
-        fly = SLOPES.over(self.task.space.flown, True).flight_slopes
+        fly = SLOPES.over(self.task.space.flown).flight_slopes
         path = self.elevator[k, node], self.rate[k]
-        fly(states, *path, self.last[1], NO_FIELD, self.launches[0].copy(), slopes)
+        fly(states, *path, self.last[1], NO_GAUSSIANS, self.launches[0].copy(), slopes)
         slopes[7:] = -self.gust_rate * states[7:]
         return slopes
 
@@ -210,7 +210,7 @@ class _Rollouts:
             start = launch.copy()
             start[:7] += LAUNCH * shift
             kinds = own.task.space.flown
-            states = replay.roll_out(kinds, path, start, numbers, NO_FIELD)
+            states = replay.roll_out(kinds, path, start, numbers, NO_GAUSSIANS)
             flown.append(states[:, :4])
         outputs = np.concatenate(np.moveaxis(flown, 2, 0)).T
         return SimulationResult(own.time, outputs[:, :0], outputs, (), self.outputs)

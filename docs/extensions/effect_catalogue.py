@@ -60,7 +60,7 @@ of the effect at its typical size: *0* for nothing visible above the noise, *+* 
 mostly positive, *−* for mostly negative, *±* for both. The tracer compares whole
 flights and may therefore find an effect whose picture shows little.
 
-What no formula describes is found as a curve or a field, see [how it
+What no formula describes is found as a curve or a free function, see [how it
 works](../how_it_works.md). [Your own effect](../tutorials/own_effect.py) needs a
 formula of a few lines. """
 

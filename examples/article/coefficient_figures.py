@@ -83,7 +83,7 @@ def save_residual_figure(path: Path, study: ResidualStudy) -> None:
     """Saves the coefficients of the held-out flights, measured and of each model."""
     seen = study.held_out
     values = {
-        WORDS[name]: corrected_coefficients(seen, model.field)
+        WORDS[name]: corrected_coefficients(seen, model.residual)
         for name, model in study.models.items()
     }
     save_coefficients_figure(path, seen.variables["alpha"], seen.measured, values)

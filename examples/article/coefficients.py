@@ -2,7 +2,7 @@
 
 The article's second model: C(ξ) = C_plate + ψ(ξ)ᵀ w with Gaussian basis functions ψ
 of the angle of attack and the elevator, and perhaps of the airspeed, and weights by
-ridge regression. The weights found are a `FieldData`, which flies in any GliderModel.
+ridge regression. The weights found are a `FreeFunction`, which any GliderModel takes.
 """
 
 import dataclasses
@@ -14,8 +14,7 @@ import numpy as np
 
 from glider.errors import InputError
 from glider.physics.aerodynamics import angle_of_attack
-from glider.physics.effects import FIELD_VARIABLES
-from glider.physics.effects.field import COEFFICIENTS, FieldData, gaussians, make_field
+from glider.physics.effects.free_functions import COEFFICIENTS, FreeFunction
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table
 from regression import least_squares
@@ -34,9 +33,9 @@ _COUNT = 5
 
 
 def with_weights(
-    data: FieldData, terms: Sequence[str], weights: np.ndarray
-) -> FieldData:
-    """Returns the field with weights (M, terms)."""
+    data: FreeFunction, terms: Sequence[str], weights: np.ndarray
+) -> FreeFunction:
+    """Returns the functions with weights (M, terms)."""
     named = dict(zip(terms, weights.T.tolist(), strict=True))
     return dataclasses.replace(data, weights=named)
 
@@ -78,7 +77,7 @@ def coefficient_data(records: Sequence[Record], theta: np.ndarray) -> Coefficien
     )
 
 
-def residual_basis(speeds: tuple[float, float] | None = None) -> FieldData:
+def residual_basis(speeds: tuple[float, float] | None = None) -> FreeFunction:
     """Returns the article's basis functions, without weights.
 
     5 x 5 centers over α in [0, π] and elevator in [-π/4, π/4], of covariance 0.1 I,
@@ -106,7 +105,7 @@ def residual_basis(speeds: tuple[float, float] | None = None) -> FieldData:
         axes.append(np.linspace(low, high, _COUNT))
         variables.append("V")
         widths.append((high - low) / (_COUNT - 1))
-    return FieldData(
+    return FreeFunction(
         variables=variables,
         centers=[list(map(float, center)) for center in itertools.product(*axes)],
         widths=widths,
@@ -114,17 +113,15 @@ def residual_basis(speeds: tuple[float, float] | None = None) -> FieldData:
     )
 
 
-def basis_values(basis: FieldData, variables: dict[str, np.ndarray]) -> np.ndarray:
+def basis_values(basis: FreeFunction, variables: dict[str, np.ndarray]) -> np.ndarray:
     """Returns ψ, (N, M), at given values of the basis's variables."""
-    field = make_field(dataclasses.replace(basis, weights={}))
-    columns = [FIELD_VARIABLES.index(name) for name in basis.variables]
     values = np.stack([variables[name] for name in basis.variables], axis=1)
-    return gaussians(field, columns, values)
+    return basis.basis(values)
 
 
 def fit_residual(
-    data: CoefficientData, basis: FieldData, ridge: float = RIDGE
-) -> FieldData:
+    data: CoefficientData, basis: FreeFunction, ridge: float = RIDGE
+) -> FreeFunction:
     """Returns the basis with the weights of min ‖ψ w - (C - C_plate)‖² + γ ‖w‖².
 
     Args:
@@ -138,10 +135,10 @@ def fit_residual(
 
 
 def corrected_coefficients(
-    data: CoefficientData, field: FieldData | None
+    data: CoefficientData, residual: FreeFunction | None
 ) -> np.ndarray:
     """Returns the flat plate's coefficients with a residual if there is one, (N, 3)."""
-    if field is None:
+    if residual is None:
         return data.plate
-    weights = np.array([field.weights[name] for name in COEFFICIENTS]).T
-    return data.plate + basis_values(field, data.variables) @ weights
+    weights = np.array([residual.weights[name] for name in COEFFICIENTS]).T
+    return data.plate + basis_values(residual, data.variables) @ weights

@@ -1,4 +1,4 @@
-"""A residual field's weights from states: the article's step of identification.
+"""A residual's weights from states: the article's step of identification.
 
 Forward differences of the states give accelerations, which depend on the weights of
 C_L, C_D and C_M linearly; ridge regression over all flights so far solves for them.
@@ -11,12 +11,17 @@ import numpy as np
 from coefficients import RIDGE, basis_values
 from glider.errors import InputError
 from glider.physics.compose import compose
-from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
-from glider.physics.effects.field import (
+from glider.physics.effects import (
+    FLOW_VARIABLES,
+    FREE_FUNCTIONS,
+    NO_GAUSSIANS,
+    Gaussians,
+)
+from glider.physics.effects.free_functions import (
     COEFFICIENTS,
-    FieldData,
-    field_variables,
-    make_field,
+    FreeFunction,
+    flow_variables,
+    gaussians_of,
 )
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
@@ -26,7 +31,7 @@ _ACCELERATIONS = slice(4, NUM_STATES)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WeightEquations:
-    """Normal equations of a field's weights: what flights say of them.
+    """Normal equations of a residual's weights: what flights say of them.
 
     Attributes:
         information: Φᵀ Φ, (p, p), the weights of the basis functions first, then the
@@ -47,7 +52,7 @@ class WeightEquations:
 
 def weight_equations(
     nominal: GliderModel,
-    basis: FieldData,
+    basis: FreeFunction,
     states: np.ndarray,
     inputs: np.ndarray,
     step: float,
@@ -58,9 +63,9 @@ def weight_equations(
     (ẍ, z̈, θ̈) and G w is what the weights add.
 
     Args:
-        nominal: f, a glider without a field and without states beyond the rigid
+        nominal: f, a glider without free functions and without states beyond the rigid
             body's.
-        basis: of the field.
+        basis: of the residual.
         states: (N + 1, 7) as measured.
         inputs: (N,) elevator rates [rad/s].
         step: h [s].
@@ -68,28 +73,29 @@ def weight_equations(
     Raises:
         InputError: the model cannot be corrected so, or the sizes do not match.
     """
-    if nominal.field is not None or any(e.kind.states for e in nominal.effects):
+    if nominal.free_functions or any(e.kind.states for e in nominal.effects):
         raise InputError(
-            "weight_equations: expected a model without a field and without effects "
-            "that have states."
+            "weight_equations: expected a model without free functions and without "
+            "effects that have states."
         )
     if states.shape != (len(inputs) + 1, NUM_STATES):
         raise InputError(
             f"weight_equations: the states have shape {states.shape} and there are "
             f"{len(inputs)} inputs; expected ({len(inputs) + 1}, {NUM_STATES})."
         )
-    chain, theta = compose(nominal.kinds, True), nominal.numbers
+    chain = compose((*nominal.kinds, *FREE_FUNCTIONS.values()))
+    theta = nominal.numbers
     now = states[:-1].T
 
-    def accelerations(field: Field) -> np.ndarray:
-        given = theta._replace(field=field)
+    def accelerations(gaussians: Gaussians) -> np.ndarray:
+        given = theta._replace(gaussians=gaussians)
         rates = chain.derivatives(0.0, now, inputs, 0.0, 0.0, given)
         return np.stack(rates[_ACCELERATIONS], axis=1)
 
-    plate = accelerations(NO_FIELD)
+    plate = accelerations(NO_GAUSSIANS)
     added = np.stack([accelerations(_constant(k)) - plate for k in COEFFICIENTS], 2)
     flow, _ = chain.meet_air(0.0, now, inputs, 0.0, 0.0, theta)
-    values = dict(zip(FIELD_VARIABLES, field_variables(flow), strict=True))
+    values = dict(zip(FLOW_VARIABLES, flow_variables(flow), strict=True))
     psi = basis_values(basis, values)
     columns = psi[:, None, :, None] * added[:, :, None, :]  # (N, 3, M, 3)
     columns = columns.reshape(3 * len(inputs), -1)
@@ -98,9 +104,10 @@ def weight_equations(
     return WeightEquations(information=columns.T @ columns, target=columns.T @ target)
 
 
-def _constant(coefficient: str) -> Field:
-    """Returns a field that adds one to a coefficient everywhere."""
-    return make_field(FieldData(constant=True, weights={coefficient: [1.0]}))
+def _constant(coefficient: str) -> Gaussians:
+    """Returns Gaussians that add one to a coefficient everywhere."""
+    one = FreeFunction(constant=True, weights={coefficient: [1.0]})
+    return gaussians_of([one])
 
 
 def solve_weights(equations: WeightEquations, ridge: float = RIDGE) -> np.ndarray:

@@ -151,7 +151,7 @@ def ilqr(
     """Plans a flight of a glider in still air.
 
     Args:
-        model: the glider, effects and residual field included.
+        model: the glider, effects and free functions included.
         problem: whose launch, goal and weights to use.
         settings: None for the defaults.
         guess: (N,) commands to start from [rad/s]; None for none at all.

@@ -261,7 +261,7 @@ def roll(
     """
     states, inputs = np.empty_like(nominal[0]), np.empty_like(nominal[1])
     states[0] = nominal[0][0]
-    cost, hold = LOOPS.over(model.kinds, model.has_field).ilqr_roll(
+    cost, hold = LOOPS.over(model.kinds).ilqr_roll(
         share,
         step,
         order,
@@ -290,7 +290,7 @@ def linearize_steps(
     moved = np.empty((2 * points.size, n + 1))
     ends, jacobian = np.empty((len(moved), n)), np.zeros((steps, n, n + 1))
     spread(points, DIFFERENCE, moved)
-    LOOPS.over(model.kinds, model.has_field).ilqr_ends(
+    LOOPS.over(model.kinds).ilqr_ends(
         moved, steps, step, order, model.count_laps(step, order), model.numbers, ends
     )
     add_difference(ends, 0.5 / DIFFERENCE, jacobian)

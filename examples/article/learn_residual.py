@@ -6,8 +6,8 @@ measured before the plan) and identifies the model from all flights so far, in t
 
     weights   the article's: noisy states are differenced, and ridge regression finds
               26 weights each for what C_L, C_D and C_M lack, starting from zero
-    traced    motion capture is traced to an effect of the library, or to a field of
-              one variable where none explains it
+    traced    motion capture is traced to an effect of the library, or to a free
+              function where none explains it
 
 and a planner that knows the truth says what there is to reach. The default truth is the
 article's mismatch: 126 weights a coefficient, over airspeed too, which 26 cannot hold.
@@ -34,7 +34,7 @@ import numpy as np
 import learning
 from diagrams import playback
 from diagrams.programs import program
-from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.model import GliderModel
 from learning import Identify, Round, learn
 from learning_figures import save_learning_figure
@@ -116,9 +116,10 @@ def weight_changes(rounds: Sequence[Round]) -> list[float]:
 
 
 def _weights(model: GliderModel) -> np.ndarray:
-    if model.field is None:
+    if not model.free_functions:
         return np.zeros(1)
-    return np.array([model.field.weights[name] for name in COEFFICIENTS])
+    [residual] = model.free_functions
+    return np.array([residual.weights[name] for name in COEFFICIENTS])
 
 
 def run(

@@ -18,7 +18,7 @@ from flight_weights import solve_weights, weight_equations
 from glider.campaign.logs import Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
-from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.plan import Plan
@@ -286,15 +286,15 @@ def fit_weights(nominal: GliderModel, logs: Sequence[LoggedFlight]) -> Identifie
         for log in logs
     ]
     weights = solve_weights(sum(equations[1:], equations[0]), RIDGE)
-    field = with_weights(basis, COEFFICIENTS, weights)
-    model = dataclasses.replace(nominal, field=field)
-    return IdentifiedModel(model=model, effects=(field.kind,))
+    residual = with_weights(basis, COEFFICIENTS, weights)
+    model = dataclasses.replace(nominal, free_functions=(residual,))
+    return IdentifiedModel(model=model, effects=(residual.kind,))
 
 
 def trace_effects(
     nominal: GliderModel, logs: Sequence[LoggedFlight]
 ) -> IdentifiedModel:
-    """Identifies by the tracer: which effect of the library, or a field.
+    """Identifies by the tracer: which effect of the library, or a free function.
 
     It judges by flights that it has not fitted, and so keeps the nominal model until
     there are LEAST_FLIGHTS.

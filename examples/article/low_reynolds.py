@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from coefficients import basis_values, residual_basis
 from glider.paths import models_path
-from glider.physics.effects.field import COEFFICIENTS, FieldData
+from glider.physics.effects.free_functions import COEFFICIENTS, FreeFunction
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, load_parameters
 from regression import least_squares
@@ -84,8 +84,8 @@ def low_reynolds_coefficients(
     )
 
 
-def low_reynolds_field(parameters: GliderParameters) -> FieldData:
-    """Returns the residual field, 126 weights a coefficient, fitted on a grid."""
+def low_reynolds_residual(parameters: GliderParameters) -> FreeFunction:
+    """Returns the residual, 126 weights a coefficient, fitted on a grid."""
     grid = np.meshgrid(
         *(
             np.linspace(low, high, count)
@@ -115,7 +115,8 @@ def main() -> None:
     )
     parser.add_argument("path", metavar="FILE", type=Path)
     parameters = load_parameters(models_path("vehicles", "heavy.yaml"))
-    model = GliderModel(parameters=parameters, field=low_reynolds_field(parameters))
+    residual = low_reynolds_residual(parameters)
+    model = GliderModel(parameters=parameters, free_functions=(residual,))
     model.save(parser.parse_args().path)
 
 

@@ -101,13 +101,13 @@ def fly_watched(
 def _advance(ekf: Ekf, t: float, z: np.ndarray) -> None:
     """Advances x̄ within z (Z, B) by a sample, with the steps of `compiled.ekf`."""
     n, slow = ekf.num_states, ekf.estimated.places[ekf.num_states :]
-    field, chain, step = ekf.model.residual_field, ekf.model.chain, ekf.step
+    gaussians, chain, step = ekf.model.gaussians, ekf.model.chain, ekf.step
     half = np.exp(-0.5 * step * ekf.estimated.decay)[:, None]
     work = np.empty((3, n, z.shape[1]))
 
     def slope(t, node, x, start, rate):
         z[:n], z[slow] = x, start * half**node
-        for i, derivative in enumerate(chain.derivatives_of(t, z, n, field)):
+        for i, derivative in enumerate(chain.derivatives_of(t, z, n, gaussians)):
             rate[i] = derivative
 
     x = z[:n].copy()
@@ -120,7 +120,7 @@ def _advance(ekf: Ekf, t: float, z: np.ndarray) -> None:
 def _measure(ekf: Ekf, z: np.ndarray) -> np.ndarray:
     """Measurements at z (Z, B), shape (B, M)."""
     n, chain = ekf.num_states, ekf.model.chain
-    theta = chain.theta_of(z[n + NUM_INPUTS :], ekf.model.residual_field)
+    theta = chain.theta_of(z[n + NUM_INPUTS :], ekf.model.gaussians)
     return np.column_stack([*chain.measure(z[:n], theta), *z[3 : len(ekf.noise)]])
 
 

@@ -44,7 +44,10 @@ def fly(campaign: Campaign, seed: int = 0) -> Result:
     study = learn_residuals(campaign, seed=seed)
     parameters = refly.nominal_parameters(campaign)
     models = {
-        WORDS[name]: GliderModel(parameters=parameters, field=learned.field)
+        WORDS[name]: GliderModel(
+            parameters=parameters,
+            free_functions=[] if learned.residual is None else [learned.residual],
+        )
         for name, learned in study.models.items()
     }
     motions = refly.refly(campaign, study.unseen[0], models)

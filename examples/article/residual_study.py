@@ -16,8 +16,11 @@ from coefficients import (
 )
 from glider.campaign.logs import Campaign, Flight, split_flights
 from glider.errors import InputError
-from glider.physics.effects import NO_FIELD
-from glider.physics.effects.field import COEFFICIENTS, FieldData, make_field
+from glider.physics.effects.free_functions import (
+    COEFFICIENTS,
+    FreeFunction,
+    gaussians_of,
+)
 from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
@@ -33,12 +36,12 @@ class ResidualModel:
     """One model of the coefficients, and its errors on flights that it has not seen.
 
     Attributes:
-        field: its residual; None for the flat plate alone.
+        residual: its free functions; None for the flat plate alone.
         rms: (3,) RMS error of COEFFICIENTS.
         errors: of accelerations and of free rollouts.
     """
 
-    field: FieldData | None
+    residual: FreeFunction | None
     rms: np.ndarray
     errors: Errors
 
@@ -134,7 +137,7 @@ def _learn(
     )
 
 
-def _names(fields: Sequence[FieldData | None]) -> list[str]:
+def _names(fields: Sequence[FreeFunction | None]) -> list[str]:
     return ["plate" if f is None else str(len(f.centers) + 1) for f in fields]
 
 
@@ -143,16 +146,19 @@ def _try(
     theta: np.ndarray,
     noise: Noise,
     test: CoefficientData,
-    field: FieldData | None,
+    residual: FreeFunction | None,
 ) -> ResidualModel:
-    arrays = NO_FIELD if field is None else make_field(field)
+    functions = [] if residual is None else [residual]
     flown = RolloutModel(
-        theta=theta, field=arrays, scales=start_scales(noise), per_flight_trims=False
+        theta=theta,
+        gaussians=gaussians_of(functions),
+        scales=start_scales(noise),
+        per_flight_trims=False,
     )
     flown = flown.on(unseen)
-    values = corrected_coefficients(test, field)
+    values = corrected_coefficients(test, residual)
     return ResidualModel(
-        field=field,
+        residual=residual,
         rms=np.sqrt(np.mean((test.measured - values) ** 2, axis=0)),
         errors=measure_errors(flown, unseen),
     )

@@ -48,7 +48,7 @@ def rates_along(model: GliderModel, points: np.ndarray) -> np.ndarray:
         UncompilableError: a formula is not of what numba compiles.
     """
     rates = np.empty((len(points), model.num_states))
-    loops = LOOPS.over(model.kinds, model.has_field)
+    loops = LOOPS.over(model.kinds)
     try:
         loops.rates_at(np.ascontiguousarray(points), model.numbers, rates)
     except CompileError as error:
@@ -251,7 +251,7 @@ class PathDynamics:
             weights=np.empty((count, n)),
             defects=np.empty((knots - 1, n)),
         )
-        self._loops = LOOPS.over(model.kinds, model.has_field)
+        self._loops = LOOPS.over(model.kinds)
         self._theta = model.numbers
         most = count * ((n + 1) * (n + 4) // 2 + 1)
         self._moved = np.empty((most, n + 1))

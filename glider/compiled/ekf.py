@@ -15,7 +15,7 @@ from glider.compiled.runge_kutta import TINY, put
 from glider.physics.chain import NUM_INPUTS, derivatives_of, measure, theta_of
 
 
-def ekf_advance(t, z, estimated, step, count, field, value, slopes):
+def ekf_advance(t, z, estimated, step, count, gaussians, value, slopes):
     """Advances x̄ by Runge-Kutta steps, with the exact derivative of the result.
 
     By complex steps through all of the Runge-Kutta steps. A slow state decays as
@@ -27,7 +27,7 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
         estimated: what is, see `EstimatedFlight`.
         step: [s].
         count: number of steps.
-        field: the residual Field.
+        gaussians: of the free functions.
         value: (N,), written.
         slopes: (N, N), written; or (0, 0).
     """
@@ -57,7 +57,7 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
                 weight = step / 6.0 if stage in (0, 3) else step / 3.0
                 ahead = 0.5 * step if stage < 2 else step
                 now = t + step * (lap + 0.5 * ((stage + 1) // 2))
-                d = derivatives_of(now, y, n, field)
+                d = derivatives_of(now, y, n, gaussians)
                 for i in range(n):
                     total[i] += weight * d[i]
                     y[i] = start[i] + ahead * d[i]
@@ -71,11 +71,11 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
             value[j] = y[places[j]].real
 
 
-def ekf_measure(z, estimated, field, value, slopes):
+def ekf_measure(z, estimated, gaussians, value, slopes):
     """Writes what is measured of x̄, with derivatives: the pose, then x[3:].
 
     Args:
-        z, estimated, field: as in `ekf_advance`.
+        z, estimated, gaussians: as in `ekf_advance`.
         value: (M,), written; M from 3 to n.
         slopes: (M, N), written.
     """
@@ -85,7 +85,7 @@ def ekf_measure(z, estimated, field, value, slopes):
     for k in estimated.seen:
         i = estimated.places[k]
         y[i] = z[i] + 1j * TINY
-        pose = measure(y, theta_of(y[n + NUM_INPUTS :], field))
+        pose = measure(y, theta_of(y[n + NUM_INPUTS :], gaussians))
         y[i] = z[i]
         for j in range(3):
             value[j] = pose[j].real
@@ -207,7 +207,7 @@ def ekf_correct(mean, covariance, slopes, noise, innovation, spread, work):
 
 
 def ekf_run(
-    t, z, estimated, clock, field, process, noise, inputs, measured, belief, seen
+    t, z, estimated, clock, gaussians, process, noise, inputs, measured, belief, seen
 ):
     """Runs an extended Kalman filter along a batch of flights.
 
@@ -218,7 +218,7 @@ def ekf_run(
     Args:
         t: at the start [s].
         z: the constants in their places; the rest is overwritten.
-        estimated, field: as in `ekf_advance`.
+        estimated, gaussians: as in `ekf_advance`.
         clock: Runge-Kutta step [s] and their count to a sample.
         process: (N,) variances that a prediction adds.
         noise: (M, M) covariance of a measurement.
@@ -253,11 +253,11 @@ def ekf_run(
             for i in range(size):
                 z[places[i]] = mean[i]
             now = t + k * count * step
-            ekf_advance(now, z, estimated, step, count, field, mean, slopes)
+            ekf_advance(now, z, estimated, step, count, gaussians, mean, slopes)
             ekf_predict(n, covariance, slopes, process, work[0])
             for i in range(size):
                 z[places[i]] = mean[i]
-            ekf_measure(z, estimated, field, shown, shows)
+            ekf_measure(z, estimated, gaussians, shown, shows)
             known = True
             for i in range(rows):
                 shown[i] = measured[b, k, i] - shown[i]

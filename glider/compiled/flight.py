@@ -74,14 +74,14 @@ def slopes_guided(t, node, work, data):
 
 def slopes_apart(t, node, work, data):
     """Writes the derivatives of gliders that differ, see `flights`."""
-    k, first, feedback, servo, field, own = data
+    k, first, feedback, servo, gaussians, own = data
     numbers, wind, pace = own
     n = work.shape[0] - 1
     if feedback.hold == 0:
         _feed_back(2 * k + node, first, feedback, work)
     for j in range(BLOCK):
         glider = min(first + j, pace.shape[0] - 1)
-        theta = theta_of(numbers[min(glider, numbers.shape[0] - 1)], field)
+        theta = theta_of(numbers[min(glider, numbers.shape[0] - 1)], gaussians)
         x = work[:, 0, j]
         rate = limited_rate(work[n, 1, j], demanded_angle(x, theta.c), servo)
         wind_x = wind[glider, 0]
@@ -164,7 +164,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
             step = steps.length
             t = step * k
             if own is not None:
-                apart = (k, first, feedback, servo, theta.field, own)
+                apart = (k, first, feedback, servo, theta.gaussians, own)
                 advance_block(slopes_apart, t, work, step, steps.order, apart)
             elif hold > 0:
                 held = (feedback.cut, servo, theta)
@@ -309,7 +309,7 @@ def fly_batch(
     x, z = (0.0, 0.0) if wire is None else wire
     offset = np.ascontiguousarray(feedback.offset)
     gain = np.ascontiguousarray(feedback.gain)
-    LOOPS.over(model.kinds, model.has_field).flights(
+    LOOPS.over(model.kinds).flights(
         np.array(starts, dtype=float, order="C"),
         steps,
         feedback._replace(offset=offset, gain=gain),

@@ -8,7 +8,7 @@ from glider.physics.chain import NUM_INPUTS, derivatives_of
 from glider.physics.model import GliderModel
 
 
-def directional(t, z, directions, n, field, value, slopes):
+def directional(t, z, directions, n, gaussians, value, slopes):
     """The derivatives of a glider and their exact slopes along given directions.
 
     By complex steps, f'(z) v = Im f(z + i h v) / h for a tiny h, without a
@@ -19,7 +19,7 @@ def directional(t, z, directions, n, field, value, slopes):
         z: as in `derivatives_of`.
         directions: (r, m); row i belongs to z[i], missing rows are zero.
         n: number of states.
-        field: the residual Field.
+        gaussians: of the free functions.
         value: (n,), written.
         slopes: (n, m), written.
     """
@@ -28,7 +28,7 @@ def directional(t, z, directions, n, field, value, slopes):
         if directions.shape[1] > 0:
             for i in range(directions.shape[0]):
                 y[i] = z[i] + 1j * TINY * directions[i, k]
-        d = derivatives_of(t, y, n, field)
+        d = derivatives_of(t, y, n, gaussians)
         for i in range(len(d)):
             value[i] = d[i].real
             if directions.shape[1] > 0:
@@ -49,7 +49,7 @@ def differentiate(
     """Returns the derivatives (n,) and their slopes (n, m) along directions.
 
     Args:
-        model: whose effects and residual field act; its numbers stand in z.
+        model: whose effects and free functions act; its numbers stand in z.
         t: [s].
         z: as in `derivatives_of`, see `stacked`.
         directions: (r, m), in Fortran's order so that one type is compiled.
@@ -60,9 +60,9 @@ def differentiate(
     n = model.num_states
     value = np.empty(n)
     slopes = np.empty((n, directions.shape[1]))
-    loop = LOOPS.over(model.kinds, model.has_field).directional
+    loop = LOOPS.over(model.kinds).directional
     try:
-        loop(t, z, directions, n, model.residual_field, value, slopes)
+        loop(t, z, directions, n, model.gaussians, value, slopes)
     except CompileError as error:
         raise UncompilableError(str(error)) from None
     return value, slopes

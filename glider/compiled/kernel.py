@@ -30,7 +30,7 @@ from glider.errors import InputError
 from glider.paths import cache_folder
 from glider.physics import chain
 from glider.physics.compose import formulas, source
-from glider.physics.effects import EffectKind, Field
+from glider.physics.effects import EffectKind, Gaussians
 from glider.physics.formulas import connect_compiler
 from glider.physics.parameters import Parameters, Theta
 from glider.physics.servo import Servo
@@ -42,14 +42,14 @@ _STEP = inspect.getsource(runge_kutta)
 
 _HEAD = """\
 import numpy as np
-from glider.physics.effects.field import Field
+from glider.physics.effects.free_functions import Gaussians
 from glider.physics.servo import STOPPING_TIME, limited_rate, rate_bounds
 """
 
 _KERNEL = inspect.getsource(sys.modules[__name__])
 """Read now: the file may be edited while this process runs."""
 
-_TYPES = (Theta, Parameters, Field, Servo)
+_TYPES = (Theta, Parameters, Gaussians, Servo)
 """What is kept on disk names the classes of arguments, and their fields."""
 
 _INLINED = ("advance", "slope")
@@ -130,40 +130,35 @@ class Family:
         self.entries = tuple(f.__name__ for f in entries)
         self.uses = uses
         self._made: dict[tuple, types.SimpleNamespace] = {}
-        self._last: tuple[Any, bool, Any] = (None, False, None)
+        self._last: tuple[Any, Any] = (None, None)
 
-    def over(
-        self, kinds: tuple[EffectKind, ...] = (), has_field: bool = False
-    ) -> types.SimpleNamespace:
+    def over(self, kinds: tuple[EffectKind, ...] = ()) -> types.SimpleNamespace:
         """Returns the compiled entries for these effects, as attributes.
 
         Numba compiles each at its first call with a type of numbers; what is
         compiled is kept on disk when every formula can be imported by name, else (a
         formula typed into a notebook) for this process only.
         """
-        asked, with_field, entries = self._last
-        if asked is kinds and with_field == has_field:  # Avoids hashing many kinds.
+        asked, entries = self._last
+        if asked is kinds:  # Avoids hashing many kinds.
             return entries
-        key = kinds, has_field
-        if key not in self._made:
+        if kinds not in self._made:
             with _COMPILING:  # Threads that meet here share one.
-                if key not in self._made:
-                    self._made[key] = self._make(kinds, has_field)
-        self._last = kinds, has_field, self._made[key]
-        return self._made[key]
+                if kinds not in self._made:
+                    self._made[kinds] = self._make(kinds)
+        self._last = kinds, self._made[kinds]
+        return self._made[kinds]
 
-    def module_text(self, kinds: tuple[EffectKind, ...], has_field: bool) -> str:
+    def module_text(self, kinds: tuple[EffectKind, ...]) -> str:
         """Returns the text that is compiled, without the formulas' names."""
-        physics = source(kinds, has_field, skip_absent=True)
+        physics = source(kinds, skip_absent=True)
         return "\n\n".join([_HEAD, physics, _STEP, self.text])
 
-    def _make(
-        self, kinds: tuple[EffectKind, ...], has_field: bool
-    ) -> types.SimpleNamespace:
-        text = self.module_text(kinds, has_field)
+    def _make(self, kinds: tuple[EffectKind, ...]) -> types.SimpleNamespace:
+        text = self.module_text(kinds)
         shared: dict[str, Callable] = {}
         for family in self.uses:
-            shared |= vars(family.over(kinds, has_field))
+            shared |= vars(family.over(kinds))
         cache = _importable(kinds)
         if cache:
             imports = [

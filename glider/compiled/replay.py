@@ -13,28 +13,20 @@ from glider.compiled.runge_kutta import DIFFERENCE, put
 from glider.physics.chain import (
     accelerations,
     actuator_terms,
-    air_terms,
     derivatives,
-    flow_of,
+    flow_in_air,
     measure,
     meet_air,
-    meet_field,
-    motion_of,
     theta_of,
 )
 from glider.physics.effects import (
-    FIELD_TERMS,
-    FIELD_VARIABLES,
-    NO_FIELD,
+    FLOW_VARIABLES,
+    FREE_FUNCTIONS,
+    NO_GAUSSIANS,
     EffectKind,
-    Field,
+    Gaussians,
 )
-from glider.physics.effects.field import (
-    basis_function,
-    field_variables,
-    of_motion,
-    of_sensors,
-)
+from glider.physics.effects.free_functions import basis_function, flow_variables
 from glider.physics.parameters import Parameters, Theta
 
 OFFSET = 3
@@ -125,61 +117,45 @@ def banked(theta, factor):
         p.air_density,
         p.gravity,
     )
-    return Theta(tilted, theta.c, theta.field)
-
-
-def add_linear(field, at, acting, first, end, basis, tangent):
-    """Adds some terms of a field, linear about variables at which they may be others.
-
-    A tangent's first column is the point from which its variables count. Terms and
-    variables that do not act are left out; `basis` (M,) is written.
-    """
-    count, (is_term, is_variable) = len(at), acting
-    for m in range(basis.shape[0]):
-        basis[m] = basis_function(at, field, m)
-    for i in range(first, end):
-        if not is_term[i]:
-            continue
-        for m in range(basis.shape[0]):
-            tangent[count, 1 + i] += basis[m] * field.weights[i, m]
-        for d in range(count):
-            if not is_variable[d]:
-                continue
-            slope = 0.0
-            here = at[d]
-            for m in range(basis.shape[0]):
-                per = field.inverse_widths[d, m]
-                apart = (field.centers[d, m] - here) * per * per
-                slope += basis[m] * field.weights[i, m] * apart
-            tangent[d, 1 + i] += slope
-            tangent[count, 1 + i] += slope * (tangent[d, 0] - here)
+    return Theta(tilted, theta.c, theta.gaussians)
 
 
 def set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
-    """Writes the tangent (v + 1, 18) of theta's field at a state.
+    """Writes the tangent (v + 1, 18) of theta's free functions at a state.
 
-    The field's air is linear about the flow without it, all else about the flow in it.
+    Functions and variables that do not act are left out; `basis` (M,) is written.
     """
-    motion = motion_of(now, y, actuator_terms(rate, y, theta.c))
-    air_x, air_z = air_terms(motion, y, theta.c)
-    before = flow_of(motion, air_x + wind_x, air_z + wind_z, theta.p)
-    variables = field_variables(
-        meet_field(motion, air_x + wind_x, air_z + wind_z, theta)
-    )
+    servo_rate = actuator_terms(rate, y, theta.c)
+    flow = flow_in_air(now, y, servo_rate, wind_x, wind_z, theta)
+    variables = flow_variables(flow)
+    gaussians = theta.gaussians
+    is_function, is_variable = acting
     tangent[:] = 0.0
-    for d in range(len(variables)):
+    last = len(variables)
+    for d in range(last):
         tangent[d, 0] = variables[d]
-    own = theta.field
-    last = theta.field.weights.shape[0]
-    add_linear(
-        own, field_variables(before), acting, 0, 2, basis[: own.num_airs], tangent
-    )
-    add_linear(own, variables, acting, 2, last, basis, tangent)
+    for m in range(basis.shape[0]):
+        basis[m] = basis_function(variables, gaussians, m)
+    for i in range(is_function.shape[0]):
+        if not is_function[i]:
+            continue
+        for m in range(basis.shape[0]):
+            tangent[last, 1 + i] += basis[m] * gaussians.weights[i, m]
+        for d in range(last):
+            if not is_variable[d]:
+                continue
+            slope = 0.0
+            here = variables[d]
+            for m in range(basis.shape[0]):
+                per = gaussians.inverse_widths[d, m]
+                apart = (gaussians.centers[d, m] - here) * per * per
+                slope += basis[m] * gaussians.weights[i, m] * apart
+            tangent[d, 1 + i] += slope
 
 
-def log_rollout(path, start, numbers, field, states):
+def log_rollout(path, start, numbers, gaussians, states):
     """Flies along a log from one start (n,); states (K + 1, n) are written."""
-    theta = theta_of(numbers, field)
+    theta = theta_of(numbers, gaussians)
     x = start.copy()
     work = np.empty((6, x.shape[0]))
     put(x, states[0])
@@ -188,7 +164,7 @@ def log_rollout(path, start, numbers, field, states):
         put(x, states[k + 1])
 
 
-def log_extras(path, nodes, numbers, field):
+def log_extras(path, nodes, numbers, gaussians):
     """Flies the effects' own states of q models along nodes; nodes[:, 1:, 7:] is set.
 
     `nodes` are (q, K + 1, n), `numbers` (q, ...).
@@ -197,7 +173,7 @@ def log_extras(path, nodes, numbers, field):
     x = np.empty(n)
     work = np.empty((6, n))
     for m in range(nodes.shape[0]):
-        theta = theta_of(numbers[m], field)
+        theta = theta_of(numbers[m], gaussians)
         for k in range(path.rate.shape[0]):
             put(nodes[m, k], x)
             log_step(path, k, x, banked(theta, path.bank[k]), work)
@@ -205,7 +181,7 @@ def log_extras(path, nodes, numbers, field):
                 nodes[m, k + 1, i] = x[i]
 
 
-def log_ends(path, elevator, rate, nodes, numbers, field, ends):
+def log_ends(path, elevator, rate, nodes, numbers, gaussians, ends):
     """Flies each interval of a log by q models, each from its own nodes.
 
     `elevator` (q, K, 3), `rate` (q, K), `nodes` (q, K + 1, n) and `numbers` (q, ...)
@@ -214,7 +190,7 @@ def log_ends(path, elevator, rate, nodes, numbers, field, ends):
     x = np.empty(nodes.shape[2])
     work = np.empty((6, x.shape[0]))
     for m in range(nodes.shape[0]):
-        theta = theta_of(numbers[m], field)
+        theta = theta_of(numbers[m], gaussians)
         path.elevator[:] = elevator[m]
         path.rate[:] = rate[m]
         for k in range(path.rate.shape[0]):
@@ -253,7 +229,7 @@ def log_slopes(
     numbers,
     moved,
     sizes,
-    field,
+    gaussians,
     acting,
     linear,
     terms,
@@ -274,10 +250,10 @@ def log_slopes(
         numbers: parameters and coefficients.
         moved: (m, len(numbers)) the same, moved along each of m directions.
         sizes: (m,) how far they are moved.
-        field: the residual Field; about each interval's flight it counts as linear.
-        acting: which terms and which variables its functions have, (17,) and (v,).
-        linear: a Field of a tangent alone, written.
-        terms: (T,) indices of FIELD_TERMS.
+        gaussians: of the free functions; about each interval's flight they are linear.
+        acting: which functions and which variables it has, (17,) and (v,).
+        linear: Gaussians of a tangent alone, written.
+        terms: (T,) indices of FREE_FUNCTIONS.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, w, w), written: slopes of the first w states by the node's.
         by_term: (K, w, T), written: by a constant of each of the terms.
@@ -285,7 +261,7 @@ def log_slopes(
     """
     n = nodes.shape[1]
     width = by_x.shape[2]
-    theta = theta_of(numbers, field)
+    theta = theta_of(numbers, gaussians)
     x = np.empty(n)
     usual = np.empty(n)
     work = np.empty((6, n))
@@ -298,8 +274,8 @@ def log_slopes(
     carried = np.empty((width, width))
     rates = np.empty((width, width))
     is_turned = path.pitch.shape[1] > 0
-    about = linear if field.weights.shape[1] > 0 else field
-    basis = np.empty(field.weights.shape[1])
+    about = linear if gaussians.num_flown > 0 else gaussians
+    basis = np.empty(gaussians.num_flown)
     for k in range(path.rate.shape[0]):
         own = banked(theta, path.bank[k])
         put(nodes[k], x)
@@ -311,7 +287,7 @@ def log_slopes(
         now = path.times[k] + 0.5 * step
         wind_x = path.wind[k, 0]
         wind_z = path.wind[k, 1]
-        if field.weights.shape[1] > 0:
+        if gaussians.num_flown > 0:
             set_tangent(now, y, rate, wind_x, wind_z, own, acting, basis, tangent)
         own = banked(theta_of(numbers, about), path.bank[k])
         put(derivatives(now, y, rate, wind_x, wind_z, own), usual)
@@ -359,12 +335,12 @@ def log_slopes(
             by_x[k, 2, 2], by_x[k, 6, 6] = 0.0, 0.0
 
 
-def log_measure(nodes, numbers, field, pose, by_x):
+def log_measure(nodes, numbers, gaussians, pose, by_x):
     """Writes the pose (K, 3) that the sensors show of nodes (K, n), and its slopes.
 
-    The field is what sensors read of it; by_x is (K, 3, n), without slopes (K, 3, 0).
+    Slopes by_x are (K, 3, n), or (K, 3, 0) where they are not asked for.
     """
-    theta = theta_of(numbers, field)
+    theta = theta_of(numbers, gaussians)
     x = np.empty(nodes.shape[1])
     for k in range(nodes.shape[0]):
         put(nodes[k], x)
@@ -377,29 +353,29 @@ def log_measure(nodes, numbers, field, pose, by_x):
                 by_x[k, i, j] = (y[i] - pose[k, i]) / DIFFERENCE
 
 
-def log_flow(times, nodes, elevator, rate, numbers, field, values):
+def log_flow(times, nodes, elevator, rate, numbers, gaussians, values):
     """Writes flow and acceleration at each node of a log.
 
     Args:
         times, elevator, rate: (K,) at the nodes.
         nodes: (K, n).
-        numbers, field: as in `log_slopes`.
+        numbers, gaussians: as in `log_slopes`.
         values: (K, 5 + v), written: accelerations (ẍ, z̈, θ̈), velocity through the air
-            (x, z), then FIELD_VARIABLES.
+            (x, z), then FLOW_VARIABLES.
     """
-    theta = theta_of(numbers, field)
+    theta = theta_of(numbers, gaussians)
     x = np.empty(nodes.shape[1])
     for k in range(nodes.shape[0]):
         put(nodes[k], x)
         x[3] += elevator[k]
-        flow, terms = meet_air(times[k], x, rate[k], 0.0, 0.0, theta)
-        a = accelerations(flow, terms, x, theta.c)
-        put((*a, flow.air_x, flow.air_z, *field_variables(flow)), values[k])
+        flow, free = meet_air(times[k], x, rate[k], 0.0, 0.0, theta)
+        a = accelerations(flow, free, x, theta.c)
+        put((*a, flow.air_x, flow.air_z, *flow_variables(flow)), values[k])
 
 
 LOOPS = Family(
     (
-        *(banked, add_linear, set_tangent, carry, log_step),
+        *(banked, set_tangent, carry, log_step),
         *(log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
     ),
     (log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
@@ -409,7 +385,7 @@ Kinds = tuple[EffectKind, ...]
 """The effects that the compiled dynamics hold, whose coefficients a theta has.
 
 In all functions below, `numbers` are parameters (9,) and coefficients, one after the
-other, and `field` is the residual field.
+other, and `gaussians` are those of the free functions.
 """
 
 
@@ -434,23 +410,31 @@ def log_path(
 
 
 def roll_out(
-    kinds: Kinds, path: LogPath, start: np.ndarray, numbers: np.ndarray, field: Field
+    kinds: Kinds,
+    path: LogPath,
+    start: np.ndarray,
+    numbers: np.ndarray,
+    gaussians: Gaussians,
 ) -> np.ndarray:
     """Returns the states (K + 1, n) of a flight along a log's path from (n,)."""
     states = np.empty((len(path.times), len(start)))
-    LOOPS.over(kinds, True).log_rollout(path, start, numbers, of_motion(field), states)
+    LOOPS.over(kinds).log_rollout(path, start, numbers, gaussians, states)
     return states
 
 
 def with_extras(
-    kinds: Kinds, path: LogPath, nodes: np.ndarray, numbers: np.ndarray, field: Field
+    kinds: Kinds,
+    path: LogPath,
+    nodes: np.ndarray,
+    numbers: np.ndarray,
+    gaussians: Gaussians,
 ) -> np.ndarray:
     """Returns nodes (q, K + 1, n) with the effects' own states flown along them.
 
     Those of q models with `numbers` (q, ...); they begin as in the first nodes.
     """
     full = nodes.copy()
-    LOOPS.over(kinds, True).log_extras(path, full, numbers, of_motion(field))
+    LOOPS.over(kinds).log_extras(path, full, numbers, gaussians)
     return full
 
 
@@ -458,7 +442,7 @@ def measure_nodes(
     kinds: Kinds,
     nodes: np.ndarray,
     numbers: np.ndarray,
-    field: Field = NO_FIELD,
+    gaussians: Gaussians = NO_GAUSSIANS,
     *,
     with_slopes: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -469,7 +453,7 @@ def measure_nodes(
     rows, n = nodes.shape
     pose = np.empty((rows, 3))
     by_x = np.empty((rows, 3, n if with_slopes else 0))
-    LOOPS.over(kinds, True).log_measure(nodes, numbers, of_sensors(field), pose, by_x)
+    LOOPS.over(kinds).log_measure(nodes, numbers, gaussians, pose, by_x)
     return pose, by_x
 
 
@@ -480,15 +464,15 @@ def flow_at(
     elevator: np.ndarray,
     rate: np.ndarray,
     numbers: np.ndarray,
-    field: Field,
+    gaussians: Gaussians,
 ) -> np.ndarray:
     """Returns flow and acceleration at states (K, n), see `log_flow`, (K, 5 + v).
 
     `elevator` (K,) [rad] and `rate` (K,) [rad/s] are at the times.
     """
-    values = np.empty((len(nodes), 5 + len(FIELD_VARIABLES)))
-    loop = LOOPS.over(kinds, True).log_flow
-    loop(times, nodes, elevator, rate, numbers, of_motion(field), values)
+    values = np.empty((len(nodes), 5 + len(FLOW_VARIABLES)))
+    loop = LOOPS.over(kinds).log_flow
+    loop(times, nodes, elevator, rate, numbers, gaussians, values)
     return values
 
 
@@ -497,7 +481,7 @@ def advance_nodes(
     paths: Sequence[LogPath],
     nodes: Sequence[np.ndarray],
     numbers: Sequence[np.ndarray],
-    field: Field,
+    gaussians: Gaussians,
 ) -> np.ndarray:
     """Returns the ends (q, K, n) of intervals of q models, each flown from its node.
 
@@ -508,8 +492,8 @@ def advance_nodes(
     path = paths[0]._replace(elevator=elevator[0].copy(), rate=rate[0].copy())
     begins = np.array(nodes)
     ends = np.empty_like(begins[:, 1:])
-    given = path, elevator, rate, begins, np.array(numbers), of_motion(field)
-    LOOPS.over(kinds, True).log_ends(*given, ends)
+    given = path, elevator, rate, begins, np.array(numbers), gaussians
+    LOOPS.over(kinds).log_ends(*given, ends)
     return ends
 
 
@@ -520,14 +504,14 @@ def slopes_along(
     numbers: np.ndarray,
     moved: np.ndarray,
     sizes: np.ndarray,
-    field: Field,
+    gaussians: Gaussians,
     terms: Sequence[int],
     width: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Flies each interval of a log from its own node (K + 1, n), with slopes.
 
     `moved` (m, len(numbers)) are the numbers, moved along each of m directions by
-    `sizes` (m,); `terms` are T indices of FIELD_TERMS.
+    `sizes` (m,); `terms` are T indices of FREE_FUNCTIONS.
 
     Returns:
         the ends (K, n), and the slopes of their first `width` states: by the node's
@@ -540,11 +524,14 @@ def slopes_along(
     by_term = np.empty((*rows, len(terms)))
     found = ends, by_x, by_term, np.empty((*rows, len(sizes)))
     index = np.array(terms, dtype=np.int64)
-    own = of_motion(field)
-    variables = len(FIELD_VARIABLES) if own.weights.shape[1] else 0
-    shape = 1 + variables, 1 + len(FIELD_TERMS)
-    linear = NO_FIELD._replace(tangent=np.empty(shape))
-    acting = own.weights.any(axis=1), own.inverse_widths.any(axis=1)
-    loop = LOOPS.over(kinds, True).log_slopes
-    loop(path, nodes, numbers, moved, sizes, own, acting, linear, index, *found)
+    variables = len(FLOW_VARIABLES) if gaussians.num_flown else 0
+    shape = 1 + variables, 1 + len(FREE_FUNCTIONS)
+    linear = NO_GAUSSIANS._replace(tangent=np.empty(shape))
+    flown = slice(gaussians.num_flown)
+    acting = (
+        gaussians.weights[:, flown].any(axis=1),
+        gaussians.inverse_widths[:, flown].any(axis=1),
+    )
+    loop = LOOPS.over(kinds).log_slopes
+    loop(path, nodes, numbers, moved, sizes, gaussians, acting, linear, index, *found)
     return found

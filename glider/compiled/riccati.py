@@ -41,7 +41,7 @@ def slope_of_cost(t, node, flat, data, rate):
         slope[i, n] = total
 
 
-def riccati(times, states, slopes, inputs, q, r, s, z, field, gain, offset, cost):
+def riccati(times, states, slopes, inputs, q, r, s, z, gaussians, gain, offset, cost):
     """Linearizes about a nominal path and integrates the Riccati equations back.
 
     With A, B along the path, e = f(x₀, u₀) - ẋ₀ and K = R⁻¹ Bᵀ S:
@@ -60,7 +60,7 @@ def riccati(times, states, slopes, inputs, q, r, s, z, field, gain, offset, cost
         r: R.
         s: (n, n) S at the end.
         z: of `stacked`; states and inputs are overwritten.
-        field: the residual Field.
+        gaussians: of the free functions.
         gain: (M + 1, n), written: K at every other time.
         offset: (M + 1,), written: k₀.
         cost: (M + 1, n, n + 1), written: S and, as its last column, s.
@@ -74,7 +74,7 @@ def riccati(times, states, slopes, inputs, q, r, s, z, field, gain, offset, cost
     for k in range(count):
         put(states[k], z[:n])
         z[n] = inputs[k]
-        directional(times[k], z, each, n, field, excess[k], jacobian[k])
+        directional(times[k], z, each, n, gaussians, excess[k], jacobian[k])
         for i in range(n):
             excess[k, i] -= slopes[k, i]
 

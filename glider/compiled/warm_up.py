@@ -3,7 +3,7 @@
 import numpy as np
 
 from glider.compiled import filter_error, replay
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.parameter_space import ParameterSpace
 from glider.physics.parameters import GliderParameters
 
@@ -22,12 +22,12 @@ def warm_up(space: ParameterSpace) -> None:
     times = 0.01 * np.arange(3.0)
     elevator = np.zeros((2, 3))
     path = replay.log_path(times, elevator, np.zeros(2))
-    replay.with_extras(kinds, path, nodes[None], theta[None], NO_FIELD)
-    replay.advance_nodes(kinds, [path], [nodes], [theta], NO_FIELD)
+    replay.with_extras(kinds, path, nodes[None], theta[None], NO_GAUSSIANS)
+    replay.advance_nodes(kinds, [path], [nodes], [theta], NO_GAUSSIANS)
     replay.measure_nodes(kinds, nodes, theta)
-    replay.roll_out(kinds, path, nodes[0], theta, NO_FIELD)
+    replay.roll_out(kinds, path, nodes[0], theta, NO_GAUSSIANS)
     at_rest = np.zeros(3)
-    replay.flow_at(kinds, path.times, nodes, at_rest, at_rest, theta, NO_FIELD)
+    replay.flow_at(kinds, path.times, nodes, at_rest, at_rest, theta, NO_GAUSSIANS)
 
 
 def _warm_up_filter() -> None:

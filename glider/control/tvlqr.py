@@ -217,14 +217,14 @@ def tracking_policy(
     gains = np.empty((count + 1, n))
     corrections = np.empty(count + 1)
     cost = np.empty((count + 1, n, n + 1))  # S and, as its last column, s.
-    LOOPS.over(model.kinds, model.has_field).riccati(
+    LOOPS.over(model.kinds).riccati(
         times,
         *sample_plan(plan, times),
         weight_matrix(weights.state, n),
         weights.rate,
         weight_matrix(weights.final, n),
         stacked(model),
-        model.residual_field,
+        model.gaussians,
         gains,
         corrections,
         cost,

@@ -165,7 +165,7 @@ def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:
     """
     n = model.num_states
     chain = model.chain
-    field = model.residual_field
+    gaussians = model.gaussians
     moving = slice(STATE_NAMES.index("xdot"), NUM_STATES)
     acting = []
     seen = []
@@ -173,10 +173,10 @@ def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:
         y = z.copy()
         y[moving] += 1.0  # In motion: nothing is divided by zero.
         y[place] = np.nan
-        rates = chain.derivatives_of(0.0, y, n, field)
+        rates = chain.derivatives_of(0.0, y, n, gaussians)
         if np.any(np.isnan(rates)):
             acting.append(k)
-        theta = chain.theta_of(y[n + NUM_INPUTS :], field)
+        theta = chain.theta_of(y[n + NUM_INPUTS :], gaussians)
         pose = chain.measure(y[:n], theta)
         if np.any(np.isnan(pose)):
             seen.append(k)

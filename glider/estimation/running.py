@@ -126,12 +126,12 @@ def run_ekf(
     )
     found.means[:, 0] = prior.mean
     found.covariances[:, 0] = prior.covariance
-    LOOPS.over(model.kinds, model.has_field).ekf_run(
+    LOOPS.over(model.kinds).ekf_run(
         time,
         ekf.z.copy(),
         ekf.estimated,
         (period / ekf.steps, ekf.steps),
-        model.residual_field,
+        model.gaussians,
         ekf.process * period,
         ekf.noise,
         inputs,
@@ -181,8 +181,8 @@ def predict_mean(
     value = np.empty(size)
     columns = size if differentiate else 0
     slopes = np.empty((columns, columns))
-    loop = LOOPS.over(model.kinds, model.has_field).ekf_advance
+    loop = LOOPS.over(model.kinds).ekf_advance
     step = duration / steps
-    field = model.residual_field
-    loop(time, z, ekf.estimated, step, steps, field, value, slopes)
+    gaussians = model.gaussians
+    loop(time, z, ekf.estimated, step, steps, gaussians, value, slopes)
     return value, slopes

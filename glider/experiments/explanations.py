@@ -9,9 +9,9 @@ from scipy.special import softmax
 
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
-from glider.sysid.likelihood.blocks import carried_blocks
 from glider.sysid.likelihood.candidates import gather, tamed
 from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
+from glider.sysid.likelihood.fitted_functions import carried_functions
 from glider.sysid.likelihood.information import (
     Evidence,
     counted_from,
@@ -109,7 +109,7 @@ class Explanation:
     @property
     def name(self) -> str:
         """Its effects and the free functions that it carries, joined."""
-        carried = [own.name for own in self.model.blocks]
+        carried = [own.name for own in self.model.functions]
         return " + ".join([*self.model.kinds, *carried]) or "plate alone"
 
 
@@ -222,7 +222,7 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
         kinds=kinds,
         theta=theta,
         free=task.free(kinds),
-        blocks=carried_blocks(findings.model.field),
+        functions=carried_functions(findings.model.free_functions),
     )
 
     return fit_model(task, start, iterations=4)

@@ -30,7 +30,7 @@ from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import linear_flight, moved, prior_of
-from glider.sysid.likelihood.task import FitResult, Task, field_of
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Noise, Record, prepare
 
 Grams = tuple[np.ndarray, ...]
@@ -98,7 +98,7 @@ class Forecast:
 
         def fly(one: tuple[Throw, FitResult]) -> Flight:
             throw, model = one
-            return log_of(throw, self.place, space, model.theta, field_of(model))
+            return log_of(throw, self.place, space, model.theta, model.gaussians)
 
         flown = in_parallel(fly, flights)
         finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
@@ -122,7 +122,7 @@ class Forecast:
         limits = self.place.limits
 
         return len(logs) == len(self.explanations) and all(
-            is_safe(throw, record, model.theta, field_of(model), limits)
+            is_safe(throw, record, model.theta, model.gaussians, limits)
             for record, model in zip(logs, self._models, strict=True)
         )
 

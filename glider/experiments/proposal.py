@@ -218,7 +218,7 @@ def _stds(
     model = explanation.model
     space = task.space
     units = {space.names[slot]: space.entries[slot].unit for slot in model.free}
-    units |= {f"factor of {own.name}": "-" for own in model.blocks}
+    units |= {f"factor of {own.name}": "-" for own in model.functions}
     stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
     pairs = zip(units.items(), stds, strict=True)
     return {name: (now, then, unit) for (name, unit), (now, then) in pairs}

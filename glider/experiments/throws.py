@@ -8,7 +8,7 @@ import numpy as np
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.motion_capture import MotionCapture
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
-from glider.physics.effects import Field
+from glider.physics.effects import Gaussians
 from glider.physics.model import GliderModel
 from glider.physics.parameter_space import ParameterSpace
 from glider.physics.servo import Servo
@@ -151,7 +151,11 @@ def _tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarra
 
 
 def log_of(
-    throw: Throw, place: Range, space: ParameterSpace, theta: np.ndarray, field: Field
+    throw: Throw,
+    place: Range,
+    space: ParameterSpace,
+    theta: np.ndarray,
+    gaussians: Gaussians,
 ) -> Flight:
     """The log that a model predicts of a throw, without noise."""
     rows = round(throw.duration * place.pose_rate) + 1
@@ -165,7 +169,7 @@ def log_of(
         np.arange(rows) / place.pose_rate,
         servo=place.servo,
         rest=float(throw.launch[ELEVATOR]),
-        field=field,
+        gaussians=gaussians,
         fine=_FINE,
     )
 
@@ -197,7 +201,7 @@ def fly_throw(
     """
     thrown = missed(throw, place.limits, rng)
     flight = log_of(
-        thrown, place, log_space_of(model), vector_of(model), model.residual_field
+        thrown, place, log_space_of(model), vector_of(model), model.gaussians
     )
 
     return measured(flight, MotionCapture(rate=place.pose_rate), rng)
@@ -213,15 +217,19 @@ def launches(throw: Throw, limits: ThrowLimits) -> list[np.ndarray]:
 
 
 def is_safe(
-    throw: Throw, record: Record, theta: np.ndarray, field: Field, limits: ThrowLimits
+    throw: Throw,
+    record: Record,
+    theta: np.ndarray,
+    gaussians: Gaussians,
+    limits: ThrowLimits,
 ) -> bool:
     """Checks that a throw keeps within limits, perturbed launches too.
 
-    `record` is the throw as the model (theta, field) predicts it.
+    `record` is the throw as the model (theta, gaussians) predicts it.
     """
     elevator, rate, *_ = signals(record, theta)
     flights = (
-        fly_path(record.space, theta, launch, record.time, elevator, rate, field)
+        fly_path(record.space, theta, launch, record.time, elevator, rate, gaussians)
         for launch in launches(throw, limits)
     )
 

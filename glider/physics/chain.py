@@ -3,10 +3,12 @@
     command -> [actuator] -> [air] -> [geometry] -> [surface] -> forces
             -> [wrench] -> [inertia] -> acceleration;  state -> [sensor] -> pose
 
-The functions named `*_terms` and `*_rates` are the places where effects enter.
-Here, on the nominal model, they are zero; `glider.physics.compose.compose` puts in
-their place the sums over given effects, and `glider.compiled.kernel` compiles the same
-text. Frames and signs: `glider.physics.state`.
+The functions named `*_terms` and `*_rates` are the places where effects enter, and
+`*_values` returns the coefficients of effects that are free functions, which the terms
+take as `values`. Here, on the nominal model, they are zero or none;
+`glider.physics.compose.compose` puts in their place the sums over given effects, and
+`glider.compiled.kernel` compiles the same text. Frames and signs:
+`glider.physics.state`.
 """
 
 from glider.physics.aerodynamics import airspeed, elevator_velocity, plate_force, turned
@@ -33,39 +35,49 @@ def pending_terms(x, c):
     return 0.0
 
 
-def air_terms(motion, x, c):
+def air_terms(motion, x, c, values):
     """Velocity of the air beyond the input wind, world (x, z) [m/s]."""
     return 0.0, 0.0
 
 
-def geometry_terms(flow, x, c):
+def geometry_terms(flow, x, c, values):
     """Wing incidence [rad], wing shift [m], elevator trim [rad], downwash [m/s]."""
     return 0.0, 0.0, 0.0, 0.0
 
 
-def surface_terms(flow, x, c):
+def surface_terms(flow, x, c, values):
     """Added C_n of the wing, relative change of wing and of elevator force."""
     return 0.0, 0.0, 0.0
 
 
-def wrench_terms(flow, x, c):
+def wrench_terms(flow, x, c, values):
     """Added world force (x, z) [N] and moment about +y [N m]."""
     return 0.0, 0.0, 0.0
 
 
-def inertia_terms(flow, x, c):
+def inertia_terms(flow, x, c, values):
     """Relative change of mass and inertia, added mass, inertia and their coupling."""
     return 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-def sensor_terms(flow, x, c):
+def sensor_terms(flow, x, c, values):
     """Measured minus true pose (x, z, pitch) [m, m, rad]."""
     return 0.0, 0.0, 0.0
 
 
-def residual_terms(flow, field):
-    """The residual field's FIELD_TERMS, but for its air's."""
-    return (0.0,) * 15
+def air_values(motion, gaussians):
+    """Values of the free functions that move the air."""
+    return ()
+
+
+def body_values(flow, gaussians):
+    """Values of the free functions that act on the glider."""
+    return ()
+
+
+def sensor_values(flow, gaussians):
+    """Values of the free functions that the sensors show."""
+    return ()
 
 
 def effect_rates(flow, xdd, zdd, x, c):
@@ -129,11 +141,6 @@ def flow_of(motion, wind_x, wind_z, p):
     )
 
 
-def meet_field(motion, wind_x, wind_z, theta):
-    """Returns the Flow in air of that velocity, and the residual field's in it."""
-    return flow_of(motion, wind_x, wind_z, theta.p)
-
-
 def wing_force(flow, plate, incidence, shift, normal, factor):
     """Force of the wing along its normal [N] and its moment about +y [N m].
 
@@ -167,15 +174,21 @@ def elevator_force(flow, plate, deflection, downwash, factor):
     return force, arm * force
 
 
-def meet_air(t, x, rate, wind_x, wind_z, theta):
-    """Returns the Flow of a state and the residual field's terms in it."""
+def flow_in_air(t, x, rate, wind_x, wind_z, theta):
+    """Returns the Flow of a state, in the effects' air too."""
     motion = motion_of(t, x, rate)
-    more_x, more_z = air_terms(motion, x, theta.c)
-    flow = meet_field(motion, wind_x + more_x, wind_z + more_z, theta)
-    return flow, residual_terms(flow, theta.field)
+    values = air_values(motion, theta.gaussians)
+    more_x, more_z = air_terms(motion, x, theta.c, values)
+    return flow_of(motion, wind_x + more_x, wind_z + more_z, theta.p)
 
 
-def wrench(flow, terms, x, c):
+def meet_air(t, x, rate, wind_x, wind_z, theta):
+    """Returns the Flow of a state and the values of the free functions in it."""
+    flow = flow_in_air(t, x, rate, wind_x, wind_z, theta)
+    return flow, body_values(flow, theta.gaussians)
+
+
+def wrench(flow, values, x, c):
     """Forces and moment on the glider without weight.
 
     Returns:
@@ -183,40 +196,25 @@ def wrench(flow, terms, x, c):
         world force (x, z) [N], total moment about +y [N m], wing incidence and
         elevator trim [rad].
     """
-    incidence, shift, trim, downwash = geometry_terms(flow, x, c)
-    normal, wing_factor, elevator_factor = surface_terms(flow, x, c)
-    trim = trim + terms[5]
+    incidence, shift, trim, downwash = geometry_terms(flow, x, c, values)
+    normal, wing_factor, elevator_factor = surface_terms(flow, x, c, values)
     deflection = flow.elevator + trim
     wing_plate = turned(flow, incidence)
     tail_plate = turned(flow, deflection)
     wing, wing_moment = wing_force(
-        flow, wing_plate, incidence, shift, normal + terms[7], wing_factor + terms[6]
+        flow, wing_plate, incidence, shift, normal, wing_factor
     )
-    downwash = downwash + terms[4] * flow.speed
     tail, tail_moment = elevator_force(
-        flow, tail_plate, deflection, downwash, elevator_factor + terms[3]
+        flow, tail_plate, deflection, downwash, elevator_factor
     )
-    force_x, force_z, moment = wrench_terms(flow, x, c)
-
-    # The learned residual: lift turns the velocity up, drag is against it.
-    pressure_area = 0.5 * flow.air_density * flow.speed * flow.wing_area
-    lift = terms[0]
-    drag = terms[1]
-    turn = terms[2]
-    force_x = force_x - pressure_area * (lift * flow.air_z + drag * flow.air_x)
-    force_z = force_z + pressure_area * (lift * flow.air_x - drag * flow.air_z)
-    moment = moment + pressure_area * flow.speed * turn
-    forward = flow.mass * terms[8] - pressure_area * flow.speed * terms[9]
-    force_x = force_x + forward * flow.cos_pitch
-    force_z = force_z - forward * flow.sin_pitch
-
+    force_x, force_z, moment = wrench_terms(flow, x, c, values)
     force_x = force_x + wing * wing_plate[0] + tail * tail_plate[0]
     force_z = force_z + wing * wing_plate[1] + tail * tail_plate[1]
     moment = moment + wing_moment + tail_moment
     return wing, tail, force_x, force_z, moment, incidence, trim
 
 
-def accelerations(flow, terms, x, c):
+def accelerations(flow, values, x, c):
     """Returns (ẍ, z̈, θ̈) [m/s², rad/s²].
 
     (1 + μ) m (a + g e_z) + (m_a n·a - s θ̈) n =
@@ -224,11 +222,11 @@ def accelerations(flow, terms, x, c):
     with the added mass m_a along the body's normal n, whose rate is ṅ = θ̇ t, the added
     inertia I_a and their coupling s.
     """
-    _, _, force_x, force_z, moment, _, _ = wrench(flow, terms, x, c)
-    change, turn_change, added_mass, added_inertia, coupling = inertia_terms(flow, x, c)
+    _, _, force_x, force_z, moment, _, _ = wrench(flow, values, x, c)
+    change, turn_change, added_mass, added_inertia, coupling = inertia_terms(
+        flow, x, c, values
+    )
     mass = flow.mass * (1.0 + change)
-    added_mass = added_mass + flow.mass * terms[10]
-    added_inertia = added_inertia + flow.pitch_inertia * terms[11]
     inertia = flow.pitch_inertia * (1.0 + turn_change) + added_inertia
     # Not by the angle of attack, whose sine is a quotient by an airspeed.
     along = flow.air_x * flow.cos_pitch - flow.air_z * flow.sin_pitch
@@ -258,7 +256,7 @@ def derivatives(t, x, u, wind_x, wind_z, theta):
     """The dynamics: ẋ = f(t, x, u, w; θ).
 
     Args:
-        t: time [s]; a field over it and formulas that ask for it use it.
+        t: time [s]; free functions of it and formulas that ask for it use it.
         x: (7 + extra,): the states of glider.physics.state, then the effects' own.
         u: commanded elevator rate [rad/s].
         wind_x: velocity of the air, world x [m/s].
@@ -270,8 +268,8 @@ def derivatives(t, x, u, wind_x, wind_z, theta):
     """
     c = theta.c
     rate = actuator_terms(u, x, c)
-    flow, terms = meet_air(t, x, rate, wind_x, wind_z, theta)
-    xdd, zdd, pitchdd = accelerations(flow, terms, x, c)
+    flow, values = meet_air(t, x, rate, wind_x, wind_z, theta)
+    xdd, zdd, pitchdd = accelerations(flow, values, x, c)
     return (
         flow.xdot,
         flow.zdot,
@@ -288,13 +286,9 @@ def derivatives(t, x, u, wind_x, wind_z, theta):
 def measure(x, theta):
     """Returns the pose (x, z, pitch) that the sensors show of a state."""
     flow = flow_of(motion_of(0.0, x, 0.0), 0.0, 0.0, theta.p)
-    error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c)
-    terms = residual_terms(flow, theta.field)
-    return (
-        x[0] + error_x + terms[12],
-        x[1] + error_z + terms[13],
-        x[2] + error_pitch + terms[14],
-    )
+    values = sensor_values(flow, theta.gaussians)
+    error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c, values)
+    return x[0] + error_x, x[1] + error_z, x[2] + error_pitch
 
 
 def parameters_of(n):
@@ -302,16 +296,16 @@ def parameters_of(n):
     return Parameters(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8])
 
 
-def theta_of(numbers, field):
+def theta_of(numbers, gaussians):
     """Returns the Theta of a vector: parameters, then coefficients.
 
     It returns an array, so no other function of the chain may call it: compiled, they
     count no references (see `glider.compiled.kernel`), and its array would never go.
     """
-    return Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
+    return Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], gaussians)
 
 
-def derivatives_of(t, z, n, field):
+def derivatives_of(t, z, n, gaussians):
     """Returns ẋ from one vector of all numbers that it depends on.
 
     Args:
@@ -319,8 +313,8 @@ def derivatives_of(t, z, n, field):
         z: (n + 3 + 9 + len(c),) state, command [rad/s], wind (x, z) [m/s], parameters,
             coefficients.
         n: number of states.
-        field: the residual Field.
+        gaussians: of the free functions.
     """
     numbers = z[n + NUM_INPUTS :]
-    theta = Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
+    theta = Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], gaussians)
     return derivatives(t, z, z[n], z[n + 1], z[n + 2], theta)

@@ -12,37 +12,48 @@ import types
 from collections.abc import Callable
 
 from glider.physics import chain
-from glider.physics.chain import flow_of
 from glider.physics.effects.effect import STAGES, Coefficient, EffectKind
-from glider.physics.effects.field import (
+from glider.physics.effects.free_functions import (
+    GROUPS,
+    ROWS,
     basis_function,
-    field_air,
-    field_terms,
-    field_variables,
+    flow_variables,
+    motion_variables,
 )
 from glider.physics.parameter_space import space_of
 from glider.physics.parameters import NUM_PARAMETERS
 
-_OF_FIELD = basis_function, field_variables, field_air, field_terms
+_OF_FREE_FUNCTIONS = basis_function, flow_variables, motion_variables
 _CHAIN = inspect.getsource(chain)
 """Read now: the file may be edited while this process runs."""
 
 
-def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
+def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool) -> str:
     """Returns Python text that defines the `*_terms` functions of these effects.
 
     The text calls formula `i` as `formula_i`, its state rate as `rate_i` and what is
-    pending as `pending_i`. With
-    `skip_absent` it omits at run time the formulas whose sizes, the coefficients that
-    are not mere shapes, are all at their defaults, and state rates at defaults that no
-    search for the effect starts from. That saves a kernel with the whole library most
-    of its work, and is right for floats and complex steps, but not for AutoDiffXd
-    coefficients.
+    pending as `pending_i`. The coefficient of a free function is one of `values`. With
+    `skip_absent` the text omits at run time the formulas whose sizes, the coefficients
+    that are not mere shapes, are all at their defaults, and state rates at defaults
+    that no search for the effect starts from. That saves a kernel with the whole
+    library most of its work, and is right for floats and complex steps, but not for
+    AutoDiffXd coefficients.
     """
     space = space_of(effects)
+    free = [kind for kind in effects if kind.is_free]
+    places: dict[str, int] = {}
+    lines: list[str] = []
+    for group, stages in GROUPS.items():
+        rows = [ROWS[kind.kind] for kind in free if kind.stage in stages]
+        names = [kind.kind for kind in free if kind.stage in stages]
+        lines.append(_values_source(group, rows))
+        places |= {name: place for place, name in enumerate(names)}
 
     def entries(i: int) -> list[tuple[str, Coefficient]]:
         """Returns the coefficients of an effect, each with its text."""
+        if effects[i].is_free:
+            [value] = effects[i].coefficients
+            return [(f"values[{places[effects[i].kind]}]", value)]
         slots = space.slots_of(effects[i].kind)
         texts = [f"c[{slot - NUM_PARAMETERS}]" for slot in slots]
         return [*zip(texts, effects[i].coefficients, strict=True)]
@@ -67,7 +78,6 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
         lines.append(line)
         return [f"d{i}"] if count == 1 else [f"d{i}[{k}]" for k in range(count)]
 
-    lines: list[str] = []
     for stage, terms in STAGES.items():
         if stage in ("actuator", "log"):
             continue
@@ -75,13 +85,13 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
         stages = (stage, "log") if stage == "sensor" else (stage,)
         first = "motion" if stage == "air" else "flow"
         sums: dict[str, list[str]] = {term: [] for term in terms}
-        lines.append(f"def {stage}_terms({first}, x, c):")
+        lines.append(f"def {stage}_terms({first}, x, c, values):")
         for i, effect in enumerate(effects):
             if effect.stage not in stages:
                 continue
             line = f"    e{i} = {call('formula', i, first)}"
             targets = effect.adds_to
-            if skip_absent:
+            if skip_absent and not effect.is_free:
                 sizes = [(text, c) for text, c in entries(i) if not c.is_shape]
                 present = [f"{text} != {c.default}" for text, c in sizes]
                 zeros = ", ".join([f"0.0 * {first}.xdot"] * len(targets))
@@ -117,22 +127,65 @@ def _hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) ->
     return "\n".join(lines)
 
 
-def meet_field(motion, wind_x, wind_z, theta):
-    """Replaces that of the chain: the field's air is that of the flow without it."""
-    field = theta.field
-    flow = flow_of(motion, wind_x, wind_z, theta.p)
-    if field.weights.shape[1] + field.tangent.shape[0] > 0:
-        more_x, more_z = field_air(flow, field)
-        flow = flow_of(motion, wind_x + more_x, wind_z + more_z, theta.p)
-    return flow
+_SPANS = {
+    "air": ("motion", "motion_variables", "0", "gaussians.num_air"),
+    "body": ("flow", "flow_variables", "gaussians.num_air", "gaussians.num_flown"),
+    "sensor": (
+        "flow",
+        "motion_variables",
+        "gaussians.num_flown",
+        "gaussians.weights.shape[1]",
+    ),
+}
+"""What the free functions of a group vary with, and which Gaussians are theirs."""
 
 
-_MEET_FIELD = inspect.getsource(meet_field)
+def _values_source(group: str, rows: list[int]) -> str:
+    """Returns Python text of the values of a group's free functions.
+
+    Those that sensors show are never linear about a point.
+    """
+    first, variables, start, end = _SPANS[group]
+    if not rows:
+        return f"def {group}_values({first}, gaussians):\n    return ()\n"
+    names = [f"v{row}" for row in rows]
+    gaussian = [
+        f"            v{row} = v{row} + basis * gaussians.weights[{row}, m]"
+        for row in rows
+    ]
+    slopes = [
+        f"            v{row} = v{row} + apart * gaussians.tangent[d, {1 + row}]"
+        for row in rows
+    ]
+    at_point = [
+        f"        v{row} = v{row} + gaussians.tangent[last, {1 + row}]" for row in rows
+    ]
+    lines = [
+        f"def {group}_values({first}, gaussians):",
+        f"    {' = '.join(names)} = 0.0 * {first}.xdot",
+        f"    if {end} > {start}:",
+        f"        variables = {variables}({first})",
+        f"        for m in range({start}, {end}):",
+        "            basis = basis_function(variables, gaussians, m)",
+        *gaussian,
+    ]
+    if group != "sensor":
+        lines += [
+            "    if gaussians.tangent.shape[0] > 0:",
+            f"        variables = {variables}({first})",
+            "        last = gaussians.tangent.shape[0] - 1",
+            "        for d in range(min(last, len(variables))):",
+            "            apart = variables[d] - gaussians.tangent[d, 0]",
+            *slopes,
+            *at_point,
+        ]
+    lines.append(f"    return ({', '.join(names)},)\n")
+    return "\n".join(lines)
 
 
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     """Returns the names that the text of `_hooks_source` needs."""
-    names: dict[str, Callable] = {f.__name__: f for f in _OF_FIELD}
+    names: dict[str, Callable] = {f.__name__: f for f in _OF_FREE_FUNCTIONS}
     for i, effect in enumerate(effects):
         names[f"formula_{i}"] = effect.formula
         if effect.state_rate is not None:
@@ -142,32 +195,24 @@ def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
     return names
 
 
-def source(
-    effects: tuple[EffectKind, ...], has_field: bool, skip_absent: bool = False
-) -> str:
+def source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
     """Returns the text of the chain with these effects joined in.
 
     The functions that `_hooks_source` defines come last and so replace those of
     the nominal model.
     """
-    parts = [_CHAIN, _hooks_source(effects, skip_absent)]
-    if has_field:
-        parts += [_MEET_FIELD, "residual_terms = field_terms"]
-    return "\n\n".join(parts)
+    return "\n\n".join([_CHAIN, _hooks_source(effects, skip_absent)])
 
 
 @functools.lru_cache(maxsize=64)
-def compose(
-    effects: tuple[EffectKind, ...] = (), has_field: bool = False
-) -> types.SimpleNamespace:
+def compose(effects: tuple[EffectKind, ...] = ()) -> types.SimpleNamespace:
     """The functions of the chain, `derivatives` and others, with effects joined in.
 
     The effects are in the order in which their coefficients follow each other in `c`.
-    Without a residual Field `field` is not looked at.
     """
     tag = "-".join(e.kind for e in effects) or "nominal"
-    filename = f"<dynamics of {tag}{'-field' * has_field}>"
-    text = source(effects, has_field)
+    filename = f"<dynamics of {tag}>"
+    text = source(effects)
     linecache.cache[filename] = (len(text), None, text.splitlines(True), filename)
     names = formulas(effects)
     exec(compile(text, filename, "exec"), names)  # Our own text only.

@@ -78,7 +78,7 @@ def theta_at(
     numbers = model.vector.tolist()
     for place, deviation in zip(model.space.places(names), deviations, strict=True):
         numbers[place] = numbers[place] + deviation
-    return theta_of(numbers, model.residual_field)
+    return theta_of(numbers, model.gaussians)
 
 
 def glider_at(
@@ -275,7 +275,11 @@ def make_confidence(
 ) -> ConfidenceSet:
     """Returns the confidence set of all numbers that a glider's flight depends on."""
     # A fault of sensor or log changes only what is measured.
-    flown = {kind.kind for kind in model.kinds if kind.stage not in ("sensor", "log")}
+    flown = {
+        name
+        for name, kind in model.space.kinds.items()
+        if kind.stage not in ("sensor", "log")
+    }
     among = covariance.among({*PARAMETER_NAMES, *flown})
     return ConfidenceSet(covariance=among, level=level, shape=shape)
 

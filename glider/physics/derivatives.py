@@ -57,15 +57,15 @@ def calc_derivatives(
 
 
 def _meet(model: GliderModel, numbers: np.ndarray, at: Condition) -> tuple:
-    """Flow, terms of the field, state and coefficients at a condition."""
+    """Flow, values of free functions, state and coefficients at a condition."""
     chain = model.chain
-    theta = chain.theta_of(numbers, model.residual_field)
+    theta = chain.theta_of(numbers, model.gaussians)
     velocity = at.airspeed * np.cos(at.climb), at.airspeed * np.sin(at.climb)
     turned = -at.climb - at.alpha, -at.elevator
     state = [at.x, at.z, *turned, *velocity, -at.pitch_rate]
     flow = chain.flow_of(chain.motion_of(at.time, state, 0.0), 0.0, 0.0, theta.p)
     state += initial_extra(model.kinds, flow, 0.0, theta.c)
-    return flow, chain.residual_terms(flow, theta.field), state, theta.c
+    return flow, chain.body_values(flow, theta.gaussians), state, theta.c
 
 
 def _table(

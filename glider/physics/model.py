@@ -1,11 +1,12 @@
-"""A glider model as a file: the parameters, the effects, the residual field.
+"""A glider model as a file: the parameters, the effects, the free functions.
 
 For example:
 
     parameters: {mass: 0.08, ...}
     effects:
       - {kind: wind, coefficients: {x: -0.6, z: 0.1}}
-    field: {kind: unexplained, variables: [x], ...}      # optional
+    free_functions:                                       # optional
+      - {kind: unexplained, variables: [x], ...}
     covariance: {names: [wind.x, wind.z], matrix: [[1e-6, 0], [0, 1e-6]]}     # optional
     origin: {source: throws, date: ..., version: ..., standard_errors: {wind.x: 0.001}}
 """
@@ -29,8 +30,8 @@ from glider.paths import shipped_path
 from glider.physics.chain import theta_of
 from glider.physics.compose import compose, initial_extra
 from glider.physics.covariance import Covariance, check_names
-from glider.physics.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
-from glider.physics.effects.field import FieldData, make_field
+from glider.physics.effects import FREE_FUNCTIONS, KINDS, Effect, EffectKind, Gaussians
+from glider.physics.effects.free_functions import FreeFunction, gaussians_of
 from glider.physics.parameter_space import ParameterSpace, space_of
 from glider.physics.parameters import (
     NUM_PARAMETERS,
@@ -65,7 +66,7 @@ class GliderModel:
         parameters: the vehicle.
         effects: from the library, or custom ones. One with states whose
             coefficients are all zero, as a servo_lag of no duration, does not act.
-        field: the residual field as data, or None.
+        free_functions: effects whose coefficient is a function, as data.
 
     Raises:
         InputError: a field is not of its type, or an effect is given twice.
@@ -73,14 +74,14 @@ class GliderModel:
 
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: tuple[Effect, ...] = ()
-    field: FieldData | None = None
+    free_functions: tuple[FreeFunction, ...] = ()
 
     def __init__(
         self,
         *,
         parameters: GliderParameters | None = None,
         effects: Sequence[Effect] = (),
-        field: FieldData | None = None,
+        free_functions: Sequence[FreeFunction] = (),
         **unknown: Never,
     ):
         """Sets the fields; whatever else is given is an InputError."""
@@ -88,16 +89,21 @@ class GliderModel:
             raise InputError(
                 f"GliderModel: unknown field '{next(iter(unknown))}'; expected "
                 "parameters=GliderParameters(mass=..., ...), effects=(WIND(x=...), ...)"
-                " or field."
+                " or free_functions."
             )
         parameters = GliderParameters() if parameters is None else parameters
         good = isinstance(parameters, GliderParameters)
         expected = "GliderParameters(mass=..., ...)"
         expect(good, "GliderModel: 'parameters'", parameters, expected)
         _check_effects(effects)
+        what = "GliderModel: 'free_functions'"
+        good = isinstance(free_functions, (tuple, list))
+        good = good and all(isinstance(own, FreeFunction) for own in free_functions)
+        expected = "free functions such as (FreeFunction(variables=['x'], ...),)"
+        expect(good, what, free_functions, expected)
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "effects", tuple(effects))
-        object.__setattr__(self, "field", field)
+        object.__setattr__(self, "free_functions", tuple(free_functions))
 
     def __getstate__(self) -> dict[str, object]:
         """Returns the fields alone: composed functions do not pickle."""
@@ -105,17 +111,14 @@ class GliderModel:
 
     @functools.cached_property
     def kinds(self) -> tuple[EffectKind, ...]:
-        """Kinds of the effects that act."""
-        return tuple(
+        """Kinds of the effects that act, all free functions where there is one."""
+        acting = [
             effect.kind
             for effect in self.effects
             if not effect.kind.states or effect.values != effect.kind.defaults
-        )
-
-    @property
-    def has_field(self) -> bool:
-        """Whether there is a residual field."""
-        return self.field is not None
+        ]
+        # All of them: what is compiled for one serves any other.
+        return (*acting, *(FREE_FUNCTIONS.values() if self.free_functions else ()))
 
     @functools.cached_property
     def space(self) -> ParameterSpace:
@@ -141,20 +144,20 @@ class GliderModel:
 
     @property
     def numbers(self) -> Theta:
-        """All parameters of the dynamics; the field's arrays are read-only."""
+        """All parameters of the dynamics; its arrays are read-only."""
         # Floats are faster than NumPy's; compiled code takes an array.
-        theta = theta_of(self.vector.tolist(), self.residual_field)
+        theta = theta_of(self.vector.tolist(), self.gaussians)
         return theta._replace(c=self.vector[NUM_PARAMETERS:].copy())
 
     @functools.cached_property
-    def residual_field(self) -> Field:
-        """The arrays of the residual field, read-only."""
-        return NO_FIELD if self.field is None else make_field(self.field)
+    def gaussians(self) -> Gaussians:
+        """The arrays of the free functions, read-only."""
+        return gaussians_of(self.free_functions)
 
     @property
     def chain(self) -> types.SimpleNamespace:
         """The dynamics as functions of scalars, see `compose`."""
-        return compose(self.kinds, self.has_field)
+        return compose(self.kinds)
 
     @functools.cached_property
     def is_time_varying(self) -> bool:
@@ -303,7 +306,7 @@ class _EffectFile:
 class _ModelFile:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: list[_EffectFile] = dataclasses.field(default_factory=list)
-    field: FieldData | None = None
+    free_functions: list[FreeFunction] = dataclasses.field(default_factory=list)
     covariance: Covariance | None = None
     origin: Origin | None = None
 
@@ -321,7 +324,7 @@ def model_text(
         _ModelFile(
             parameters=model.parameters,
             effects=effects,
-            field=model.field,
+            free_functions=[*model.free_functions],
             covariance=covariance,
             origin=origin,
         )
@@ -378,10 +381,11 @@ def _parse(
                     f"{', '.join(kinds)}, or a custom effect given in own_effects."
                 )
         effects = [kinds[entry.kind](**entry.coefficients) for entry in file.effects]
-        if file.field is not None:
-            make_field(file.field)
+        gaussians_of(file.free_functions)  # It refuses what is malformed.
         model = GliderModel(
-            parameters=file.parameters, effects=tuple(effects), field=file.field
+            parameters=file.parameters,
+            effects=effects,
+            free_functions=file.free_functions,
         )
         if file.covariance is not None:
             check_names(file.covariance.names, effects)

@@ -48,7 +48,9 @@ class ParameterSpace:
     def __init__(self, kinds: tuple[EffectKind, ...], replays_logs: bool) -> None:
         """Takes effects in the order of their coefficients; see `space_of`."""
         self._replays_logs = replays_logs
-        self.kinds = {kind.kind: kind for kind in kinds}  #: By name.
+        self._all = kinds
+        #: By name; without free functions, which have no numbers here.
+        self.kinds = {kind.kind: kind for kind in kinds if not kind.is_free}
         #: Effects on the signals of a log that is replayed.
         self.replayed: tuple[EffectKind, ...] = ()
         if replays_logs:
@@ -60,6 +62,8 @@ class ParameterSpace:
         names = [*PARAMETER_NAMES]
         self._slots: dict[str, tuple[int, ...]] = {}
         for kind in (*self.flown, *self.replayed):
+            if kind.is_free:
+                continue
             first = len(entries)
             entries += kind.coefficients
             owners += [kind.kind] * len(kind.coefficients)
@@ -98,8 +102,7 @@ class ParameterSpace:
     def __reduce__(self):
         """Another process makes it once, of its own library."""
         sent = tuple(
-            name if KINDS.get(name) is kind else kind
-            for name, kind in self.kinds.items()
+            kind.kind if KINDS.get(kind.kind) is kind else kind for kind in self._all
         )
         return space_of, (sent, self._replays_logs)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from glider.errors import InputError, expect, show
 from glider.files import schema
-from glider.physics.effects.field import Field
+from glider.physics.effects.free_functions import Gaussians
 from glider.physics.servo import Servo
 
 
@@ -36,7 +36,7 @@ class Theta(NamedTuple):
 
     p: Parameters  #: Parameters of the flat-plate glider.
     c: np.ndarray  #: Coefficients of the acting effects, one effect after the other.
-    field: Field  #: The residual field.
+    gaussians: Gaussians  #: Of the free functions.
 
 
 PARAMETER_NAMES = Parameters._fields

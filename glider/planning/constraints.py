@@ -167,7 +167,7 @@ def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
     if model.is_time_varying:
         raise InputError(
             "plan: the glider's motion depends on time, which direct collocation does "
-            "not support; expected a field over x instead."
+            "not support; expected a free function of x instead."
         )
     constraints = constraints_of(problem, model.parameters.servo)
     for bound in constraints.path:

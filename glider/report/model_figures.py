@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
-from glider.physics.effects.field import FieldData, gaussians, make_field
+from glider.physics.effects.free_functions import FreeFunction
 from glider.report import error_table
 from glider.report.error_table import bounded
 from glider.report.numbers import Unit
@@ -83,13 +82,12 @@ def _term_panel(
 
 
 def carried_figure(result: Result) -> spec.Figure | None:
-    """The residual field of a corrected model, term by term.
+    """The free functions of a corrected model.
 
     Over one variable; of two, over the first, at three values of the second.
     """
-    field = result.model.field
-    parts = [] if field is None else [field, *field.more]
-    parts = [p for p in parts if len(p.variables) in (1, 2) and p.centers]
+    functions = result.model.free_functions
+    parts = [p for p in functions if len(p.variables) in (1, 2) and p.centers]
     flown = result.residual_after.variables
     panels = [panel for part in parts for panel in _carried_panels(part, flown)]
     if not panels:
@@ -99,11 +97,9 @@ def carried_figure(result: Result) -> spec.Figure | None:
 
 
 def _carried_panels(
-    part: FieldData, flown: Mapping[str, np.ndarray]
+    part: FreeFunction, flown: Mapping[str, np.ndarray]
 ) -> list[spec.Panel]:
-    field = make_field(dataclasses.replace(part, more=[]))
     variable, *others = part.variables
-    columns = [FIELD_VARIABLES.index(name) for name in part.variables]
     values = np.column_stack([flown[name] for name in part.variables])
     low = values.min(axis=0)
     high = values.max(axis=0)
@@ -112,9 +108,10 @@ def _carried_panels(
     lines: dict[str, list[spec.Line]] = {}
     for i, other in enumerate(slices):
         at = np.column_stack([place, np.tile(other, (len(place), 1))])
-        values = gaussians(field, columns, at) @ field.weights.T
+        basis = part.basis(at)
         width = 1.0 + i if others else None
-        for term, value in zip(FIELD_TERMS, values.T, strict=True):
+        for term, weights in part.weights.items():
+            value = basis @ weights
             scaled = place * VARIABLES[variable][1]
             line = spec.Line("rest", scaled, value, width=width, is_solid=True)
             lines.setdefault(term, []).append(line)

@@ -55,7 +55,7 @@ def is_done(proposal: Proposal) -> bool:
     """Checks whether more flights would show nothing more."""
     least = max(proposal.ending_air, proposal.noise)
     is_known = proposal.ending_now < _SMALL * least
-    is_explained = not proposal.explanations[0].model.blocks
+    is_explained = not proposal.explanations[0].model.functions
     return is_one_left(proposal) and is_known and is_explained
 
 

@@ -150,8 +150,9 @@ def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
 
 def _of_model(result, model):
     """Short phrases for the effects of a model, and for the free functions it has."""
-    fields = [model.field, *model.field.more] if model.field else []
-    free = [f"free functions of {', '.join(field.variables)}" for field in fields]
+    free = [
+        f"free functions of {', '.join(own.variables)}" for own in model.free_functions
+    ]
     return [*words_of(result, [e.kind.kind for e in model.effects]), *free]
 
 

@@ -14,7 +14,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.turning import signs_of, turn
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET, log_path, roll_out
-from glider.physics.effects import NO_FIELD, Field
+from glider.physics.effects import NO_GAUSSIANS, Gaussians
 from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.parameter_space import ParameterSpace
@@ -96,7 +96,7 @@ def _fly(
         commands,
         time,
         servo=servo,
-        field=model.residual_field,
+        gaussians=model.gaussians,
         name=name,
     )
     return turn(measured(flight, plan.capture, rng), signs_of(model))
@@ -122,7 +122,7 @@ def fly_commands(
     *,
     servo: Servo,
     rest: float = 0.0,
-    field: Field = NO_FIELD,
+    gaussians: Gaussians = NO_GAUSSIANS,
     fine: int = FINE,
     name: str = "flight",
 ) -> Flight:
@@ -137,7 +137,7 @@ def fly_commands(
         time: (n,) of the log's rows, from 0, equal steps [s].
         servo: limits of the servo.
         rest: where it stands before the first command [rad].
-        field: the residual field.
+        gaussians: of the free functions.
         fine: integration steps between two rows.
         name: of the flight.
     """
@@ -153,8 +153,8 @@ def fly_commands(
     middle = path(0.5 * (fine_times[1:] + fine_times[:-1]))
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     rate = np.diff(here) * fine_rate
-    states = fly_path(space, theta, launch, fine_times, elevator, rate, field)
-    shown = sensed(space, states, theta, field)
+    states = fly_path(space, theta, launch, fine_times, elevator, rate, gaussians)
+    shown = sensed(space, states, theta, gaussians)
     pose = np.stack(
         [np.interp(time - replay.latency, fine_times, c) for c in shown.T], axis=1
     )
@@ -169,7 +169,7 @@ def fly_path(
     times: np.ndarray,
     elevator: np.ndarray,
     rate: np.ndarray,
-    field: Field = NO_FIELD,
+    gaussians: Gaussians = NO_GAUSSIANS,
 ) -> np.ndarray:
     """Returns the states (n, space.num_states) along a path of the elevator.
 
@@ -183,4 +183,4 @@ def fly_path(
     start[7:] = resting_states(space, times[0], start, rate[0], theta)
     start[OFFSET] = 0.0
     path = log_path(times, elevator, rate)
-    return roll_out(space.flown, path, start, theta, field)
+    return roll_out(space.flown, path, start, theta, gaussians)

@@ -135,7 +135,7 @@ def rollout_models(
     scales = start_scales(noise)
     if varies:
         theta = vector_of(last)
-        flights = [linearize(r, theta, last.residual_field) for r in records]
+        flights = [linearize(r, theta, last.gaussians) for r in records]
         fitted, cost, _ = fit_scales(flights, scales)
         scales = fitted if np.isfinite(cost) else scales  # A model may diverge.
     has_trims = make_vehicle(campaign).per_flight_trims
@@ -145,7 +145,7 @@ def rollout_models(
     return {
         name: RolloutModel(
             theta=vector_of(model),
-            field=model.residual_field,
+            gaussians=model.gaussians,
             scales=scales,
             per_flight_trims=has_trims,
         ).on(records if model is last else _records(campaign, some, model)[0])
@@ -178,11 +178,11 @@ def _records(
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:
     """Returns the model's forces of the plates along the smoothed flight, (n, 2)."""
     theta = vector_of(model)
-    field = model.residual_field
-    nodes, _ = flow_along(record, theta, field, trim)
+    gaussians = model.gaussians
+    nodes, _ = flow_along(record, theta, gaussians, trim)
     path, rate = signals(record, theta).at_nodes
-    chain = compose(record.space.flown, True)
-    numbers = chain.theta_of(theta, field)
+    chain = compose(record.space.flown)
+    numbers = chain.theta_of(theta, gaussians)
     forces = []
     for t, node, angle, u in zip(record.time, nodes, path, rate, strict=True):
         x = node.copy()

@@ -11,7 +11,7 @@ from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import PITCH_OFFSET
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.sysid import report, result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
@@ -100,8 +100,8 @@ def evaluate(
     of_nominal = models.get("nominal", models["refitted"])
     before = _table(of_nominal, flights.of("nominal", usual))
     named = after = _table(own, records)
-    if traced.model.blocks:
-        bare = dataclasses.replace(traced.model, blocks=())
+    if traced.model.functions:
+        bare = dataclasses.replace(traced.model, functions=())
         named = _table(flown_by(task, bare, scales), records)
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
@@ -148,7 +148,7 @@ def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
     gains = survey(task, model)
     real = [name for name, gain in gains.items() if gain > EVIDENCE_THRESHOLD]
     real.sort(key=lambda name: -gains[name])
-    found = [v for name in real for v in BLOCKS[name].depends_on]
+    found = [v for name in real for v in FAMILIES[name].depends_on]
     return tuple(dict.fromkeys(found))[:3]
 
 
@@ -163,7 +163,7 @@ def without_model_errors(
     distinguished from errors of the forces: they count as these.
     """
     unknown = {"servo"}
-    if traced.model.kinds or traced.model.blocks:
+    if traced.model.kinds or traced.model.functions:
         unknown.update(SPREAD_KINDS.values())
     if gusts or traced.forces is not None:
         unknown.add("air")
@@ -221,7 +221,7 @@ def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> Residua
     """A model's residual over flights, each with the trim that it has."""
     find_launch = functools.partial(prediction.find_launch, flown)
     trims = [float(a.constants[2]) for _, a in in_parallel(find_launch, records)]
-    return make_table(records, flown.theta, trims, flown.field)
+    return make_table(records, flown.theta, trims, flown.gaussians)
 
 
 def _flights(

@@ -4,6 +4,7 @@ Beside a free function a formula may stand for what the function leaves, and a f
 function for the error of a formula. The model has both; the report names one.
 """
 
+import math
 import types
 from collections.abc import Collection, Mapping, Sequence
 
@@ -17,9 +18,9 @@ from glider.physics.effects import (
     PITCH_MOMENT,
     PITCH_RATE_LIFT,
 )
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.sysid.constants import LEAST_PART, LEAST_SPREAD, RESOLVED, SLACK, SLIGHT, Z
-from glider.sysid.likelihood.blocks import SPREADS, flown_values
+from glider.sysid.likelihood.fitted_functions import flown_values
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.search.support import SearchResult
@@ -60,17 +61,17 @@ def absorbed(
         least, _ = task.bounds(times)
         far = model.theta[times] - least > 2.0 * np.array([known.std(i) for i in times])
         near = set[str]()
-        for block, own in BLOCKS.items():
+        for function, own in FAMILIES.items():
             if name in own.bends and "alpha" in own.variables:
                 alone = own.formulas if own.variables == ("alpha",) else ()
-                near |= {block, *(k for k in alone if not kinds[k].states)}
+                near |= {function, *(k for k in alone if not kinds[k].states)}
         if times and not far.any() and near & have:
             found[name] = near & have
-    families = {kind for name in model.free_kinds for kind in BLOCKS[name].formulas}
-    for block in model.free_kinds:
-        if block in found:
+    families = {kind for name in model.free_kinds for kind in FAMILIES[name].formulas}
+    for function in model.free_kinds:
+        if function in found:
             continue
-        own = BLOCKS[block]
+        own = FAMILIES[function]
         bends = own.bends - families.difference(own.formulas)
         bent = bends.intersection(have) - found.keys()
         mine = bent.intersection(own.formulas) if own.formulas else bent
@@ -78,8 +79,8 @@ def absorbed(
         share = {k: SLACK if k in bent - mine else 1.0 for k in bent - {first}}
         if own.formulas and first:
             share[first] = SLACK
-        weak = {k for k in share if evidence[k] < share[k] * evidence[block]}
-        found |= dict.fromkeys(weak, {*bent, block} - weak)
+        weak = {k for k in share if evidence[k] < share[k] * evidence[function]}
+        found |= dict.fromkeys(weak, {*bent, function} - weak)
     return found
 
 
@@ -96,18 +97,18 @@ def standing_alone(
     """
     named = evidence.keys() - unnamed.keys() - {*free_kinds}
     found = set()
-    for block in free_kinds:
-        bends = BLOCKS[block].bends
-        helped = {k for k in bends if _helps(block, k, named, free_kinds, evidence)}
-        for kind in BLOCKS[block].formulas:
+    for function in free_kinds:
+        bends = FAMILIES[function].bends
+        helped = {k for k in bends if _helps(function, k, named, free_kinds, evidence)}
+        for kind in FAMILIES[function].formulas:
             helped |= named.intersection(unnamed.get(kind, ()))
-        if block not in unnamed and not helped:
-            found.add(block)
+        if function not in unnamed and not helped:
+            found.add(function)
     return found
 
 
 def _helps(
-    block: str,
+    function: str,
     kind: str,
     named: Collection[str],
     free_kinds: Collection[str],
@@ -118,13 +119,13 @@ def _helps(
     It is of another family if it has one without the formula, or the formula has
     functions of its own.
     """
-    family = BLOCKS[block].formulas
-    beside = [own for own in free_kinds if kind in BLOCKS[own].formulas]
+    family = FAMILIES[function].formulas
+    beside = [own for own in free_kinds if kind in FAMILIES[own].formulas]
     if kind in family or not (family or beside):
         return kind in named
     whole = evidence[kind] if kind in named else 0.0
     whole += sum(evidence[own] for own in beside)
-    return evidence[block] < SLACK * whole
+    return evidence[function] < SLACK * whole
 
 
 def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[str]:
@@ -134,10 +135,10 @@ def slight(free_kinds: Collection[str], evidence: Mapping[str, float]) -> set[st
     the evidence: a free function leaves errors of that size, and they stand for those.
     """
     families = dict(evidence)
-    for block in free_kinds:
-        for kind in BLOCKS[block].bends & evidence.keys():
-            families[kind] += evidence[block]
-            families[block] += evidence[kind]
+    for function in free_kinds:
+        for kind in FAMILIES[function].bends & evidence.keys():
+            families[kind] += evidence[function]
+            families[function] += evidence[kind]
     least = SLIGHT * sum(evidence.values()) if free_kinds else 0.0
     return {kind for kind, own in families.items() if own < least}
 
@@ -148,21 +149,21 @@ def small(task: Task, model: FitResult) -> set[str]:
     Along the flights (RMS) they are less than twice a share `RESOLVED` of what is
     expected: the others, and the formulas that these bend, leave errors of that size.
     """
-    if len(model.blocks) < 2:
+    if len(model.functions) < 2:
         return set()
     flown = flown_values(task.records, model.theta)
     sizes = dict[str, float]()
     flown = flown[:: max(1, len(flown) // _ROWS)]
-    for own in model.blocks:
-        values = own.functions(flown[:, own.columns]) @ own.weights
-        usual = [SPREADS[term] for term in own.terms]
-        sizes[own.name] = float(np.max(np.sqrt(np.mean(values**2, axis=0)) / usual))
+    for own in model.functions:
+        values = own.gaussians(flown[:, own.columns]) @ own.weights
+        [value] = own.effect.coefficients
+        sizes[own.name] = math.sqrt(np.mean(values**2)) / value.scale
     largest = max(sizes, key=sizes.__getitem__)
     return {name for name in sizes if sizes[name] < 2.0 * RESOLVED and name != largest}
 
 
 def names_of(
-    task: Task, model: FitResult, known: Uncertainty, block: str, nearest: str
+    task: Task, model: FitResult, known: Uncertainty, function: str, nearest: str
 ) -> set[str]:
     """Returns the effects that a free function is; `nearest` if its link tells nothing.
 
@@ -171,10 +172,10 @@ def names_of(
     was flown. If neither is, the more certain one is what was found. Lift by the rate
     where no flow separates lags behind nothing.
     """
-    link, _, _ = block.partition(" over ")
+    link, _, _ = function.partition(" over ")
     together = _over_rate(model, link)
     pair = f"{link} over {_PAIR}"
-    if block not in together or pair not in together:
+    if function not in together or pair not in together:
         return {nearest}
     values, places = _coordinates_of(model, known, together)
     slots = task.space.slots_of(OVER_RATE[link])
@@ -227,24 +228,24 @@ def _over_rate(model: FitResult, link: str) -> list[str]:
     return [n for n in names if n in model.by_name and link in ("lift", "moment")]
 
 
-def _rows_at(model: FitResult, blocks: Sequence[str], at: np.ndarray) -> np.ndarray:
+def _rows_at(model: FitResult, functions: Sequence[str], at: np.ndarray) -> np.ndarray:
     """Returns how the sum of such functions depends on their coordinates, (n, q).
 
     `at` (n, 2) are angles of attack and reduced rates.
     """
     rows = []
-    for own in (model.by_name[name] for name in blocks):
+    for own in (model.by_name[name] for name in functions):
         columns = [("alpha", "reduced_rate").index(v) for v in own.variables]
-        rows.append(own.functions(at[:, columns]) @ own.mix)
+        rows.append(own.gaussians(at[:, columns]) @ own.mix)
     return np.hstack(rows)
 
 
 def _coordinates_of(
-    model: FitResult, known: Uncertainty, blocks: Sequence[str]
+    model: FitResult, known: Uncertainty, functions: Sequence[str]
 ) -> tuple[np.ndarray, list[int]]:
     """Returns the coordinates (q,) of some functions, and their columns."""
-    values = [model.by_name[name].coordinates for name in blocks]
-    return np.concatenate(values), [k for n in blocks for k in known.places[n]]
+    values = [model.by_name[name].coordinates for name in functions]
+    return np.concatenate(values), [k for n in functions for k in known.places[n]]
 
 
 def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
@@ -254,15 +255,15 @@ def names_of_lift(task: Task, model: FitResult, known: Uncertainty) -> set[str]:
     nothing below a tenth of the largest force; above half of it there is nothing else.
     """
     space = task.space
-    centers = task.blocks[LIFT].reached
+    centers = task.functions[LIFT].reached
     alpha = np.append(0.0, centers[:, 0])
-    blocks = _over_rate(model, "lift")
-    shown = _rows_at(model, blocks, np.column_stack([alpha, 0.0 * alpha]))
-    values, places = _coordinates_of(model, known, blocks)
+    functions = _over_rate(model, "lift")
+    shown = _rows_at(model, functions, np.column_stack([alpha, 0.0 * alpha]))
+    values, places = _coordinates_of(model, known, functions)
     force = shown @ values
     slopes = [*shown[0]]
     flow = types.SimpleNamespace(sin_alpha=np.sin(alpha), cos_alpha=np.cos(alpha))
-    for kind in set(BLOCKS[LIFT].formulas).intersection(model.kinds):
+    for kind in set(FAMILIES[LIFT].formulas).intersection(model.kinds):
         slots = [*space.slots_of(kind)]
         force += space.kinds[kind].formula(flow, *model.theta[slots])
         if kind == CAMBER.kind:  # The other is none there.

@@ -1,6 +1,5 @@
 """The parts of a result: effects, corrected model, curves, spreads."""
 
-import dataclasses
 import math
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -10,14 +9,14 @@ import numpy as np
 from glider.campaign.turning import Signs
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, CAMBER, LIBRARY, POSE_LATENCY
-from glider.physics.effects.families import BLOCKS
-from glider.physics.effects.field import COEFFICIENTS, FIELD_UNITS, TERM_UNITS
+from glider.physics.effects.families import FAMILIES
+from glider.physics.effects.free_functions import COEFFICIENTS, FLOW_UNITS
 from glider.physics.model import GliderModel
 from glider.physics.parameter_space import OF_VEHICLE
 from glider.sysid import report
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
-from glider.sysid.likelihood.blocks import Block
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
+from glider.sysid.likelihood.fitted_functions import FittedFunction
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES
@@ -78,7 +77,7 @@ def effects_of(
     """Effects with their coefficients and standard errors, by their evidence."""
     model = traced.model
     gained = max(sum(traced.evidence.values()), 1e-9)
-    bent = {k for name in model.free_kinds for k in BLOCKS[name].bends}
+    bent = {k for name in model.free_kinds for k in FAMILIES[name].bends}
     unnamed = absorbed(task, traced, known)
     bent = bent.union(*unnamed.values())
     nearest = dict.fromkeys(model.free_kinds, "unexplained") | traced.families
@@ -88,7 +87,7 @@ def effects_of(
     }
     if LIFT in model.free_kinds and LIFT not in unnamed:
         families[LIFT] = names_of_lift(task, model, known)
-        others = {*BLOCKS[LIFT].formulas}.intersection(model.kinds) - families[LIFT]
+        others = {*FAMILIES[LIFT].formulas}.intersection(model.kinds) - families[LIFT]
         unnamed |= {kind: {LIFT} for kind in others}
     named: set[str] = {*model.kinds} - unnamed.keys() - {*model.free_kinds}
     for name in sorted(families, key=lambda k: -traced.evidence[k]):
@@ -107,7 +106,7 @@ def effects_of(
             continue
         if name in model.free_kinds:
             found += (
-                _block_entry(task, traced, named, known, name, family, of_search)
+                _function_entry(task, traced, named, known, name, family, of_search)
                 for family in sorted(families.get(name, ()))
             )
             continue
@@ -150,7 +149,7 @@ def _sign_entry(signs: Signs) -> FoundEffect:
     )
 
 
-def _block_entry(
+def _function_entry(
     task: Task,
     traced: SearchResult,
     named: Collection[str],
@@ -160,13 +159,13 @@ def _block_entry(
     of_search: dict[str, Any],
 ) -> FoundEffect:
     """A free function as an effect of its family, or of none."""
-    kind = BLOCKS[name]
+    kind = FAMILIES[name]
     own = traced.model.by_name[name]
     has_none = family == "unexplained"
     return FoundEffect(
         kind=family,
         words=f"no effect of the library: {kind.words}" if has_none else kind.words,
-        coefficients=_find_peak(own, known, kind.term)
+        coefficients=_find_peak(own, known)
         | (numbers_of_lift(own, known, family) if name == LIFT else {}),
         shape=report.LIBRARY_SHAPE if has_none else report.OTHER_SHAPE,
         family=kind.link,
@@ -186,25 +185,27 @@ def rivals_of(
     that has several others instead, they do as well together.
     """
     own = named[0]
-    formulas = {*traced.model.kinds} - BLOCKS.keys()
-    found = set[str]() if own in BLOCKS else {*traced.weighed[own].rivals}
+    formulas = {*traced.model.kinds} - FAMILIES.keys()
+    found = set[str]() if own in FAMILIES else {*traced.weighed[own].rivals}
     for other, _ in traced.rivals:
         lost = formulas - {*other.kinds}
         if lost <= {own} and not {*named} & {*other.kinds}:
-            found |= {*other.kinds} - BLOCKS.keys() - formulas
+            found |= {*other.kinds} - FAMILIES.keys() - formulas
     return tuple(
         kind for kind in task.space.kinds if kind in found.difference(reported)
     )
 
 
-def numbers_of_lift(own: Block, known: Uncertainty, family: str) -> dict[str, Estimate]:
+def numbers_of_lift(
+    own: FittedFunction, known: Uncertainty, family: str
+) -> dict[str, Estimate]:
     """What a formula's coefficient says of a normal force, of its curve at α = 0.
 
     Of lift the slope, of camber the zero-lift angle, of which C_n is -2 sin there.
     """
     places = known.places[LIFT]
     step = 0.02
-    low, middle, high = own.functions(step * np.array([[-1.0], [0.0], [1.0]]))
+    low, middle, high = own.gaussians(step * np.array([[-1.0], [0.0], [1.0]]))
     is_camber = family == CAMBER.kind
     row = (-0.5 * middle if is_camber else (high - low) / (2.0 * step)) @ own.mix
     value = float(row @ own.coordinates)
@@ -214,7 +215,7 @@ def numbers_of_lift(own: Block, known: Uncertainty, family: str) -> dict[str, Es
     return {"slope": Estimate(value, std, "1/rad")}
 
 
-def _find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimate]:
+def _find_peak(function: FittedFunction, known: Uncertainty) -> dict[str, Estimate]:
     """The largest value of a free function's term, and where it is.
 
     Standard errors follow from the covariance C of the coordinates w. With a term
@@ -223,28 +224,26 @@ def _find_peak(block: Block, known: Uncertainty, term: str) -> dict[str, Estimat
     the edge of the flown range is not one of the function: its place has no error,
     nor has that of a function of two variables.
     """
-    places = known.places[block.name]
-    count = 401 if len(block.variables) == 1 else 61
-    low, high = block.flown
+    places = known.places[function.name]
+    count = 401 if len(function.variables) == 1 else 61
+    low, high = function.flown
     axes = [*np.linspace(low, high, count).T]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    rows = (
-        block.functions(points.reshape(-1, len(axes)))
-        @ (block.mix[block.terms.index(term) :: len(block.terms)])
-    )  # b, (n, q)
+    rows = function.gaussians(points.reshape(-1, len(axes))) @ function.mix  # b, (n, q)
     rows = rows.reshape(*points.shape[:-1], -1)
-    values = rows @ block.coordinates
+    values = rows @ function.coordinates
     peak = np.unravel_index(np.argmax(np.abs(values)), values.shape)
     height = float(known.std_along(places, rows[peak]))
-    unit = TERM_UNITS.get(term, "-")
-    found = {f"{term}_peak": Estimate(float(values[peak]), height, unit)}
-    for i, (axis, variable) in enumerate(zip(axes, block.variables, strict=True)):
+    term = function.effect.kind
+    [value] = function.effect.coefficients
+    found = {f"{term}_peak": Estimate(float(values[peak]), height, value.unit)}
+    for i, (axis, variable) in enumerate(zip(axes, function.variables, strict=True)):
         slopes = np.gradient(rows, axis, axis=i)
         place = math.nan
-        bend = np.gradient(slopes @ block.coordinates, axis, axis=i)[peak]
+        bend = np.gradient(slopes @ function.coordinates, axis, axis=i)[peak]
         if len(axes) == 1 and 0 < peak[i] < count - 1 and bend:
             place = float(known.std_along(places, slopes[peak])) / abs(float(bend))
-        at = Estimate(float(axis[peak[i]]), place, FIELD_UNITS[variable])
+        at = Estimate(float(axis[peak[i]]), place, FLOW_UNITS[variable])
         found[f"{term}_peak_at_{variable}"] = at
     return found
 
@@ -274,11 +273,10 @@ def model_of(task: Task, model: FitResult, signs: Signs) -> GliderModel:
     names = [*model.kinds, *(kind for kind in space.kinds if kind in nuisance)]
     effects = [] if signs.are_right else [signs.effect]
     effects += [by_kind[name] for name in names if name not in model.free_kinds]
-    parts = [own.data for own in model.blocks]
     return GliderModel(
         parameters=parameters,
         effects=tuple(effects),
-        field=dataclasses.replace(parts[0], more=parts[1:]) if parts else None,
+        free_functions=tuple(own.data for own in model.functions),
     )
 
 

@@ -49,7 +49,7 @@ class ReportedEffect:
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model carries a free function.
     found_by: str = ""  #: Name of the move that found it last, or `tracing.EARLIER`.
-    family: str = ""  #: `BlockKind.link` of a free function; empty for a formula.
+    family: str = ""  #: `Family.link` of a free function; empty for a formula.
     indistinguishable_from: tuple[str, ...] = ()  #: Do as well, alone or together.
     depends_on: tuple[str, ...]  #: Variables that it varies with.
 

@@ -38,7 +38,7 @@ class HeldOutFlight:
 class ResidualTable:
     """The article's residual data set of one model, all flights stacked."""
 
-    variables: dict[str, np.ndarray]  #: Of FIELD_VARIABLES and "alphadot", (N,) each.
+    variables: dict[str, np.ndarray]  #: Of FLOW_VARIABLES and "alphadot", (N,) each.
     #: (N, 3) measured minus modelled: along the wing, normal [m/s²], pitch [rad/s²].
     residual: np.ndarray
     coefficients: dict[str, np.ndarray]  #: Measured COEFFICIENTS, over ½ρV²S_w, (N,).

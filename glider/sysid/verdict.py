@@ -217,7 +217,7 @@ def changes_baseline_alone(model: FitResult) -> bool:
     The refitted baseline has them too and may leave nothing to gain: they are
     then compared with the nominal model.
     """
-    if model.blocks or not model.kinds:
+    if model.functions or not model.kinds:
         return False
     baseline = {kind.kind for kind in LIBRARY if {*kind.like} & {*PARAMETER_NAMES}}
     return baseline.issuperset(model.kinds)

@@ -57,7 +57,7 @@ def GliderPlant_(T):
             self.model = GliderModel() if model is None else as_model(model)
             self.fast = fast
             self.state_names = self.model.state_names
-            self._field = self.model.residual_field
+            self._gaussians = self.model.gaussians
             self._chain = self.model.chain
 
             _declare(self, BasicVector_[T])
@@ -91,7 +91,7 @@ def GliderPlant_(T):
 
         def _theta(self, context):
             numbers = context.get_numeric_parameter(0).CopyToVector()
-            return theta_of(numbers, self._field)
+            return theta_of(numbers, self._gaussians)
 
         def _calc_forces(self, context, output):
             t, x, u, wind_x, wind_z, theta = self._arguments(context)
@@ -110,7 +110,9 @@ def GliderPlant_(T):
             if T is not AutoDiffXd or not self.fast:
                 return False
             # Derivatives by time are rare; the plain way has them.
-            return not (self.model.has_field and context.get_time().derivatives().size)
+            return not (
+                self.model.free_functions and context.get_time().derivatives().size
+            )
 
     return Impl
 

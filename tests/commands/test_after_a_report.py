@@ -15,7 +15,7 @@ from glider.campaign.writer import save_campaign
 from glider.paths import models_path
 from glider.physics.covariance import Covariance
 from glider.physics.effects import PROFILE_DRAG
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel, load_covariance
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
@@ -25,7 +25,7 @@ from glider.sysid.report import VERDICTS
 from glider.sysid.result import Result
 
 DRAG = PROFILE_DRAG(cd0=0.05)
-VENT = FieldData(
+VENT = FreeFunction(
     kind="unexplained",
     variables=["x"],
     centers=[[-2.5], [-1.0]],
@@ -35,8 +35,8 @@ VENT = FieldData(
 TRUTHS = {
     "no_effect": GliderModel(),
     "effect_found": GliderModel(effects=(DRAG,)),
-    "partly_explained": GliderModel(effects=(DRAG,), field=VENT),
-    "unexplained": GliderModel(field=VENT),
+    "partly_explained": GliderModel(effects=(DRAG,), free_functions=(VENT,)),
+    "unexplained": GliderModel(free_functions=(VENT,)),
     "not_trusted": GliderModel(effects=(DRAG,)),
 }
 """Glider whose flights have a verdict, if only a profile drag is tried."""
@@ -91,11 +91,12 @@ def test_next_throw_proposes(reported, tmp_path, capsys, monkeypatch):
     assert "Traceback" not in error
     assert is_warned_of(reported, error) == (reported.result.verdict == "not_trusted")
     data = json.loads((out / "next_throw.json").read_text())
-    field = reported.result.model.field
-    if field is None:
+    functions = reported.result.model.free_functions
+    if not functions:
         assert "free function" not in said and "over x" not in said
     else:
-        [name] = {f"{', '.join(field.weights)} over {', '.join(field.variables)}"}
+        [own] = functions
+        name = f"{', '.join(own.weights)} over {', '.join(own.variables)}"
         assert "No formula of the library is the cause of" in said
         assert 0.0 < data["coefficients"][f"factor of {name}"]["std_now"] < 0.1
         assert not data["nothing_more_to_learn"]

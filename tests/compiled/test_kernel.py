@@ -32,7 +32,8 @@ from glider.estimation.running import run_ekf
 from glider.paths import cache_folder
 from glider.physics import aerodynamics, chain, servo
 from glider.physics.effects import (
-    NO_FIELD,
+    FREE_FUNCTIONS,
+    NO_GAUSSIANS,
     PROFILE_DRAG,
     THRUST,
     Coefficient,
@@ -126,9 +127,9 @@ def family(module, uses=()):
     return fresh
 
 
-def load(effects=(), has_field=False):
+def load(effects=()):
     """Asks for a loop, as its caller does, in a session that has none yet."""
-    return family(flight).over(effects, has_field).flights
+    return family(flight).over(effects).flights
 
 
 def test_the_file_is_named_by_a_digest_of_its_sources(fresh_cache):
@@ -138,7 +139,7 @@ def test_the_file_is_named_by_a_digest_of_its_sources(fresh_cache):
     assert files_in(fresh_cache) == [name]
     load((PROFILE_DRAG,))
     assert len(files_in(fresh_cache)) == 2
-    load((), True)
+    load((*FREE_FUNCTIONS.values(),))
     assert len(files_in(fresh_cache)) == 3
 
 
@@ -285,7 +286,7 @@ def test_a_formula_without_a_name_compiles_without_a_file(fresh_cache):
     kinds, zero = (kind_of(lambda flow, force: 2.0 * force),), np.zeros(1)
     x = random_states(1)
     pulled, plate = (
-        flow_at(kinds, zero, x, zero, zero, np.append(PARAMETERS, force), NO_FIELD)
+        flow_at(kinds, zero, x, zero, zero, np.append(PARAMETERS, force), NO_GAUSSIANS)
         for force in (0.1, 0.0)
     )
     assert not fresh_cache.exists() or files_in(fresh_cache) == []

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import KINDS, NO_FIELD
+from glider.physics.effects import KINDS, NO_GAUSSIANS
 from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
@@ -112,7 +112,7 @@ def test_a_cluster_of_processes_finds_what_threads_find():
             weighed = weigh(task, model, np.random.default_rng(0))
             flown = RolloutModel(
                 theta=model.theta,
-                field=NO_FIELD,
+                gaussians=NO_GAUSSIANS,
                 scales=model.scales,
                 per_flight_trims=False,
             )

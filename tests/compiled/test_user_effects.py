@@ -117,7 +117,7 @@ def test_flights_are_those_of_the_plant(monkeypatch):
     record, theta = task.records[0], vector_of(model)
     known = RolloutModel(
         theta=theta,
-        field=model.residual_field,
+        gaussians=model.gaussians,
         scales=start_scales(noise),
         per_flight_trims=False,
     )
@@ -125,7 +125,7 @@ def test_flights_are_those_of_the_plant(monkeypatch):
     start = find_launch(known, record)[0]
     start[7:] = 0.0
     path = log_path(record.time, *signals(record, theta)[:2])
-    flown = roll_out(SPACE.flown, path, start, theta, model.residual_field)
+    flown = roll_out(SPACE.flown, path, start, theta, model.gaussians)
     present = tuple(e for e in model.effects if e.kind is BOOM)
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)
@@ -174,7 +174,7 @@ def test_a_flight_begins_near_rest():
     rest = resting_states(SPACE, 0.0, launch, rate[0], theta)
     assert np.all(rest != 0.0)
     np.testing.assert_allclose(start[7:], rest)
-    flight = linearize(record, theta, model.residual_field)
+    flight = linearize(record, theta, model.gaussians)
     np.testing.assert_allclose(flight.start[7 : len(flight.states)], 0.0, atol=1e-12)
     spread = np.sqrt(start_variances(flight, Scales()))
     [state] = flight.states[7:]  # The others' effects do nothing.

@@ -25,7 +25,7 @@ from glider.estimation.running import Belief, make_prior, predict_mean, run_ekf
 from glider.physics.effects import (
     GROUND_EFFECT,
     MARKER_OFFSET,
-    NO_FIELD,
+    NO_GAUSSIANS,
     SERVO_LAG,
     WIND,
 )
@@ -171,7 +171,7 @@ def test_a_prediction_is_the_glider_s_own_motion():
         z[ekf.estimated.places] = mean
         for k in range(1000):
             wind = mean[9] * np.exp(-0.7 * (k + 0.5) * step)
-            theta = Theta(Parameters(*z[11:20]), z[20:], NO_FIELD)
+            theta = Theta(Parameters(*z[11:20]), z[20:], NO_GAUSSIANS)
             slope = np.array(chain.derivatives(0.0, x, 1.5, wind, 0.2, theta))
             middle = x + 0.5 * step * slope
             slope = np.array(chain.derivatives(0.0, middle, 1.5, wind, 0.2, theta))
@@ -190,7 +190,7 @@ def test_the_pose_is_corrected_as_the_sensors_show_it():
     def show(x):
         z = ekf.z.copy()
         z[ekf.estimated.places] = x
-        theta = Theta(Parameters(*z[11:20]), z[20:], NO_FIELD)
+        theta = Theta(Parameters(*z[11:20]), z[20:], NO_GAUSSIANS)
         return np.append(ekf.model.chain.measure(z[:8], theta), x[3])
 
     inputs = np.array([[[1.5, 0.2]]])

@@ -6,7 +6,7 @@ import pytest
 from examples import cruise
 from glider.errors import InputError
 from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG, THRUST, WIND
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from tests.helpers.examples import run_main
@@ -58,12 +58,12 @@ def test_a_flight_beyond_the_elevator_s_travel_is_refused():
 
 
 def test_a_cruise_through_changing_air_is_refused():
-    field = FieldData(
+    field = FreeFunction(
         variables=["x"], centers=[[0.5]], widths=[1.0], weights={"wind_z": [0.3]}
     )
     trim = cruise.find_trim(GliderModel(), 7.0)
     with pytest.raises(InputError, match="along the line"):
-        cruise.cruise_regulator(GliderModel(field=field), trim)
+        cruise.cruise_regulator(GliderModel(free_functions=(field,)), trim)
 
 
 def test_the_result_is_reported(tmp_path):

@@ -12,7 +12,7 @@ from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Perches
 from tests.helpers.examples import run_main
-from tests.helpers.physics import FIELD
+from tests.helpers.physics import FREE
 
 LAUNCHES = 6
 
@@ -94,7 +94,10 @@ def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
     [
         (GliderModel(), "nothing"),
         (GliderModel(effects=(WIND(x=-1.0), PITCH_DAMPING())), "wind + pitch_damping"),
-        (GliderModel(effects=(WIND(x=-1.0),), field=FIELD), "wind + rbf_residual"),
+        (
+            GliderModel(effects=(WIND(x=-1.0),), free_functions=FREE),
+            "wind + rbf_residual",
+        ),
     ],
 )
 def test_what_is_true_is_reported(tmp_path, truth, expected):

@@ -10,7 +10,7 @@ from glider.experiments.explanations import Explanation
 from glider.experiments.forecast import Forecast, added
 from glider.experiments.throw_limits import limits_flown
 from glider.experiments.throws import log_of, range_of
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.replay.record import prepare
@@ -65,7 +65,7 @@ def test_predicted_evidence_is_the_mean_of_noisy_flights(late):
     predicted = forecast.distances(forecast.futures(grams))[0, 1]
     assert predicted > 2.0  # Else the test would show nothing.
     scales, rng = pair[0].model.scales, np.random.default_rng(0)
-    clean = log_of(throw, forecast.place, task.space, pair[0].model.theta, NO_FIELD)
+    clean = log_of(throw, forecast.place, task.space, pair[0].model.theta, NO_GAUSSIANS)
     gained = []
     for _ in range(60):
         pose = clean.pose + rng.normal(size=clean.pose.shape) * (
@@ -77,7 +77,7 @@ def test_predicted_evidence_is_the_mean_of_noisy_flights(late):
         noisy = dataclasses.replace(clean, pose=pose, elevator=angle)
         [record] = prepare([noisy], campaign, noise, task.space)
         costs = [
-            whiten(linearize(record, e.model.theta, NO_FIELD), scales).cost
+            whiten(linearize(record, e.model.theta, NO_GAUSSIANS), scales).cost
             for e in pair
         ]
         gained.append(costs[1] - costs[0])

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction
 from glider.sysid.likelihood.filtering import whiten
@@ -25,9 +25,9 @@ def column_error(record: Record, theta: np.ndarray, direction: Direction) -> flo
     """Returns the largest error of a whitened column, over its largest entry."""
 
     def error_at(numbers: np.ndarray) -> np.ndarray:
-        return whitened(linearize(record, numbers, NO_FIELD))[:, -1]
+        return whitened(linearize(record, numbers, NO_GAUSSIANS))[:, -1]
 
-    flight = linearize(record, theta, NO_FIELD, [direction])
+    flight = linearize(record, theta, NO_GAUSSIANS, [direction])
     column = whitened(flight)[:, 0]
     size = FARTHER * direction.size
     ahead, behind = direction.base(theta), direction.base(theta)

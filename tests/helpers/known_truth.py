@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.parameter_space import ParameterSpace
 from glider.sysid.fit.prediction import flown_by, measure_errors
-from glider.sysid.likelihood.blocks import carried_blocks
+from glider.sysid.likelihood.fitted_functions import carried_functions
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task, make_task, start_of
 from glider.sysid.replay.log_space import LIBRARY_SPACE
@@ -17,7 +17,7 @@ from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
 
-_VENT = FieldData(
+_VENT = FreeFunction(
     kind="unexplained",
     variables=["x"],
     centers=[[-1.8]],
@@ -26,27 +26,27 @@ _VENT = FieldData(
 )
 """The jet of floor_vent: 1 m/s upward at x = -1.8 m, width 0.4 m."""
 
-TRUTHS: dict[str, tuple[str, ...] | FieldData] = {
+TRUTHS: dict[str, tuple[str, ...] | FreeFunction] = {
     "attached_lift": ("attached_lift",),
     "head_wind": ("wind",),
     "slow_servo": ("servo_lag",),
     "floor_vent": _VENT,
     "still_air": (),
 }
-"""Sample to the kinds, or the field, that it was flown with."""
+"""Sample to the kinds, or the free function, that it was flown with."""
 
 
 def limit_of(
-    campaign: Campaign, truth: Sequence[str] | FieldData, result: Result
+    campaign: Campaign, truth: Sequence[str] | FreeFunction, result: Result
 ) -> float:
     """Held-out position error of a fit that knows the true effects [m]."""
     whole, noise = task_of(campaign)
     held_out = result.flights.held_out
     task = whole.on([r for r in whole.records if r.name not in held_out])
     unseen = [r for r in whole.records if r.name in held_out]
-    if isinstance(truth, FieldData):
-        carried = carried_blocks(truth)
-        starts = [dataclasses.replace(begin(task, noise), blocks=carried)]
+    if isinstance(truth, FreeFunction):
+        carried = carried_functions([truth])
+        starts = [dataclasses.replace(begin(task, noise), functions=carried)]
     else:
         starts = starts_of(task, noise, truth)
     model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)

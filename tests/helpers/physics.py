@@ -4,9 +4,9 @@ import numpy as np
 from pydrake.common.containers import namedview
 
 from glider.physics.compose import compose, initial_extra
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.effects.effect import Effect, EffectKind
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Parameters, Theta
 from glider.physics.state import STATE_NAMES
@@ -29,7 +29,7 @@ def random_states(count, seed=0):
 
 def nominal_derivatives(x, u=0.0, p=PARAMETERS, wind=(0.0, 0.0)):
     """Returns the derivatives of the glider without effects, shape (7,)."""
-    theta = Theta(Parameters(*p), NO_COEFFICIENTS, NO_FIELD)
+    theta = Theta(Parameters(*p), NO_COEFFICIENTS, NO_GAUSSIANS)
     return np.array(compose().derivatives(0.0, x, u, *wind, theta))
 
 
@@ -89,21 +89,30 @@ def full_state(effects, x):
     chain = compose(kinds)
     extra = sum(len(e.states) for e in kinds)
     blank = np.concatenate([x, np.zeros(extra)])
-    flow, _ = chain.meet_air(0.0, blank, 0.0, 0.0, 0.0, Theta(PARAMETERS, c, NO_FIELD))
+    flow, _ = chain.meet_air(
+        0.0, blank, 0.0, 0.0, 0.0, Theta(PARAMETERS, c, NO_GAUSSIANS)
+    )
     rest = np.array(initial_extra(kinds, flow, 0.0, c))
     return np.concatenate([x, rest + 0.05]), c
 
 
-FIELD = FieldData(
-    variables=["alpha", "V", "x", "t"],
-    centers=[[0.3, 6.0, -1.0, 0.2], [0.8, 4.0, 0.0, 0.5]],
-    widths=[0.4, 2.0, 1.5, 0.5],
-    constant=True,
-    weights={
-        "c_lift": [0.2, -0.3, 0.1],
-        "c_moment": [0.01, 0.02, 0.0],
-        "wind_x": [0.3, 0.1, 0.0],
-        "c_drag": [0.1, 0.0, 0.05],
-    },
+FREE = (
+    FreeFunction(
+        variables=["alpha", "V", "x", "t"],
+        centers=[[0.3, 6.0, -1.0, 0.2], [0.8, 4.0, 0.0, 0.5]],
+        widths=[0.4, 2.0, 1.5, 0.5],
+        constant=True,
+        weights={
+            "c_lift": [0.2, -0.3, 0.1],
+            "c_moment": [0.01, 0.02, 0.0],
+            "c_drag": [0.1, 0.0, 0.05],
+        },
+    ),
+    FreeFunction(
+        variables=["x", "t", "pitch"],
+        centers=[[-1.0, 0.2, -0.1], [0.0, 0.5, 0.2]],
+        widths=[1.5, 0.5, 0.4],
+        weights={"wind_x": [0.3, 0.1]},
+    ),
 )
-"""A residual field that uses most of what a field can do."""
+"""Free functions that use most of what they can do."""

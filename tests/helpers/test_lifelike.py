@@ -10,7 +10,7 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET, log_path, roll_out
-from glider.physics.effects import KINDS, NO_FIELD
+from glider.physics.effects import KINDS, NO_GAUSSIANS
 from glider.physics.model import GliderModel
 from glider.sysid.replay.log_space import (
     log_space_of,
@@ -81,7 +81,7 @@ def flown_by_library(effects, start, commands):
         x[7:] = resting_states(space, 0.0, x, rate[0], theta)
         x[OFFSET] = 0.0
         along = log_path(fine, np.stack([here[:-1], middle, here[1:]], axis=1), rate)
-        states = roll_out(space.flown, along, x, theta, NO_FIELD)
+        states = roll_out(space.flown, along, x, theta, NO_GAUSSIANS)
         poses.append(sensed(space, states, theta))
     return np.stack(poses, axis=1)
 

@@ -1,7 +1,5 @@
 """Effects against the same mechanics written down another way."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
@@ -19,12 +17,16 @@ from glider.physics.effects import (
     LAGGED_DOWNWASH,
     LAGGED_SEPARATION,
     LIBRARY,
-    NO_FIELD,
+    NO_GAUSSIANS,
     PITCH_RATE_LIFT,
     STALLED_DOWNWASH,
     WIND_SHEAR,
 )
-from glider.physics.effects.field import FieldData, make_field
+from glider.physics.effects.free_functions import (
+    FREE_FUNCTIONS,
+    FreeFunction,
+    gaussians_of,
+)
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Theta
 from tests.helpers.physics import (
@@ -43,7 +45,7 @@ TAIL_ALONE = PARAMETERS._replace(wing_area=1e-12)
 
 def flown(effect, x, u=0.0, p=PARAMETERS, wind=(0.0, 0.0)):
     """Returns the derivatives (7,) with one effect that has no state."""
-    theta = Theta(p, np.array(effect.values), NO_FIELD)
+    theta = Theta(p, np.array(effect.values), NO_GAUSSIANS)
     rates = compose((effect.kind,)).derivatives(0.0, x, u, *wind, theta)
     return np.array(rates)
 
@@ -208,7 +210,7 @@ def test_a_spring_linkage_is_in_equilibrium_with_its_load(elevator):
 def separated(x, point, **values):
     """Returns the derivatives (8,) of a glider whose flow has separated at a point."""
     effect = LAGGED_SEPARATION(**values)
-    theta = Theta(PARAMETERS, np.array(effect.values), NO_FIELD)
+    theta = Theta(PARAMETERS, np.array(effect.values), NO_GAUSSIANS)
     full = np.append(x, point)
     chain = compose((LAGGED_SEPARATION,))
     return np.array(chain.derivatives(0.0, full, 0.0, 0.0, 0.0, theta))
@@ -280,7 +282,7 @@ def test_stalled_downwash_is_downwash_until_it_stalls():
 
 def test_lagged_downwash_is_downwash_of_an_angle_that_comes_late():
     effect = LAGGED_DOWNWASH(gradient=0.5, time_constant=0.08)
-    theta = Theta(PARAMETERS, np.array(effect.values), NO_FIELD)
+    theta = Theta(PARAMETERS, np.array(effect.values), NO_GAUSSIANS)
     chain, model = compose((LAGGED_DOWNWASH,)), GliderModel(effects=(effect,))
     for alpha in (-0.6, -0.1, 0.05, 0.3, 0.8):
         x, product = flying_at(alpha, elevator=0.1), np.sin(alpha) * np.cos(alpha)
@@ -343,18 +345,20 @@ def test_added_mass_obeys_kirchhoffs_equations(ahead):
         assert np.linalg.norm(actual - nominal_derivatives(x, 3.0)) > 0.1
 
 
-def test_a_field_of_added_mass_obeys_them_at_each_angle_of_attack():
+def test_free_functions_of_added_mass_obey_them_at_each_angle_of_attack():
     center, width, weights = 0.3, 0.2, (0.4, 0.25)
-    field = make_field(
-        FieldData(
-            variables=["alpha"],
-            centers=[[center]],
-            widths=[width],
-            weights={"added_mass": [weights[0]], "added_inertia": [weights[1]]},
-        )
+    gaussians = gaussians_of(
+        [
+            FreeFunction(
+                variables=["alpha"],
+                centers=[[center]],
+                widths=[width],
+                weights={"added_mass": [weights[0]], "added_inertia": [weights[1]]},
+            )
+        ]
     )
-    theta = Theta(PARAMETERS, np.zeros(0), field)
-    with_field = compose((), has_field=True)
+    theta = Theta(PARAMETERS, np.zeros(0), gaussians)
+    chain = compose((*FREE_FUNCTIONS.values(),))
     for x in random_states(30):
         velocity = x[4:6]
         across, along = velocity @ normal_of(x[2]), velocity @ axis_of(x[2])
@@ -363,25 +367,26 @@ def test_a_field_of_added_mass_obeys_them_at_each_angle_of_attack():
         mass = weights[0] * share * PARAMETERS.mass
         inertia = weights[1] * share * PARAMETERS.pitch_inertia
         expected = kirchhoff(x, 3.0, PARAMETERS, mass, inertia, 0.0)
-        actual = with_field.derivatives(0.0, x, 3.0, 0.0, 0.0, theta)
+        actual = chain.derivatives(0.0, x, 3.0, 0.0, 0.0, theta)
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
 
 
-def test_a_field_of_forces_meets_the_air_of_a_field_as_any_other():
+def test_free_functions_of_forces_meet_the_air_of_others_as_any_air():
     """What varies with the angle of attack and the airspeed is of the flow in it."""
     wind = 0.4, -0.9
     air = {"wind_x": [wind[0]], "wind_z": [wind[1]]}
-    forces = FieldData(
+    forces = FreeFunction(
         variables=["alpha", "V"],
         centers=[[0.2, 6.0], [0.7, 4.0]],
         widths=[0.2, 2.0],
         weights={"c_drag": [0.3, 0.2], "added_mass": [0.2, 0.1]},
     )
-    both = dataclasses.replace(forces, more=[FieldData(constant=True, weights=air)])
-    chain = compose((), has_field=True)
+    blown = FreeFunction(constant=True, weights=air)
+    chain = compose((*FREE_FUNCTIONS.values(),))
     for x in random_states(30):
         theta, plain = (
-            Theta(PARAMETERS, np.zeros(0), make_field(data)) for data in (both, forces)
+            Theta(PARAMETERS, np.zeros(0), gaussians_of(own))
+            for own in ([forces, blown], [forces])
         )
         np.testing.assert_allclose(
             chain.derivatives(0.0, x, 3.0, 0.0, 0.0, theta),
@@ -442,7 +447,9 @@ def test_every_effect_is_smooth_at_rest(kind):
     chain = compose((kind,))
     slopes = InitializeAutoDiff(x).ravel()
     rates = np.array(
-        chain.derivatives(0.0, slopes, 1.0, 0.0, 0.0, Theta(PARAMETERS, c, NO_FIELD))
+        chain.derivatives(
+            0.0, slopes, 1.0, 0.0, 0.0, Theta(PARAMETERS, c, NO_GAUSSIANS)
+        )
     )
     assert np.all(np.isfinite(ExtractValue(rates)))
     assert np.all(np.isfinite(ExtractGradient(rates)))

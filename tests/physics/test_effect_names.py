@@ -8,7 +8,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.physics.effects import KINDS, LIBRARY, PITCH_DAMPING
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.sysid.likelihood.scales import NAMES
 
@@ -47,22 +47,22 @@ def test_no_effect_is_named_outside_the_effects():
 def test_the_names_with_other_meanings_have_them():
     assert {"mass", "elevator_area"} <= {*PARAMETER_NAMES}
     assert "wind" in NAMES
-    assert "added_mass" in {block.term for block in BLOCKS.values()}
+    assert "added_mass" in {own.free_function.kind for own in FAMILIES.values()}
     used = {text for _, _, text in literals()}
     assert OTHER_MEANINGS.keys() <= used & KINDS.keys()
 
 
 @pytest.mark.parametrize("kind", LIBRARY, ids=repr)
 def test_what_an_effect_resembles_exists(kind):
-    links = {name.partition(" over ")[0] for name in BLOCKS}
-    assert {*kind.families} <= BLOCKS.keys()
-    assert {*kind.bent_by} <= links | BLOCKS.keys()
+    links = {name.partition(" over ")[0] for name in FAMILIES}
+    assert {*kind.families} <= FAMILIES.keys()
+    assert {*kind.bent_by} <= links | FAMILIES.keys()
     assert {*kind.like} <= {*PARAMETER_NAMES, *KINDS}
     assert kind.varies_by in ("", *NAMES)
 
 
 def test_a_free_function_bends_its_own_formulas_and_those_of_its_link():
-    by_rate = BLOCKS["lift over reduced_rate"]
+    by_rate = FAMILIES["lift over reduced_rate"]
     assert {*by_rate.formulas} == {
         "pitch_rate_lift",
         "dynamic_stall",
@@ -70,7 +70,7 @@ def test_a_free_function_bends_its_own_formulas_and_those_of_its_link():
     }
     assert by_rate.bends == {*by_rate.formulas, "added_mass"}
     # Any function of the lift may be a lag that is soon over.
-    assert {"dynamic_stall", "lagged_separation"} <= BLOCKS["lift over alpha"].bends
+    assert {"dynamic_stall", "lagged_separation"} <= FAMILIES["lift over alpha"].bends
 
 
 @pytest.mark.parametrize(

@@ -14,20 +14,20 @@ from glider.physics.effects import (
     COMMAND_DELAY,
     KINDS,
     LIBRARY,
-    NO_FIELD,
+    NO_GAUSSIANS,
     SERVO_LAG,
     STAGES,
     Coefficient,
     EffectKind,
 )
-from glider.physics.effects.field import make_field
+from glider.physics.effects.free_functions import FREE_FUNCTIONS, gaussians_of
 from glider.physics.formulas import scalar
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Parameters, Theta
 from glider.physics.servo import elevator_path
 from glider.systems.plant import GliderPlant
 from tests.helpers.physics import (
-    FIELD,
+    FREE,
     PARAMETERS,
     at_work,
     full_state,
@@ -37,7 +37,7 @@ from tests.helpers.physics import (
 
 ALL = pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.kind)
 
-# design.md, 'Effects'; rbf_residual is the residual Field.
+# design.md, 'Effects'; rbf_residual is a free function.
 REQUIRED = [
     "servo_lag",
     "command_delay",
@@ -78,10 +78,10 @@ REQUIRED = [
 ]
 
 
-def evaluate(effects, x, u, wind, p, c, field=NO_FIELD):
+def evaluate(effects, x, u, wind, p, c, gaussians=NO_GAUSSIANS):
     """Returns derivatives and pose, one after the other."""
-    chain = compose(tuple(e.kind for e in effects), field is not NO_FIELD)
-    theta = Theta(Parameters(*p), c, field)
+    chain = compose((*(e.kind for e in effects), *FREE_FUNCTIONS.values()))
+    theta = Theta(Parameters(*p), c, gaussians)
     rates = chain.derivatives(0.3, x, u, *wind, theta)
     return np.array([*rates, *chain.measure(x, theta)])
 
@@ -150,9 +150,9 @@ def test_its_coefficients_change_what_they_should(kind):
         assert np.max(np.abs(change)) > 1e-6, coefficient.name
 
 
-def check_gradients(effects, field=None):
+def check_gradients(effects, functions=()):
     """AutoDiff = complex step = central differences (= compiled), by everything."""
-    arrays = NO_FIELD if field is None else make_field(field)
+    arrays = gaussians_of(functions)
     for point in random_states(3, seed=5):
         x, c = full_state(effects, point)
         n = len(x)
@@ -179,9 +179,9 @@ def check_gradients(effects, field=None):
             np.transpose(difference) / size, gradient / size, atol=3e-6
         )
 
-        if field is None:
+        if not functions:
             continue
-        model = GliderModel(effects=tuple(effects), field=field)
+        model = GliderModel(effects=tuple(effects), free_functions=functions)
         value, slopes = differentiate(model, 0.3, z, np.asfortranarray(steps))
         np.testing.assert_allclose(value, f(z)[:n], rtol=1e-11, atol=1e-11)
         np.testing.assert_allclose(
@@ -194,9 +194,9 @@ def test_autodiff_complex_step_and_differences_agree(kind):
     check_gradients([at_work(kind)])
 
 
-def test_the_compiled_chain_agrees_with_all_effects_and_a_field():
+def test_the_compiled_chain_agrees_with_all_effects_and_free_functions():
     """One kernel for the whole library: compiling one each would take minutes."""
-    check_gradients([at_work(kind) for kind in LIBRARY], FIELD)
+    check_gradients([at_work(kind) for kind in LIBRARY], FREE)
 
 
 @ALL
@@ -273,7 +273,7 @@ def test_a_users_own_effect_goes_everywhere(formula):
         np.zeros(1),
         np.array([2.0]),
         np.append(PARAMETERS, 0.01),
-        NO_FIELD,
+        NO_GAUSSIANS,
     )
     np.testing.assert_allclose(values[0, :3], expected[4:], rtol=1e-12)
 
@@ -425,7 +425,7 @@ def fly_elevator(effect, period=0.05, step=1e-3):
         u = commands[k // per]
 
         def rate(y, u=u):
-            theta = Theta(PARAMETERS, c, NO_FIELD)
+            theta = Theta(PARAMETERS, c, NO_GAUSSIANS)
             return np.array(chain.derivatives(0.0, y, u, 0.0, 0.0, theta))
 
         k1 = rate(x)

@@ -11,17 +11,11 @@ from glider.files import schema
 from glider.paths import models_path
 from glider.physics.confidence import make_confidence
 from glider.physics.covariance import Covariance
-from glider.physics.effects import KINDS, LIBRARY, NO_FIELD, PROFILE_DRAG, WIND
-from glider.physics.effects.field import (
-    FIELD_TERMS,
-    FieldData,
-    make_field,
-    of_motion,
-    of_sensors,
-)
+from glider.physics.effects import KINDS, LIBRARY, NO_GAUSSIANS, PROFILE_DRAG, WIND
+from glider.physics.effects.free_functions import ROWS, FreeFunction, gaussians_of
 from glider.physics.model import GliderModel, Origin, as_model, load_covariance
 from glider.physics.parameters import GliderParameters
-from tests.helpers.physics import FIELD, at_work
+from tests.helpers.physics import FREE, at_work
 
 
 @pytest.mark.parametrize(
@@ -30,7 +24,9 @@ from tests.helpers.physics import FIELD, at_work
         GliderModel(),
         GliderModel(parameters=GliderParameters(mass=0.1, wing_offset=-0.03)),
         GliderModel(effects=(WIND(x=-1 / 3, z=0.1), PROFILE_DRAG(cd0=0.05))),
-        GliderModel(effects=tuple(at_work(kind) for kind in LIBRARY), field=FIELD),
+        GliderModel(
+            effects=tuple(at_work(kind) for kind in LIBRARY), free_functions=FREE
+        ),
     ],
     ids=["nominal", "parameters", "effects", "all"],
 )
@@ -99,17 +95,17 @@ def test_a_file_says_only_what_it_changes(tmp_path):
         {"x": -0.6, "z": 0.0},
         {"strength": 0.0, "time_constant": 0.08},
     ]
-    assert model.residual_field is NO_FIELD
+    assert model.gaussians is NO_GAUSSIANS
 
 
 def test_a_reading_is_measured_and_moves_nothing():
-    data = FieldData(
+    data = FreeFunction(
         variables=["pitch"],
         centers=[[0.1]],
         widths=[0.5],
         weights={"pose_pitch": [0.04]},
     )
-    both = GliderModel(field=data), GliderModel()
+    both = GliderModel(free_functions=(data,)), GliderModel()
     state = np.array([1.0, 2.0, 0.1, 0.0, 6.0, 0.0, 0.0])
     shown = [own.chain.measure(state, own.numbers) for own in both]
     np.testing.assert_allclose(np.subtract(*shown), [0.0, 0.0, 0.04])
@@ -118,51 +114,67 @@ def test_a_reading_is_measured_and_moves_nothing():
     np.testing.assert_array_equal(*rates)
 
 
-def test_gaussians_of_different_widths_add_like_fields_of_one(tmp_path):
-    one = {"variables": ["x", "V"], "weights": {"wind_z": [1.0]}}
-    first = FieldData(centers=[[-2.0, 5.0]], widths=[0.5, 2.0], **one)
-    second = FieldData(centers=[[0.0, 6.0]], widths=[0.1, 2.0], **one)
-    both = FieldData(
+def test_gaussians_of_different_widths_add_like_functions_of_one(tmp_path):
+    one = {"variables": ["x", "V"], "weights": {"c_drag": [1.0]}}
+    first = FreeFunction(centers=[[-2.0, 5.0]], widths=[0.5, 2.0], **one)
+    second = FreeFunction(centers=[[0.0, 6.0]], widths=[0.1, 2.0], **one)
+    both = FreeFunction(
         variables=["x", "V"],
         centers=[[-2.0, 5.0], [0.0, 6.0]],
         widths=[[0.5, 0.1], 2.0],
-        weights={"wind_z": [1.0, 1.0]},
+        weights={"c_drag": [1.0, 1.0]},
     )
-    GliderModel(field=both).save(tmp_path / "model.yaml")
-    read = GliderModel.load(tmp_path / "model.yaml").residual_field
-    apart = dataclasses.replace(first, more=[second])
-    for array, expected in zip(read, make_field(apart), strict=True):
+    GliderModel(free_functions=(both,)).save(tmp_path / "model.yaml")
+    read = GliderModel.load(tmp_path / "model.yaml").gaussians
+    apart = gaussians_of([first, second])
+    for array, expected in zip(read, apart, strict=True):
         np.testing.assert_array_equal(array, expected)
 
 
-def test_the_arrays_of_a_field():
-    arrays = GliderModel(field=FIELD).residual_field
+def test_the_arrays_of_free_functions():
+    arrays = GliderModel(free_functions=FREE).gaussians
+    assert (arrays.num_air, arrays.num_flown) == (2, 5)
     np.testing.assert_array_equal(
-        arrays.centers[:, 0], [-1, 0, 0.2, 0, 6, 0.3, *5 * [0]]
+        arrays.centers[:, 2], [-1, 0, 0.2, *4 * [0], 6, 0.3, 0, 0]
     )
     np.testing.assert_allclose(
-        arrays.inverse_widths[:, 1], [1 / 1.5, 0, 2, 0, 0.5, 2.5, *5 * [0]]
+        arrays.inverse_widths[:, 1], [1 / 1.5, 0, 2, 2.5, *7 * [0]]
     )
-    np.testing.assert_array_equal(arrays.inverse_widths[:, 2], 0.0)  # The constant.
-    np.testing.assert_array_equal(arrays.weights[:, 2], [0, 0, 0.1, 0.05, *13 * [0]])
+    np.testing.assert_array_equal(arrays.inverse_widths[:, 4], 0.0)  # The constant.
+    np.testing.assert_array_equal(arrays.weights[:, 4], [0, 0, 0.1, 0.05, *13 * [0]])
 
 
-def test_a_basis_function_of_several_terms_is_evaluated_once_and_where_it_acts():
+def test_a_gaussian_of_several_functions_is_evaluated_once_and_where_it_acts():
     same = {"variables": ["x"], "centers": [[-2.0], [0.0]], "widths": [0.5]}
-    data = FieldData(
-        **same,
-        weights={"wind_z": [1.0, 0.0]},
-        more=[
-            FieldData(**same, weights={"pose_x": [0.1, 0.2]}),
-            FieldData(**same, weights={"wind_z": [2.0, 0.0]}),
-        ],
+    functions = [
+        FreeFunction(**same, weights={"c_lift": [1.0, 0.0], "c_drag": [0.5, 0.0]}),
+        FreeFunction(**same, weights={"pose_x": [0.1, 0.2]}),
+        FreeFunction(**same, weights={"c_lift": [2.0, 0.0]}),
+    ]
+    arrays = gaussians_of(functions)
+    assert (arrays.num_air, arrays.num_flown) == (0, 1)
+    np.testing.assert_array_equal(arrays.centers[0], [-2.0, -2.0, 0.0])
+    terms = [ROWS[name] for name in ("c_lift", "c_drag", "pose_x")]
+    expected = [[3.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.1, 0.2]]
+    np.testing.assert_allclose(arrays.weights[terms], expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "variable", "words"),
+    [("wind_z", "V", "x, z, t, pitch, pitchdot"), ("pose_x", "alpha", "x, z, pitch")],
+)
+def test_what_a_free_function_cannot_vary_with_is_refused(name, variable, words):
+    """Air is met before its speed is known; a reading shows the pose alone."""
+    data = FreeFunction(
+        variables=[variable], centers=[[1.0]], widths=[1.0], weights={name: [1.0]}
     )
-    field = make_field(data)
-    np.testing.assert_array_equal(field.centers[0], [-2.0, 0.0])
-    terms = [FIELD_TERMS.index(name) for name in ("wind_z", "pose_x")]
-    np.testing.assert_allclose(field.weights[terms], [[3.0, 0.0], [0.1, 0.2]])
-    assert of_motion(field).weights.shape[1] == 1
-    assert of_sensors(field).weights.shape[1] == 2
+    with pytest.raises(InputError, match=f"variables of.*{variable}.*some of {words}"):
+        gaussians_of([data])
+
+
+def free(text):
+    """Returns the text of a model with one free function."""
+    return f"free_functions: [{{{text}}}]"
 
 
 @pytest.mark.parametrize(
@@ -175,18 +187,18 @@ def test_a_basis_function_of_several_terms_is_evaluated_once_and_where_it_acts()
         ("effects: [{kind: wind, coefficients: {x: 99.0}}]", "'x' is 99"),
         ("effects: [{kind: wind, coefficients: {x: .nan}}]", "finite"),
         ("effects: [{kind: wind, values: {x: 1.0}}]", "values"),
-        ("field: {variables: [altitude], widths: [1.0]}", "'altitude'"),
-        ("field: {variables: [x], widths: [0.0]}", "widths"),
-        ("field: {variables: [x], widths: []}", "widths"),
-        ("field: {variables: [x], widths: [[1]], centers: [[0], [1]]}", "widths"),
-        ("field: {variables: [x], widths: [[1, 0]], centers: [[0], [1]]}", "widths"),
-        ("field: {variables: [x], widths: [[1, .nan]], centers: [[0], [1]]}", "finite"),
-        ("field: {variables: [x], widths: [1.0], centers: [[1.0, 2.0]]}", "center 0"),
-        ("field: {constant: true, weights: {c_lift: [1.0, 2.0]}}", "'c_lift'"),
-        ("field: {weights: {c_left: [1.0]}}", "'c_left'"),
+        (free("variables: [altitude], widths: [1.0]"), "'altitude'"),
+        (free("variables: [x], widths: [0.0]"), "widths"),
+        (free("variables: [x], widths: []"), "widths"),
+        (free("variables: [x], widths: [[1]], centers: [[0], [1]]"), "widths"),
+        (free("variables: [x], widths: [[1, 0]], centers: [[0], [1]]"), "widths"),
+        (free("variables: [x], widths: [[1, .nan]], centers: [[0], [1]]"), "finite"),
+        (free("variables: [x], widths: [1.0], centers: [[1.0, 2.0]]"), "center 0"),
+        (free("constant: true, weights: {c_lift: [1.0, 2.0]}"), "'c_lift'"),
+        (free("weights: {c_left: [1.0]}"), "'c_left'"),
         (
-            "field: {variables: [V], widths: [1], weights: {pose_z: []}}",
-            "variables of pose_z is ['V']; expected x, z and pitch",
+            free("variables: [V], widths: [1], weights: {pose_z: []}"),
+            "variables of pose_z is ['V']; expected some of x, z, pitch",
         ),
         (
             "covariance: {names: [wind.x], matrix: [[1.0]]}",
@@ -278,16 +290,16 @@ def test_what_is_neither_a_model_nor_a_path_is_refused(thing, found):
 
 
 @pytest.mark.parametrize("name", ["centers", "widths", "weights"])
-def test_a_field_that_is_no_number_is_refused(name):
+def test_a_free_function_that_is_no_number_is_refused(name):
     parts = {"centers": [[0.3]], "widths": [0.2], "weights": {"c_drag": [0.1]}}
     wrong = {
         "centers": [[math.nan]],
         "widths": [math.nan],
         "weights": {"c_drag": [math.inf]},
     }
-    data = FieldData(variables=["alpha"], **{**parts, name: wrong[name]})
+    data = FreeFunction(variables=["alpha"], **{**parts, name: wrong[name]})
     with pytest.raises(InputError, match="finite numbers"):
-        make_field(data)
+        gaussians_of([data])
 
 
 def test_an_unknown_servo_is_not_invented(tmp_path):

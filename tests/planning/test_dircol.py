@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from glider.errors import InputError
 from glider.physics.effects import KINDS
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning import dircol
@@ -215,7 +215,7 @@ def test_a_plant_with_a_state_of_its_own_is_planned_for():
 
 
 def test_a_time_varying_plant_is_refused():
-    field = FieldData(
+    field = FreeFunction(
         kind="unexplained",
         variables=["t"],
         centers=[[0.2], [0.6]],
@@ -223,7 +223,7 @@ def test_a_time_varying_plant_is_refused():
         weights={"wind_x": [0.1, 0.2]},
     )
     with pytest.raises(InputError, match="depends on time"):
-        plan(GliderModel(field=field), PerchingProblem())
+        plan(GliderModel(free_functions=(field,)), PerchingProblem())
 
 
 def test_a_mass_in_grams_is_refused():

@@ -12,7 +12,7 @@ from glider.compiled import barrier, collocation, stages
 from glider.compiled.collocation import LOOPS as POINTS
 from glider.compiled.collocation import PathDynamics
 from glider.physics.effects import KINDS
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.planning.dircol import PlanningError, plan
 from glider.planning.guess import straight_line
@@ -24,12 +24,14 @@ from tests.helpers.optimality import check_optimality
 MODEL, PROBLEM = GliderModel(), PerchingProblem()
 LAGGING = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.04),))
 BLOWN = GliderModel(
-    field=FieldData(
-        kind="unexplained",
-        variables=["x"],
-        centers=[[-2.0], [-1.0]],
-        widths=[0.7],
-        weights={"wind_x": [-0.4, 0.5], "wind_z": [0.2, 0.1]},
+    free_functions=(
+        FreeFunction(
+            kind="unexplained",
+            variables=["x"],
+            centers=[[-2.0], [-1.0]],
+            widths=[0.7],
+            weights={"wind_x": [-0.4, 0.5], "wind_z": [0.2, 0.1]},
+        ),
     )
 )
 

@@ -9,7 +9,7 @@ import pytest
 
 from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.sysid.report import (
     CALIBRATED,
@@ -61,7 +61,7 @@ UNEXPLAINED = FoundEffect(
 )
 
 
-VENT = FieldData(
+VENT = FreeFunction(
     kind="unexplained",
     variables=["x"],
     centers=[[-3.0], [-2.0], [-1.0]],
@@ -328,7 +328,7 @@ VARIANTS = {
         verdict="unexplained",
         effects=(UNEXPLAINED,),
         candidates={"mass": -2.0},
-        model=GliderModel(field=VENT),
+        model=GliderModel(free_functions=(VENT,)),
     ),
     "partly explained": make_result(
         verdict="partly_explained",

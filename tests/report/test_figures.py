@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from glider.files.schema import json_text
-from glider.physics.effects.families import BLOCKS
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.families import FAMILIES
+from glider.physics.effects.free_functions import FreeFunction
 from glider.report.as_page import page_data, rounded
 from glider.report.error_table import distance
 from glider.report.flight_figures import MOST_FLIGHTS, flights_in_page
@@ -197,16 +197,16 @@ def test_binned_quantiles_are_those_of_each_bin():
 
 def test_every_free_function_can_be_drawn():
     """Terms and variables have names: a report of any family can be written."""
-    for name, kind in BLOCKS.items():
-        data = FieldData(
+    for name, kind in FAMILIES.items():
+        data = FreeFunction(
             kind="unexplained",
             variables=list(kind.variables),
             centers=[[at] * len(kind.variables) for at in (0.0, 0.1)],
             widths=[0.1] * len(kind.variables),
-            weights={kind.term: [0.1, 0.2]},
+            weights={kind.free_function.kind: [0.1, 0.2]},
         )
         result = types.SimpleNamespace(
-            model=types.SimpleNamespace(field=data),
+            model=types.SimpleNamespace(free_functions=[data]),
             residual_after=types.SimpleNamespace(
                 variables=dict.fromkeys(kind.variables, np.array([0.02, 0.0, 0.05]))
             ),

@@ -122,7 +122,7 @@ def drawn(result):
     needs = {
         "held_out": result.held_out,
         "curves": result.curves,
-        "carried": result.model.field,
+        "carried": result.model.free_functions,
     }
     return {name for name in FIGURES if needs.get(name, True)}
 
@@ -391,7 +391,9 @@ def test_rivals_are_models_of_their_own(tmp_path, quick):
     _, (_, words, _), (_, nothing, _) = rival_rows(
         dataclasses.replace(result, alternatives=alternatives)
     )
-    assert words[-1] == f"free functions of {', '.join(rival.field.variables)}"
+    assert (
+        words[-1] == f"free functions of {', '.join(rival.free_functions[0].variables)}"
+    )
     assert len(words) == len(rival.effects) + 1 and nothing == []
     assert rival_rows(result) == []
     sure = (

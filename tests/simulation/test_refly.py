@@ -9,7 +9,7 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.turning import Signs, turn_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.simulation.refly import (
@@ -84,12 +84,12 @@ def test_the_last_models_forces_explain_the_measured_accelerations(
     assert force_error(nominal["measured"], acceleration) > 3.0 * error
 
 
-def test_a_models_residual_field_is_flown_too(campaign, flight):
+def test_the_free_functions_of_a_model_are_flown_too(campaign, flight):
     wind = GliderModel(effects=(KINDS["wind"](x=-1.0, z=0.3),))
     weights = {"wind_x": [-1.0], "wind_z": [0.3]}
-    field = GliderModel(field=FieldData(constant=True, weights=weights))
-    flown = refly(campaign, flight, {"wind": wind, "field": field})
-    assert np.allclose(flown["wind"].poses, flown["field"].poses, atol=1e-8)
+    pushed = GliderModel(free_functions=[FreeFunction(constant=True, weights=weights)])
+    flown = refly(campaign, flight, {"wind": wind, "free": pushed})
+    assert np.allclose(flown["wind"].poses, flown["free"].poses, atol=1e-8)
 
 
 def test_a_held_out_flight_is_flown_as_closing_the_loop_did(campaign):

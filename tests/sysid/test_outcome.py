@@ -9,7 +9,7 @@ import scipy.linalg
 
 from glider.campaign.turning import Signs
 from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, WIND
-from glider.sysid.likelihood.blocks import SPREADS, flown_values
+from glider.sysid.likelihood.fitted_functions import flown_values
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import (
@@ -46,11 +46,11 @@ def plain():
 
 def test_what_is_carried_is_in_the_model_and_nothing_else_is(plain):
     task, model = plain
-    bent = with_block(task, model, "moment over alpha").model
+    bent = with_function(task, model, "moment over alpha").model
     whole = model_of(task, bent, Signs())
-    (own,) = bent.blocks
-    assert whole.field == own.data
-    assert model_of(task, model, Signs()).field is None
+    (own,) = bent.functions
+    assert whole.free_functions == (own.data,)
+    assert model_of(task, model, Signs()).free_functions == ()
     (effect,) = model_of(task, model, Signs(pitch=-1)).effects
     assert effect.to_dict()["pitch"] == -1.0
 
@@ -92,15 +92,15 @@ def test_curves_show_what_is_lacking_along_and_across_the_wing():
     assert np.median(axial.std / expected) == pytest.approx(1.0, rel=0.4)
 
 
-# ------------------------------------------------------------------------ blocks
+# ------------------------------------------------------------------------ functions
 
 
-def with_block(task, model, name):
+def with_function(task, model, name):
     """Returns a trace of a model with a free function."""
-    block = task.blocks[name]
-    values = np.linspace(2.0, 1.0, block.count)  # So that peaks are near the start.
-    own = dataclasses.replace(block, coordinates=values)
-    model = dataclasses.replace(model, kinds=(name,), blocks=(own,))
+    function = task.functions[name]
+    values = np.linspace(2.0, 1.0, function.count)  # So that peaks are near the start.
+    own = dataclasses.replace(function, coordinates=values)
+    model = dataclasses.replace(model, kinds=(name,), functions=(own,))
     return types.SimpleNamespace(
         model=model,
         families={},
@@ -113,10 +113,10 @@ def with_block(task, model, name):
 
 def test_a_free_functions_errors_are_its_own(plain):
     task, model = plain
-    traced = with_block(task, model, "air along x over x")
-    block, first = task.blocks["air along x over x"], 3
-    std = np.append(np.full(first, 9.0), np.full(block.count, 0.1))
-    places = {block.name: range(first, len(std))}
+    traced = with_function(task, model, "air along x over x")
+    function, first = task.functions["air along x over x"], 3
+    std = np.append(np.full(first, 9.0), np.full(function.count, 0.1))
+    places = {function.name: range(first, len(std))}
     known = Uncertainty(
         free=model.free,
         named=(),
@@ -133,15 +133,15 @@ def test_a_free_functions_errors_are_its_own(plain):
 
 def entry_of(task, model, name, family=None):
     """Returns the only reported effect of a model with one free function."""
-    traced = with_block(task, model, name)
+    traced = with_function(task, model, name)
     traced.families = {name: family} if family else {}
-    block = task.blocks[name]
+    function = task.functions[name]
     known = Uncertainty(
         free=model.free,
         named=(),
-        places={name: range(block.count)},
-        likelihood=1e-4 * np.eye(block.count),
-        changes=np.zeros((2, block.count)),
+        places={name: range(function.count)},
+        likelihood=1e-4 * np.eye(function.count),
+        changes=np.zeros((2, function.count)),
     )
     (effect,) = effects_of(task, traced, known, {}, Signs())
     return effect
@@ -258,7 +258,7 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
         for name, value in times.items():
             theta[space.index[f"lagged_separation.{name}"]] = value
         model = types.SimpleNamespace(
-            kinds=(*evidence,), free_kinds=free, blocks=(), theta=theta
+            kinds=(*evidence,), free_kinds=free, functions=(), theta=theta
         )
         traced = types.SimpleNamespace(model=model, evidence=evidence)
         known = types.SimpleNamespace(std=lambda slot: 0.01)
@@ -272,16 +272,16 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
     assert unnamed(short, {"lagged_separation": 40.0}) == {}
     of_rate = {"lagged_separation": 40.0, "pitch_rate_lift": 30.0}
     assert unnamed(short, of_rate) == {}  # It has the only lift over alpha.
-    block = "lift over alpha and reduced_rate"
-    beside = {"lagged_separation": 40.0, block: 10.0}
-    assert unnamed(short, beside, (block,)) == {"lagged_separation": {block}}
-    assert unnamed(long, beside, (block,)) == {}
+    function = "lift over alpha and reduced_rate"
+    beside = {"lagged_separation": 40.0, function: 10.0}
+    assert unnamed(short, beside, (function,)) == {"lagged_separation": {function}}
+    assert unnamed(long, beside, (function,)) == {}
     first = {"attached_lift": 30.0, "lagged_separation": 60.0, "lift over alpha": 50.0}
     assert unnamed(short, first, ("lift over alpha",)).keys() == {"lagged_separation"}
     three = {"dynamic_stall": 90.0, "pitch_rate_lift": 30.0}
-    shaped = {"pitch_rate_lift": {"dynamic_stall", block}}
-    assert unnamed({}, three | {block: 50.0}, (block,)) == shaped
-    assert unnamed({}, three | {block: 20.0}, (block,)) == {}
+    shaped = {"pitch_rate_lift": {"dynamic_stall", function}}
+    assert unnamed({}, three | {function: 50.0}, (function,)) == shaped
+    assert unnamed({}, three | {function: 20.0}, (function,)) == {}
     stream = "stream at the tail over alpha"  # Its family has no area.
     area, pressure = {"elevator_area": 22.0}, "tail's force over elevator"
     assert unnamed({}, area | {stream: 400.0}, (stream,)) == {"elevator_area": {stream}}
@@ -311,10 +311,11 @@ def test_formulas_that_only_help_others_to_their_shape_are_not_named():
 
 def sized(task, model, name, size):
     """Returns a free function that is so large, over its prior's RMS."""
-    own, flown = task.blocks[name], flown_values(task.records, model.theta)
+    own, flown = task.functions[name], flown_values(task.records, model.theta)
     own = dataclasses.replace(own, coordinates=np.ones(own.count))
-    values = own.functions(flown[:, own.columns]) @ own.weights
-    factor = size * SPREADS[own.terms[0]] / np.sqrt(np.mean(values**2))
+    values = own.gaussians(flown[:, own.columns]) @ own.weights
+    [value] = own.effect.coefficients
+    factor = size * value.scale / np.sqrt(np.mean(values**2))
     return dataclasses.replace(own, coordinates=factor * own.coordinates)
 
 
@@ -324,8 +325,8 @@ def test_a_small_free_function_is_no_effect_where_a_larger_one_acts(plain):
 
     def found(**sizes):
         names = {f"{link} over alpha": size for link, size in sizes.items()}
-        blocks = tuple(sized(task, model, *own) for own in names.items())
-        other = dataclasses.replace(model, kinds=tuple(names), blocks=blocks)
+        functions = tuple(sized(task, model, *own) for own in names.items())
+        other = dataclasses.replace(model, kinds=tuple(names), functions=functions)
         return small(task, other)
 
     assert found() == found(lift=0.02) == set()
@@ -341,15 +342,15 @@ def test_a_formula_is_named_where_the_function_that_bends_it_is_small(plain):
     evidence = {"pitch_moment": 60.0, moment: 80.0, drag: 300.0}
 
     def named(size):
-        blocks = (sized(task, model, moment, size), sized(task, model, drag, 0.5))
-        kinds, traced = (*evidence,), with_block(task, model, drag)
+        functions = (sized(task, model, moment, size), sized(task, model, drag, 0.5))
+        kinds, traced = (*evidence,), with_function(task, model, drag)
         traced.model = dataclasses.replace(
-            model, kinds=kinds, free=task.free(kinds), blocks=blocks
+            model, kinds=kinds, free=task.free(kinds), functions=functions
         )
         traced.evidence, traced.families = evidence, {moment: "center_of_pressure"}
         own = types.SimpleNamespace(inclusion=1.0, rivals=())
         traced.weighed = dict.fromkeys(evidence, own)
-        count = len(traced.model.free) + sum(own.count for own in blocks)
+        count = len(traced.model.free) + sum(own.count for own in functions)
         known = Uncertainty(
             free=traced.model.free,
             named=task.space.slots_of("pitch_moment"),
@@ -364,14 +365,14 @@ def test_a_formula_is_named_where_the_function_that_bends_it_is_small(plain):
 
 
 def test_a_free_function_is_no_effect_of_its_own_where_it_helps_a_named_one():
-    block = "lift over alpha and reduced_rate"
+    function = "lift over alpha and reduced_rate"
     lag, lift = "lagged_separation", "attached_lift"
-    both = {lift: 60.0, lag: 40.0, block: 50.0}
-    assert block in standing_alone({lift: 60.0, block: 50.0}, (block,), {})
-    assert not standing_alone(both, (block,), {})
-    assert not standing_alone(both, (block,), {lag: {lift}})
-    assert standing_alone(both, (block,), {lag: {block}}) == {block}
-    assert not standing_alone(both, (block,), {lag: {block}, block: set()})
+    both = {lift: 60.0, lag: 40.0, function: 50.0}
+    assert function in standing_alone({lift: 60.0, function: 50.0}, (function,), {})
+    assert not standing_alone(both, (function,), {})
+    assert not standing_alone(both, (function,), {lag: {lift}})
+    assert standing_alone(both, (function,), {lag: {function}}) == {function}
+    assert not standing_alone(both, (function,), {lag: {function}, function: set()})
     load, wake = "tail's angle over tail_load", "tail's force over alpha"
     one = {"tail_wake": 46.0, load: 4.0}
     assert not standing_alone(one, (load,), {})
@@ -406,7 +407,7 @@ def likeliest(shown, values):
 
 
 @pytest.mark.parametrize(
-    ("link", "function", "slope", "names", "likelier"),
+    ("link", "law", "slope", "names", "likelier"),
     [
         ("lift", lambda a, q: np.sin(a), 0.0, "attached_lift", ""),
         ("lift", lambda a, q: -0.3 * q, 0.0, "pitch_rate_lift", "dynamic_stall"),
@@ -438,23 +439,23 @@ def likeliest(shown, values):
     ],
 )
 def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
-    link, function, slope, names, likelier
+    link, law, slope, names, likelier
 ):
     task, _ = task_of(fly(flights=8, duration=0.6))
     name = f"{link} over alpha and reduced_rate"
-    block, formula = task.blocks[name], OVER_RATE[link]
+    function, formula = task.functions[name], OVER_RATE[link]
     nearest = {"lift": "dynamic_stall", "moment": "pitch_damping"}[link]
-    at = flown_values(task.records, task.vehicle.theta)[:, block.columns]
-    shown = block.functions(at) @ block.mix
-    weights, covariance = likeliest(shown, function(*at.T))
+    at = flown_values(task.records, task.vehicle.theta)[:, function.columns]
+    shown = function.gaussians(at) @ function.mix
+    weights, covariance = likeliest(shown, law(*at.T))
     errors = scipy.linalg.block_diag(1e-8, covariance)
-    own = dataclasses.replace(block, coordinates=weights)
+    own = dataclasses.replace(function, coordinates=weights)
     theta, [slot] = task.vehicle.theta.copy(), task.space.slots_of(formula)
     theta[slot] = slope
     model = types.SimpleNamespace(kinds=(name,), theta=theta, by_name={name: own})
     known = types.SimpleNamespace(
         free=[slot] if slope else [],
-        places={name: range(1, 1 + block.count)},
+        places={name: range(1, 1 + function.count)},
         std_along=lambda places, rows: np.sqrt(
             np.einsum("...i,ij,...j->...", rows, errors[np.ix_(places, places)], rows)
         ),
@@ -481,17 +482,17 @@ def test_functions_of_alpha_and_the_rate_are_named_by_their_parts(
 def test_a_normal_force_where_the_plate_has_none_is_camber(force, names, beside):
     """Together with a formula, which the free function may undo."""
     task, _ = task_of(fly(flights=2, duration=0.6))
-    block, theta = task.blocks[LIFT], task.vehicle.theta.copy()
+    function, theta = task.functions[LIFT], task.vehicle.theta.copy()
     (slot,) = task.space.slots_of("camber")
     theta[slot] = beside
-    alpha = np.linspace(*block.flown[:, 0], 200)
+    alpha = np.linspace(*function.flown[:, 0], 200)
     alone = force(alpha) - 2.0 * (np.sin(alpha - beside) - np.sin(alpha))
-    shown = block.functions(alpha[:, None]) @ block.mix
+    shown = function.gaussians(alpha[:, None]) @ function.mix
     weights = np.linalg.lstsq(shown, alone, rcond=1e-6)[0]
-    own = dataclasses.replace(block, coordinates=weights)
+    own = dataclasses.replace(function, coordinates=weights)
     kinds = (LIFT, "camber") if beside else (LIFT,)
     model = types.SimpleNamespace(kinds=kinds, theta=theta, by_name={LIFT: own})
-    places = {LIFT: range(1, 1 + block.count)}
+    places = {LIFT: range(1, 1 + function.count)}
 
     def known(std):
         errors = {"places": places, "free": (slot,), "std_along": lambda *_: std}

@@ -76,7 +76,7 @@ def folds_of(t=9.0, t_lost=types.MappingProxyType({}), over_nominal=None, median
 def verdict(
     kinds=(),
     *,
-    field=False,
+    is_free=False,
     terms=(),
     signs=RIGHT,
     t=9.0,
@@ -97,15 +97,15 @@ def verdict(
 ):
     """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
-        unnamed = field or bool(terms)
+        unnamed = is_free or bool(terms)
     effects = [entry(kind, shape_fits) for kind in kinds]
     if not signs.are_right:
         effects.append(entry("angle_sign"))
     if unnamed:
         effects.append(entry("unexplained"))
-    blocks = ("air over x",) if field else ()
+    functions = ("air over x",) if is_free else ()
     traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=(*kinds, *blocks), blocks=blocks),
+        model=types.SimpleNamespace(kinds=(*kinds, *functions), functions=functions),
         forces=None if left_over is None else object(),
     )
     left = Residual(
@@ -198,10 +198,10 @@ def test_a_shape_that_is_not_the_librarys_is_told():
 
 @pytest.mark.parametrize("kinds", [("wind",), ()], ids=["named", "unnamed"])
 def test_a_gain_by_chance_is_not_trusted(kinds):
-    word, reason = verdict(kinds, field=not kinds, t=LEAST_T - 0.1)
+    word, reason = verdict(kinds, is_free=not kinds, t=LEAST_T - 0.1)
     assert word == "not_trusted"
     assert f"t = {LEAST_T - 0.1:.1f}" in reason
-    assert verdict(kinds, field=not kinds, t=LEAST_T + 0.1)[0] != "not_trusted"
+    assert verdict(kinds, is_free=not kinds, t=LEAST_T + 0.1)[0] != "not_trusted"
 
 
 def test_a_model_that_diverges_is_no_infinite_number():
@@ -222,7 +222,7 @@ def test_what_makes_unseen_flights_worse_is_not_trusted():
 @pytest.mark.parametrize("kinds", [("wind",), ()], ids=["named", "unnamed"])
 def test_what_is_worse_than_the_nominal_model_is_not_trusted(kinds):
     """A refitted baseline may be worse still."""
-    given = {"kinds": kinds, "field": not kinds}
+    given = {"kinds": kinds, "is_free": not kinds}
     word, reason = verdict(**given, split=0.9, drawn=0.9 / (WORSE + 0.01))
     assert word == "not_trusted" and "times the error of the nominal model" in reason
     assert verdict(**given, split=0.9, drawn=0.9)[0] != "not_trusted"
@@ -270,7 +270,7 @@ def test_what_leaves_too_much_to_chance_is_not_trusted():
     assert verdict((), doubt="the model needs gusts of 0.6 m/s")[0] == "not_trusted"
 
 
-@pytest.mark.parametrize("lack", [{"field": True}, {"terms": ("c_lift",)}], ids=str)
+@pytest.mark.parametrize("lack", [{"is_free": True}, {"terms": ("c_lift",)}], ids=str)
 def test_what_has_no_name_is_unexplained(lack):
     assert verdict((), **lack)[0] == "unexplained"
     assert verdict(("wind",), **lack)[0] == "partly_explained"
@@ -280,7 +280,7 @@ def test_wrong_signs_need_no_folds():
     wrong = Signs(pitch=-1, evidence=1e4, share=0.9)
     assert verdict((), signs=wrong)[0] == "effect_found"
     assert verdict(("wind",), signs=wrong, t=-9.0)[0] == "effect_found"
-    assert verdict((), signs=wrong, field=True)[0] == "partly_explained"
+    assert verdict((), signs=wrong, is_free=True)[0] == "partly_explained"
     worse = verdict(("wind",), signs=wrong, split=WORSE + 0.01)
     assert worse[0] == "not_trusted"
 
@@ -328,17 +328,17 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
 
 
 @pytest.mark.parametrize(
-    ("kinds", "blocks", "expected"),
+    ("kinds", "functions", "expected"),
     [
         (("mass", "center_of_pressure"), (), True),
         (("mass", "profile_drag"), (), False),
         (("mass",), (object(),), False),
         ((), (), False),
     ],
-    ids=["own", "more", "block", "nothing"],
+    ids=["own", "more", "function", "nothing"],
 )
-def test_only_the_plates_own_numbers_are_of_the_plate(kinds, blocks, expected):
-    model = types.SimpleNamespace(kinds=kinds, blocks=blocks)
+def test_only_the_plates_own_numbers_are_of_the_plate(kinds, functions, expected):
+    model = types.SimpleNamespace(kinds=kinds, functions=functions)
     assert changes_baseline_alone(model) is expected
 
 
@@ -346,8 +346,8 @@ def test_all_verdicts_have_been_seen():
     seen = {
         verdict()[0],
         verdict(("wind",))[0],
-        verdict(("wind",), field=True)[0],
-        verdict(field=True)[0],
+        verdict(("wind",), is_free=True)[0],
+        verdict(is_free=True)[0],
         verdict(("wind",), t=0.0)[0],
     }
     assert seen == set(VERDICTS)

@@ -12,7 +12,7 @@ from glider.control import mpc
 from glider.control.mpc import LAST, Replanner
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.planning import structured
 from glider.planning.guess import straight_line
@@ -162,7 +162,7 @@ def test_a_state_inside_a_clearance_is_planned_out_of_or_the_last_plan_goes_on()
 def test_what_cannot_be_planned_for_is_refused(monkeypatch):
     with pytest.raises(InputError, match="command rate is nan"):
         controller(command_rate=np.nan)
-    gust = FieldData(
+    gust = FreeFunction(
         kind="unexplained",
         variables=["t"],
         centers=[[0.5]],
@@ -170,7 +170,7 @@ def test_what_cannot_be_planned_for_is_refused(monkeypatch):
         weights={"wind_z": [0.3]},
     )
     with pytest.raises(InputError, match="depends on time"):
-        controller(GliderModel(field=gust))
+        controller(GliderModel(free_functions=(gust,)))
     whole = structured.solve_structured
     monkeypatch.setattr(
         structured,

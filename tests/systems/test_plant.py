@@ -19,27 +19,29 @@ from glider.physics.effects import (
     DYNAMIC_STALL,
     GROUND_EFFECT,
     LIBRARY,
-    NO_FIELD,
+    NO_GAUSSIANS,
     PITCH_OFFSET,
     PROFILE_DRAG,
     SERVO_LAG,
     WIND,
 )
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Theta
 from glider.physics.state import STATE_NAMES
 from glider.systems.plant import GliderPlant
 from tests.helpers.own_kinds import LEAK
 from tests.helpers.physics import (
-    FIELD,
+    FREE,
     PARAMETERS,
     at_work,
     nominal_derivatives,
     random_states,
 )
 
-ALL_AT_WORK = GliderModel(effects=tuple(at_work(k) for k in LIBRARY), field=FIELD)
+ALL_AT_WORK = GliderModel(
+    effects=tuple(at_work(k) for k in LIBRARY), free_functions=FREE
+)
 ALL_AT_WORK_STEADY = GliderModel(effects=tuple(at_work(k) for k in LIBRARY))
 EACH = [GliderModel(), *(GliderModel(effects=(at_work(k),)) for k in LIBRARY)]
 EACH_IDS = ["nominal", *(k.kind for k in LIBRARY)]
@@ -231,17 +233,17 @@ def test_a_formula_over_time_makes_it_time_varying():
 
 def test_only_a_field_over_time_makes_it_time_varying():
     assert not GliderModel().is_time_varying
-    assert GliderModel(field=FIELD).is_time_varying
-    plant = GliderPlant(GliderModel(field=FIELD))
+    assert GliderModel(free_functions=FREE).is_time_varying
+    plant = GliderPlant(GliderModel(free_functions=FREE))
     x = random_states(1)[0]
     context = set_up(plant, x, [2.0])
     now = rates(plant, context)
     context.SetTime(0.4)
     assert np.max(np.abs(rates(plant, context) - now)) > 1e-3
-    steady = FieldData(
+    steady = FreeFunction(
         variables=["alpha"], centers=[[0.3]], widths=[0.2], weights={"c_drag": [0.1]}
     )
-    assert not GliderModel(field=steady).is_time_varying
+    assert not GliderModel(free_functions=(steady,)).is_time_varying
 
 
 # --------------------------------------------------------------------- scalars
@@ -417,7 +419,7 @@ def test_the_reference_state_at_rest_uses_the_models_own_air():
     plant = GliderPlant(GliderModel(effects=effects))
     x = plant.model.initial_state([0, 0, -0.2, 0, 6.0, 0, 0])
     chain = compose(plant.model.kinds)
-    theta = Theta(PARAMETERS, np.array([-1.0, 0.5, 1.0, 0.08]), NO_FIELD)
+    theta = Theta(PARAMETERS, np.array([-1.0, 0.5, 1.0, 0.08]), NO_GAUSSIANS)
     flow, _ = chain.meet_air(0.0, x, 0.0, 0.0, 0.0, theta)
     assert x[7] == flow.sin_alpha
     assert flow.air_x == 7.0

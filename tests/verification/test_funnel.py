@@ -9,7 +9,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from glider.control.tvlqr import tracking_policy
 from glider.errors import InputError
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.systems.funnel_monitor import FunnelMonitor
@@ -47,10 +47,10 @@ def test_what_is_no_funnel_is_an_input_error(funnel, tmp_path):
     save_funnel(path, dataclasses.replace(funnel, S=funnel.S[:-1]))
     with pytest.raises(InputError, match="'S' has shape"):
         load_funnel(path)
-    gust = FieldData(
+    gust = FreeFunction(
         variables=("t",), centers=[[0.5]], widths=[0.1], weights={"wind_z": [3.0]}
     )
-    model = GliderModel(field=gust)
+    model = GliderModel(free_functions=(gust,))
     save_funnel(
         path,
         dataclasses.replace(

@@ -6,7 +6,7 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
 from glider.physics.compose import compose
-from glider.physics.effects import ATTACHED_LIFT, NO_FIELD, SERVO_LAG
+from glider.physics.effects import ATTACHED_LIFT, NO_GAUSSIANS, SERVO_LAG
 from glider.physics.parameters import Theta
 from glider.verification.dynamics.jets import coefficients_of, monomials, variables
 from tests.helpers.physics import PARAMETERS, random_states
@@ -59,7 +59,7 @@ def test_many_points_at_once_are_the_same_as_one_by_one():
 
 def expand_dynamics(kinds, x, c, order):
     jets = variables(x, order)
-    theta = Theta(PARAMETERS, c, NO_FIELD)
+    theta = Theta(PARAMETERS, c, NO_GAUSSIANS)
     rates = compose(kinds).derivatives(0.0, jets, 1.5, 0.2, 0.1, theta)
     return np.array([coefficients_of(rate, jets[0]) for rate in rates])
 
@@ -69,7 +69,7 @@ def test_the_linear_part_of_the_dynamics_is_drakes_autodiff():
     x = np.append(random_states(1)[0], 0.5)
     found = expand_dynamics(kinds, x, c, 3)
     duals = InitializeAutoDiff(x).ravel()
-    theta = Theta(PARAMETERS, c, NO_FIELD)
+    theta = Theta(PARAMETERS, c, NO_GAUSSIANS)
     rates = compose(kinds).derivatives(0.0, duals, 1.5, 0.2, 0.1, theta)
     expected = ExtractGradient(np.array(rates))
     assert found[:, 1:9] == pytest.approx(expected, rel=1e-9, abs=1e-9)
@@ -78,7 +78,7 @@ def test_the_linear_part_of_the_dynamics_is_drakes_autodiff():
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_error_falls_with_the_order_of_the_expansion(order):
     x, rng = random_states(1, seed=2)[0], np.random.default_rng(1)
-    theta = Theta(PARAMETERS, np.zeros(0), NO_FIELD)
+    theta = Theta(PARAMETERS, np.zeros(0), NO_GAUSSIANS)
     coefficients = expand_dynamics((), x, theta.c, order)
     direction = rng.normal(size=7) * [0.1, 0.1, 0.1, 0.1, 0.5, 0.5, 0.5]
     errors = []

@@ -11,7 +11,7 @@ from glider.__main__ import main
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.compose import compose
-from glider.physics.effects import ATTACHED_LIFT, NO_FIELD, SERVO_LAG
+from glider.physics.effects import ATTACHED_LIFT, NO_GAUSSIANS, SERVO_LAG
 from glider.physics.parameters import Theta
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
@@ -71,7 +71,7 @@ def test_slopes_of_the_dynamics_are_those_of_their_taylor_series(name):
     n = 7 + len(kinds) // 2
     points = rng.normal(size=(n + 3, 50))
     points[4] += 6.0
-    theta, unit = Theta(PARAMETERS, np.array(c), NO_FIELD), np.eye(n + 3).tolist()
+    theta, unit = Theta(PARAMETERS, np.array(c), NO_GAUSSIANS), np.eye(n + 3).tolist()
     own = [Slope(x, tuple(row)) for x, row in zip(points, unit, strict=True)]
     jets = variables(points, 1)
     for slope, jet in zip(

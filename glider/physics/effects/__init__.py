@@ -10,7 +10,12 @@ from glider.physics.effects.effect import (
     Motion,
     Replay,
 )
-from glider.physics.effects.field import FIELD_TERMS, FIELD_VARIABLES, NO_FIELD, Field
+from glider.physics.effects.free_functions import (
+    FLOW_VARIABLES,
+    FREE_FUNCTIONS,
+    NO_GAUSSIANS,
+    Gaussians,
+)
 from glider.physics.effects.geometry import (
     CENTER_OF_PRESSURE,
     DOWNWASH,

@@ -224,7 +224,7 @@ class EffectKind:
     is_rare: bool = False
     #: The scale of noise by which the coefficients vary from flight to flight, or none.
     varies_by: str = ""
-    families: tuple[str, ...] = ()  #: Free functions of which it is a formula, BLOCKS.
+    families: tuple[str, ...] = ()  #: Those of FAMILIES of which it is a formula.
     #: Further free functions that may bend its formula, or links of which all may:
     #: lags are soon over, and only the deflection distinguishes a change of the tail's
     #: angle from one of its force.
@@ -247,6 +247,9 @@ class EffectKind:
     #: log is replayed through it; then it is no part of the dynamics that fly the log.
     #: An actuator without one is integrated by its formulas.
     replay: Callable[..., Replay] | None = None
+    #: Whether its coefficient is a function of the flow, of FREE_FUNCTIONS, which no
+    #: vector of numbers holds.
+    is_free: bool = False
 
     def __post_init__(self):
         """Raises InputError where the effect could not be used."""

@@ -2,11 +2,12 @@
 
 import dataclasses
 
-from glider.physics.effects import LIBRARY
+from glider.physics.effects import LIBRARY, EffectKind
+from glider.physics.effects.free_functions import FREE_FUNCTIONS
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BlockKind:
+class Family:
     """A family of effects: a link of the force chain, and what it varies with.
 
     Of two variables where the past matters: to first order, what lags behind the angle
@@ -14,11 +15,15 @@ class BlockKind:
     """
 
     link: str  #: Of the force chain, as reports have it.
-    term: str  #: Of FIELD_TERMS.
-    variables: tuple[str, ...]  #: Of FIELD_VARIABLES, one or two.
-    words: str  #: A short phrase for people.
+    free_function: EffectKind  #: Of FREE_FUNCTIONS.
+    variables: tuple[str, ...]  #: Of FLOW_VARIABLES, one or two.
     formulas: tuple[str, ...]  #: Effects of the library that are of the family.
     bends: frozenset[str]  #: Effects whose formula it may bend.
+
+    @property
+    def words(self) -> str:
+        """A short phrase for people."""
+        return f"{self.free_function.words} with {' and '.join(self.variables)}"
 
     @property
     def depends_on(self) -> tuple[str, ...]:
@@ -29,32 +34,24 @@ class BlockKind:
 
 
 _LINKS = {
-    "air along x": ("air", "wind_x", "air along x that changes"),
-    "air along z": ("air", "wind_z", "air along z that changes"),
-    "lift": ("wing_force", "c_normal", "a lift that changes"),
-    "drag": ("wing_force", "c_drag", "a drag that changes"),
-    "axial force": ("wing_force", "c_axial", "an axial force that changes"),
-    "push": ("push", "push", "a push along the body axis that changes"),
-    "moment": ("moment", "c_moment", "a moment that changes"),
-    "added mass": ("inertia", "added_mass", "an added mass that changes"),
-    "added inertia": ("inertia", "added_inertia", "an added inertia that changes"),
-    "wing's force": ("wing_force", "wing_factor", "a wing's force that changes"),
-    "tail's force": ("tail_pressure", "elevator_factor", "a tail's force that changes"),
-    "stream at the tail": (
-        "tail_angle",
-        "tail_downwash",
-        "a stream at the tail that turns",
-    ),
-    "tail's angle": ("tail_angle", "tail_angle", "a tail that turns"),
-    "measured x": ("sensor", "pose_x", "an error of the measured x that changes"),
-    "measured z": ("sensor", "pose_z", "an error of the measured z that changes"),
-    "measured pitch": (
-        "sensor",
-        "pose_pitch",
-        "an error of the measured pitch that changes",
-    ),
+    "air along x": ("air", "wind_x"),
+    "air along z": ("air", "wind_z"),
+    "lift": ("wing_force", "c_normal"),
+    "drag": ("wing_force", "c_drag"),
+    "axial force": ("wing_force", "c_axial"),
+    "push": ("push", "push"),
+    "moment": ("moment", "c_moment"),
+    "added mass": ("inertia", "added_mass"),
+    "added inertia": ("inertia", "added_inertia"),
+    "wing's force": ("wing_force", "wing_factor"),
+    "tail's force": ("tail_pressure", "elevator_factor"),
+    "stream at the tail": ("tail_angle", "tail_downwash"),
+    "tail's angle": ("tail_angle", "tail_angle"),
+    "measured x": ("sensor", "pose_x"),
+    "measured z": ("sensor", "pose_z"),
+    "measured pitch": ("sensor", "pose_pitch"),
 }
-"""Links of the force chain: their name in reports, term, and what acts there."""
+"""Links of the force chain: their name in reports, and the free function there."""
 
 _NAMES = (
     "air along x over x",
@@ -99,20 +96,19 @@ _NAMES = (
 """Link and variables of the families."""
 
 
-def _make_block(name: str) -> BlockKind:
+def _make_family(name: str) -> Family:
     link, _, varying = name.partition(" over ")
-    reported, term, acts = _LINKS[link]
+    reported, function = _LINKS[link]
     formulas = [kind.kind for kind in LIBRARY if name in kind.families]
     bent = [kind.kind for kind in LIBRARY if {link, name} & {*kind.bent_by}]
-    return BlockKind(
+    return Family(
         link=reported,
-        term=term,
+        free_function=FREE_FUNCTIONS[function],
         variables=tuple(varying.split(" and ")),
-        words=f"{acts} with {varying}",
         formulas=tuple(formulas),
         bends=frozenset([*formulas, *bent]),
     )
 
 
-BLOCKS = {name: _make_block(name) for name in _NAMES}
+FAMILIES = {name: _make_family(name) for name in _NAMES}
 """Families of effects that are searched without a formula, by name."""

@@ -14,7 +14,7 @@ from scipy.special import ndtr, ndtri, stdtr
 from glider.campaign.smoothing import smoothing_maps
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import FIELD_VARIABLES
+from glider.physics.effects import FLOW_VARIABLES
 from glider.physics.state import NUM_STATES
 from glider.sysid import constants
 from glider.sysid.fit.prediction import (
@@ -24,12 +24,12 @@ from glider.sysid.fit.prediction import (
     near_median,
     of_launch,
 )
-from glider.sysid.likelihood.blocks import values_at_nodes, variables_between
 from glider.sysid.likelihood.filtering import negative_log_likelihood, start_variances
+from glider.sysid.likelihood.fitted_functions import values_at_nodes, variables_between
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import FitResult, Task, field_of
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Record
 from glider.sysid.report import EquationErrors, Errors
 
@@ -136,7 +136,7 @@ def _squares(
     pitch_ratio: float,
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
-    flight = linearize(record, model.theta, model.field)
+    flight = linearize(record, model.theta, model.gaussians)
     count = _REPLICAS
     moves, shows = _transitions(flight, truth)
     (nodes, channels, total), n = shows.shape, len(flight.states)
@@ -252,13 +252,13 @@ def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
         return (costs[0] - costs[1]) / (2.0 * _STEP), float(curvature.sum())
 
     theta = model.theta
-    field = field_of(model)
-    values = [variables_between(values_at_nodes(f, theta, field)) for f in flights]
+    nodes = [values_at_nodes(flight, theta, model.gaussians) for flight in flights]
+    values = [variables_between(own) for own in nodes]
     sizes = np.abs(np.concatenate(values))
     overall, _ = slopes(np.ones(len(sizes)))
     found = {}
     for variable in STATES:
-        own = sizes[:, FIELD_VARIABLES.index(variable)]
+        own = sizes[:, FLOW_VARIABLES.index(variable)]
         if np.ptp(own) > 0.0:
             ranks = np.argsort(np.argsort(own)) * (2.0 / len(own)) - 1.0
             gains, information = slopes(ranks)

@@ -15,7 +15,7 @@ from glider.campaign.checks.motion import robust_std
 from glider.compiled.filter_error import ELEVATOR, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import OFFSET, LogPath, roll_out
-from glider.physics.effects import Field
+from glider.physics.effects import Gaussians
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import BEGINNING, Z
 from glider.sysid.likelihood.filtering import negative_log_likelihood, smooth
@@ -27,7 +27,7 @@ from glider.sysid.likelihood.linear_flight import (
 )
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import FitResult, Task, field_of
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
@@ -41,7 +41,7 @@ class RolloutModel:
     """A model that flies logs again."""
 
     theta: np.ndarray  #: Its parameters and coefficients.
-    field: Field  #: Its residual field.
+    gaussians: Gaussians  #: Of its free functions.
     scales: Scales  #: Of errors over flights and, see `on`, along rollouts.
     per_flight_trims: bool  #: Whether the elevator's angle is another in each flight.
 
@@ -55,7 +55,7 @@ class RolloutModel:
         flights = []
         for record in typical_flights(records):
             rows = beginning_rows(record.time, self.per_flight_trims)
-            flights.append(linearize(record.first(rows), self.theta, self.field))
+            flights.append(linearize(record.first(rows), self.theta, self.gaussians))
         costs = negative_log_likelihood(flights, scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
         scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
@@ -63,7 +63,7 @@ class RolloutModel:
 
     def with_numbers_of(self, model: FitResult) -> "RolloutModel":
         """Returns another model, whose errors are taken to be as large."""
-        return dataclasses.replace(self, theta=model.theta, field=field_of(model))
+        return dataclasses.replace(self, theta=model.theta, gaussians=model.gaussians)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
     """Returns a fitted model as one that flies logs again."""
     return RolloutModel(
         theta=model.theta,
-        field=field_of(model),
+        gaussians=model.gaussians,
         scales=scales,
         per_flight_trims=task.vehicle.per_flight_trims,
     ).on(task.records)
@@ -130,7 +130,7 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
     beginning = dataclasses.replace(record, seen=of_launch(record, rows))
     about = STILL_AIR
     for _ in range(2):
-        flight = linearize(beginning, model.theta, model.field, (), about)
+        flight = linearize(beginning, model.theta, model.gaussians, (), about)
         launch = flight.nodes[0].copy()
         n = len(flight.states)
         own = smooth(flight, model.scales).start
@@ -154,9 +154,9 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     path, dynamics = path_of(record, model.theta, about)
     kinds = space.flown
     zero = np.array([0.0, 0.0, pitch_zero])
-    states = roll_out(kinds, path, launch, dynamics, model.field)
+    states = roll_out(kinds, path, launch, dynamics, model.gaussians)
 
-    nodes = true_nodes(record, model.theta, model.field)
+    nodes = true_nodes(record, model.theta, model.gaussians)
     turned = (nodes - record.nodes)[:, [2, 6]] - zero[[2, 0]]
     middle = 0.5 * (turned[1:] + turned[:-1])
     pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
@@ -167,8 +167,8 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     def places(change: np.ndarray, along: LogPath) -> np.ndarray:
         state = start.copy()
         state[[0, 1, 4, 5]] += change
-        moved = roll_out(kinds, along, state, dynamics, model.field)
-        return sensed(space, moved, model.theta, model.field)[:, :2]
+        moved = roll_out(kinds, along, state, dynamics, model.gaussians)
+        return sensed(space, moved, model.theta, model.gaussians)[:, :2]
 
     change = np.zeros(4)
     step = 1e-5
@@ -184,7 +184,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
             break
         error = (record.pose[:rows, :2] - flown)[seen]
         change += np.linalg.lstsq(matrix, error, rcond=None)[0]
-    pose = sensed(space, states, model.theta, model.field) + zero
+    pose = sensed(space, states, model.theta, model.gaussians) + zero
     along = places(change, guided)
     return Prediction(pose=pose, translated=along, trim=float(trim))
 
@@ -227,7 +227,7 @@ def _errors(
     poses = [record.pose[own] for record, own in zip(records, seen, strict=True)]
     flown = [p.pose[own] for p, own in zip(predictions, seen, strict=True)]
     trims = [predicted.trim for predicted in predictions]
-    table = make_table(records, model.theta, trims, model.field)
+    table = make_table(records, model.theta, trims, model.gaussians)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         missed = np.concatenate(poses) - np.concatenate(flown)
         moved = np.concatenate([pose - pose.mean(axis=0) for pose in poses])

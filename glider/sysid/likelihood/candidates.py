@@ -8,9 +8,9 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.blocks import Block, terms_of
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
+from glider.sysid.likelihood.fitted_functions import FittedFunction, terms_of
 from glider.sysid.likelihood.information import (
     Evidence,
     counted_from,
@@ -21,7 +21,7 @@ from glider.sysid.likelihood.information import (
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import FitResult, Task, field_of
+from glider.sysid.likelihood.task import FitResult, Task
 
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
 Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
@@ -40,10 +40,12 @@ class Candidates:
 
     task: Task  #: Of the flights.
     model: FitResult  #: About which the flights are linear.
-    directions: tuple[Direction, ...]  #: Of the columns; those of acting blocks follow.
+    #: Of the columns; those of acting functions follow.
+    directions: tuple[Direction, ...]
     variants: dict[str, tuple[Variant, ...]]  #: By kind; one of a kind that acts.
     flights: Sequence[LinearFlight]  #: Linear in the directions and what acts.
-    blocks: tuple[Block, ...] = ()  #: That do not act yet; their columns come last.
+    #: That do not act yet; their columns come last.
+    functions: tuple[FittedFunction, ...] = ()
     #: Column of each of a variant, and the prior spread of its coordinate.
     columns: tuple[tuple[int, float], ...]
 
@@ -62,23 +64,23 @@ class Candidates:
         unknown = [j for j, slot in enumerate(self.slots) if slot in own]
         return [*unknown, *sorted(j for place in carried for j in place)]
 
-    def offering(self, blocks: Iterable[Block]) -> "Candidates":
-        """Returns the candidates with those blocks that do not act yet; once."""
-        assert not self.blocks
-        new = tuple(b for b in blocks if b.count and b.name not in self.model.kinds)
+    def offering(self, functions: Iterable[FittedFunction]) -> "Candidates":
+        """Returns the candidates with those functions that do not act yet; once."""
+        assert not self.functions
+        new = tuple(b for b in functions if b.count and b.name not in self.model.kinds)
         scaled = [*self.columns]
         variants = {**self.variants}
         first = len(self.columns)
-        for block in new:
+        for function in new:
             own = list[Variant]()
             for strength in _STRENGTHS:
                 begin = len(scaled)
-                scaled += [(first + j, strength) for j in range(block.count)]
+                scaled += [(first + j, strength) for j in range(function.count)]
                 own.append(tuple(range(begin, len(scaled))))
-            variants[block.name] = tuple(own)
-            first += block.count
+            variants[function.name] = tuple(own)
+            first += function.count
         return dataclasses.replace(
-            self, variants=variants, blocks=new, columns=tuple(scaled)
+            self, variants=variants, functions=new, columns=tuple(scaled)
         )
 
     def grams(self, scales: Scales) -> np.ndarray:
@@ -97,11 +99,11 @@ class Candidates:
         self, flights: Sequence[LinearFlight], scales: Scales
     ) -> list[np.ndarray]:
         theta = self.model.theta
-        field = field_of(self.model)
-        blocks = self.blocks
+        gaussians = self.model.gaussians
+        functions = self.functions
 
         def one(flight: LinearFlight) -> np.ndarray:  # It holds one flight's only.
-            whole = model_fit.with_blocks(flight, theta, field, blocks)
+            whole = model_fit.with_functions(flight, theta, gaussians, functions)
             return whiten(whole, scales).gram
 
         return in_parallel(one, flights)
@@ -109,10 +111,10 @@ class Candidates:
     def from_nothing(self, grams: np.ndarray) -> tuple[np.ndarray, model_fit.Prior]:
         """Returns the information and the prior about the model without effects.
 
-        Blocks that do not act yet have a prior spread of one; see `columns`.
+        Functions that do not act yet have a prior spread of one; see `columns`.
         """
-        blocks = (*self.model.blocks, *self.blocks)
-        model = dataclasses.replace(self.model, blocks=blocks)
+        functions = (*self.model.functions, *self.functions)
+        model = dataclasses.replace(self.model, functions=functions)
         prior = model_fit.prior_of(self.task, model, self.slots)
         is_shape = [
             j for j, slot in enumerate(self.slots) if slot in self.task.space.shapes
@@ -205,8 +207,8 @@ class HeldOutEvidence:
 def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidates:
     """Linearizes all flights about a model, in all candidates.
 
-    Blocks that act in the model are candidates too; others, of `terms`, may be offered
-    later.
+    Functions that act in the model are candidates too; others, of `terms`, may be
+    offered later.
     """
     space = task.space
     own = set(task.vehicle.nuisance)
@@ -289,24 +291,24 @@ def _at_bounds(task: Task, model: FitResult) -> set[int]:
 
 
 def survey(task: Task, model: FitResult) -> dict[str, float]:
-    """Computes the evidence of each block that does not act, on top of a model [nats].
+    """Computes the evidence of each function beside a model without it [nats].
 
-    On a few flights; minus infinity where the model, or the block's column, diverges.
+    On a few flights; minus infinity where the model or the function's column diverges.
     """
     few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
-    alone = gather(few, model, terms_of(few.blocks.values()))
+    alone = gather(few, model, terms_of(few.functions.values()))
     own = [column for kind in model.kinds for column in alone.variants[kind][0]]
 
-    def gain(block: Block) -> float:
-        candidates = alone.offering([block])
+    def gain(function: FittedFunction) -> float:
+        candidates = alone.offering([function])
         gram = candidates.total(model.scales)
         if not np.all(np.isfinite(gram)):
             return -np.inf
         evidence = candidates.evidence(gram)
         [before] = evidence.extended(own, [()])
-        return max(evidence.extended(own, candidates.variants[block.name])) - before
+        return max(evidence.extended(own, candidates.variants[function.name])) - before
 
-    return {b.name: gain(b) for b in alone.offering(few.blocks.values()).blocks}
+    return {b.name: gain(b) for b in alone.offering(few.functions.values()).functions}
 
 
 def tamed(

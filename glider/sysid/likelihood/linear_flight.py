@@ -16,8 +16,8 @@ from glider.compiled.replay import (
     measure_nodes,
     slopes_along,
 )
-from glider.physics.effects import FIELD_TERMS, PITCH_MOMENT, PITCH_OFFSET, Field
-from glider.physics.effects.field import AIR_TERMS, SENSOR_TERMS
+from glider.physics.effects import PITCH_MOMENT, PITCH_OFFSET, EffectKind, Gaussians
+from glider.physics.effects.free_functions import AIR_TERMS, ROWS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
 from glider.sysid.replay.log_space import SERVO_LOG, sensed
@@ -49,12 +49,12 @@ STILL_AIR = Surroundings()
 
 
 class AddedColumns(NamedTuple):
-    """Columns of functions times some terms, made only when a flight is whitened."""
+    """Columns of a free function, made only when a flight is whitened."""
 
-    basis: np.ndarray  #: (K, M) functions in intervals; of sensors (K + 1, M) at nodes.
-    by_term: np.ndarray  #: (K, n, T) of a constant of each term; of sensors (1, C, T).
-    mix: np.ndarray  #: (M, T, q) mixtures of functions times terms.
-    are_read: bool  #: Whether sensors read them.
+    basis: np.ndarray  #: (K, M) Gaussians in intervals; of sensors (K + 1, M) at nodes.
+    by_value: np.ndarray  #: (K, n) slopes by its value; of sensors (1, C).
+    mix: np.ndarray  #: (M, q) mixtures of Gaussians.
+    is_read: bool  #: Whether sensors show it.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -73,12 +73,12 @@ class LinearFlight:
     by_air: np.ndarray
     by_trim: np.ndarray
     by_term: np.ndarray  #: By a constant of each of `terms`.
-    terms: tuple[str, ...]  #: Of FIELD_TERMS, the air's first.
+    terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, the air's first.
     inputs: np.ndarray
     pose_by_x: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    forces: tuple[AddedColumns, ...] = ()  #: They come before the last column.
+    functions: tuple[AddedColumns, ...] = ()  #: They come before the last column.
 
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
@@ -95,7 +95,7 @@ class LinearFlight:
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        bare = dataclasses.replace(self, forces=())
+        bare = dataclasses.replace(self, functions=())
         return bare.combined(np.zeros(self.inputs.shape[2] - 1))
 
     def with_force_errors(self) -> "LinearFlight":
@@ -107,38 +107,38 @@ class LinearFlight:
         forces = self.by_term.take([*map(self.terms.index, FORCES)], 2)
         return dataclasses.replace(self, by_air=forces)
 
-    def with_forces(
-        self, basis: np.ndarray, terms: Sequence[str], mix: np.ndarray
+    def with_function(
+        self, basis: np.ndarray, effect: EffectKind, mix: np.ndarray
     ) -> "LinearFlight":
-        """Returns the flight with more columns, before the last.
+        """Returns the flight with the columns of a free function, before the last.
 
-        Each mixes (M terms, q), functions first, M functions with values (K, M) at the
-        midpoints of intervals times some of `terms`; or (K + 1, M) at the nodes times
-        some of SENSOR_TERMS.
+        Each mixes (M, q) Gaussians with values (K, M) at the midpoints of intervals; or
+        (K + 1, M) at the nodes, of an effect that sensors show.
         """
-        are_read = terms[0] in SENSOR_TERMS
-        of = SENSOR_TERMS if are_read else self.terms
-        by_term = np.eye(self.outputs.shape[1])[None] if are_read else -self.by_term
-        by_term = by_term.take([of.index(name) for name in terms], 2)
-        mix = mix.reshape(-1, len(terms), mix.shape[1])
-        own = AddedColumns(basis, by_term, mix, are_read)
-        return dataclasses.replace(self, forces=(*self.forces, own))
+        is_read = effect.stage == "sensor"
+        if is_read:
+            channels = np.arange(self.outputs.shape[1])
+            by_value = 1.0 * (channels == SENSOR_TERMS.index(effect.kind))[None]
+        else:
+            by_value = -self.by_term[:, :, self.terms.index(effect.kind)]
+        own = AddedColumns(basis, by_value, mix, is_read)
+        return dataclasses.replace(self, functions=(*self.functions, own))
 
     def whole(self) -> "LinearFlight":
-        """Returns the flight with the columns of its forces among the others."""
-        if not self.forces:
+        """Returns the flight with its free functions' columns among the others."""
+        if not self.functions:
             return self
         first = self.inputs.shape[2] - 1
-        places = [first] * sum(own.mix.shape[2] for own in self.forces)
+        places = [first] * sum(own.mix.shape[1] for own in self.functions)
         arrays = self.inputs, self.outputs, self.start
         inputs, outputs, start = (np.insert(own, places, 0.0, -1) for own in arrays)
-        for own in self.forces:
-            last = first + own.mix.shape[2]
-            made = own.by_term @ np.tensordot(own.basis, own.mix, 1)
-            (outputs if own.are_read else inputs)[..., first:last] = made
+        for own in self.functions:
+            last = first + own.mix.shape[1]
+            made = own.by_value[:, :, None] * (own.basis @ own.mix)[:, None]
+            (outputs if own.is_read else inputs)[..., first:last] = made
             first = last
         return dataclasses.replace(
-            self, forces=(), inputs=inputs, outputs=outputs, start=start
+            self, functions=(), inputs=inputs, outputs=outputs, start=start
         )
 
 
@@ -157,14 +157,14 @@ def path_of(
 def linearize(
     record: Record,
     theta: np.ndarray,
-    field: Field,
+    gaussians: Gaussians,
     directions: Sequence[Direction] = (),
     about: Surroundings = STILL_AIR,
     terms: Iterable[str] = (),
 ) -> LinearFlight:
     """Makes a flight linear about its smoothed measurement and its surroundings.
 
-    Forces may be added to it later only by `terms` of FIELD_TERMS.
+    Free functions may be added to it later only at `terms` of FREE_FUNCTIONS.
     """
     space = record.space
     theta = theta.copy()
@@ -172,7 +172,7 @@ def linearize(
     theta[list(space.slots_of(PITCH_OFFSET.kind))] += constants[3]  # It reads too much.
     with_states = any(d.kind in space.states for d in directions)
     kinds = space.flown
-    nodes = true_nodes(record, theta, field, with_states)
+    nodes = true_nodes(record, theta, gaussians, with_states)
     states = space.acting_states(theta)
     columns = len(directions) + 1
     terms = dict.fromkeys(t for t in (*AIR_TERMS, *terms) if t not in SENSOR_TERMS)
@@ -201,10 +201,10 @@ def linearize(
             begins = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
             own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
             start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
-    index = [FIELD_TERMS.index(name) for name in shown]
+    index = [ROWS[name] for name in shown]
     width = states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
-        kinds, path, nodes, dynamics, moved, sizes, field, index, width
+        kinds, path, nodes, dynamics, moved, sizes, gaussians, index, width
     )
     inputs = np.zeros((len(ends), width, columns))
     by_air = by_term[:, :, :2]
@@ -214,7 +214,9 @@ def linearize(
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
     beside = {j: d for j, d in moving.items() if j not in plain}
-    secants = _secants(record, theta, field, [*beside.values()], about, (nodes, ends))
+    secants = _secants(
+        record, theta, gaussians, [*beside.values()], about, (nodes, ends)
+    )
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
     by_x = by_x.take(states, 1).take(states, 2)
@@ -236,8 +238,8 @@ def linearize(
         by_term=by_term,
         terms=shown,
         inputs=inputs.take(states, 1),
-        pose_by_x=measure_nodes(kinds, nodes, dynamics, field)[1].take(states, 2),
-        outputs=_outputs(record, theta, field, directions, nodes),
+        pose_by_x=measure_nodes(kinds, nodes, dynamics, gaussians)[1].take(states, 2),
+        outputs=_outputs(record, theta, gaussians, directions, nodes),
         start=start,
     )
 
@@ -245,7 +247,7 @@ def linearize(
 def _secants(
     record: Record,
     theta: np.ndarray,
-    field: Field,
+    gaussians: Gaussians,
     directions: Sequence[Direction],
     about: Surroundings,
     usual: tuple[np.ndarray, np.ndarray],
@@ -263,12 +265,12 @@ def _secants(
     with_states = [s for s, kind in kinds.items() if kind in space.states]
     if with_states:  # The path is the same, and the motion too without the effect.
         own = [bases[shapes] for shapes in with_states]
-        found = with_states_along(record, own, usual[0], field)
+        found = with_states_along(record, own, usual[0], gaussians)
         nodes |= zip(with_states, found, strict=True)
     acting = space.acting_states(theta)
     for shapes, kind in kinds.items():
         if kind not in space.states:
-            nodes[shapes] = true_nodes(record, bases[shapes], field)
+            nodes[shapes] = true_nodes(record, bases[shapes], gaussians)
         elif not {*space.states[kind]}.intersection(acting):
             ends[shapes] = usual[1]
     others = [shapes for shapes in bases if shapes not in ends]
@@ -279,7 +281,7 @@ def _secants(
     pairs = [path_of(record, model, about) for model, _ in flown]
     paths, numbers = zip(*pairs, strict=True)
     begins = [begin for _, begin in flown]
-    found = advance_nodes(space.flown, paths, begins, numbers, field)
+    found = advance_nodes(space.flown, paths, begins, numbers, gaussians)
     ends |= zip(others, found, strict=False)
     moved = zip(directions, found[len(others) :], strict=True)
     return [(end - ends[d.shapes]) / d.size for d, end in moved]
@@ -288,19 +290,19 @@ def _secants(
 def _outputs(
     record: Record,
     theta: np.ndarray,
-    field: Field,
+    gaussians: Gaussians,
     directions: Sequence[Direction],
     nodes: np.ndarray,
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
     space = record.space
-    pose = sensed(space, nodes, theta, field)
+    pose = sensed(space, nodes, theta, gaussians)
     logged = _logged(record, nodes, theta)
     shown = np.hstack([pose, logged])
     outputs = np.zeros((*shown.shape, len(directions) + 1))
     for j, d in enumerate(directions):
         if d.slot in space.sensor_slots:
-            moved = sensed(space, nodes, d.moved(theta), field)
+            moved = sensed(space, nodes, d.moved(theta), gaussians)
             outputs[:, :3, j] = (moved - pose) / d.size
         elif d.slot >= space.num_flown:
             moved = _logged(record, nodes, d.moved(theta))

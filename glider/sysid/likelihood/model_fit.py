@@ -11,15 +11,19 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import Field
+from glider.physics.effects import Gaussians
 from glider.sysid.constants import PRIOR_SCALES, RESOLVED
-from glider.sysid.likelihood.blocks import Block, terms_of, values_at_nodes
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.filtering import (
     excludes,
     negative_log_likelihood,
     surroundings_of,
     whiten,
+)
+from glider.sysid.likelihood.fitted_functions import (
+    FittedFunction,
+    terms_of,
+    values_at_nodes,
 )
 from glider.sysid.likelihood.information import bounded_step, solve_scaled
 from glider.sysid.likelihood.linear_flight import (
@@ -31,7 +35,7 @@ from glider.sysid.likelihood.linear_flight import (
 )
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES, Scales, lifted
-from glider.sysid.likelihood.task import FitResult, Task, field_of
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Record
 
 _FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
@@ -49,10 +53,10 @@ def linear_flights(
     directions: Sequence[Direction] | None = None,
     terms: Iterable[str] = (),
 ) -> list[LinearFlight]:
-    """Returns all flights, linear about a model; the blocks' columns come last.
+    """Returns all flights, linear about a model; the functions' columns come last.
 
     By default the columns before them are those of the model's free parameters. Those
-    of other blocks, of such terms, may be added later.
+    of other functions, of such terms, may be added later.
     """
     if directions is None:
         directions = slopes(task.space, model.free)
@@ -67,27 +71,32 @@ def linear_flight(
     terms: Iterable[str] = (),
 ) -> LinearFlight:
     """Returns one flight, linear about a model; see `linear_flights`."""
-    field = field_of(model)
-    blocks = model.blocks
-    terms = {*terms, *terms_of(blocks), *(FORCES if model.has_force_errors else ())}
+    gaussians = model.gaussians
+    functions = model.functions
+    terms = {*terms, *terms_of(functions), *(FORCES if model.has_force_errors else ())}
     own = model.about.get(record.name, STILL_AIR)
-    flight = linearize(record, model.theta, field, directions, own, sorted(terms))
+    flight = linearize(record, model.theta, gaussians, directions, own, sorted(terms))
     if model.has_force_errors:
         flight = flight.with_force_errors()
-    return with_blocks(flight, model.theta, field, blocks)
+    return with_functions(flight, model.theta, gaussians, functions)
 
 
-def with_blocks(
-    flight: LinearFlight, theta: np.ndarray, field: Field, blocks: Sequence[Block]
+def with_functions(
+    flight: LinearFlight,
+    theta: np.ndarray,
+    gaussians: Gaussians,
+    functions: Sequence[FittedFunction],
 ) -> LinearFlight:
-    """Returns a flight of a model with the columns of blocks, before the last."""
-    if not blocks:
+    """Returns a flight of a model with the columns of functions, before the last."""
+    if not functions:
         return flight
-    values = values_at_nodes(flight, theta, field)
-    bases = {block.basis: block for block in blocks}
-    functions = {basis: block.along(values) for basis, block in bases.items()}
-    for block in blocks:
-        flight = flight.with_forces(functions[block.basis], block.terms, block.mix)
+    values = values_at_nodes(flight, theta, gaussians)
+    bases = {function.basis: function for function in functions}
+    along = {basis: function.along(values) for basis, function in bases.items()}
+    for function in functions:
+        flight = flight.with_function(
+            along[function.basis], function.effect, function.mix
+        )
     return flight
 
 
@@ -98,7 +107,7 @@ def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prior:
-    """Prior of changes of a model: along slots of theta, then of its blocks."""
+    """Prior of changes of a model: along slots of theta, then of its functions."""
 
     mean: np.ndarray  #: (m,) expected changes.
     precision: np.ndarray  #: (m,)
@@ -135,7 +144,7 @@ def prior_of(
     slots: Sequence[int] | None = None,
     start: np.ndarray | None = None,
 ) -> Prior:
-    """Returns the prior of slots, by default the free ones, and of the blocks.
+    """Returns the prior of slots, by default the free ones, and of the functions.
 
     Shapes are expected where they are in `start`, by default the model's theta.
     """
@@ -143,7 +152,7 @@ def prior_of(
     (lower, upper), value = task.bounds(slots), model.theta[slots]
     mean, precision = task.priors(slots, model.theta if start is None else start)
     free = model.coordinates
-    spreads = [b.strength for b in model.blocks for _ in b.coordinates]
+    spreads = [b.strength for b in model.functions for _ in b.coordinates]
     return Prior(
         mean=np.append(mean - value, -free),
         precision=np.append(precision, np.array(spreads) ** -2.0),
@@ -161,9 +170,9 @@ def fit_model(
     with_strength: bool = False,
     most: float = np.inf,
 ) -> FitResult:
-    """Fits a model's free parameters, its blocks and its scales.
+    """Fits a model's free parameters, its functions and its scales.
 
-    And the strengths of its blocks if asked, see `fit_strength`. It stops early where
+    And the strengths of its functions if asked, see `fit_strength`. It stops where
     another gain as large as the last would leave the cost above `most`.
     """
     best = None
@@ -241,16 +250,16 @@ def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
 
 
 def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
-    """Returns a model with its free parameters and its blocks changed by a step."""
+    """Returns a model with its free parameters and its functions changed by a step."""
     index = list(model.free)
     theta = model.theta.copy()
     theta[index] = np.clip(theta[index] + step[: len(index)], *task.bounds(index))
-    parts = zip(model.blocks, model.split(step[len(index) :]), strict=True)
-    blocks = tuple(
+    parts = zip(model.functions, model.split(step[len(index) :]), strict=True)
+    functions = tuple(
         dataclasses.replace(own, coordinates=own.coordinates + change)
         for own, change in parts
     )
-    return dataclasses.replace(model, theta=theta, blocks=blocks)
+    return dataclasses.replace(model, theta=theta, functions=functions)
 
 
 def in_surroundings(
@@ -266,12 +275,12 @@ def in_surroundings(
 def fit_strength(
     task: Task, model: FitResult, flights: Sequence[LinearFlight] | None = None
 ) -> FitResult:
-    """Returns the model with the prior strengths of its blocks that the flights show.
+    """Returns the model with the prior strengths of functions that the flights show.
 
     The flights are linear about it, and made so by default.
     MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992). What
     that lacks of the cost, by Laplace's approximation, is `freedom`: ½ log |A| / |Λ| of
-    effects' coefficients and blocks, the unknown parameters eliminated.
+    effects' coefficients and functions, the unknown parameters eliminated.
     """
     own = [j for j, slot in enumerate(model.free) if slot not in task.vehicle.nuisance]
     own += [j for place in model.places().values() for j in place]
@@ -281,21 +290,21 @@ def fit_strength(
     gram = grams_of(flights, model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
-    of_blocks = slice(len(model.free), None)
+    of_functions = slice(len(model.free), None)
     start = model.coordinates
     unit = np.eye(len(gram) - 1)
     before = float(prior_of(task, model).added_to(gram)[-1, -1])
-    for _ in range(_STRENGTH_ROUNDS if model.blocks else 0):
+    for _ in range(_STRENGTH_ROUNDS if model.functions else 0):
         total = prior_of(task, model).added_to(gram)
         covariance = solve_scaled(total[:-1, :-1], unit, 1e-12)
-        value = start + (covariance @ total[:-1, -1])[of_blocks]
-        squares = value**2 + np.diag(covariance)[of_blocks]
-        blocks = []
-        for fitted, mine in zip(model.blocks, model.split(squares), strict=True):
+        value = start + (covariance @ total[:-1, -1])[of_functions]
+        squares = value**2 + np.diag(covariance)[of_functions]
+        functions = []
+        for fitted, mine in zip(model.functions, model.split(squares), strict=True):
             strength = float(np.sqrt(np.mean(mine)))
             strength = min(max(strength, RESOLVED), PRIOR_SCALES)
-            blocks.append(dataclasses.replace(fitted, strength=strength))
-        model = dataclasses.replace(model, blocks=tuple(blocks))
+            functions.append(dataclasses.replace(fitted, strength=strength))
+        model = dataclasses.replace(model, functions=tuple(functions))
     prior = prior_of(task, model)
     total = prior.added_to(gram)
     precision = prior.precision[own]
@@ -304,7 +313,7 @@ def fit_strength(
     model = dataclasses.replace(
         model, freedom=-0.5 * float(np.linalg.slogdet(relative)[1])
     )
-    if not model.blocks:
+    if not model.functions:
         return model
     # Shapes stay: the cost is no square of them, and is not computed again.
     count = len(model.free)

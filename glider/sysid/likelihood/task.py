@@ -1,17 +1,22 @@
 """The task of a fit, flights and the effects to try, and a model that is fitted."""
 
 import dataclasses
+import functools
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from scipy.special import ndtri
 
 from glider.physics.confidence import LEVEL
-from glider.physics.effects import NO_FIELD, SERVO_LAG, Field
-from glider.physics.effects.field import joined, make_field
+from glider.physics.effects import SERVO_LAG, Gaussians
+from glider.physics.effects.free_functions import gaussians_of
 from glider.physics.parameter_space import ParameterSpace
 from glider.sysid.constants import CLOCK_ERROR, PRIOR_SCALES
-from glider.sysid.likelihood.blocks import Block, flown_values, make_blocks
+from glider.sysid.likelihood.fitted_functions import (
+    FittedFunction,
+    flown_values,
+    make_functions,
+)
 from glider.sysid.likelihood.linear_flight import Surroundings
 from glider.sysid.likelihood.scales import Scales, start_scales
 from glider.sysid.replay.log_space import SERVO_LOG
@@ -26,7 +31,7 @@ class Task:
     records: Sequence[Record]  #: The flights.
     vehicle: Vehicle  #: What is known of the glider.
     kinds: tuple[str, ...]  #: Effects to try.
-    blocks: Mapping[str, Block]  #: Free functions to try, by name.
+    functions: Mapping[str, FittedFunction]  #: Free functions to try, by name.
 
     @property
     def space(self) -> ParameterSpace:
@@ -36,7 +41,7 @@ class Task:
     @property
     def offered(self) -> set[str]:
         """Effects and free functions to try."""
-        return {*self.kinds, *self.blocks}
+        return {*self.kinds, *self.functions}
 
     def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
         """Returns the indices into theta to fit for a set of kinds, sorted."""
@@ -83,8 +88,8 @@ class Task:
     def offering(self, names: Collection[str]) -> "Task":
         """Returns the task with only these of its effects and free functions."""
         kinds = tuple(name for name in self.kinds if name in names)
-        blocks = {name: own for name, own in self.blocks.items() if name in names}
-        return dataclasses.replace(self, kinds=kinds, blocks=blocks)
+        functions = {name: own for name, own in self.functions.items() if name in names}
+        return dataclasses.replace(self, kinds=kinds, functions=functions)
 
     def thinned(self, count: int) -> "Task":
         """Returns the task on at most `count` of its flights, evenly picked."""
@@ -101,7 +106,7 @@ def make_task(
         records=records,
         vehicle=vehicle,
         kinds=kinds,
-        blocks=make_blocks(flown_values(records, vehicle.theta)),
+        functions=make_functions(flown_values(records, vehicle.theta)),
     )
 
 
@@ -113,7 +118,7 @@ class FitResult:
     theta: np.ndarray  #: Its parameters and coefficients.
     free: tuple[int, ...]  #: Slots of theta that are fitted.
     #: Free functions that act: those of `kinds`, and of a forecast those carried.
-    blocks: tuple[Block, ...] = ()
+    functions: tuple[FittedFunction, ...] = ()
     scales: Scales  #: Of all noise.
     #: Name of each flight to what it is linear about.
     about: dict[str, Surroundings] = dataclasses.field(default_factory=dict)
@@ -125,31 +130,38 @@ class FitResult:
     freedom: float = 0.0
 
     @property
-    def by_name(self) -> dict[str, Block]:
-        """Blocks that act, by name."""
-        return {own.name: own for own in self.blocks}
+    def by_name(self) -> dict[str, FittedFunction]:
+        """Functions that act, by name."""
+        return {own.name: own for own in self.functions}
+
+    @functools.cached_property
+    def gaussians(self) -> Gaussians:
+        """Functions that act, as the dynamics take them."""
+        return gaussians_of(b.data for b in self.functions if b.coordinates.any())
 
     @property
     def free_kinds(self) -> tuple[str, ...]:
         """Free functions among the kinds."""
-        return tuple(b.name for b in self.blocks if b.name in self.kinds)
+        return tuple(b.name for b in self.functions if b.name in self.kinds)
 
     @property
     def coordinates(self) -> np.ndarray:
-        """Of all blocks, one after the other."""
-        return np.concatenate([np.zeros(0), *(own.coordinates for own in self.blocks)])
+        """Of all functions, one after the other."""
+        return np.concatenate(
+            [np.zeros(0), *(own.coordinates for own in self.functions)]
+        )
 
     def places(self, first: int | None = None) -> dict[str, range]:
-        """Returns the columns of each block; by default after those of `free`."""
+        """Returns the columns of each function; by default after those of `free`."""
         first = len(self.free) if first is None else first
         found = {}
-        for own in self.blocks:
+        for own in self.functions:
             found[own.name] = range(first, first + own.count)
             first += own.count
         return found
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
-        """Splits values of all coordinates by blocks."""
+        """Splits values of all coordinates by functions."""
         return [values[columns] for columns in self.places(0).values()]
 
     def with_kinds(
@@ -166,8 +178,10 @@ class FitResult:
         slots = [i for kind in gone for i in task.space.slots_of(kind)]
         theta[slots] = task.vehicle.theta[slots]
         kinds = tuple(kind for kind in self.kinds if kind not in gone)
-        blocks = tuple(own for own in self.blocks if own.name not in gone)
-        return dataclasses.replace(self.with_kinds(task, kinds, theta), blocks=blocks)
+        functions = tuple(own for own in self.functions if own.name not in gone)
+        return dataclasses.replace(
+            self.with_kinds(task, kinds, theta), functions=functions
+        )
 
 
 def start_of(task: Task, noise: Noise) -> FitResult:
@@ -178,9 +192,3 @@ def start_of(task: Task, noise: Noise) -> FitResult:
         free=task.free(()),
         scales=start_scales(noise),
     )
-
-
-def field_of(model: FitResult) -> Field:
-    """Returns a model's blocks as the dynamics take them."""
-    acting = [make_field(own.data) for own in model.blocks if own.coordinates.any()]
-    return joined(acting) if acting else NO_FIELD

@@ -15,17 +15,17 @@ _LEAST_SHARE = 1e-3  # Of a covariance that flights show: less is as good as non
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:
-    """Errors of a model's free parameters and blocks, by its flights.
+    """Errors of a model's free parameters and functions, by its flights.
 
     Their covariance is the larger of the likelihood's and that of the jackknife over
     flights, which holds where errors within a flight are correlated or coefficients
     vary from flight to flight (MacKinnon and White, Journal of Econometrics 29, 1985).
     """
 
-    free: tuple[int, ...]  #: Slots of theta, then the blocks' coordinates follow.
+    free: tuple[int, ...]  #: Slots of theta, then the functions' coordinates follow.
     named: tuple[int, ...]  #: Those of effects and of unknown parameters.
     likelihood: np.ndarray  #: (m + q, m + q) inverse of the information.
-    places: dict[str, range]  #: Name of a block to its columns.
+    places: dict[str, range]  #: Name of a function to its columns.
     changes: np.ndarray  #: (flights, m + q) their squares sum to the jackknife's.
     average: np.ndarray | None = None  #: Covariance of the named slots over rivals.
 

@@ -8,11 +8,12 @@ from glider.compiled.replay import measure_nodes
 from glider.compiled.user_effects import check_user_effects
 from glider.physics.compose import compose, initial_extra
 from glider.physics.effects import (
+    FREE_FUNCTIONS,
     LIBRARY,
-    NO_FIELD,
+    NO_GAUSSIANS,
     Coefficient,
     EffectKind,
-    Field,
+    Gaussians,
     Replay,
 )
 from glider.physics.model import GliderModel
@@ -55,7 +56,7 @@ def log_space(user_kinds: tuple[EffectKind, ...]) -> ParameterSpace:
         InputError: a user effect cannot be used.
     """
     check_user_effects(user_kinds)
-    kinds = (*LIBRARY, *user_kinds, SERVO_LOG)
+    kinds = (*LIBRARY, *FREE_FUNCTIONS.values(), *user_kinds, SERVO_LOG)
     # A fault of the "log" stage is corrected before a log is replayed.
     return space_of(tuple(kind for kind in kinds if kind.stage != "log"), True)
 
@@ -75,10 +76,13 @@ def vector_of(model: GliderModel) -> np.ndarray:
 
 
 def sensed(
-    space: ParameterSpace, nodes: np.ndarray, theta: np.ndarray, field: Field = NO_FIELD
+    space: ParameterSpace,
+    nodes: np.ndarray,
+    theta: np.ndarray,
+    gaussians: Gaussians = NO_GAUSSIANS,
 ) -> np.ndarray:
     """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
-    return measure_nodes(space.flown, nodes, theta, field, with_slopes=False)[0]
+    return measure_nodes(space.flown, nodes, theta, gaussians, with_slopes=False)[0]
 
 
 def resting_states(
@@ -90,7 +94,7 @@ def resting_states(
 ) -> np.ndarray:
     """Returns the effects' own states at rest in still air."""
     plate = compose()
-    numbers = plate.theta_of(theta.tolist(), NO_FIELD)
+    numbers = plate.theta_of(theta.tolist(), NO_GAUSSIANS)
     motion = plate.motion_of(time, state.tolist(), rate)
     flow = plate.flow_of(motion, 0.0, 0.0, numbers.p)
     return np.array(initial_extra(space.flown, flow, rate, numbers.c))

@@ -15,8 +15,8 @@ import numpy as np
 from glider.compiled import replay as compiled
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET
-from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, PITCH_MOMENT, Field
-from glider.physics.effects.field import COEFFICIENTS, of_sensors
+from glider.physics.effects import FLOW_VARIABLES, NO_GAUSSIANS, PITCH_MOMENT, Gaussians
+from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.log_space import resting_states, sensed
@@ -109,7 +109,7 @@ def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray,
 def true_nodes(
     record: Record,
     theta: np.ndarray,
-    field: Field = NO_FIELD,
+    gaussians: Gaussians = NO_GAUSSIANS,
     with_states: bool = False,
 ) -> np.ndarray:
     """Returns the smoothed states as a model sees them, (n, num_states).
@@ -118,21 +118,21 @@ def true_nodes(
     equations along the flight, at rest where it begins; those that move nothing are
     zero unless they are asked for.
     """
-    nodes = _without_sensors(record, theta, field)
+    nodes = _without_sensors(record, theta, gaussians)
     *_, logged, persists = signals(record, theta)
     shown = record.seen[:, 3] & persists
     if shown.any():  # Else the offset is unknown.
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
     if not with_states and record.space.acting_states(theta)[-1] < NUM_STATES:
         return nodes
-    return with_states_along(record, [theta], nodes, field)[0]
+    return with_states_along(record, [theta], nodes, gaussians)[0]
 
 
 def with_states_along(
     record: Record,
     thetas: Sequence[np.ndarray],
     nodes: np.ndarray,
-    field: Field = NO_FIELD,
+    gaussians: Gaussians = NO_GAUSSIANS,
 ) -> np.ndarray:
     """Returns nodes (n, num_states) with the effects' states that follow from them.
 
@@ -144,7 +144,7 @@ def with_states_along(
     for begin, theta in zip(begins, thetas, strict=True):
         begin[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
     kinds = record.space.flown
-    return compiled.with_extras(kinds, along, begins, np.array(thetas), field)
+    return compiled.with_extras(kinds, along, begins, np.array(thetas), gaussians)
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:
@@ -155,19 +155,21 @@ def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.n
     return resting_states(record.space, record.time[0], start, rate[0], theta)
 
 
-def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
+def _without_sensors(
+    record: Record, theta: np.ndarray, gaussians: Gaussians
+) -> np.ndarray:
     """Undoes the sensor effects, also of the nodes a short time later."""
     space = record.space
     n = len(record.time)
     step = 1e-4
-    is_read = of_sensors(field).weights.shape[1] > 0
+    is_read = gaussians.weights.shape[1] > gaussians.num_flown
     if not is_read and not np.any(theta[list(space.sensor_slots)]):
         return record.nodes.copy()
     states = np.tile(record.nodes, (2, 1))
     states[n:, :3] += step * states[n:, 4:7]
     shown = states[:, :3].copy()
     for _ in range(6):
-        missed = shown - sensed(space, states, theta, field)
+        missed = shown - sensed(space, states, theta, gaussians)
         states[:, :3] += missed
         if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
             break
@@ -180,7 +182,7 @@ def _without_sensors(record: Record, theta: np.ndarray, field: Field) -> np.ndar
 def flow_along(
     record: Record,
     theta: np.ndarray,
-    field: Field = NO_FIELD,
+    gaussians: Gaussians = NO_GAUSSIANS,
     trim: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns smoothed true states (n, num_states) and the flow there (n, 5 + v).
@@ -188,37 +190,40 @@ def flow_along(
     With a trim, the elevator is off its path by that much, else as it was measured.
     """
     if trim is None:
-        nodes = true_nodes(record, theta, field)
+        nodes = true_nodes(record, theta, gaussians)
     else:
         theta, shift = trimmed(record, theta, trim)
-        nodes = true_nodes(record, theta, field)
+        nodes = true_nodes(record, theta, gaussians)
         nodes[:, OFFSET] = shift
-    return nodes, flow_at_nodes(record, theta, nodes, field)
+    return nodes, flow_at_nodes(record, theta, nodes, gaussians)
 
 
 def flow_at_nodes(
-    record: Record, theta: np.ndarray, nodes: np.ndarray, field: Field = NO_FIELD
+    record: Record,
+    theta: np.ndarray,
+    nodes: np.ndarray,
+    gaussians: Gaussians = NO_GAUSSIANS,
 ) -> np.ndarray:
     """Returns the flow (n, 5 + v) in still air at a flight's states (n, num_states).
 
-    Its columns are those of `compiled.replay.log_flow`, FIELD_VARIABLES last.
+    Its columns are those of `compiled.replay.log_flow`, FLOW_VARIABLES last.
     """
     kinds = record.space.flown
     at_nodes = signals(record, theta).at_nodes
-    return compiled.flow_at(kinds, record.time, nodes, *at_nodes, theta, field)
+    return compiled.flow_at(kinds, record.time, nodes, *at_nodes, theta, gaussians)
 
 
 def make_table(
     records: Sequence[Record],
     theta: np.ndarray,
     trims: Sequence[float],
-    field: Field = NO_FIELD,
+    gaussians: Gaussians = NO_GAUSSIANS,
 ) -> ResidualTable:
     """Stacks the residual of flights, each with its elevator trim [rad]."""
     flights = []
     for record, trim in zip(records, trims, strict=True):
-        nodes, flow = flow_along(record, theta, field, trim)
-        alpha = np.unwrap(flow[:, 5 + FIELD_VARIABLES.index("alpha")])
+        nodes, flow = flow_along(record, theta, gaussians, trim)
+        alpha = np.unwrap(flow[:, 5 + FLOW_VARIABLES.index("alpha")])
         turning = np.gradient(alpha, record.time)
         own = nodes[:, 2], flow, alpha, turning
         accelerations = record.acceleration, record.acceleration_std
@@ -226,7 +231,7 @@ def make_table(
     stacked = map(np.concatenate, zip(*flights, strict=True))
     pitch, flow, alpha, turning, measured, std = stacked
     modelled, (air_x, air_z), variables = flow[:, :3], flow[:, 3:5].T, flow[:, 5:].T
-    of_flow = dict(zip(FIELD_VARIABLES, variables, strict=True))
+    of_flow = dict(zip(FLOW_VARIABLES, variables, strict=True))
     mass, area, inertia, density, gravity = (
         theta[records[0].space.index[name]]
         for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS, SLACK, Z
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.information import solve_scaled
@@ -64,19 +64,19 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
     Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
     """
     known = uncertainty_of(task, model)
-    blocks = model.by_name
+    functions = model.by_name
     found = {}
     for kind in model.kinds:
-        if kind in blocks:
+        if kind in functions:
             places = [*known.places[kind]]
-            value = blocks[kind].coordinates
+            value = functions[kind].coordinates
         else:
             slots = [i for i in task.space.slots_of(kind) if i in known.free]
             slots = [i for i in slots if i not in task.space.shapes] or slots
             places = [known.free.index(i) for i in slots]
             value = model.theta[slots] - task.vehicle.theta[slots]
-        block, _ = known.of(places)
-        found[kind] = 0.5 * float(value @ solve_scaled(block, value, 0.0))
+        function, _ = known.of(places)
+        found[kind] = 0.5 * float(value @ solve_scaled(function, value, 0.0))
     return found
 
 
@@ -118,9 +118,9 @@ def renamed(search: Search, model: FitResult) -> FitResult | None:
     if not model.free_kinds or (near := search.near(model)) is None:
         return None
     own = near.by_first(model.kinds)
-    for block in model.free_kinds:
-        score = near.among(set(BLOCKS[block].formulas))
-        rest = tuple(member for member in own if member[0] != block)
+    for function in model.free_kinds:
+        score = near.among(set(FAMILIES[function].formulas))
+        rest = tuple(member for member in own if member[0] != function)
         options = [max(score.larger(s), key=score, default=s) for s in (rest, own)]
         if found := search.better(model, near, options):
             return found
@@ -135,11 +135,11 @@ def families_of(search: Search, model: FitResult) -> dict[str, str]:
     if not model.free_kinds or (near := search.near(model)) is None:
         return {}
     found = {}
-    for block in model.free_kinds:
-        family = {block, *BLOCKS[block].formulas}
+    for function in model.free_kinds:
+        family = {function, *FAMILIES[function].formulas}
         own = near.by_first(k for k in model.kinds if k not in family)
-        if options := near.among(family - {block}).larger(own):
-            [*_, (found[block], _)] = max(options, key=near)
+        if options := near.among(family - {function}).larger(own):
+            [*_, (found[function], _)] = max(options, key=near)
     return found
 
 

@@ -42,7 +42,7 @@ def find_signs(
         # Its noise depends on the signs.
         noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
         records = prepare(turned, campaign, noise, vehicle.space, masks)
-        task = Task(records=records, vehicle=vehicle, kinds=vehicle.kinds, blocks={})
+        task = Task(records=records, vehicle=vehicle, kinds=vehicle.kinds, functions={})
         model = start_of(task, noise)
         model = dataclasses.replace(
             model, kinds=kinds, free=task.free(kinds), scales=COARSE_SCALES

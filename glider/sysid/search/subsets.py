@@ -10,7 +10,7 @@ from math import log
 
 import numpy as np
 
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.sysid import constants
 from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
 from glider.sysid.likelihood.information import Evidence
@@ -102,15 +102,15 @@ class Scorer:
         theta = model.theta
         columns = _columns_of(members)
         steps = dict(zip(columns, self.evidence.step(columns), strict=True))
-        blocks = model.by_name
+        functions = model.by_name
         for kind, variant in members:
             step = np.array([steps[c] for c in variant])
-            if own := blocks.get(kind) or task.blocks.get(kind):
+            if own := functions.get(kind) or task.functions.get(kind):
                 strength = own.strength  # That of one that acts.
-                if kind not in blocks:
+                if kind not in functions:
                     strength = self.candidates.columns[variant[0]][1]
                 step = np.pad(step, (0, own.count - len(step)))
-                blocks[kind] = dataclasses.replace(
+                functions[kind] = dataclasses.replace(
                     own, coordinates=step, strength=strength
                 )
                 continue
@@ -121,7 +121,10 @@ class Scorer:
             values = task.priors(slots, theta)[0] + step
             theta[slots] = np.clip(values, *task.bounds(slots))
         return dataclasses.replace(
-            model, kinds=kinds, free=task.free(kinds), blocks=tuple(blocks.values())
+            model,
+            kinds=kinds,
+            free=task.free(kinds),
+            functions=tuple(functions.values()),
         )
 
     def larger(self, members: Members) -> Iterable[Members]:
@@ -202,11 +205,11 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
     likelier than that none of them acts; any other claims that no formula will do,
     which is its rival.
     """
-    if kind not in BLOCKS:
+    if kind not in FAMILIES:
         is_alone = len(kinds) <= 1
         own = log(len(task.vehicle.kinds)) if is_alone else constants.EVIDENCE_THRESHOLD
-    elif not BLOCKS[kind].bends.isdisjoint(kinds):
-        own = log(len(BLOCKS))
+    elif not FAMILIES[kind].bends.isdisjoint(kinds):
+        own = log(len(FAMILIES))
     else:
         own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
     return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.progress import Progress
 from glider.sysid.constants import CLEAR, LEAST_SUPPORT, MANY_FLIGHTS, RIVAL_GAP
 from glider.sysid.likelihood.candidates import (
@@ -66,7 +66,7 @@ class Search:
         own = set(model.kinds)
         its = set(other.kinds)
         is_simpler = own <= its
-        is_named = its - own <= BLOCKS.keys() and not (own - its) & BLOCKS.keys()
+        is_named = its - own <= FAMILIES.keys() and not (own - its) & FAMILIES.keys()
         margin = 0.0 if is_simpler or is_named else RIVAL_GAP
         return self.penalized_cost(model) < self.penalized_cost(other) - margin
 
@@ -78,7 +78,7 @@ class Search:
         *,
         again: bool = False,
     ) -> FitResult:
-        """Fits a model, and the strengths of its blocks, unless its set is known.
+        """Fits a model, and the strengths of its functions, unless its set is known.
 
         Not to the end where it is far behind a rival; beside a worse one, or none, such
         a set is fitted once more. A known set is fitted again from another start if
@@ -126,7 +126,7 @@ class Search:
         few = self.task.offering(kinds).thinned(MANY_FLIGHTS)
         if self._formulas[0] is not model or self._formulas[1] != few.kinds:
             self._formulas = model, few.kinds, _formulas_about(few, model)
-        leading = [block.leading_only for block in few.blocks.values()]
+        leading = [function.leading_only for function in few.functions.values()]
         candidates = self._formulas[2].offering(leading)
         gram = candidates.total(candidates.model.scales)
         if not np.all(np.isfinite(gram)):
@@ -160,7 +160,7 @@ def _formulas_about(task: Task, model: FitResult) -> Candidates:
 
     Any free function may be offered beside them.
     """
-    terms = {kind.term for kind in BLOCKS.values()}
+    terms = {family.free_function.kind for family in FAMILIES.values()}
     candidates = gather(task, model, terms)
     about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
     if about.scales.is_still:
@@ -220,8 +220,12 @@ def _family_of(kind: str, model: FitResult) -> set[str]:
 
     Beside a free function, any formula of its family does nearly as well.
     """
-    blocks = [b for b in model.free_kinds if kind == b or kind in BLOCKS[b].bends]
-    return {name for block in blocks for name in (block, *BLOCKS[block].formulas)}
+    functions = [b for b in model.free_kinds if kind == b or kind in FAMILIES[b].bends]
+    return {
+        name
+        for function in functions
+        for name in (function, *FAMILIES[function].formulas)
+    }
 
 
 def near_and_rivals(

@@ -10,7 +10,7 @@ from collections.abc import Collection, Generator, Iterator, Mapping
 
 import numpy as np
 
-from glider.physics.effects.families import BLOCKS
+from glider.physics.effects.families import FAMILIES
 from glider.progress import Progress, Step
 from glider.sysid.constants import CLEAR, FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
@@ -100,15 +100,15 @@ def _begun_from(task: Task, earlier: FitResult) -> FitResult:
     free = list(task.free(earlier.kinds))
     theta = task.vehicle.theta.copy()
     theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
-    blocks = tuple(
-        dataclasses.replace(task.blocks[own.name], strength=own.strength)
-        for own in earlier.blocks
+    functions = tuple(
+        dataclasses.replace(task.functions[own.name], strength=own.strength)
+        for own in earlier.functions
     )
     return FitResult(
         kinds=earlier.kinds,
         theta=theta,
         free=tuple(free),
-        blocks=blocks,
+        functions=functions,
         scales=earlier.scales,
     )
 
@@ -146,8 +146,8 @@ def rivals_of(
     swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
     if (near := search.near(model)) is not None:
         members = near.by_first(model.kinds)
-        offered = {k for k in near.variants if k not in BLOCKS or k in own}
-        for kind in [k for k in model.kinds if k not in BLOCKS]:
+        offered = {k for k in near.variants if k not in FAMILIES or k in own}
+        for kind in [k for k in model.kinds if k not in FAMILIES]:
             rest = tuple(member for member in members if member[0] != kind)
             others = climb(near.among(offered - {kind}), rest)
             if near(others) > near(members) - CLEAR:

@@ -237,12 +237,12 @@ def test_a_fault_of_ours_is_not_hidden():
         run(lambda: print(1 / 0))
 
 
-def test_every_shipped_truth_is_a_model_with_one_effect_or_a_field():
+def test_every_shipped_truth_is_a_model_with_one_effect_or_a_free_function():
     names = [path.stem for path in models_path("truths").glob("*.yaml")]
     assert len(names) >= 6
     for name in names:
         truth = GliderModel.load(name)
-        assert (len(truth.effects) == 1) != (truth.field is not None)
+        assert len(truth.effects) + len(truth.free_functions) == 1
 
 
 def test_an_unknown_truth_is_refused_with_the_known_ones():

@@ -14,7 +14,7 @@ from coefficients import (
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.replay.record import measure_noise, prepare
@@ -47,7 +47,7 @@ def test_the_plant_flies_the_coefficients_that_were_fitted(speeds):
     count = len(basis.centers) + 1
     weights = {name: rng.normal(size=count).tolist() for name in COEFFICIENTS}
     field = dataclasses.replace(basis, weights=weights)
-    plate, learned = GliderPlant(), GliderPlant(GliderModel(field=field))
+    plate, learned = GliderPlant(), GliderPlant(GliderModel(free_functions=(field,)))
     for _ in range(5):
         state = rng.normal(size=7) * [1.0, 1.0, 0.5, 0.3, 1.0, 1.0, 1.0]
         state[4] += 6.0
@@ -85,8 +85,8 @@ def test_a_residual_that_was_flown_is_found_again():
     weights["c_drag"] = rng.uniform(0.0, 0.1, 26).tolist()
     true = dataclasses.replace(residual_basis(), weights=weights)
     plan = CampaignPlan(flights=10, capture=FINE_CAPTURE)
-    study = learn_residuals(plan.simulate(GliderModel(field=true), rng))
-    learned = study.models["26"].field
+    study = learn_residuals(plan.simulate(GliderModel(free_functions=(true,)), rng))
+    learned = study.models["26"].residual
     expected, found = (
         corrected_coefficients(study.held_out, field) for field in (true, learned)
     )

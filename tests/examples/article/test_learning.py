@@ -9,7 +9,7 @@ from coefficients import basis_values, residual_basis, with_weights
 from flight_weights import solve_weights, weight_equations
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.simulation.flown_flights import closest_pass
@@ -29,7 +29,7 @@ from learning import (
     log,
     trace_effects,
 )
-from low_reynolds import low_reynolds_coefficients, low_reynolds_field
+from low_reynolds import low_reynolds_coefficients, low_reynolds_residual
 from regression import least_squares
 from tests.helpers.flights import LAGGING
 
@@ -140,7 +140,9 @@ def test_weights_learned_from_clean_euler_flights_are_those_of_the_truth(planned
     """Where it flew: 26 weights are more than two flights run_main apart."""
     rng, basis = np.random.default_rng(0), residual_basis()
     weights = rng.normal(0.0, 0.2, (26, 3)) * [1.0, 1.0, 0.05]
-    truth = dataclasses.replace(HEAVY, field=with_weights(basis, COEFFICIENTS, weights))
+    truth = dataclasses.replace(
+        HEAVY, free_functions=[with_weights(basis, COEFFICIENTS, weights)]
+    )
     equations = []
     for bend in (0.0, 1.0):
         states, inputs = euler_flight(truth, planned, bend)
@@ -148,7 +150,7 @@ def test_weights_learned_from_clean_euler_flights_are_those_of_the_truth(planned
         equations.append(weight_equations(HEAVY, basis, states, inputs, step))
     both = equations[0] + equations[1]
     found = with_weights(basis, COEFFICIENTS, solve_weights(both, 1e-9))
-    learned = dataclasses.replace(HEAVY, field=found)
+    learned = dataclasses.replace(HEAVY, free_functions=[found])
     got = accelerations(learned, states[:-1], inputs)
     wanted = accelerations(truth, states[:-1], inputs)
     plate = accelerations(HEAVY, states[:-1], inputs)
@@ -175,12 +177,16 @@ def test_what_the_weights_cannot_be_learned_for_is_refused(planned):
 def test_the_shipped_truth_is_what_its_module_fits():
     truth = GliderModel.load(models_path("truths", "low_reynolds.yaml"))
     assert truth.parameters == HEAVY.parameters
-    field = low_reynolds_field(HEAVY.parameters)
-    assert truth.field.centers == field.centers
+    field = low_reynolds_residual(HEAVY.parameters)
+    [planted] = truth.free_functions
+    assert planted.centers == field.centers
     assert [len(w) for w in field.weights.values()] == [126] * 3
     for name in COEFFICIENTS:
         np.testing.assert_allclose(
-            truth.field.weights[name], field.weights[name], rtol=1e-4, atol=1e-6
+            truth.free_functions[0].weights[name],
+            field.weights[name],
+            rtol=1e-4,
+            atol=1e-6,
         )
 
 
@@ -190,7 +196,7 @@ def test_the_truth_follows_its_effect_and_no_field_without_airspeed_can():
     speed = rng.uniform(1.5, 7.5, 4000)
     wanted = low_reynolds_coefficients(alpha, elevator, speed, HEAVY.parameters)
     values = {"alpha": alpha, "elevator": elevator, "V": speed}
-    field = low_reynolds_field(HEAVY.parameters)
+    field = low_reynolds_residual(HEAVY.parameters)
     weights = np.array([field.weights[name] for name in COEFFICIENTS]).T
     left = np.std(wanted - basis_values(field, values) @ weights, axis=0)
     blind = basis_values(residual_basis(), values)

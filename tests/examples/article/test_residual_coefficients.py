@@ -10,7 +10,7 @@ from coefficients import basis_values
 from diagrams.programs.program import run
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
-from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.model import GliderModel
 from glider.simulation.refly import position_errors, refly
 from glider.systems.plant import GliderPlant
@@ -76,18 +76,19 @@ def test_flights_left_out_are_flown_again_by_each_model(found, folder):
 def test_the_model_written_flies_with_its_residual(found, output, folder):
     model = GliderModel.load(folder.parent / "glider.yaml")
     assert model == found.models["26 weights"]
-    assert model.field is not None and model.field.kind == "rbf_residual"
+    [residual] = model.free_functions
+    assert residual.kind == "rbf_residual"
     for name in COEFFICIENTS:
-        assert len(model.field.weights[name]) == 26
+        assert len(residual.weights[name]) == 26
     state = np.array([0.0, 0.0, -0.3, 0.1, 6.0, -0.5, 0.0])
     alpha = np.array([np.arctan2(0.5, 6.0) + 0.3])
     variables = {"alpha": alpha, "elevator": state[3:4]}
-    weights = np.array([model.field.weights[name] for name in COEFFICIENTS]).T
+    weights = np.array([residual.weights[name] for name in COEFFICIENTS]).T
     plate = GliderModel(parameters=model.parameters)
     with_field, without = (
         coefficients_of(GliderPlant(m), state) for m in (model, plate)
     )
-    added = (basis_values(model.field, variables) @ weights)[0]
+    added = (basis_values(residual, variables) @ weights)[0]
     assert np.abs(added[0]) > 0.05
     np.testing.assert_allclose(with_field - without, added, atol=1e-6)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import UNLIKELY
@@ -163,7 +163,7 @@ def test_only_reported_variations_are_in_the_floor():
     scales = dataclasses.replace(FLOOR, air=0.1, trim=0.002, wind=0.1, servo=0.01)
     traced = types.SimpleNamespace(
         forces=None,
-        model=types.SimpleNamespace(scales=scales, kinds=("wind",), blocks=()),
+        model=types.SimpleNamespace(scales=scales, kinds=("wind",), functions=()),
     )
     wind = Spread(std=0.08, std_error=0.01, unit="m/s", values={})
     truth = without_model_errors(traced, (), {"wind": wind})
@@ -175,7 +175,7 @@ def test_where_nothing_was_found_all_variations_are_in_the_floor():
     """No formula is there to err: small winds of each flight are not reported."""
     scales = dataclasses.replace(FLOOR, trim=0.002, wind=0.04, servo=0.01)
     traced = types.SimpleNamespace(
-        forces=None, model=types.SimpleNamespace(scales=scales, kinds=(), blocks=())
+        forces=None, model=types.SimpleNamespace(scales=scales, kinds=(), functions=())
     )
     truth = without_model_errors(traced, (), {})
     assert truth == dataclasses.replace(FLOOR, trim=0.002, wind=0.04).without_floors
@@ -190,7 +190,9 @@ def test_memory_that_begins_elsewhere_is_predicted_along_the_pitch_too():
     task, _ = task_of(campaign)
     flights = []
     for flight, record in zip(campaign.flights, task.records, strict=True):
-        moves, shows = floors._transitions(linearize(record, theta, NO_FIELD), scales)
+        moves, shows = floors._transitions(
+            linearize(record, theta, NO_GAUSSIANS), scales
+        )
         shocks = np.zeros((len(shows), shows.shape[2], 1))
         # Small enough for the flight to stay linear.
         shocks[0, NUM_STATES] = 0.05 * rng.choice([-1.0, 1.0])

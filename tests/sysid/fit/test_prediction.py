@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.masks import Masks
-from glider.physics.effects import KINDS, NO_FIELD
+from glider.physics.effects import KINDS, NO_GAUSSIANS
 from glider.physics.model import GliderModel
 from glider.sysid.fit import prediction
 from glider.sysid.fit.prediction import (
@@ -161,6 +161,6 @@ def test_a_flights_own_trim_is_found_on_its_beginning(windy):
     record = task_of(trimmed)[0].records[0]
     scales = dataclasses.replace(model.scales, trim=0.05)
     own = RolloutModel(
-        theta=model.theta, field=NO_FIELD, scales=scales, per_flight_trims=True
+        theta=model.theta, gaussians=NO_GAUSSIANS, scales=scales, per_flight_trims=True
     )
     assert predict(own, record).trim == pytest.approx(0.05, abs=0.02)

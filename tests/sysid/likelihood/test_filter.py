@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from glider.compiled.filter_error import no_flight
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.sysid.likelihood import filtering
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.filtering import (
@@ -36,7 +36,7 @@ def flight(request):
     theta = task.vehicle.theta.copy()
     theta[list(space.slots_of("servo_lag"))] = 0.02
     theta[space.slots_of("dynamic_stall")[0]] = 0.3
-    return linearize(record, theta, NO_FIELD, slopes(space, free))
+    return linearize(record, theta, NO_GAUSSIANS, slopes(space, free))
 
 
 def unseen(flight, *entries):
@@ -227,7 +227,7 @@ def test_states_of_effects_that_do_nothing_are_left_out():
     found = []
     for strength in (0.0, 1e-12):
         theta[space.slots_of("dynamic_stall")[0]] = strength
-        linear = linearize(task.records[0], theta, NO_FIELD, columns)
+        linear = linearize(task.records[0], theta, NO_GAUSSIANS, columns)
         found.append((len(linear.states), whiten(linear, SCALES).gram))
     (fewer, expected), (more, gram) = found
     assert (fewer, more) == (7, 8)
@@ -238,7 +238,7 @@ def test_one_column_alone_is_filtered_as_among_others():
     """There is a copy of the filter for it, as for a glider without more states."""
     task, _ = task_of(fly(flights=1, duration=0.3))
     columns = slopes(task.space, task.space.slots_of("profile_drag"))
-    wide = linearize(task.records[0], task.vehicle.theta, NO_FIELD, columns)
+    wide = linearize(task.records[0], task.vehicle.theta, NO_GAUSSIANS, columns)
     assert len(wide.states) == 7
     alone = whiten(wide.error_only(), SCALES)
     expected = whiten(wide, SCALES)

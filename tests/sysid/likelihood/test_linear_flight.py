@@ -8,13 +8,12 @@ import pytest
 
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import OFFSET, advance_nodes, roll_out
-from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
-from glider.physics.effects.field import (
-    FIELD_TERMS,
+from glider.physics.effects import KINDS, NO_GAUSSIANS
+from glider.physics.effects.free_functions import (
+    FREE_FUNCTIONS,
     SENSOR_TERMS,
-    FieldData,
-    gaussians,
-    make_field,
+    FreeFunction,
+    gaussians_of,
 )
 from glider.physics.servo import Servo
 from glider.physics.state import NUM_STATES
@@ -88,23 +87,24 @@ def test_columns_with_a_gyro_are_derivatives(kind):
 
 def test_a_gyro_agrees_with_the_poses_that_it_is_derived_from():
     sensed = task_of(with_gyro(fly(flights=1, duration=0.4, capture=FINE)))[0]
-    flight = linearize(sensed.records[0], sensed.vehicle.theta, NO_FIELD)
+    flight = linearize(sensed.records[0], sensed.vehicle.theta, NO_GAUSSIANS)
     assert (
         flight.record.seen[1:-1, 4].all() and not flight.record.seen[[0, -1], 4].any()
     )
     assert np.median(np.abs(flight.outputs[1:-1, 4, -1])) < 0.02
 
 
-@pytest.mark.parametrize("term", sorted({*FIELD_TERMS} - {*SENSOR_TERMS}))
-def test_columns_of_a_field_are_derivatives(task, term):
-    """A constant of each term, put in as a field and as a column."""
+@pytest.mark.parametrize("term", sorted({*FREE_FUNCTIONS} - {*SENSOR_TERMS}))
+def test_columns_of_free_functions_are_derivatives(task, term):
+    """A constant of each term, put in as a free function and as a column."""
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
     one = np.ones((len(record.time) - 1, 1))
-    flight = linearize(record, theta, NO_FIELD, terms=[term])
-    wide = flight.with_forces(one, [term], np.eye(1))
-    field = make_field(FieldData(constant=True, weights={term: [small]}))
+    flight = linearize(record, theta, NO_GAUSSIANS, terms=[term])
+    wide = flight.with_function(one, FREE_FUNCTIONS[term], np.eye(1))
+    one = FreeFunction(constant=True, weights={term: [small]})
+    gaussians = gaussians_of([one])
     column, error = np.moveaxis(whiten(wide, SCALES).innovations, 2, 0)
-    there = whiten(linearize(record, theta, field), SCALES).innovations[..., 0]
+    there = whiten(linearize(record, theta, gaussians), SCALES).innovations[..., 0]
     numeric = (error - there) / small
     np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
 
@@ -114,42 +114,43 @@ def test_columns_of_a_reading_are_derivatives(task, term):
     """But for the launch, which moves with the nodes where the reading is known."""
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
     variable = 2 if term == "pose_pitch" else 0
-    data = FieldData(
+    data = FreeFunction(
         variables=["pitch" if variable else "x"],
         centers=[[float(record.nodes[20, variable])]],
         widths=[0.3],
         weights={term: [small]},
     )
-    field, flight = make_field(data), linearize(record, theta, NO_FIELD)
-    column = FIELD_VARIABLES.index(data.variables[0])
-    basis = gaussians(field, [column], record.nodes[:, [variable]])
-    wide = flight.with_forces(basis, [term], np.eye(1))
+    gaussians, flight = gaussians_of([data]), linearize(record, theta, NO_GAUSSIANS)
+    basis = data.basis(record.nodes[:, [variable]])
+    wide = flight.with_function(basis, FREE_FUNCTIONS[term], np.eye(1))
     column, error = whitened(wide).T
-    numeric = (error - whitened(linearize(record, theta, field))[:, 0]) / small
+    numeric = (error - whitened(linearize(record, theta, gaussians))[:, 0]) / small
     launch, _ = np.linalg.qr(whitened(of_launch(flight)))
     column, numeric = (v - launch @ (launch.T @ v) for v in (column, numeric))
     assert np.abs(numeric).max() > 1.0
     np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
 
 
-def test_moving_air_acts_on_the_forces_of_a_field(task):
+def test_moving_air_acts_on_the_forces_of_free_functions(task):
     """As a steady wind, by central differences."""
-    field = make_field(
-        FieldData(
-            variables=["alpha", "V"],
-            centers=[[0.2, 6.0], [0.6, 5.0]],
-            widths=[0.2, 2.0],
-            weights={"c_drag": [0.3, -0.2], "c_normal": [0.5, 0.4]},
-        )
+    gaussians = gaussians_of(
+        [
+            FreeFunction(
+                variables=["alpha", "V"],
+                centers=[[0.2, 6.0], [0.6, 5.0]],
+                widths=[0.2, 2.0],
+                weights={"c_drag": [0.3, -0.2], "c_normal": [0.5, 0.4]},
+            )
+        ]
     )
     record, theta = task.records[0], task.vehicle.theta
-    flight = linearize(record, theta, field)
+    flight = linearize(record, theta, gaussians)
     kinds = record.space.flown
 
     def ends(*wind):
         about = Surroundings(np.array([*wind, 0.0, 0.0]))
         path, numbers = path_of(record, theta, about)
-        return advance_nodes(kinds, [path], [flight.nodes], [numbers], field)[0]
+        return advance_nodes(kinds, [path], [flight.nodes], [numbers], gaussians)[0]
 
     for k, wind in enumerate(1e-3 * np.eye(2)):
         expected = (ends(*wind) - ends(*-wind))[:, flight.states] / 2e-3
@@ -168,12 +169,12 @@ def test_models_are_flown_at_once_as_each_alone(task):
     paths, numbers = zip(*pairs, strict=True)
     before = [(path.elevator.copy(), path.rate.copy()) for path in paths]
     nodes = [record.nodes, record.nodes, record.nodes + 0.01]
-    together = advance_nodes(kinds, paths, nodes, numbers, NO_FIELD)
+    together = advance_nodes(kinds, paths, nodes, numbers, NO_GAUSSIANS)
     for path, (elevator, rate) in zip(paths, before, strict=True):
         np.testing.assert_array_equal(path.elevator, elevator)
         np.testing.assert_array_equal(path.rate, rate)
     for found, *own in zip(together, paths, nodes, numbers, strict=True):
-        [alone] = advance_nodes(kinds, *([one] for one in own), NO_FIELD)
+        [alone] = advance_nodes(kinds, *([one] for one in own), NO_GAUSSIANS)
         np.testing.assert_array_equal(found, alone)
     assert np.abs(together[1] - together[0]).max() > 1e-4
 
@@ -199,12 +200,12 @@ def test_an_absent_effect_may_have_any_shape(task):
     size = space.index["lagged_separation.slope"]
     columns = slopes(space, [size], ((slot, 0.12),))
     found = [
-        linearize(record, theta, NO_FIELD, columns).inputs[:, :NUM_STATES, 0]
+        linearize(record, theta, NO_GAUSSIANS, columns).inputs[:, :NUM_STATES, 0]
         for theta in (usual, shaped)
     ]
     assert np.abs(found[0]).max() > 1e-4
     np.testing.assert_allclose(*found, atol=1e-6)
-    whole = linearize(record, shaped, NO_FIELD, columns).inputs
+    whole = linearize(record, shaped, NO_GAUSSIANS, columns).inputs
     assert np.abs(whole[..., 0]).max() < 10.0
 
 
@@ -213,13 +214,14 @@ def test_an_error_of_many_columns_is_that_of_each(task):
     space, rng = task.space, np.random.default_rng(0)
     columns = slopes(space, space.slots_of("attached_lift"))
     flight = linearize(
-        *(task.records[0], task.vehicle.theta, NO_FIELD, columns),
+        *(task.records[0], task.vehicle.theta, NO_GAUSSIANS, columns),
         terms=["c_drag", "wind_z"],
     )
-    for terms in (["c_drag", "wind_z"], ["pose_x", "pose_pitch"], ["c_drag"]):
-        nodes = len(flight.by_air) + (terms[0] in SENSOR_TERMS)
+    for name in ("c_drag", "pose_pitch", "wind_z"):
+        nodes = len(flight.by_air) + (name in SENSOR_TERMS)
         basis = rng.normal(size=(nodes, 2))
-        flight = flight.with_forces(basis, terms, rng.normal(size=(2 * len(terms), 3)))
+        mix = rng.normal(size=(2, 3))
+        flight = flight.with_function(basis, FREE_FUNCTIONS[name], mix)
     change = rng.normal(size=len(columns) + 9)
     whitened = whiten(flight, SCALES).innovations
     at_once = whiten(flight.combined(change), SCALES).innovations[..., 0]
@@ -247,9 +249,9 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     for own in (record, other):
         path, dynamics = path_of(own, theta, STILL_AIR)
         kinds, launch = task.space.flown, record.nodes[0]
-        flown.append(roll_out(kinds, path, launch, dynamics, NO_FIELD))
+        flown.append(roll_out(kinds, path, launch, dynamics, NO_GAUSSIANS))
     about = dataclasses.replace(record, nodes=flown[0], elevator=0.0 * record.elevator)
-    flight = linearize(about, theta, NO_FIELD)
+    flight = linearize(about, theta, NO_GAUSSIANS)
     expected = (flown[1] - flown[0])[-1, flight.states]
     deviation = np.zeros(len(flight.states))
     deviation[OFFSET] = apart
@@ -263,7 +265,7 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     np.testing.assert_allclose(off, apart * persists, atol=1e-12)
     space = task.space
     servo = slopes(space, range(space.num_flown, len(space.names)))
-    flight = linearize(tall, theta, NO_FIELD, servo)
+    flight = linearize(tall, theta, NO_GAUSSIANS, servo)
     assert np.abs(flight.inputs[:, OFFSET]).max() < 1e-9
 
 
@@ -272,7 +274,7 @@ def test_a_model_that_diverges_is_linearized_without_a_warning(task):
     theta[space.index["profile_drag.cd0"]] = -1e20
     directions = slopes(space, space.slots_of("servo_lag"))
     with warnings.catch_warnings(action="error"):
-        flight = linearize(task.records[0], theta, NO_FIELD, directions)
+        flight = linearize(task.records[0], theta, NO_GAUSSIANS, directions)
         endless = dataclasses.replace(
             flight, inputs=np.full_like(flight.inputs, np.inf)
         )

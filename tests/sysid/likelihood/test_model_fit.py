@@ -216,16 +216,16 @@ def test_a_model_that_blows_up_is_never_the_best(windy):
 
 def with_drag(task, model, strength=1.0):
     """The model with a free function of drag, zero so far."""
-    block = task.blocks["drag over alpha"]
-    own = dataclasses.replace(block, strength=strength)
-    return dataclasses.replace(model, kinds=(block.name,), blocks=(own,))
+    function = task.functions["drag over alpha"]
+    own = dataclasses.replace(function, strength=strength)
+    return dataclasses.replace(model, kinds=(function.name,), functions=(own,))
 
 
 def test_the_cost_of_other_strengths_is_that_of_a_refit():
     task, noise = task_of(fly(KINDS["induced_drag"](k=0.03), flights=4))
     model = fit_model(task, with_drag(task, begin(task, noise), 5.0), iterations=15)
     other = fit_strength(task, model)
-    assert other.blocks[0].strength < 4.0
+    assert other.functions[0].strength < 4.0
     before = fit_model(task, model, iterations=0, free_scales=())
     again = fit_model(task, other, free_scales=())
     assert again.cost - before.cost > 5.0
@@ -238,10 +238,10 @@ def test_the_cost_of_other_strengths_is_that_of_the_model_beside_a_shape():
     stall = KINDS["attached_lift"](slope=2.5, stall_angle=0.3, fade=0.1)
     task, noise = task_of(fly(stall, flights=6))
     start = begin(task, noise, ("attached_lift",))
-    block = task.blocks["lift over alpha"]
-    own = dataclasses.replace(block, strength=2.0)
-    kinds = (*start.kinds, block.name)
-    start = dataclasses.replace(start, kinds=kinds, blocks=(own,))
+    function = task.functions["lift over alpha"]
+    own = dataclasses.replace(function, strength=2.0)
+    kinds = (*start.kinds, function.name)
+    start = dataclasses.replace(start, kinds=kinds, functions=(own,))
     model = fit_model(task, start, 2, with_strength=True)
     real = fit_model(task, model, iterations=0, free_scales=())
     assert model.cost == pytest.approx(real.cost, abs=6.0)

@@ -9,7 +9,7 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import ServoLog
 from glider.compiled.replay import OFFSET
-from glider.physics.effects import NO_FIELD
+from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS, Servo
 from glider.sysid.constants import Z
@@ -83,7 +83,7 @@ def test_commands_before_a_gap_that_hides_some_do_not_count(campaign):
     near = dataclasses.replace(record, rest=0.0)  # As if it were moving through there.
     scales = Scales(elevator=0.005, rest=1e-4)
     assert not rests(near, scales) and all(rests(own, scales) for own in others)
-    linear = linearize(near, vector_of(GliderModel()), NO_FIELD)
+    linear = linearize(near, vector_of(GliderModel()), NO_GAUSSIANS)
     launch = start_variances(linear, scales)
     assert np.sqrt(launch[OFFSET]) == pytest.approx(Z * Scales.elevator)
 

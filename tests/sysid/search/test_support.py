@@ -95,7 +95,7 @@ def test_free_functions_are_compared_about_what_formulas_were(monkeypatch):
     assert len(made) == count
     apart = Search(whole, silent).near(plate).alone()
     assert both.alone() == pytest.approx(apart, rel=1e-9)
-    assert apart.keys() == {*offered, *whole.blocks}
+    assert apart.keys() == {*offered, *whole.functions}
     known = len(made)
     search.near(dataclasses.replace(plate))
     assert len(made) > known

@@ -15,10 +15,10 @@ OFFERED = "wind", "mass", "camber", "profile_drag"
 
 
 def trace_among(effect, flights, earlier=None):
-    """Traces flights of an effect among a few kinds, and the one block of winds."""
+    """Traces flights of an effect among a few kinds, and the one function of winds."""
     task, noise = task_of(fly(effect, flights=flights))
-    blocks = {"air along x over z": task.blocks["air along x over z"]}
-    task = dataclasses.replace(task, kinds=OFFERED, blocks=blocks)
+    functions = {"air along x over z": task.functions["air along x over z"]}
+    task = dataclasses.replace(task, kinds=OFFERED, functions=functions)
     return trace(task, noise, np.random.default_rng(0), silent, earlier)
 
 
@@ -49,7 +49,7 @@ def test_other_effects_are_searched_as_if_there_had_been_no_earlier_model(windy)
 def test_an_earlier_model_of_what_is_not_tried_is_no_start():
     thrust = KINDS["thrust"](force=0.1)
     full = trace_among(thrust, 6)
-    earlier = dataclasses.replace(full.model, kinds=("thrust",), blocks=())
+    earlier = dataclasses.replace(full.model, kinds=("thrust",), functions=())
     found = trace_among(thrust, 6, earlier)
     assert "thrust" not in found.model.kinds
     assert np.array_equal(found.model.theta, full.model.theta)
@@ -64,5 +64,5 @@ def test_a_free_function_begins_again_where_the_flights_are():
     assert found.model.kinds == full.model.kinds
     assert set(found.found_by.values()) == {EARLIER}
     assert found.model.cost == pytest.approx(full.model.cost, abs=0.5)
-    [own], [other] = found.model.blocks, full.model.blocks
+    [own], [other] = found.model.functions, full.model.functions
     assert np.array_equal(own.centers, other.centers)

@@ -1,10 +1,11 @@
-"""Free functions in the links of the force chain: blocks of Gaussians.
+"""Free functions as flights show them: mixtures of Gaussians with a prior.
 
-A block adds a function of a flow's variables to one link: the air, the forces, the
-tail's force or the stream at the tail. It is a Gaussian process with a physical prior
-scale (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch. 45),
-and stands for any formula of a family of effects. Blocks compete with the library's
-formulas; beside one they absorb what a formula of nearly the right shape leaves.
+Each adds a function of a flow's variables to one link of the force chain: the air, the
+forces, the tail's force or the stream at the tail. It is a Gaussian process with a
+physical prior scale (MacKay, Information Theory, Inference, and Learning Algorithms,
+2003, ch. 45), and stands for any formula of a family of effects. Such functions compete
+with the library's formulas; beside one they absorb what a formula of nearly the right
+shape leaves.
 """
 
 import dataclasses
@@ -15,37 +16,20 @@ import numpy as np
 import scipy.linalg
 
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import FIELD_VARIABLES, Field
-from glider.physics.effects.families import BLOCKS, BlockKind
-from glider.physics.effects.field import (
-    AIR_TERMS,
-    INERTIA_TERMS,
-    SENSOR_TERMS,
-    FieldData,
-)
+from glider.physics.effects import FLOW_VARIABLES, FREE_FUNCTIONS, EffectKind, Gaussians
+from glider.physics.effects.families import FAMILIES, Family
+from glider.physics.effects.free_functions import FreeFunction, gaussian
 from glider.sysid.constants import RESOLVED, SLACK
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_along, flow_at_nodes
 
-SPREADS = {
-    **dict.fromkeys(AIR_TERMS, 0.5),
-    **{"c_normal": 0.2, "c_axial": 0.2, "c_drag": 0.2, "c_moment": 0.01},
-    **{"elevator_factor": 0.5, "tail_downwash": 0.2, "tail_angle": 0.2},
-    **{"wing_factor": 0.2, "push": 1.0, **dict.fromkeys(INERTIA_TERMS, 0.1)},
-    **dict.fromkeys(SENSOR_TERMS, 0.05),
-}
-"""Prior spread of a block's weights at a strength of one [m/s; -, -, -, m; -, rad, rad;
--, m/s², -, -; m, m, rad]: a tenth of a flat plate's largest coefficients, half of a
-tail's force, a fifth of a wing's, a tenth of the weight, of mass and inertia, of a
-reading what a wide lens or a tilted axis does."""
-
 _ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
-"""Terms of blocks that vary about their means: effects of the library, and of measured
+"""Terms that vary about their means: these are effects of the library, and of measured
 positions nothing that a flight shows."""
 
 LEVELS = (8, 1.0), (32, 0.3)
-"""Gaussians over one variable, and their prior spread over that of a block: wide ones,
+"""Gaussians over one variable, and their prior spread over the function's: wide ones,
 and narrow ones for kinks that only sharp flights show."""
 _PAIR_COUNTS = {"x": 8, "z": 4}
 """Those over each of two variables; over others there are 5."""
@@ -61,20 +45,20 @@ _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Block:
-    """Gaussians over variables, with a weight for each of some terms.
+class FittedFunction:
+    """A free function as a search fits it.
 
-    Weights (M T,) go by functions first and then by terms; they are mixtures of
-    coordinates with a common prior spread, the block's strength.
+    The weights of its Gaussians are mixtures of coordinates with a common prior spread,
+    the function's strength.
     """
 
-    name: str  #: Of BLOCKS.
-    terms: tuple[str, ...]  #: T of FIELD_TERMS.
-    variables: tuple[str, ...]  #: d of FIELD_VARIABLES.
+    name: str  #: Of FAMILIES.
+    effect: EffectKind  #: Of FREE_FUNCTIONS, whose coefficient it is.
+    variables: tuple[str, ...]  #: d of FLOW_VARIABLES.
     centers: np.ndarray  #: (M, d)
     widths: np.ndarray  #: (M, d)
     flown: np.ndarray  #: (2, d) least and largest values of the variables in flight.
-    mix: np.ndarray  #: (M T, q) weights of coordinates, the most shown ones first.
+    mix: np.ndarray  #: (M, q) weights of coordinates, the most shown ones first.
     leading: int  #: Number of coordinates by which it is compared with others.
     coordinates: np.ndarray  #: (q,) zero unless it acts in a model.
     strength: float = 1.0  #: Prior spread of the coordinates.
@@ -85,16 +69,21 @@ class Block:
         return self.mix.shape[1]
 
     @property
-    def leading_only(self) -> "Block":
-        """The block with its leading coordinates alone."""
+    def leading_only(self) -> "FittedFunction":
+        """The function with its leading coordinates alone."""
         mix = self.mix[:, : self.leading]
         coordinates = self.coordinates[: self.leading]
         return dataclasses.replace(self, mix=mix, coordinates=coordinates)
 
     @property
+    def is_read(self) -> bool:
+        """Whether sensors show it, and nothing else."""
+        return self.effect.stage == "sensor"
+
+    @property
     def columns(self) -> list[int]:
         """Indices of the variables."""
-        return [FIELD_VARIABLES.index(name) for name in self.variables]
+        return [FLOW_VARIABLES.index(name) for name in self.variables]
 
     @property
     def reached(self) -> np.ndarray:
@@ -103,88 +92,76 @@ class Block:
         is_within = (low <= self.centers) & (self.centers <= high)
         return self.centers[is_within.all(axis=1)]
 
-    def functions(self, values: np.ndarray) -> np.ndarray:
+    def gaussians(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (n, M) at values of the variables (n, d)."""
         return gaussian(values, self.centers, self.widths)
 
     @property
     def weights(self) -> np.ndarray:
-        """Weights of the Gaussians in each term, (M, T)."""
-        return (self.mix @ self.coordinates).reshape(-1, len(self.terms))
+        """Weights of the Gaussians, (M,)."""
+        return self.mix @ self.coordinates
 
     @property
-    def data(self) -> FieldData:
-        """The function as a model file has it, without terms of no weight."""
-        weights = zip(self.terms, self.weights.T.tolist(), strict=True)
-        return FieldData(
+    def data(self) -> FreeFunction:
+        """The function as a model file has it."""
+        return FreeFunction(
             kind="unexplained",
             variables=list(self.variables),
             centers=self.centers.tolist(),
             widths=[
                 own[0] if np.ptp(own) == 0.0 else own for own in self.widths.T.tolist()
             ],
-            weights={term: own for term, own in weights if any(own)},
+            weights={self.effect.kind: self.weights.tolist()},
         )
 
     @property
     def basis(self) -> tuple[object, ...]:
-        """What the functions along a flight depend on, equal where they are."""
+        """What the Gaussians along a flight depend on, equal where they are."""
         own = self.centers.tobytes(), self.widths.tobytes()
-        return self.variables, self.terms[0] in SENSOR_TERMS, *own
+        return self.variables, self.is_read, *own
 
     def along(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (K, M) along a flight, those of sensors (K + 1, M).
 
-        `values` (K + 1, v) are FIELD_VARIABLES at its nodes.
+        `values` (K + 1, v) are FLOW_VARIABLES at its nodes.
         """
-        if self.terms[0] not in SENSOR_TERMS:
+        if not self.is_read:
             values = variables_between(values)
-        return self.functions(values[:, self.columns])
+        return self.gaussians(values[:, self.columns])
 
 
-def terms_of(blocks: Iterable[Block]) -> set[str]:
-    """Returns the terms of some blocks."""
-    return {term for block in blocks for term in block.terms}
+def terms_of(functions: Iterable[FittedFunction]) -> set[str]:
+    """Returns the names in FREE_FUNCTIONS of some functions."""
+    return {function.effect.kind for function in functions}
 
 
-def gaussian(values: np.ndarray, centers: np.ndarray, widths: np.ndarray) -> np.ndarray:
-    """Returns Gaussians (n, M) about centers (M, d) at values (n, d)."""
-    squares = np.zeros((len(values), len(centers)))
-    for own, center, width in zip(values.T, centers.T, widths.T, strict=True):
-        apart = own[:, None] - center  # In place: pairs of variables have many.
-        apart /= width
-        apart *= apart
-        squares += apart
-    squares *= -0.5
-    return np.exp(squares, out=squares)
-
-
-def carried_blocks(data: FieldData | None) -> tuple[Block, ...]:
+def carried_functions(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...]:
     """Returns the functions that a model carries, each with a factor to fit."""
     found = []
-    for part in () if data is None else (data, *data.more):
-        weights = np.array(list(part.weights.values())).T.reshape(-1, 1)
-        centers = np.array(part.centers).reshape(-1, len(part.variables))
-        found.append(
-            Block(
-                name=f"{', '.join(part.weights)} over {', '.join(part.variables)}",
-                terms=tuple(part.weights),
-                variables=tuple(part.variables),
-                centers=centers,
-                widths=np.column_stack([np.full(len(centers), w) for w in part.widths]),
-                flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
-                mix=weights,
-                leading=1,
-                coordinates=np.ones(1),
+    for own in functions:
+        centers = np.array(own.centers).reshape(-1, len(own.variables))
+        widths = [np.full(len(centers), width) for width in own.widths]
+        for kind, weights in own.weights.items():
+            found.append(
+                FittedFunction(
+                    name=f"{kind} over {', '.join(own.variables)}",
+                    effect=FREE_FUNCTIONS[kind],
+                    variables=tuple(own.variables),
+                    centers=centers,
+                    widths=np.column_stack(widths),
+                    flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
+                    mix=np.reshape(weights, (-1, 1)),
+                    leading=1,
+                    coordinates=np.ones(1),
+                )
             )
-        )
     return tuple(found)
 
 
 def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES along all flights of a model, (n, v)."""
+    """Returns FLOW_VARIABLES along all flights of a model, (n, v)."""
     flows = [flow_along(record, theta)[1] for record in records]
-    return np.concatenate(flows)[:, -len(FIELD_VARIABLES) :]
+    return np.concatenate(flows)[:, -len(FLOW_VARIABLES) :]
 
 
 def between(values: np.ndarray) -> np.ndarray:
@@ -193,73 +170,75 @@ def between(values: np.ndarray) -> np.ndarray:
 
 
 def variables_between(values: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES at the midpoints, (K, v): angles of attack turn by ±π."""
+    """Returns FLOW_VARIABLES at the midpoints, (K, v): angles of attack turn by ±π."""
     middle = between(values)
-    alpha = FIELD_VARIABLES.index("alpha")
+    alpha = FLOW_VARIABLES.index("alpha")
     turned = between(np.unwrap(values[:, alpha]))
     middle[:, alpha] = np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
     return middle
 
 
 def values_at_nodes(
-    flight: LinearFlight, theta: np.ndarray, field: Field
+    flight: LinearFlight, theta: np.ndarray, gaussians: Gaussians
 ) -> np.ndarray:
-    """Returns FIELD_VARIABLES at the nodes of a flight of a model, (K + 1, v)."""
+    """Returns FLOW_VARIABLES at the nodes of a flight of a model, (K + 1, v)."""
     nodes = flight.nodes.copy()
     wind = flight.about.wind(flight.record)
     nodes[:, 4:6] -= np.vstack([wind[:1], between(wind), wind[-1:]])
-    flow = flow_at_nodes(flight.record, theta, nodes, field)
-    return flow[:, -len(FIELD_VARIABLES) :]
+    flow = flow_at_nodes(flight.record, theta, nodes, gaussians)
+    return flow[:, -len(FLOW_VARIABLES) :]
 
 
-def make_blocks(flown: np.ndarray) -> dict[str, Block]:
-    """Spreads the bases of BLOCKS over `flown_values`; a point has none."""
+def make_functions(flown: np.ndarray) -> dict[str, FittedFunction]:
+    """Spreads the bases of FAMILIES over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     flown = flown[:: max(1, len(flown) // 2000)]
     reached = dict[str, list[int]]()
-    for name, kind in BLOCKS.items():
-        columns = [FIELD_VARIABLES.index(name) for name in kind.variables]
+    for name, kind in FAMILIES.items():
+        columns = [FLOW_VARIABLES.index(name) for name in kind.variables]
         if np.all(high[columns] - low[columns] >= _LEAST_RANGE):
             reached[name] = columns
 
-    def make(name: str) -> Block:
+    def make(name: str) -> FittedFunction:
         columns = reached[name]
         range_ = np.stack([low[columns], high[columns]])
-        return _make_block(name, BLOCKS[name], range_, flown[:, columns])
+        return _make_function(name, FAMILIES[name], range_, flown[:, columns])
 
     return dict(zip(reached, in_parallel(make, reached), strict=True))
 
 
-def _make_block(
-    name: str, kind: BlockKind, range_: np.ndarray, flown: np.ndarray
-) -> Block:
+def _make_function(
+    name: str, family: Family, range_: np.ndarray, flown: np.ndarray
+) -> FittedFunction:
     """Spreads Gaussians over the range (2, d) of values (n, d), and mixes them.
 
     Mixtures that no flight shows are left out.
     """
-    of_position = kind.term in ("pose_x", "pose_z")
+    function = family.free_function
+    [value] = function.coefficients
+    of_position = function.kind in ("pose_x", "pose_z")
     width, resolved = _OF_POSITIONS if of_position else (1.0, RESOLVED)
     levels = LEVELS[:1] if of_position else LEVELS
-    own = [_grid(kind.variables, range_, width, i) for i in range(len(levels))]
+    own = [_grid(family.variables, range_, width, i) for i in range(len(levels))]
     centers, widths = map(np.vstack, zip(*own, strict=True))
     pairs = zip(own, levels, strict=True)
     shares = [np.full(len(c), share) for (c, _), (_, share) in pairs]
     basis = np.diag(np.concatenate(shares))
     shown = gaussian(flown, centers, widths)
-    if kind.term in _ABOUT_MEAN:
+    if function.kind in _ABOUT_MEAN:
         mean = shown.mean(axis=0, keepdims=True) @ basis
         basis = basis @ scipy.linalg.null_space(mean)
     squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
     spreads = np.sqrt(np.maximum(squares[::-1], 0.0))
     basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]
-    return Block(
+    return FittedFunction(
         name=name,
-        terms=(kind.term,),
-        variables=kind.variables,
+        effect=function,
+        variables=family.variables,
         centers=centers,
         widths=widths,
         flown=range_,
-        mix=SPREADS[kind.term] * basis,
+        mix=value.scale * basis,
         leading=int(np.count_nonzero(spreads > SLACK)),
         coordinates=np.zeros(basis.shape[1]),
     )

@@ -7,16 +7,25 @@ import pytest
 
 from benchmarks.bench_forms import draw
 from glider.campaign.turning import Signs
-from glider.physics.effects import FIELD_VARIABLES, KINDS, NO_FIELD
-from glider.physics.effects.families import BLOCKS
-from glider.physics.effects.field import FIELD_TERMS, FieldData, gaussians, make_field
+from glider.physics.effects import FLOW_VARIABLES, KINDS, NO_GAUSSIANS
+from glider.physics.effects.families import FAMILIES
+from glider.physics.effects.free_functions import (
+    ROWS,
+    FreeFunction,
+    basis_function,
+    gaussians_of,
+)
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.constants import EVIDENCE_THRESHOLD, PRIOR_SCALES
-from glider.sysid.likelihood.blocks import flown_values, make_blocks, variables_between
 from glider.sysid.likelihood.candidates import survey
+from glider.sysid.likelihood.fitted_functions import (
+    flown_values,
+    make_functions,
+    variables_between,
+)
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.model_fit import fit_model, with_blocks
+from glider.sysid.likelihood.model_fit import fit_model, with_functions
 from glider.sysid.outcome import model_of
 from glider.sysid.search.moves import families_of, renamed
 from glider.sysid.search.support import Search
@@ -24,7 +33,7 @@ from glider.sysid.search.tracing import improved
 from tests.helpers.other_forms import FORMS
 from tests.helpers.tasks import begin, fly, task_of
 
-VENT = FieldData(
+VENT = FreeFunction(
     kind="unexplained",
     variables=["x"],
     centers=[[-1.8]],
@@ -33,7 +42,7 @@ VENT = FieldData(
 )
 
 
-TOW = FieldData(
+TOW = FreeFunction(
     kind="unexplained",
     variables=["t"],
     centers=[[0.0]],
@@ -42,7 +51,7 @@ TOW = FieldData(
 )
 
 
-SHED = FieldData(
+SHED = FreeFunction(
     kind="unexplained",
     variables=["alpha"],
     centers=[[0.0]],
@@ -51,10 +60,12 @@ SHED = FieldData(
 )
 
 
-def searched(field, flights=6, seed=0, kinds=None):
-    """A search in flights through a field, and the plate fitted to them."""
+def searched(function, flights=6, seed=0, kinds=None):
+    """A search in flights through a free function, and the plate fitted to them."""
     rng = np.random.default_rng(seed)
-    campaign = CampaignPlan(flights=flights).simulate(GliderModel(field=field), rng)
+    campaign = CampaignPlan(flights=flights).simulate(
+        GliderModel(free_functions=(function,)), rng
+    )
     task, noise = task_of(campaign)
     if kinds is not None:
         task = dataclasses.replace(task, kinds=kinds)
@@ -67,17 +78,21 @@ def vent():
     return searched(VENT)
 
 
-def test_blocks_of_the_same_variables_have_their_own_functions(vent):
+def test_functions_of_the_same_variables_have_their_own_gaussians(vent):
     search, plate = vent
-    block = search.task.blocks["air along z over x"]
-    wide = dataclasses.replace(block, widths=2.0 * block.widths)
-    apart = dataclasses.replace(block, centers=block.centers + 0.1)
-    flight = linearize(search.task.records[0], plate.theta, NO_FIELD)
-    found = with_blocks(flight, plate.theta, NO_FIELD, [block, wide, apart, block])
-    for own, added in zip((block, wide, apart, block), found.forces, strict=True):
-        [alone] = with_blocks(flight, plate.theta, NO_FIELD, [own]).forces
+    function = search.task.functions["air along z over x"]
+    wide = dataclasses.replace(function, widths=2.0 * function.widths)
+    apart = dataclasses.replace(function, centers=function.centers + 0.1)
+    flight = linearize(search.task.records[0], plate.theta, NO_GAUSSIANS)
+    found = with_functions(
+        flight, plate.theta, NO_GAUSSIANS, [function, wide, apart, function]
+    )
+    for own, added in zip(
+        (function, wide, apart, function), found.functions, strict=True
+    ):
+        [alone] = with_functions(flight, plate.theta, NO_GAUSSIANS, [own]).functions
         np.testing.assert_array_equal(added.basis, alone.basis)
-    assert len({added.basis.tobytes() for added in found.forces}) == 3
+    assert len({added.basis.tobytes() for added in found.functions}) == 3
 
 
 def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
@@ -100,15 +115,15 @@ def test_about_a_model_that_diverges_nothing_is_seen(vent):
     assert set(survey(search.task, lost).values()) == {-np.inf}
 
 
-def test_the_block_is_the_vent(vent):
+def test_the_function_is_the_vent(vent):
     """Of the right height and place; it blows upward alone."""
     search, plate = vent
     found = improved(search, plate)
     assert found.kinds == ("air along z over x",)
     assert renamed(search, found) is None and families_of(search, found) == {}
-    (own,) = found.blocks
+    (own,) = found.functions
     x = np.linspace(-2.6, -1.0, 161)[:, None]
-    blown = own.functions(x) @ own.weights
+    blown = own.gaussians(x) @ own.weights
     assert x[np.argmax(blown), 0] == pytest.approx(-1.8, abs=0.05)
     assert blown.max() == pytest.approx(1.0, abs=0.1)
 
@@ -120,7 +135,7 @@ def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     assert set(found.kinds) <= {"push over t", "thrust"}
     own = found.by_name["push over t"]
     t = np.array([0.03, 0.06, 0.3, 0.7])
-    pushed = (own.functions(t[:, None]) @ own.weights)[:, 0]
+    pushed = own.gaussians(t[:, None]) @ own.weights
     index, start = search.task.space.index, search.task.vehicle.theta
     thrust = found.theta[index["thrust.force"]]
     pushed += thrust / start[index["mass"]]
@@ -136,7 +151,7 @@ def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha()
     assert set(found.kinds) <= {"added mass over alpha", "added_mass"}
     own = found.by_name["added mass over alpha"]
     alpha = np.linspace(0.1, 1.0, 19)[:, None]
-    carried = (own.functions(alpha) @ own.weights)[:, 0]
+    carried = own.gaussians(alpha) @ own.weights
     index, start = search.task.space.index, search.task.vehicle.theta
     mass = found.theta[index["added_mass.mass"]]
     carried += mass / start[index["mass"]]
@@ -146,18 +161,18 @@ def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha()
 
 def test_a_glider_that_turns_over_is_backward_in_between():
     """Not halfway between -π and π, where its angle of attack would be zero."""
-    values = np.zeros((4, len(FIELD_VARIABLES)))
+    values = np.zeros((4, len(FLOW_VARIABLES)))
     values[:, 0] = [0.0, 1.0, 2.0, 4.0]
-    values[:, FIELD_VARIABLES.index("alpha")] = [2.9, 3.1, -3.1, 3.0]
+    values[:, FLOW_VARIABLES.index("alpha")] = [2.9, 3.1, -3.1, 3.0]
     middle = variables_between(values)
     np.testing.assert_allclose(middle[:, 0], [0.5, 1.5, 3.0])
-    alpha = middle[:, FIELD_VARIABLES.index("alpha")]
+    alpha = middle[:, FLOW_VARIABLES.index("alpha")]
     np.testing.assert_allclose(np.cos(alpha), np.cos([3.0, np.pi, 3.0916]), atol=1e-4)
     assert np.all(np.abs(alpha) <= np.pi)
 
 
 def test_every_family_is_of_the_library():
-    for name, kind in BLOCKS.items():
+    for name, kind in FAMILIES.items():
         assert set(kind.formulas) <= set(KINDS), name
         assert set(kind.formulas) <= kind.bends <= set(KINDS)
 
@@ -165,7 +180,7 @@ def test_every_family_is_of_the_library():
 @pytest.mark.nightly
 def test_a_stream_of_another_form_is_one_family_not_several_effects():
     """A downwash of which no formula has the shape: no second effect stands in."""
-    bump = FieldData(
+    bump = FreeFunction(
         kind="unexplained",
         variables=["alpha"],
         centers=[[0.25]],
@@ -193,7 +208,7 @@ def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypa
     model = model_of(task, found, Signs())
     model.save(tmp_path / "model.yaml")
     again = GliderModel.load(tmp_path / "model.yaml")
-    assert again.field is not None and "reduced_rate" in again.field.variables
+    assert any("reduced_rate" in own.variables for own in again.free_functions)
     flown = CampaignPlan(flights=1).simulate(again, np.random.default_rng(0))
     plate = CampaignPlan(flights=1).simulate(GliderModel(), np.random.default_rng(0))
     pitch, other = (c.flights[0].pose[:, 2] for c in (flown, plate))
@@ -201,11 +216,11 @@ def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypa
     assert np.abs(pitch[:count] - other[:count]).max() > 0.01
 
 
-def test_blocks_are_spread_over_what_was_flown(vent):
+def test_functions_are_spread_over_what_was_flown(vent):
     search, plate = vent
-    blocks = make_blocks(flown_values(search.task.records, plate.theta))
-    assert set(blocks) == set(BLOCKS)
-    own = blocks["wing's force over V"]
+    functions = make_functions(flown_values(search.task.records, plate.theta))
+    assert set(functions) == set(FAMILIES)
+    own = functions["wing's force over V"]
     assert own.centers[0, 0] < 5.0 < own.centers[-1, 0]
 
 
@@ -213,22 +228,25 @@ def test_blocks_are_spread_over_what_was_flown(vent):
 def test_a_lens_is_an_error_of_measured_positions_within_the_noise(vent, term):
     """-5 mm/m³ r² of each coordinate, by the radius about a center before the perch."""
     search, plate = vent
-    block = search.task.blocks[f"measured {term} over x and z"]
-    flown = flown_values(search.task.records, plate.theta)[:, block.columns]
+    function = search.task.functions[f"measured {term} over x and z"]
+    flown = flown_values(search.task.records, plate.theta)[:, function.columns]
     from_center = flown + np.array([1.0, 0.0])
     error = -5e-3 * np.sum(from_center**2, axis=1) * from_center[:, "xz".index(term)]
-    shown = block.functions(flown) @ block.mix
+    shown = function.gaussians(flown) @ function.mix
     both = np.hstack([shown, np.ones((len(flown), 1))])  # It varies about its mean.
     weights = np.linalg.lstsq(both, error, rcond=1e-5)[0]
     assert np.std(error) > 2e-3 and np.std(error - both @ weights) < 1e-4
     assert np.std(weights[:-1]) < PRIOR_SCALES
 
 
-def left_by(block, values, term):
-    """Share (RMS) of a term that a block of moderate weights does not show."""
-    shown, prior = block.functions(values) @ block.mix, 0.1 * np.eye(block.count)
+def left_by(function, values, term):
+    """Share (RMS) of a term that a function of moderate weights does not show."""
+    shown, prior = (
+        function.gaussians(values) @ function.mix,
+        0.1 * np.eye(function.count),
+    )
     rows = np.vstack([shown / (0.01 * np.std(term)), prior])
-    right = np.append(term / (0.01 * np.std(term)), np.zeros(block.count))
+    right = np.append(term / (0.01 * np.std(term)), np.zeros(function.count))
     weights = np.linalg.lstsq(rows, right, rcond=None)[0]
     return np.std(term - shown @ weights) / np.std(term)
 
@@ -236,40 +254,46 @@ def left_by(block, values, term):
 def test_a_stall_in_two_steps_is_shown_to_four_percent(vent):
     """Gaussians of one width, 0.08 rad, leave seven percent."""
     search, plate = vent
-    block = search.task.blocks["lift over alpha"]
-    alpha = flown_values(search.task.records, plate.theta)[:, block.columns]
+    function = search.task.functions["lift over alpha"]
+    alpha = flown_values(search.task.records, plate.theta)[:, function.columns]
     lost = 0.5 * sum(
         np.clip((np.abs(alpha[:, 0]) - begin) / 0.08, 0.0, 1.0) for begin in (0.2, 0.4)
     )
-    assert left_by(block, alpha, 3.0 * np.sin(alpha[:, 0]) * (1.0 - lost)) < 0.04
-    assert np.ptp(block.widths[:, 0]) > 0.5 * block.widths.max()
+    assert left_by(function, alpha, 3.0 * np.sin(alpha[:, 0]) * (1.0 - lost)) < 0.04
+    assert np.ptp(function.widths[:, 0]) > 0.5 * function.widths.max()
 
 
 def test_a_lift_that_saturates_with_the_rate_is_shown_to_two_percent(vent):
     """Three Gaussians over the rate leave four percent."""
     search, plate = vent
-    block = search.task.blocks["lift over alpha and reduced_rate"]
-    values = flown_values(search.task.records, plate.theta)[:, block.columns]
+    function = search.task.functions["lift over alpha and reduced_rate"]
+    values = flown_values(search.task.records, plate.theta)[:, function.columns]
     alpha, rate = values.T
     attached = 0.5 - 0.5 * np.tanh((np.abs(alpha) - 0.45) / 0.15)
-    assert left_by(block, values, 0.15 * np.tanh(0.2 * rate / 0.15) * attached) < 0.025
+    assert (
+        left_by(function, values, 0.15 * np.tanh(0.2 * rate / 0.15) * attached) < 0.025
+    )
 
 
 def test_what_a_function_says_of_the_flown_range_excludes_its_margin(vent):
-    block = vent[0].task.blocks["measured x over x and z"]
-    assert np.all(block.centers.min(axis=0) < block.flown[0] - 0.9 * block.widths)
-    assert np.all(block.centers.max(axis=0) > block.flown[1] + 0.9 * block.widths)
-    np.testing.assert_allclose(block.reached.min(axis=0), block.flown[0])
-    np.testing.assert_allclose(block.reached.max(axis=0), block.flown[1])
+    function = vent[0].task.functions["measured x over x and z"]
+    assert np.all(
+        function.centers.min(axis=0) < function.flown[0] - 0.9 * function.widths
+    )
+    assert np.all(
+        function.centers.max(axis=0) > function.flown[1] + 0.9 * function.widths
+    )
+    np.testing.assert_allclose(function.reached.min(axis=0), function.flown[0])
+    np.testing.assert_allclose(function.reached.max(axis=0), function.flown[1])
 
 
 def test_an_uneven_pitch_is_an_error_of_the_measured_pitch_alone(vent):
     """With its mean: needing a `pitch_offset` too, others were found in its place."""
     search, plate = vent
-    block = search.task.blocks["measured pitch over pitch"]
-    pitch = flown_values(search.task.records, plate.theta)[:, block.columns]
+    function = search.task.functions["measured pitch over pitch"]
+    pitch = flown_values(search.task.records, plate.theta)[:, function.columns]
     error = -0.04 * np.sin(2.0 * pitch[:, 0])
-    shown = block.functions(pitch) @ block.mix
+    shown = function.gaussians(pitch) @ function.mix
     left = error - shown @ np.linalg.lstsq(shown, error, rcond=None)[0]
     assert abs(np.mean(error)) > 5e-3 and np.std(error) > 5e-3
     assert np.sqrt(np.mean(left**2)) < 1e-3
@@ -289,17 +313,23 @@ def test_a_bent_floor_is_an_error_of_the_measured_height():
 @pytest.mark.parametrize(
     "name", ["drag over alpha", "moment over alpha and reduced_rate"]
 )
-def test_the_field_in_a_model_file_has_the_blocks_values(vent, name):
-    block = vent[0].task.blocks[name]
-    coordinates = np.random.default_rng(0).normal(size=block.count)
-    block = dataclasses.replace(block, coordinates=coordinates)
-    low, high = block.centers.min(axis=0), block.centers.max(axis=0)
+def test_a_function_in_a_model_file_has_the_values_of_the_fitted_one(vent, name):
+    function = vent[0].task.functions[name]
+    coordinates = np.random.default_rng(0).normal(size=function.count)
+    function = dataclasses.replace(function, coordinates=coordinates)
+    low, high = function.centers.min(axis=0), function.centers.max(axis=0)
     values = np.random.default_rng(1).uniform(low, high, size=(31, len(low)))
-    expected = block.functions(values) @ block.weights
+    expected = function.gaussians(values) @ function.weights
     assert np.abs(expected).max() > 1e-4
-    field = make_field(block.data)
-    column = [FIELD_TERMS.index(term) for term in block.terms]
-    found = gaussians(field, block.columns, values) @ field.weights.T
-    np.testing.assert_allclose(found[:, column], expected, atol=1e-12)
-    others = [k for k in range(len(FIELD_TERMS)) if k not in column]
+    gaussians = gaussians_of([function.data])
+    row = ROWS[function.effect.kind]
+    rest = np.zeros(len(FLOW_VARIABLES))
+    found = []
+    for value in values:
+        rest[function.columns] = value
+        basis = [basis_function(rest, gaussians, m) for m in range(gaussians.num_flown)]
+        found.append(gaussians.weights @ basis)
+    found = np.array(found)
+    np.testing.assert_allclose(found[:, row], expected, atol=1e-12)
+    others = [k for k in range(len(ROWS)) if k != row]
     assert np.all(found[:, others] == 0.0)
