@@ -55,7 +55,6 @@ def load_report(path: Path) -> _SavedReport:
         with contextlib.suppress(InputError):
             text = read_text(model, "a glider model")
             given = parse_model(text, str(model))[0].parameters
-
     return _SavedReport(**vars(report), given=given)
 
 
@@ -81,10 +80,8 @@ class _Difference:
         """Second less first with its standard error; None where there is no such."""
         if self.first is None or self.second is None:
             return None
-
         if self.first.unit != self.second.unit:
             return None
-
         value = self.second.value - self.first.value
         std = math.hypot(self.first.std, self.second.std)
         return Estimate(value, std, self.unit)
@@ -95,7 +92,6 @@ class _Difference:
         change = self.change
         if change is None or not change.std > 0.0:
             return math.nan
-
         return change.value / change.std
 
     @property
@@ -103,7 +99,6 @@ class _Difference:
         """Label of an effect kind, or its name if user-defined."""
         if self.kind in KINDS:
             return KINDS[self.kind].words
-
         return name_of(self.kind)
 
     @property
@@ -159,9 +154,7 @@ def compare(first: _SavedReport, second: _SavedReport) -> Comparison:
             note = f"units differ: {one.unit} and {other.unit}"
         elif key[0] == _EFFECTS:
             note = _absence(key[1], first, second)
-
         differences.append(_Difference(*key, one, other, note))
-
     count = sum(math.isfinite(d.z) for d in differences)
     return Comparison(
         first=first,
@@ -181,15 +174,12 @@ def _values(report: Report) -> dict[tuple[str, str, str], Estimate]:
     for effect in report.effects:
         for name, coefficient in effect.coefficients.items():
             values[_EFFECTS, effect.kind, name] = coefficient
-
     for name, spread in report.spreads.items():
         count = sum(math.isfinite(v) for v in spread.values.values())
         error = spread.std / math.sqrt(2.0 * (count - 1)) if count > 1 else math.nan
         values[_SPREADS, name, ""] = Estimate(spread.std, error, spread.unit)
-
     for name, estimate in report.vehicle.items():
         values[_VEHICLE, name, ""] = estimate
-
     return values
 
 
@@ -198,15 +188,12 @@ def _absence(kind: str, first: Report, second: Report) -> str:
     effects = {e.kind: e for e in first.effects}
     if kind not in effects:
         return _absence(kind, second, first)
-
     others = [e.kind for e in second.effects]
     if kind in others:
         return ""
-
     rivals = effects[kind].indistinguishable_from
     if instead := [other for other in others if other in rivals]:
         return f"may be its {join(instead, ' or ')}: indistinguishable on these flights"
-
     return "" if kind in second.candidates else "not tried there"
 
 
@@ -218,7 +205,6 @@ def headline(comparison: Comparison) -> str:
     for d in compared:
         if d.change and comparison.is_significant(d):
             changed.append(f"{d.label} by {_signed(d.change)} ({abs(d.z):,.1f} σ)")
-
     agreeing = len(compared) - len(changed)
     return " ".join(say("changes", comparison, changed, agreeing))
 
@@ -241,7 +227,6 @@ def print_comparison(comparison: Comparison, console: Console) -> None:
     write(headline(comparison), "bold")
     for note in comparison.notes:
         write(f"Note: {note}")
-
     write()
     table = make_table(console, "", "A", "B", "change", "σ", "")
 
@@ -257,12 +242,10 @@ def print_comparison(comparison: Comparison, console: Console) -> None:
                 add_row("bold", *cells, "*")
             else:
                 add_row("", *cells, "")
-
     console.print(table)
     for difference in comparison.differences:
         if difference.note:
             write(f"{difference.heading}, {difference.short}: {difference.note}.")
-
     write(
         "σ: change divided by its standard error; * marks changes beyond "
         f"{comparison.z_significant:.1f} σ, more than chance explains."
@@ -278,18 +261,14 @@ def _cells(difference: _Difference) -> list[str]:
         if estimate is not None:
             plain = dataclasses.replace(estimate, unit="")
             cell = numbers.format_estimate(plain)
-
         cells.append(cell)
-
     change = numbers.MISSING
     if difference.change:
         plain = dataclasses.replace(difference.change, unit="")
         change = _signed(plain).partition(" ±")[0]
-
     sigmas = numbers.MISSING
     if math.isfinite(difference.z):
         sigmas = f"{difference.z:+,.1f}"
-
     return [*cells, change, sigmas]
 
 
@@ -309,7 +288,6 @@ def to_json(comparison: Comparison) -> str:
             "is_significant": comparison.is_significant(d),
         }
         differences.append(found)
-
     return json_text(
         {
             "summary": headline(comparison),

@@ -82,7 +82,6 @@ def _findings(
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
     flights = report.settings.get("flights")
     grades = report.settings.get("grades")
-
     return Findings(
         model=model,
         kinds=tuple(e.kind for e in report.effects if e.kind in carried),
@@ -127,10 +126,8 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     own = score.by_first(chosen.kinds)
     near = _near(score, own, _clocks_swapped(task, chosen))
     models = [chosen]
-
     for members in near[: MOST - 1]:
         models.append(fit_model(task, score.begin(members), iterations=4))
-
     acting = [model for model in models if not _is_idle(task, model)]
     weighed = [_weigh(task, model, penalty) for model in acting or [chosen]]
     # Sets that were not fitted count by their closed form, against the chosen set's.
@@ -139,7 +136,6 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     every += [first + score(members) for members in near[MOST - 1 :]]
     listed = float(softmax(every)[: len(weighed)].sum())
     missing = 1.0 - (1.0 - UNKNOWN) * listed
-
     return with_probabilities(_in_one_air(task, weighed, penalty), missing)
 
 
@@ -184,7 +180,6 @@ def with_probabilities(
     least = ranked[0].log_evidence + np.log(_LEAST)
     likely = [e for e in ranked if e.log_evidence > least]
     shares = (1.0 - missing) * softmax([e.log_evidence for e in likely])
-
     return tuple(
         dataclasses.replace(e, probability=float(share))
         for e, share in zip(likely, shares, strict=True)
@@ -203,12 +198,10 @@ def _in_one_air(
     shares = softmax([e.log_evidence for e in weighed])
     scales = Scales.from_logs(shares @ logs)
     found = []
-
     for explanation in weighed:
         model = dataclasses.replace(explanation.model, scales=scales)
         fitted = fit_model(task, model, iterations=3, free_scales=())
         found.append(_weigh(task, fitted, penalty))
-
     return found
 
 
@@ -224,7 +217,6 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
         free=task.free(kinds),
         functions=carried_functions(findings.model.free_functions),
     )
-
     return fit_model(task, start, iterations=4)
 
 
@@ -236,7 +228,6 @@ def _clocks_swapped(task: Task, model: FitResult) -> set[frozenset[str]]:
     """
     clocks = {name for name in task.kinds if _is_clock(task, name)}
     own = {*model.kinds}
-
     return {
         frozenset(own - {gone} | {new}) for gone in own & clocks for new in clocks - own
     }
@@ -252,10 +243,8 @@ def _is_idle(task: Task, model: FitResult) -> bool:
     for kind in model.kinds:
         slots = list(task.space.slots_of(kind))
         moved = np.abs(model.theta - task.vehicle.theta)[slots]
-
         if np.all(moved <= 1e-9 * task.space.scale[slots]):
             return True
-
     return False
 
 
@@ -268,7 +257,6 @@ def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - volume)
     evidence += choice_of_shapes(task, model) - penalty * len(model.kinds)
     covariance, _ = larger_of(*jackknife(grams, prior))
-
     return Explanation(
         model=model,
         log_evidence=evidence,

@@ -85,7 +85,6 @@ class Forecast:
         made = self._fly(flights)
         count = len(self._models)
         found = []
-
         for k in range(0, len(made), count):
             own = made[k : k + count]
             found.append([record for record in own if record is not None])
@@ -105,22 +104,18 @@ class Forecast:
         whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
         records = iter(prepare(whole, self.campaign, self.noise, space))
         made: list[Record | None] = []
-
         for ok in finite:
             record = None
 
             if ok:
                 record = next(records)
                 record = dataclasses.replace(record, usual_rest=record.rest)
-
             made.append(record)
-
         return made
 
     def _is_safe(self, throw: Throw, logs: list[Record]) -> bool:
         """Checks that a throw keeps the limits by every explanation."""
         limits = self.place.limits
-
         return len(logs) == len(self.explanations) and all(
             is_safe(throw, record, model.theta, model.gaussians, limits)
             for record, model in zip(logs, self._models, strict=True)
@@ -131,18 +126,14 @@ class Forecast:
 
         def weigh(pair: tuple[Throw, list[Record]]) -> Grams | None:
             throw, logs = pair
-
             if not self._is_safe(throw, logs):
                 return None
-
             grams = tuple(map(self._gram, logs))
             # An explanation may diverge.
             finite = all(np.all(np.isfinite(own)) for own in grams)
-
             return grams if finite else None
 
         pairs = zip(throws, self.logs(throws), strict=True)
-
         return in_parallel(weigh, pairs)
 
     def grams(self, logs: Sequence[list[Record]]) -> list[Grams]:
@@ -153,13 +144,10 @@ class Forecast:
         """Products of all columns of one record, (c, c)."""
         scales = self.explanations[0].model.scales
         blocks = []
-
         for linear in self._filters:
             innovations = whiten(linear(record), scales).innovations
             blocks.append(innovations.reshape(-1, innovations.shape[2]))
-
         columns = np.hstack(blocks)
-
         with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
             return columns.T @ columns
 
@@ -168,12 +156,10 @@ class Forecast:
         """Columns X_k of each explanation; e_k comes next."""
         columns = []
         first = 0
-
         for explanation in self.explanations:
             last = first + len(explanation.precision)
             columns.append(slice(first, last))
             first = last + 1
-
         return columns
 
     @functools.cached_property
@@ -182,12 +168,10 @@ class Forecast:
         rng = np.random.default_rng(0)
         width = self._columns[-1].stop + 1
         found = []
-
         for e in self.explanations:
             noise = rng.normal(size=(_DRAWN_FUTURES // 2, width))
             numbers = self.numbers(e, rng, _DRAWN_FUTURES // 2)
             found.append((numbers, np.vstack([noise, -noise])))
-
         return found
 
     def numbers(
@@ -196,10 +180,8 @@ class Forecast:
         """Draws departures δ of the true parameters from the fitted, (2 pairs, m)."""
         precision = explanation.precision
         standard = rng.normal(size=(pairs, len(precision)))
-
         if not len(precision):
             return np.zeros((2 * pairs, 0))
-
         scale = 1.0 / np.sqrt(np.diag(precision))
         scaled = precision * scale[:, None] * scale
         factor = np.linalg.cholesky(scaled)
@@ -219,7 +201,6 @@ class Forecast:
             moved: (M, c) products of all columns with the change of the log, X_i δ + ν.
         """
         found = np.empty((len(moved), len(self.explanations)))
-
         for k, e in enumerate(self.explanations):
             own = self._columns[k]
             error = own.stop
@@ -233,13 +214,11 @@ class Forecast:
             _, before = np.linalg.slogdet(e.precision)
             volume = after - before
             found[:, k] = np.log(e.probability) - 0.5 * (loss + volume)
-
         return found
 
     def futures(self, grams: Grams) -> np.ndarray:
         """Log-probabilities in drawn futures, (n, M, n), by the true explanation."""
         found = []
-
         for i, gram in enumerate(grams):
             numbers, noise = self._draws[i]
             by_numbers = numbers @ gram[self._columns[i]]
@@ -289,52 +268,40 @@ class Forecast:
         gliders = draws * self.probabilities / np.sum(self.probabilities)
         truths = []
         flights = []
-
         for i, e in enumerate(self.explanations):
             pairs = max(1, round(0.5 * gliders[i]))
-
             for numbers in self.numbers(e, rng, pairs):
                 strength = float(np.sqrt(freedom / rng.chisquare(freedom)))
                 truth = moved(self.task, e.model, strength * numbers)
                 truths.append((i, strength))
-
                 for throw in throws:
                     thrown = missed(throw, self.place.limits, rng)
                     flights.append((thrown, truth))
-
         size = self._columns[-1].stop + 1
         diverged = np.full((size, size), np.nan)
         grams = in_parallel(
             lambda record: diverged if record is None else self._gram(record),
             self._fly(flights),
         )
-
         right: list[list[float]] = [[] for _ in self.explanations]
-
         for k, (i, strength) in enumerate(truths):
             first = k * len(throws)
             gram = np.sum(grams[first : first + len(throws)], axis=0)
             share = 0.0  # Not promised where it diverges.
-
             if np.all(np.isfinite(gram)):
                 noise = strength * rng.normal(size=(_NOISES, size))
                 odds = self.odds(gram, noise @ _root(gram))
                 share = float(np.mean(np.argmax(odds, axis=1) == i))
-
             right[i].append(share)
-
         chances = [np.mean(shares) for shares in right]
-
         return float(self.probabilities @ chances)
 
     def covariance(self, grams: Grams | None = None) -> np.ndarray:
         """Covariance of the best explanation's free parameters, after throws if any."""
         precision = self.explanations[0].precision
-
         if grams is not None:
             own = self._columns[0]
             precision = precision + grams[0][own, own]
-
         return solve_scaled(precision, np.eye(len(precision)))
 
 

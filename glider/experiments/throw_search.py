@@ -80,7 +80,6 @@ def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
         start[: flight.by_x.shape[1]] = 0.0
         variance = 0.0
         rows = []
-
         for channel in range(2):
             seen = np.zeros_like(record.seen)
             seen[-1, channel] = True
@@ -90,13 +89,11 @@ def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
             own = float(np.exp(filtered.log_variances[-1, channel]))
             variance += own - scales.position**2
             rows.append(np.sqrt(own) * filtered.innovations[-1, channel, :-1])
-
         return variance, np.array(rows)
 
     found = in_parallel(scatter, task.records)
     variance = float(np.mean([own for own, _ in found]))
     rows = np.vstack([rows for _, rows in found])
-
     return _EndScatter(
         air=np.sqrt(max(variance, 0.0)), slopes=rows / np.sqrt(len(found))
     )
@@ -121,11 +118,9 @@ def search(
     grams: list[Grams] = []
     alone: list[float] = []
     chosen: list[int] = []
-
     for round_ in range(ROUNDS):
         words = f"searching for throws, round {round_ + 1} of {ROUNDS}"
         progress(Step(words, round_ / ROUNDS))
-
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
             elites = [*chosen, *np.argsort(alone)[:_ELITES]]
@@ -134,7 +129,6 @@ def search(
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
             drawn = rng.random((_FIRST, GENES))
-
         new = [throw_of(own, everything.place) for own in drawn]
         predicted = searched.predicted(new)
 
@@ -149,7 +143,6 @@ def search(
         promising = [int(k) for k in np.argsort(alone)[:_PROMISING]]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
-
     while chosen:  # Less probable explanations must not predict a crash either.
         found = [throws[k] for k in chosen]
         predicted = everything.predicted(found)
@@ -162,7 +155,6 @@ def search(
         promising = [k for k in promising if k not in bad]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
-
     raise InputError(
         "No throw that was tried keeps within the limits; expected wider limits of the "
         "launch or of the flight (floor, pitch, speed)."
@@ -178,7 +170,6 @@ def choose(
     differ may show what none of the explanations predicts.
     """
     chosen: list[int] = []
-
     for _ in range(count):
         so_far = [grams[k] for k in chosen]
         left = [k for k in range(len(grams)) if k not in chosen]
@@ -186,10 +177,8 @@ def choose(
             _uncertainty_after(forecast, scatter, added([*so_far, grams[k]]))
             for k in left
         ]
-
         if left:
             chosen.append(left[int(np.argmin(values))])
-
     return chosen
 
 

@@ -88,7 +88,6 @@ def range_of(
     usual = records[0].usual_rest
     if abs(rest - usual) < Z * np.std(rests) / np.sqrt(len(rests)):  # By noise alone.
         rest = usual
-
     return Range(
         limits=limits,
         x=float(np.median([r.nodes[0, 0] for r in records])),
@@ -116,7 +115,6 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
     times = np.arange(int(place.duration * place.command_rate) + 1) / place.command_rate
     moves = np.searchsorted(begins, times, side="right") - 1
     wanted = np.where(moves < 0, place.rest, targets[moves])
-
     return Throw(
         launch=_launch_state(least + genes[:4] * (largest - least), place),
         times=times,
@@ -132,7 +130,6 @@ def _launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
     state[:3] = place.x, height, pitch
     state[VELOCITY] = speed * np.cos(climb), speed * np.sin(climb)
     state[ELEVATOR] = place.rest
-
     return state
 
 
@@ -140,12 +137,10 @@ def _tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarra
     """Rates (k,) that take the elevator from rest to an angle at each end [rad/s]."""
     commands = np.zeros(len(wanted))
     angle = place.rest
-
     for k, target in enumerate(wanted):
         rate = (target - angle) * place.command_rate
         commands[k] = np.clip(rate, -fastest, fastest)
         angle += commands[k] / place.command_rate
-
     # A flight computer reads them from a file: what is flown is what the file holds.
     return np.round(commands, 4)
 
@@ -159,7 +154,6 @@ def log_of(
 ) -> Flight:
     """The log that a model predicts of a throw, without noise."""
     rows = round(throw.duration * place.pose_rate) + 1
-
     return fly_commands(
         space,
         theta,
@@ -182,7 +176,6 @@ def _perturbed(
     launch[_Z] += limits.missed_height * height
     launch[PITCH] += limits.missed_pitch * pitch
     launch[VELOCITY] *= 1.0 + limits.missed_speed * speed / throw.speed
-
     return dataclasses.replace(throw, launch=launch)
 
 
@@ -203,7 +196,6 @@ def fly_throw(
     flight = log_of(
         thrown, place, log_space_of(model), vector_of(model), model.gaussians
     )
-
     return measured(flight, MotionCapture(rate=place.pose_rate), rng)
 
 
@@ -232,6 +224,5 @@ def is_safe(
         fly_path(record.space, theta, launch, record.time, elevator, rate, gaussians)
         for launch in launches(throw, limits)
     )
-
     # The place of release is given: it may lie on the edge of what was flown.
     return all(limits.allows(states[1:]) for states in flights)

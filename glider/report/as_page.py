@@ -65,7 +65,6 @@ def with_contents(page: str) -> Markup:
         anchor = "section-" + "-".join(re.findall(r"\w+", title.lower()))
         page = page.replace(f"<h2>{title}<", f'<h2 id="{anchor}">{title}<')
         links += f'<a href="#{anchor}">{title}</a> '
-
     return Markup(page.replace("</header>", f"</header>\n<nav>{links}</nav>", 1))
 
 
@@ -77,7 +76,6 @@ def _script(data: Any) -> Markup:
     text = json_text(data, indent=-1)
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
-
     return Markup(text)
 
 
@@ -98,13 +96,10 @@ class _Columns:
         """A part of a figure as JSON has it, with references to its columns."""
         if isinstance(value, np.ndarray):
             return self._add(value)
-
         if isinstance(value, (list, tuple)):
             return [self.packed(part) for part in value]
-
         if not dataclasses.is_dataclass(value):
             return value
-
         names = [field.name for field in dataclasses.fields(value)]
         names += [name for name in _DERIVED if hasattr(value, name)]
         parts = {name: self.packed(getattr(value, name)) for name in names}
@@ -115,12 +110,10 @@ class _Columns:
         values = values if values.dtype.kind in "iu" else rounded(values)
         if len(values) <= _SHORT:
             return values
-
         key = values.dtype.kind, values.tobytes()
         if key not in self._places:
             self._places[key] = f"#{len(self.values)}"
             self.values.append(values)
-
         return self._places[key]
 
 
@@ -133,7 +126,6 @@ def rounded(values: np.ndarray) -> np.ndarray:
     values = np.where(np.isfinite(values), np.asarray(values, dtype=float), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         digits = 4 - np.floor(np.log10(np.abs(values)))
-
     digits = np.clip(np.nan_to_num(digits), -300, 22)
     up = 10.0 ** np.maximum(digits, 0)
     down = 10.0 ** np.maximum(-digits, 0)

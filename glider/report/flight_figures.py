@@ -40,15 +40,12 @@ def flights_in_page(result: Result) -> list[HeldOutFlight]:
 def held_out_figure(result: Result) -> spec.Figure | None:
     """Held-out flights, measured and flown by each model, to choose from."""
     flights = flights_in_page(result)
-
     if not flights:
         return None
-
     shown = {flight.name for flight in shown_flights(result)}
     errors = [position_rms(flight, "corrected") for flight in flights]
     unit = error_table.unit_beside_floor(result, *errors)
     choices = []
-
     for flight, error in zip(flights, errors, strict=True):
         choice = spec.Choice(
             label=_stem(flight.name),
@@ -56,13 +53,10 @@ def held_out_figure(result: Result) -> spec.Figure | None:
             panels=flight_panels(flight, result.noise.position_m),
             is_shown=flight.name in shown,
         )
-
         choices.append(choice)
-
     flown = [m for m in error_table.COLUMNS if any(m in f.flown for f in flights)]
     keys = {m: LABELS[m] for m in ("measured", *flown)}
     keys["fitted"] = "launch state fitted"
-
     return spec.Figure(keys=keys, choices=choices)
 
 
@@ -75,7 +69,6 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     time = flight.time[rows]
     measured = flight.measured[rows]
     poses = {"measured": measured}
-
     for model in error_table.COLUMNS:
         if model in flight.flown:
             poses[model] = bounded(flight.flown[model])[rows]
@@ -83,7 +76,6 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     paths = []
     pitches = []
     distances = []
-
     for model, pose in poses.items():
         x, z, pitch = pose.T
         degrees = np.degrees(pitch)
@@ -92,7 +84,6 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         angle = said + "pitch %{y:.2f}°"
         paths.append(spec.Line(model, x, z, hover=place, extra=time))
         pitches.append(spec.Line(model, time, degrees, hover=angle, extra=time))
-
         if model != "measured":
             apart = distance(pose, measured)
             apart = np.where(apart > 0.0, apart, math.nan)
@@ -108,7 +99,6 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         size=12.0,
         opacity=0.3,
     )
-
     begin = float(time[0])
     end = float(time[-1])
     start = spec.Ground(begin, flight.fitted_until, key="fitted")
@@ -164,46 +154,34 @@ def _range_of_distances(
     columns = [line.y for line in lines]
     every = np.concatenate([np.zeros(0), *columns])
     every = every[np.isfinite(every)]
-
     if not every.size:
         return None
-
     low = float(np.quantile(every, 0.02))
     high = min(float(every.max()), 100.0)
-
     if noise > 0.0:
         low = np.clip(low, 0.2 * noise, 0.5 * noise)
-
     return 0.7 * low, 2.0 * max(high, low)
 
 
 def innovations_figure(result: Result) -> spec.Figure | None:
     """Correlations of the innovations with themselves and with the elevator."""
     found = result.innovations
-
     if found is None:
         return None
-
     # At no lag a channel is one with itself.
     parts = [("autocorrelation of {}", found.autocorrelation, 1)]
-
     if found.with_elevator:
         parts.append(("{} and earlier elevator", found.with_elevator, 0))
-
     band = spec.Ground(-found.band, found.band, along="y")
     panels = []
-
     for title, correlations, first in parts:
         lags = found.lag_s[first:]
-
         for channel in error_table.CHANNELS:
             lines = []
-
             for model, own in correlations.items():
                 row = own[channel][first:]
                 line = spec.Line(model, lags, row, has_dots=True, is_solid=True)
                 lines.append(line)
-
             every = np.concatenate([[found.band], *(line.y for line in lines)])
             most = 1.15 * np.nanmax(np.abs(every))
             panel = spec.Panel(
@@ -213,10 +191,7 @@ def innovations_figure(result: Result) -> spec.Figure | None:
                 spec.Axis(range=(-most, most)),
                 height=230,
             )
-
             panels.append(panel)
-
     keys = {m: LABELS[m] for m in found.autocorrelation}
     keys["soft"] = "95 % of white noise"
-
     return spec.Figure(keys=keys, panels=panels)

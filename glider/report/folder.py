@@ -45,24 +45,19 @@ def write_report(result: Result, folder: Path | str) -> None:
     figures = make_figures(result)
     # None: a figure of an earlier run.
     files: dict[str, bytes | None] = {f"figures/{name}.png": None for name in FIGURES}
-
     for name, figure in figures.items():
         files[f"figures/{name}.png"] = to_png(figure)
-
     files["report.html"] = to_html(result, figures).encode()
     text_of_model = model_text(result.model, _origin_of(result), result.covariance)
     files["model.yaml"] = text_of_model.encode()
-
     for path in Path(folder).glob("rivals/rival_*.yaml"):
         if path.stem.removeprefix("rival_").isdigit():  # Of an earlier run.
             files[f"rivals/{path.name}"] = None
-
     for number, rival in enumerate(result.rivals, 1):
         text = model_text(
             rival.model, _origin_of_rival(result, rival), rival.covariance
         )
         files[f"rivals/rival_{number}.yaml"] = text.encode()
-
     files["report.json"] = f"{json_text(result.report)}\n".encode()
     replace_files(Path(folder), files, last="report.json")
 
@@ -76,10 +71,8 @@ def make_figures(result: Result) -> dict[str, Figure]:
 def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
     """The page of a result, one file; its figures are made where none are given."""
     versions = {"drake-glider": result.version, "Python": platform.python_version()}
-
     for package in ("drake", "numpy", "numba"):
         versions[package] = importlib.metadata.version(package)
-
     return render_page(
         "report.html",
         make_figures(result) if figures is None else figures,
@@ -103,7 +96,6 @@ def _origin_of(result: Result) -> Origin:
         for name, estimate in effect.coefficients.items()
     }
     errors |= {name: estimate.std for name, estimate in result.vehicle.items()}
-
     return Origin(
         source=result.path.name,
         date=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
@@ -119,11 +111,9 @@ def _origin_of_rival(result: Result, rival: Alternative) -> Origin:
     errors = {}
     if known := rival.covariance:
         errors = dict(zip(known.names, known.std.tolist(), strict=True))
-
     share, chosen = (a.probability for a in (rival, result.alternatives[0]))
     note = (
         f"a rival of model.yaml: of the explanations that are nearly as likely, its "
         f"probability is {share:.2g}, that of model.yaml {chosen:.2g}"
     )
-
     return dataclasses.replace(_origin_of(result), standard_errors=errors, notes=[note])

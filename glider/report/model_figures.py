@@ -37,15 +37,12 @@ def curves_figure(result: Result) -> spec.Figure | None:
     """Terms that the plate lacks, over the angle of attack."""
     if not result.curves:
         return None
-
     keys = {
         "lack": f"the plate lacks, ± {_BAND:g} standard errors",
         "named": "identified",
         "rest": "unidentified",
     }
-
     panels = []
-
     for curve in result.curves:
         alpha = np.degrees(curve.alpha)
         half = _BAND * curve.std
@@ -64,9 +61,7 @@ def curves_figure(result: Result) -> spec.Figure | None:
             spec.Line("named", alpha, curve.named, hover=_AT),
             spec.Line("rest", alpha, rest, hover=_AT),
         ]
-
         panels.append(_term_panel(curve.term, marks, "alpha"))
-
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
@@ -140,7 +135,6 @@ def coefficients_figure(result: Result) -> spec.Figure:
     """Force and moment coefficients, flight by flight, before and after."""
     tables = _residual_tables(result)
     panels = []
-
     for model, table in tables.items():
         for name, symbol in _COEFFICIENTS.items():
             shown = [t.coefficients[name] for t in tables.values()]
@@ -155,7 +149,6 @@ def coefficients_figure(result: Result) -> spec.Figure:
                 height=250,
             )
             panels.append(panel)
-
     return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *tables)},
         panels=panels,
@@ -183,7 +176,6 @@ def _coefficient_marks(
         alpha.append(np.append(place, math.nan))
         middle.append(np.append(median, math.nan))
         flight.append(np.full(len(place) + 1, number))
-
     each = spec.Line(
         "measured",
         np.concatenate(alpha),
@@ -213,12 +205,10 @@ def residual_figure(result: Result) -> spec.Figure | None:
     wanted = [name for e in result.effects for name in e.depends_on]
     if len(set(wanted)) < 2:
         wanted += ["alpha", "V"]
-
     variables = []
     for name in dict.fromkeys(wanted):
         if all(_varies(table, name) for table in tables.values()):
             variables.append(name)
-
     variables = variables[:_MOST_VARIABLES]
     if not variables:
         return None

@@ -79,7 +79,6 @@ def sentences(proposal: Proposal) -> list[str]:
         chance=_chance,
         length=format_length,
     )
-
     return [line for line in text.splitlines() if line]
 
 
@@ -87,7 +86,6 @@ def throw_words(proposal: Proposal, number: int) -> str:
     """Returns a launch as people set it."""
     throw = proposal.throws[number - 1]
     pitch = float(throw.launch[2])
-
     return (
         f"release at {throw.launch[1]:.2f} m, {throw.speed:.2f} m/s, flight path "
         f"{_up_or_down(throw.climb)}, nose {_up_or_down(-pitch)}"
@@ -105,7 +103,6 @@ def _chance(value: float) -> str:
     """A probability of two digits."""
     if value < 0.01:
         return "under 0.01"
-
     return "over 0.99" if value > 0.99 else f"{value:.2f}"
 
 
@@ -124,11 +121,9 @@ def write_proposal(proposal: Proposal, folder: Path) -> None:
     """
     old = [path.name for path in folder.glob("commands_*.csv")]
     files: dict[str, bytes | None] = dict.fromkeys(old)
-
     for number, throw in enumerate(proposal.throws, start=1):
         tape = tape_text(throw.times, throw.commands, throw.end)
         files[commands_name(number)] = tape.encode()
-
     files["next_throw.png"] = draw_proposal(proposal)
     files["next_throw.json"] = f"{json_text(to_json(proposal))}\n".encode()
     replace_files(folder, files, last="next_throw.json")
@@ -173,7 +168,6 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
             "seconds": p.seconds,
         }
     )
-
     return found
 
 
@@ -181,9 +175,7 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
     """Prints what is expected, the launches and where their commands are."""
     for sentence in sentences(proposal):
         console.print(sentence, highlight=False)
-
     console.print()
-
     for number in range(1, len(proposal.throws) + 1):
         console.print(
             f"Throw {number}: {throw_words(proposal, number)}; "
@@ -191,20 +183,15 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
             highlight=False,
             soft_wrap=True,
         )
-
     if not proposal.stds:
         return
-
     console.print()
     table = Table(box=box.SIMPLE_HEAD)
-
     for title in (proposal.explanations[0].name, "now ±", "then ±"):
         table.add_column(title)
-
     for name, (*stds, unit) in proposal.stds.items():
         estimates = [Estimate(value=std, std=0.0, unit=unit) for std in stds]
         table.add_row(name, *map(format_estimate, estimates))
-
     console.print(table)
 
 
@@ -217,11 +204,9 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         ("time since release [s]", "commanded elevator,\nup > 0 [°]"),
         ("time since release [s]", "difference of explanations,\nas fitted now [mm]"),
     ][: 3 if several else 2]
-
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 8.0 if several else 6.0), layout="constrained")
         axes = figure.subplots(len(labels))
-
         for k, path in enumerate(p.flown):
             label = "flown" if k == 0 else None
             x, z = path[:, :2].T
@@ -235,16 +220,13 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
 
         for stop in p.place.limits.elevator:
             axes[1].axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
-
         for ax, (xlabel, ylabel) in zip(axes, labels, strict=True):
             ax.locator_params(nbins=5, steps=[1, 2, 5, 10])
             ax.set(xlabel=xlabel, ylabel=ylabel)
-
         entries = axes[0].get_legend_handles_labels()[1]
         figure.legend(loc="outside upper center", ncols=len(entries))
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
-
     return buffer.getvalue()
 
 

@@ -80,7 +80,6 @@ def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
     items = list(effect.coefficients.items())
     units = {name: c.unit for name, c in items}
     others = effect.indistinguishable_from
-
     return {
         "kind": effect.kind,
         "is_unexplained": effect.kind == "unexplained",
@@ -133,7 +132,6 @@ def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
     """File, effects and probability of the corrected model and its rivals, if any."""
     if not result.rivals:
         return []
-
     models = {"model.yaml": result.alternatives[0]}
 
     for number, own in enumerate(result.rivals, 1):
@@ -167,7 +165,6 @@ def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
                 pairs[pair] = value
 
     ranked = sorted(pairs.items(), key=lambda pair: -abs(pair[1]))
-
     return [(a, b, f"{value:+.2f}") for (a, b), value in ranked[:_MOST_PAIRS]]
 
 
@@ -190,25 +187,20 @@ def _values(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, str]]:
 def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     """Flight-to-flight variations: name, standard deviation, the largest value."""
     rows = []
-
     for name, spread in result.spreads.items():
         known = {f: v for f, v in spread.values.items() if math.isfinite(v)}
         most = max(known, key=lambda f: abs(known[f]), default=None)
         largest = numbers.MISSING
-
         if most is not None:
             largest = f"{most}: {numbers.format_spread(known[most], spread.unit)}"
-
         std = numbers.format_spread(spread.std, spread.unit, spread.std_error)
         rows.append((name_of(name), std, largest))
-
     return rows
 
 
 def _numbers_of(value: Any) -> str:
     if value is None:
         return "not given"
-
     return ", ".join(f"{v:g}" for v in np.atleast_1d(value))
 
 

@@ -63,7 +63,6 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
     height = rows * row_height + legend_height
     across = _LEFT + _RIGHT
     along = _ABOVE + _BELOW
-
     with matplotlib.rc_context(STYLE):
         picture = Figure(figsize=(width / 72.0, height / 72.0))
         picture.legend(
@@ -74,7 +73,6 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
             borderaxespad=0.2,
             labelspacing=0.2,
         )
-
         every = picture.subplots(rows, columns, squeeze=False).ravel()
         picture.subplots_adjust(
             left=_LEFT / width,
@@ -84,13 +82,10 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
             top=1.0 - (legend_height + _ABOVE) / height,
             hspace=along / (row_height - along),
         )
-
         for axes, panel in zip(every, panels, strict=False):
             _draw_panel(axes, panel)
-
         for axes in every[len(panels) :]:
             axes.remove()
-
     return picture
 
 
@@ -107,14 +102,11 @@ def _legend_handle(key: str, marks: Sequence[spec.Mark]) -> Artist:
     own = [mark for mark in marks if getattr(mark, "key", "") == key]
     lines = [mark for mark in own if isinstance(mark, spec.Line)]
     is_ground = any(isinstance(mark, spec.Ground) for mark in own)
-
     if is_ground and not lines:
         return Patch(color=color, alpha=0.2, lw=0.0)
-
     width = max((line.line_width for line in lines), default=4.0)
     dashes = next((line.dashes for line in lines if line.dashes), ())
     style = _line_style(dashes)
-
     return Line2D([], [], color=color, lw=width, ls=style)
 
 
@@ -130,7 +122,6 @@ def _draw_panel(axes: Axes, panel: spec.Panel) -> None:
     axes.margins(0.02, 0.15)
     _set_axis(axes, "x", panel.x)
     _set_axis(axes, "y", panel.y)
-
     for mark in panel.marks:
         key = getattr(mark, "key", "soft")
         _draw_mark(mark, axes, COLORS[key])
@@ -140,15 +131,11 @@ def _set_axis(axes: Axes, name: Literal["x", "y"], axis: spec.Axis) -> None:
     """Sets the scale, limits and label of an axis."""
     label = _plain(axis.label)
     settings: dict[str, Any] = {f"{name}label": label}
-
     if axis.is_log:
         settings[f"{name}scale"] = "log"
-
     if axis.range is not None:
         settings[f"{name}lim"] = axis.range
-
     axes.set(**settings)
-
     if axis.is_log:
         side = getattr(axes, f"{name}axis")
         no_ticks = NullLocator()
