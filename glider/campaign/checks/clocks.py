@@ -86,16 +86,17 @@ def check_clocks(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
         )
     # Under feedback a slow servo swings: half a period before, it turns the other way,
     # and either sign may be the servo's.
-    most_left = _AS_GOOD * (1.0 - follows**2)
+    unexplained = []
     leads = []
     for sign in (1.0, -1.0):
-        own, _ = calc_correlation(elevators, _DELAYS, sign, servo)
-        if own * sign > 0.0 and 1.0 - own**2 < most_left:
-            _, delay = calc_correlation(elevators, _BOTH_WAYS, sign, servo)
-            leads.append(-delay)
-    if leads and min(leads) > _LEADS:
+        own, delay = calc_correlation(elevators, _BOTH_WAYS, sign, servo)
+        unexplained.append(1.0 - max(sign * own, 0.0) ** 2)
+        leads.append(-delay)
+    is_as_good = np.array(unexplained) < _AS_GOOD * min(unexplained)
+    lead = min(np.array(leads)[is_as_good], default=0.0)
+    if lead > _LEADS:
         raise InputError(
-            f"{campaign.path}: column 'elevator' moves {min(leads):.3f} s before "
+            f"{campaign.path}: column 'elevator' moves {lead:.3f} s before "
             "'elevator_rate_command'; expected both on the clock of 'time'."
         )
 
