@@ -19,7 +19,6 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from diagrams.overlays import AddOverlays
 from diagrams.scene import AddScene
 from glider.errors import expect
 from glider.physics.model import GliderModel
@@ -149,15 +148,12 @@ def finish(
     model: GliderModel,
     meshcat: Meshcat | None,
 ) -> Diagram:
-    """Adds the scene, if there is a Meshcat, and builds the diagram.
-
-    `serve_page(meshcat, Legend(...))` of `diagrams.programs.page` shows it with legend
-    and clock.
-    """
+    """Adds the scene, if there is a Meshcat, and builds the diagram."""
     if meshcat is not None:
-        state, forces = (glider.GetOutputPort(name) for name in ("state", "forces"))
-        AddScene(builder, state, meshcat, parameters=model.parameters)
-        AddOverlays(builder, state, meshcat, forces=forces, parameters=model.parameters)
+        state = glider.GetOutputPort("state")
+        forces = glider.GetOutputPort("forces")
+        parameters = model.parameters
+        AddScene(builder, state, meshcat, forces=forces, parameters=parameters)
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram

@@ -4,7 +4,6 @@ import dataclasses
 import io
 import multiprocessing
 import os
-import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 
 from diagrams.playback import GREEN, RED, play, stage_of, track_of
 from diagrams.programs.lab.state import CORRECTED, NOMINAL
-from diagrams.programs.page import legend_of, open_meshcat, write_html
+from diagrams.programs.page import open_meshcat, page_of
 from diagrams.programs.station.processes import end_with
 from glider.campaign.logs import Campaign, Flight
 from glider.files.writing import replace_file
@@ -97,10 +96,7 @@ class Comparison:
         meshcat = open_meshcat()
         parameters = nominal_parameters(campaign)
         play(tracks, meshcat, rate=_SLOWED, parameters=parameters, stage=stage)
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder, "replay.html")
-            write_html(file, meshcat, legend_of(tracks, self.name, _SLOWED))
-            return file.read_text(encoding="utf-8")
+        return page_of(meshcat, tracks, self.name, _SLOWED)
 
     def save(self, file: Path) -> None:
         """Saves it as .npz."""
