@@ -1,17 +1,9 @@
 """Parts that the diagrams share: a glider with its servo, and its logs."""
 
 import math
-from collections.abc import Sequence
-from typing import Literal
 
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import (
-    Diagram,
-    DiagramBuilder,
-    InputPort,
-    OutputPort,
-    System,
-)
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     LogVectorOutput,
     MatrixGain,
@@ -68,27 +60,6 @@ def check_controller(system: System) -> tuple[int, OutputPort]:
     what = f"Controller '{name}': the size of its first output"
     expect(commands == 1, what, commands, "1, the elevator's rate")
     return wanted, system.get_output_port(0)
-
-
-def check_port(
-    system: System, side: Literal["input", "output"], port: str, sizes: Sequence[int]
-) -> InputPort | OutputPort:
-    """Returns a port of a filter.
-
-    Raises:
-        InputError: there is none of the name, or it is of none of the sizes.
-    """
-    is_input = side == "input"
-    count = system.num_input_ports() if is_input else system.num_output_ports()
-    get = system.get_input_port if is_input else system.get_output_port
-    ports = {found.get_name(): found for found in map(get, range(count))}
-    name = system.get_name() or type(system).__name__
-    what = f"Filter '{name}': the list of its {side}s"
-    expect(port in ports, what, list(ports), f"one named '{port}'")
-    size = ports[port].size()
-    what = f"Filter '{name}': the size of its {side} '{port}'"
-    expect(size in sizes, what, size, " or ".join(map(str, sizes)))
-    return ports[port]
 
 
 def hold_command(
