@@ -10,18 +10,16 @@ from diagrams.wiring import (
     add_log,
     add_motion_capture,
     check_controller,
-    check_port,
     finish,
     hold_command,
     tape_rows,
 )
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan
 from glider.simulation.fly import check_command_rate
 from glider.systems.elevator_servo import ElevatorServo
-from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.noise import SampledNoise
 from glider.systems.observer import ExtraStates
 
@@ -190,9 +188,9 @@ def estimated_loop(
         filter: any System with the inputs "measured", x, z, pitch and perhaps elevator,
             and "elevator_rate" (1), and the output "state", such as
             `ExtendedKalmanFilter`. It becomes a part of this diagram, too.
-        planned: the model whose servo the second servo is; None: that of an
-            `ExtendedKalmanFilter`. For another filter it has the truth's limits and
-            no actuators.
+        planned: the model whose servo the second servo is; None: the filter's
+            property `model`. For a filter without one it has the truth's limits and no
+            actuators.
         command_rate: the command is held between samples at this rate [Hz]; None:
             it follows the estimate at once.
         capture_rate: of motion capture [Hz]; None: that of the filter's periodic
@@ -211,9 +209,14 @@ def estimated_loop(
     """
     wanted, command = check_controller(regulator)
     poses = len(_CAPTURED) - 1
-    measured = check_port(filter, "input", "measured", (poses, poses + 1))
-    believed_rate = check_port(filter, "input", "elevator_rate", (1,))
-    state = check_port(filter, "output", "state", (wanted,))
+    measured = filter.GetInputPort("measured")
+    what = "The size of the filter's input 'measured'"
+    sizes = (poses, poses + 1)
+    expect(measured.size() in sizes, what, measured.size(), f"{poses} or {poses + 1}")
+    believed_rate = filter.GetInputPort("elevator_rate")
+    state = filter.GetOutputPort("state")
+    what = "The size of the filter's output 'state'"
+    expect(state.size() == wanted, what, state.size(), f"{wanted}, as the regulator's")
     builder = DiagramBuilder()
     glider, servo = add_glider(builder, truth)
     add_motion_capture(builder, glider, capture_rate or _sample_rate(filter))
@@ -221,11 +224,8 @@ def estimated_loop(
     if measured.size() < len(_CAPTURED):
         capture = _first_of(builder, "pose_capture", capture, measured.size())
     builder.AddNamedSystem("estimator", filter)
-    own = planned
-    if own is None and isinstance(filter, ExtendedKalmanFilter):
-        own = filter.ekf.model
-    if own is None:
-        own = GliderModel(parameters=truth.parameters)
+    own = planned or getattr(filter, "model", None)
+    own = own or GliderModel(parameters=truth.parameters)
     believed = builder.AddNamedSystem("believed_servo", ElevatorServo(own, wanted))
     builder.AddNamedSystem("regulator", regulator)
     builder.Connect(capture, measured)

@@ -3,23 +3,20 @@
 import math
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd
 from pydrake.geometry import Cylinder, Mesh, Meshcat, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import (
+    Context,
     DiagramBuilder,
     EventStatus,
-    LeafSystem_,
+    LeafSystem,
     OutputPort,
 )
-from pydrake.systems.scalar_conversion import TemplateSystem
 
-from diagrams.scene import FRAMES_PER_SECOND
 from diagrams.urdf import COLORS
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import PITCH, VELOCITY
-from glider.systems.template import float_class
 
 ARROW_SCALE = 0.2
 """Length of an arrow over its force [m/N]."""
@@ -37,88 +34,85 @@ _TRAIL_STEP = 0.03
 _INK = Rgba(0.45, 0.15, 0.6)
 
 
-@TemplateSystem.define("GliderOverlays_", T_list=[float, AutoDiffXd])
-def GliderOverlays_(T):
-    class Impl(LeafSystem_[T]):
-        """Draws trail and arrows and writes the readout; its twin does not.
+class _Overlays(LeafSystem):
+    """Draws trail and arrows and writes the readout.
 
-        Input ports:
-            state (n): in the order of STATE_NAMES; the readout needs the velocity.
-            forces (m): the wing's and the elevator's along their normals come first
-                [N]; may be left open.
+    Input ports:
+        state (n): in the order of STATE_NAMES; the readout needs the velocity.
+        forces (m): the wing's and the elevator's along their normals come first [N];
+            may be left open.
 
-        Args:
-            meshcat: where to draw.
-            name: the glider's in Meshcat, as in AddScene.
-            color: of the trail.
-            period: between two frames [s].
-            sizes: n and m.
-        """
+    Args:
+        meshcat: where to draw.
+        name: the glider's in Meshcat, as in AddScene.
+        color: of the trail.
+        period: between two frames [s].
+        sizes: n and m.
+    """
 
-        def _construct(self, meshcat, name, color, period, sizes, *, converter=None):
-            LeafSystem_[T].__init__(self, converter)
-            self._arguments = meshcat, name, color, period, sizes
-            self._last = None
-            self._pieces = 0
-            self.DeclareVectorInputPort("state", sizes[0])
-            self.DeclareVectorInputPort("forces", sizes[1])
-            if T is float:
-                self.DeclareInitializationPublishEvent(publish=self._clear)
-                self.DeclarePeriodicPublishEvent(
-                    period_sec=period, offset_sec=0.0, publish=self._draw
-                )
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        name: str,
+        color: Rgba,
+        period: float,
+        sizes: tuple[int, int],
+    ) -> None:
+        super().__init__()
+        self._meshcat = meshcat
+        self._name = name
+        self._color = color
+        self._last: np.ndarray | None = None
+        self._pieces = 0
+        self._state = self.DeclareVectorInputPort("state", sizes[0])
+        self._forces = self.DeclareVectorInputPort("forces", sizes[1])
+        self.DeclareInitializationPublishEvent(publish=self._clear)
+        self.DeclarePeriodicPublishEvent(
+            period_sec=period, offset_sec=0.0, publish=self._draw
+        )
 
-        def _construct_copy(self, other, converter=None):
-            Impl._construct(self, *other._arguments, converter=converter)
+    def _clear(self, context: Context) -> EventStatus:
+        self._meshcat.Delete(trail_path(self._name))
+        self._last = None
+        self._pieces = 0
+        return EventStatus.Succeeded()
 
-        def _clear(self, context):
-            meshcat, name, *_ = self._arguments
-            meshcat.Delete(trail_path(name))
-            self._last = None
-            self._pieces = 0
-            return EventStatus.Succeeded()
+    def _draw(self, context: Context) -> EventStatus:
+        t = context.get_time()
+        state = self._state.Eval(context)
+        self._draw_trail(t, np.array([state[0], 0.0, state[1]]))
+        if len(state) > max(VELOCITY):
+            speed = float(np.linalg.norm(state[VELOCITY]))
+            numbers = RigidTransform([t, speed, state[PITCH]])
+            self._meshcat.SetTransform(_readout_path(self._name), numbers, t)
+        if self._forces.HasValue(context):
+            self._draw_arrows(t, self._forces.Eval(context)[:2])
+        return EventStatus.Succeeded()
 
-        def _draw(self, context):
-            meshcat, name, *_ = self._arguments
-            t = context.get_time()
-            state = self.GetInputPort("state").Eval(context)
-            self._draw_trail(t, np.array([state[0], 0.0, state[1]]))
-            if len(state) > max(VELOCITY):
-                speed = float(np.linalg.norm(state[VELOCITY]))
-                numbers = RigidTransform([t, speed, state[PITCH]])
-                meshcat.SetTransform(_readout_path(name), numbers, t)
-            forces = self.GetInputPort("forces")
-            if forces.HasValue(context):
-                wing_elevator = forces.Eval(context)[:2]
-                for path, force in zip(arrow_paths(name), wing_elevator, strict=True):
-                    # An arrow of no length has no direction to light it by.
-                    length = ARROW_SCALE * force or 1e-6
-                    size = [_ARROW_RADIUS, _ARROW_RADIUS, length]
-                    meshcat.SetProperty(path, "scale", size, t)
-            return EventStatus.Succeeded()
+    def _draw_arrows(self, t: float, forces: np.ndarray) -> None:
+        for path, force in zip(arrow_paths(self._name), forces, strict=True):
+            # An arrow of no length has no direction to light it by.
+            length = ARROW_SCALE * force or 1e-6
+            size = [_ARROW_RADIUS, _ARROW_RADIUS, length]
+            self._meshcat.SetProperty(path, "scale", size, t)
 
-        def _draw_trail(self, t, here):
-            meshcat, name, color, *_ = self._arguments
-            if self._last is None:
-                self._last = here
-            step = here - self._last
-            length = float(np.linalg.norm(step))
-            if not (math.isfinite(length) and length > _TRAIL_STEP):
-                return
-            path = f"{trail_path(name)}/{self._pieces}"
-            meshcat.SetObject(path, Cylinder(_TRAIL_RADIUS, length), color)
-            along = RotationMatrix.MakeFromOneVector(step, 2)
-            meshcat.SetTransform(path, RigidTransform(along, self._last + 0.5 * step))
-            # A recording keeps properties, not that an object came later.
-            meshcat.SetProperty(path, "visible", False, 0.0)
-            meshcat.SetProperty(path, "visible", True, t)
+    def _draw_trail(self, t: float, here: np.ndarray) -> None:
+        if self._last is None:
             self._last = here
-            self._pieces += 1
-
-    return Impl
-
-
-GliderOverlays = float_class(GliderOverlays_)
+        step = here - self._last
+        length = float(np.linalg.norm(step))
+        if not (math.isfinite(length) and length > _TRAIL_STEP):
+            return
+        path = f"{trail_path(self._name)}/{self._pieces}"
+        self._meshcat.SetObject(path, Cylinder(_TRAIL_RADIUS, length), self._color)
+        along = RotationMatrix.MakeFromOneVector(step, 2)
+        pose = RigidTransform(along, self._last + 0.5 * step)
+        self._meshcat.SetTransform(path, pose)
+        # A recording keeps properties, not that an object came later.
+        self._meshcat.SetProperty(path, "visible", False, 0.0)
+        self._meshcat.SetProperty(path, "visible", True, t)
+        self._last = here
+        self._pieces += 1
 
 
 def trail_path(name: str) -> str:
@@ -129,8 +123,8 @@ def trail_path(name: str) -> str:
 def _readout_path(name: str) -> str:
     """Returns where Meshcat keeps the numbers that a page shows of a glider.
 
-    Nothing is drawn there. Its translation is time [s], speed [m/s] and pitch [rad]: so
-    numbers reach a page that is live, and are in a recording.
+    Nothing is drawn there. Its translation is time [s], speed [m/s] and pitch [rad], so
+    that a recording holds them.
     """
     return f"/readout/{name}"
 
@@ -141,41 +135,26 @@ def arrow_paths(name: str) -> tuple[str, str]:
     return f"{glider}/body/wing_force", f"{glider}/elevator/elevator_force"
 
 
-def AddOverlays(
+def add_overlays(
     builder: DiagramBuilder,
     state: OutputPort,
     meshcat: Meshcat,
-    *,
-    name: str = "glider",
-    color: Rgba | None = None,
-    forces: OutputPort | None = None,
-    parameters: GliderParameters | None = None,
-    frames_per_second: float = FRAMES_PER_SECOND,
+    name: str,
+    period: float,
+    parameters: GliderParameters,
+    color: Rgba | None,
+    forces: OutputPort | None,
 ) -> None:
-    """Adds trail, readout and arrows of ARROW_SCALE to a glider of AddScene.
-
-    Args:
-        builder: gets the system "NAME_overlays".
-        state: as in AddScene.
-        meshcat: as in AddScene.
-        name: as in AddScene.
-        color: of the trail, without its opacity; the wing's own if None.
-        forces: port of the wing's and the elevator's force along their normals [N]
-            and anything after them, such as GliderPlant's "forces".
-        parameters: of the vehicle, which say where the forces act.
-        frames_per_second: as in AddScene.
-    """
+    """Adds trail, readout and arrows of ARROW_SCALE to a glider; see AddScene."""
     hue = COLORS["wing"] if color is None else tuple(color.rgba)
     trail = Rgba(*hue[:3])
     width = 2 if forces is None else forces.size()
-    period = 1.0 / frames_per_second
-    overlays = GliderOverlays(meshcat, name, trail, period, (state.size(), width))
+    overlays = _Overlays(meshcat, name, trail, period, (state.size(), width))
     builder.AddNamedSystem(f"{name}_overlays", overlays)
     builder.Connect(state, overlays.GetInputPort("state"))
     if forces is None:
         return
     builder.Connect(forces, overlays.GetInputPort("forces"))
-    parameters = GliderParameters() if parameters is None else parameters
     places = parameters.wing_offset, -parameters.elevator_offset
     arrow = Mesh(str(models_path("glider", "arrow.obj")))
     for path, place in zip(arrow_paths(name), places, strict=True):

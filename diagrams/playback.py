@@ -1,7 +1,7 @@
 """Flights that are known already, side by side in Meshcat: playback and recording.
 
 play(tracks, meshcat, rate=0.2)
-write_html(path, meshcat, legend_of(tracks, "Measured against modelled", rate=0.2))
+write_text(path, page_of(meshcat, tracks, "Measured against modelled", rate=0.2))
 """
 
 import dataclasses
@@ -15,7 +15,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.overlays import AddOverlays
 from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
@@ -159,8 +158,7 @@ def MakePlayback(
         stage: what to set round them; from the first track if None.
 
     Returns:
-        A Diagram with the systems "NAME_track", "NAME_forces" and those of AddScene
-        and AddOverlays.
+        A Diagram with the systems "NAME_track", "NAME_forces" and those of AddScene.
     """
     if not (np.isfinite(rate) and rate > 0.0):
         raise InputError(f"The playback rate is {rate:g}; it must be positive.")
@@ -187,18 +185,9 @@ def MakePlayback(
             meshcat,
             name=name,
             color=color,
-            parameters=parameters,
-            stage=stage,
-            frames_per_second=FRAMES_PER_SECOND / rate,
-        )
-        AddOverlays(
-            builder,
-            state,
-            meshcat,
-            name=name,
-            color=color,
             forces=forces,
             parameters=parameters,
+            stage=stage,
             frames_per_second=FRAMES_PER_SECOND / rate,
         )
     return builder.Build()
@@ -219,7 +208,6 @@ def play(
     meshcat: Meshcat,
     *,
     rate: float = 1.0,
-    live: bool = False,
     parameters: GliderParameters | None = None,
     stage: Stage | None = None,
 ) -> None:
@@ -232,8 +220,6 @@ def play(
         tracks: as in MakePlayback.
         meshcat: as in MakePlayback.
         rate: as in MakePlayback.
-        live: whether to take the time that the playback lasts; otherwise the
-            recording is made as fast as the machine can.
         parameters: as in MakePlayback.
         stage: as in MakePlayback.
     """
@@ -244,10 +230,8 @@ def play(
     per_second = FRAMES_PER_SECOND / rate
     frames = math.ceil(_duration_of(tracks) * per_second - 1e-9)
     meshcat.DeleteRecording()
-    meshcat.StartRecording(per_second, set_visualizations_while_recording=live)
+    meshcat.StartRecording(per_second)
     simulator = Simulator(diagram)
-    simulator.set_target_realtime_rate(rate if live else 0.0)
-    simulator.Initialize()
     simulator.AdvanceTo(frames / per_second)
     meshcat.StopRecording()
     meshcat.PublishRecording()

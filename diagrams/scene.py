@@ -13,12 +13,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd
-from pydrake.common.value import Value
 from pydrake.geometry import (
     Box,
     Cylinder,
-    FramePoseVector_,
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
@@ -28,15 +25,15 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import DiagramBuilder, LeafSystem_, OutputPort
-from pydrake.systems.scalar_conversion import TemplateSystem
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import MatrixGain
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
+from diagrams.overlays import add_overlays
 from diagrams.urdf import make_urdf
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
 from glider.planning.problem import Obstacle
-from glider.systems.template import float_class
 
 FRAMES_PER_SECOND = 64.0
 """Rate of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""
@@ -44,55 +41,6 @@ FRAMES_PER_SECOND = 64.0
 NUM_POSITIONS = 4
 """Number of positions (x, z, pitch and elevator), the first of the states. Nothing else
 is drawn."""
-
-
-@TemplateSystem.define("GliderGeometry_", T_list=[float, AutoDiffXd])
-def GliderGeometry_(T):
-    class Impl(LeafSystem_[T]):
-        """Poses of the glider's parts, by the joints of its URDF.
-
-        Input ports:
-            state (n): of the glider; the first NUM_POSITIONS count.
-
-        Output ports:
-            geometry_pose (abstract): poses of the frames, for a SceneGraph.
-
-        Args:
-            plant: a MultibodyPlant of the URDF, registered with a SceneGraph.
-            num_states: size n of `state`.
-        """
-
-        def _construct(self, plant, num_states, *, converter=None):
-            LeafSystem_[T].__init__(self, converter)
-            self._plant = plant
-            self._twin = plant if T is float else plant.ToScalarType[T]()
-            self._scratch = self._twin.CreateDefaultContext()
-            self._bodies = [
-                (plant.GetBodyFrameIdOrThrow(index), self._twin.get_body(index))
-                for index in map(BodyIndex, range(1, plant.num_bodies()))
-            ]
-            self.DeclareVectorInputPort("state", num_states)
-            self.DeclareAbstractOutputPort(
-                "geometry_pose", Value[FramePoseVector_[T]], self._calc_poses
-            )
-
-        def _construct_copy(self, other, converter=None):
-            width = other.get_input_port().size()
-            Impl._construct(self, other._plant, width, converter=converter)
-
-        def _calc_poses(self, context, output):
-            state = self.get_input_port().Eval(context)
-            self._twin.SetPositions(self._scratch, state[:NUM_POSITIONS])
-            poses = FramePoseVector_[T]()
-            for frame, body in self._bodies:
-                X_WB = self._twin.EvalBodyPoseInWorld(self._scratch, body)
-                poses.set_value(id=frame, value=X_WB)
-            output.set_value(poses)
-
-    return Impl
-
-
-GliderGeometry = float_class(GliderGeometry_)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -119,23 +67,25 @@ def AddScene(
     *,
     name: str = "glider",
     color: Rgba | None = None,
+    forces: OutputPort | None = None,
     parameters: GliderParameters | None = None,
     stage: Stage | None = None,
     frames_per_second: float = FRAMES_PER_SECOND,
 ) -> SceneGraph:
-    """Adds what draws a glider in Meshcat under "/drake/NAME".
+    """Adds what draws a glider in Meshcat under "/drake/NAME", with trail and arrows.
 
-    Several gliders may fly in one Meshcat, under different names. The diagram
-    still converts to AutoDiffXd, but no longer to Expression (Drake's Meshcat
-    visualizer does not). The float diagram and its twins share the Meshcat.
+    Several gliders may fly in one Meshcat, under different names. A diagram that is to
+    be converted to AutoDiffXd is built without a scene.
 
     Args:
-        builder: gets the systems "NAME_scene_graph", "NAME_geometry" and
-            "NAME_visualizer".
+        builder: gets the systems "NAME_scene_graph", "NAME_positions",
+            "NAME_geometry", "NAME_visualizer" and "NAME_overlays".
         state: port of x, z, pitch, elevator and anything after them.
         meshcat: where to draw.
         name: of the glider in Meshcat.
         color: of the whole glider; the model's own if None.
+        forces: port of the wing's and the elevator's force along their normals [N]
+            and anything after them, such as GliderPlant's "forces"; None: no arrows.
         parameters: of the vehicle, which give the sizes.
         stage: what to set round it; None for the article's flight to the wire.
         frames_per_second: of simulated time; more where it is to run slowly.
@@ -147,10 +97,13 @@ def AddScene(
     plant = MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     ParseGlider(plant, parameters, color)
+    first = MatrixGain(np.eye(NUM_POSITIONS, state.size()))
+    positions = builder.AddNamedSystem(f"{name}_positions", first)
     geometry = builder.AddNamedSystem(
-        f"{name}_geometry", GliderGeometry(plant, state.size())
+        f"{name}_geometry", MultibodyPositionToGeometryPose(plant)
     )
-    builder.Connect(state, geometry.get_input_port())
+    builder.Connect(state, positions.get_input_port())
+    builder.Connect(positions.get_output_port(), geometry.get_input_port())
     builder.Connect(
         geometry.get_output_port(),
         scene_graph.get_source_pose_port(plant.get_source_id()),
@@ -161,6 +114,8 @@ def AddScene(
     settings.delete_on_initialization_event = False  # Arrows are in its tree.
     visualizer = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, settings)
     visualizer.set_name(f"{name}_visualizer")
+    period = 1.0 / frames_per_second
+    add_overlays(builder, state, meshcat, name, period, parameters, color, forces)
     return scene_graph
 
 
@@ -229,16 +184,15 @@ _SQUARE = 0.5
 
 def _set_floor(meshcat: Meshcat, stage: Stage) -> None:
     """Draws a grid of squares, one unit beyond the view and as deep as the perch."""
-    low, high = (math.floor(limit / _SQUARE) for limit in stage.x_limits)
-    columns = _SQUARE * np.arange(low - 1, high + 3)
-    rows = _SQUARE * np.arange(-2, 5)
-    ends = [((x, rows[0]), (x, rows[-1])) for x in columns]
-    ends += [((columns[0], y), (columns[-1], y)) for y in rows]
-    flat = np.array(ends)
-    lines = np.insert(flat, 2, stage.z_limits[0], axis=2)
-    grey = Rgba(0.75, 0.78, 0.8)
-    start, end = (np.asfortranarray(lines[:, i].T) for i in range(2))
-    meshcat.SetLineSegments("floor", start, end, 1.0, grey)
+    left, right = stage.x_limits
+    x = np.arange(math.floor(left / _SQUARE) - 1, math.floor(right / _SQUARE) + 3)
+    y = np.arange(-2, 5)
+    starts = [(column, y[0]) for column in x] + [(x[0], row) for row in y]
+    ends = [(column, y[-1]) for column in x] + [(x[-1], row) for row in y]
+    height = np.full((len(starts), 1), stage.z_limits[0])
+    start = np.hstack([_SQUARE * np.array(starts), height]).T
+    end = np.hstack([_SQUARE * np.array(ends), height]).T
+    meshcat.SetLineSegments("floor", start, end, 1.0, Rgba(0.75, 0.78, 0.8))
 
 
 def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:

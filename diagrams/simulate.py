@@ -15,7 +15,6 @@ from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress
 from glider.simulation.flown_flights import FlownFlight, Perches, closest_pass, hooked
-from glider.systems.kalman_filter import ExtendedKalmanFilter
 
 _CONFIG = {"integration_scheme": "runge_kutta5", "max_step_size": 0.02}
 
@@ -96,8 +95,8 @@ def simulate_flights(
 def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draws the noise of a diagram's motion capture for some flights, (count, R, 4).
 
-    Where an `ExtendedKalmanFilter` gets what is captured, the deviations are those
-    that it was given; otherwise those of `MotionCapture`.
+    The deviations are the property `measured_std` of the filter that gets what is
+    captured, such as an `ExtendedKalmanFilter`; otherwise those of `MotionCapture`.
     """
     if not diagram.HasSubsystemNamed("motion_capture"):
         raise InputError("Noise is drawn for a motion capture; the diagram has none.")
@@ -105,9 +104,8 @@ def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.n
     std = MotionCapture().std
     if diagram.HasSubsystemNamed("estimator"):
         estimator = diagram.GetSubsystemByName("estimator")
-        if isinstance(estimator, ExtendedKalmanFilter):
-            given = np.diag(estimator.ekf.noise)
-            std[: len(given)] = np.sqrt(given)
+        given = getattr(estimator, "measured_std", ())
+        std[: len(given)] = given
     return rng.normal(size=(count, tape_rows(rate), 4)) * std
 
 
@@ -119,8 +117,9 @@ def _campaign(diagram: Diagram, flights: Sequence[FlownFlight]) -> Campaign | No
     glider, capture, hold = map(diagram.GetSubsystemByName, names)
     logs = [flight.log for flight in flights if flight.log is not None]
     parameters = glider.model.parameters
+    command_rate = 1.0 / hold.period()
     name = diagram.get_name()
-    return campaign_of(name, parameters, logs, capture.rate, 1.0 / hold.period())
+    return campaign_of(name, parameters, logs, capture.rate, command_rate)
 
 
 def stop_at_hook(
@@ -147,9 +146,11 @@ def stop_at_hook(
         closing = float((wire - state[POSITION]) @ state[VELOCITY])
         steps.append((context.get_time(), state, closing))
         del steps[:-2]
-        if len(steps) == 2 and steps[0][2] > 0.0 >= steps[1][2]:
-            times, states, _ = zip(*steps, strict=True)
-            passed = closest_pass(np.array(times), np.array(states), wire)
+        is_passing = len(steps) == 2 and steps[0][2] > 0.0 >= closing
+        if is_passing:
+            times = np.array([step[0] for step in steps])
+            states = np.array([step[1] for step in steps])
+            passed = closest_pass(times, states, wire)
             if problem.hook.takes(np.array(passed.miss), passed.arrival):
                 return EventStatus.ReachedTermination(diagram, "held by the hook")
         return EventStatus.Succeeded()

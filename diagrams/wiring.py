@@ -1,17 +1,9 @@
 """Parts that the diagrams share: a glider with its servo, and its logs."""
 
 import math
-from collections.abc import Sequence
-from typing import Literal
 
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import (
-    Diagram,
-    DiagramBuilder,
-    InputPort,
-    OutputPort,
-    System,
-)
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     LogVectorOutput,
     MatrixGain,
@@ -19,7 +11,6 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from diagrams.overlays import AddOverlays
 from diagrams.scene import AddScene
 from glider.errors import expect
 from glider.physics.model import GliderModel
@@ -69,27 +60,6 @@ def check_controller(system: System) -> tuple[int, OutputPort]:
     what = f"Controller '{name}': the size of its first output"
     expect(commands == 1, what, commands, "1, the elevator's rate")
     return wanted, system.get_output_port(0)
-
-
-def check_port(
-    system: System, side: Literal["input", "output"], port: str, sizes: Sequence[int]
-) -> InputPort | OutputPort:
-    """Returns a port of a filter.
-
-    Raises:
-        InputError: there is none of the name, or it is of none of the sizes.
-    """
-    is_input = side == "input"
-    count = system.num_input_ports() if is_input else system.num_output_ports()
-    get = system.get_input_port if is_input else system.get_output_port
-    ports = {found.get_name(): found for found in map(get, range(count))}
-    name = system.get_name() or type(system).__name__
-    what = f"Filter '{name}': the list of its {side}s"
-    expect(port in ports, what, list(ports), f"one named '{port}'")
-    size = ports[port].size()
-    what = f"Filter '{name}': the size of its {side} '{port}'"
-    expect(size in sizes, what, size, " or ".join(map(str, sizes)))
-    return ports[port]
 
 
 def hold_command(
@@ -149,15 +119,12 @@ def finish(
     model: GliderModel,
     meshcat: Meshcat | None,
 ) -> Diagram:
-    """Adds the scene, if there is a Meshcat, and builds the diagram.
-
-    `serve_page(meshcat, Legend(...))` of `diagrams.programs.page` shows it with legend
-    and clock.
-    """
+    """Adds the scene, if there is a Meshcat, and builds the diagram."""
     if meshcat is not None:
-        state, forces = (glider.GetOutputPort(name) for name in ("state", "forces"))
-        AddScene(builder, state, meshcat, parameters=model.parameters)
-        AddOverlays(builder, state, meshcat, forces=forces, parameters=model.parameters)
+        state = glider.GetOutputPort("state")
+        forces = glider.GetOutputPort("forces")
+        parameters = model.parameters
+        AddScene(builder, state, meshcat, forces=forces, parameters=parameters)
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram

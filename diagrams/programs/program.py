@@ -20,6 +20,7 @@ import json
 import math
 import os
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -32,7 +33,7 @@ from pydrake.geometry import Meshcat
 from rich.console import Console
 
 from diagrams.playback import Track, play, stage_of
-from diagrams.programs.page import legend_of, open_meshcat, serve_page, write_html
+from diagrams.programs.page import open_meshcat, page_of
 from glider.errors import (
     INTERRUPTED,
     INTERRUPTED_CODE,
@@ -116,9 +117,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
         help="of the animation: 1 is real time, 0.25 (the default) four times slower",
     )
     parser.add_argument(
-        "--headless",
-        action="store_true",
-        help="do not serve Meshcat and wait for a viewer",
+        "--headless", action="store_true", help="without --html show no animation"
     )
 
 
@@ -278,7 +277,7 @@ def finish(
     tracks: Sequence[Track] = (),
     title: str = "",
 ) -> None:
-    """Writes the page of --html and, unless headless, waits while people look.
+    """Writes the page of --html; without one, unless headless, a temporary one.
 
     Args:
         args: as of `read_options`.
@@ -288,12 +287,15 @@ def finish(
     """
     if meshcat is None:
         return
-    legend = legend_of(tracks, title, args.rate)
+    page = page_of(meshcat, tracks, title, args.rate)
     if args.html:
-        write_html(args.html, meshcat, legend)
+        write_text(args.html, page)
         print(f"Animation: {args.html}")
-    if not args.headless:
-        print(f"Meshcat: {serve_page(meshcat, legend)} (Enter to end)", flush=True)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "animation.html")
+        write_text(file, page)
+        print(f"Animation: {file.as_uri()} (Enter to end)", flush=True)
         sys.stdin.readline()
 
 

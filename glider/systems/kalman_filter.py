@@ -7,6 +7,7 @@ from pydrake.systems.framework import LeafSystem
 
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief, check_belief, predict_mean, run_ekf
+from glider.physics.model import GliderModel
 
 _SAME = 1e-6
 """Share of a period within which two times are the same, for rounding of the clock."""
@@ -75,6 +76,16 @@ class ExtendedKalmanFilter(LeafSystem):
         )
         for name in outputs:
             self.DeclareStateOutputPort(name, self._parts[name])
+
+    @property
+    def model(self) -> GliderModel:
+        """The glider that the filter predicts with."""
+        return self.ekf.model
+
+    @property
+    def measured_std(self) -> np.ndarray:
+        """Standard deviations (M,) of the samples that it assumes [m, rad]."""
+        return np.sqrt(np.diag(self.ekf.noise))
 
     def DoCalcTimeDerivatives(self, context, derivatives):
         derivatives.get_mutable_vector().SetFromVector(self._rate.Eval(context))

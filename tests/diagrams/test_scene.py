@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.geometry import Meshcat, Rgba, Sphere
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
@@ -55,7 +54,7 @@ def test_a_plant_is_watched_while_it_flies(meshcat):
     AddScene(builder, plant.GetOutputPort("state"), meshcat, name="watched")
     diagram = builder.Build()
     names = {system.get_name() for system in diagram.GetSystems()}
-    added = {"watched_scene_graph", "watched_geometry", "watched_visualizer"}
+    added = {"watched_scene_graph", "watched_geometry", "watched_overlays"}
     assert added < names
     simulator = Simulator(diagram)
     context = plant.GetMyContextFromRoot(simulator.get_mutable_context())
@@ -78,20 +77,6 @@ def test_all_frames_are_where_the_model_says(meshcat):
     for body in ("body", "elevator"):
         X_WB = plant.GetBodyByName(body).EvalPoseInWorld(context)
         assert poses[f"glider::{body}"].IsNearlyEqualTo(X_WB, 1e-12)
-
-
-def test_the_scene_converts_to_autodiff_with_derivatives(meshcat):
-    twin = make_watched(meshcat).ToAutoDiffXd()
-    context = twin.CreateDefaultContext()
-    source = next(s for s in twin.GetSystems() if "Constant" in s.GetSystemType())
-    values = source.get_mutable_source_value(source.GetMyContextFromRoot(context))
-    values.SetFromVector(InitializeAutoDiff(STATE).ravel())
-    hinge = poses_of(twin, context)["glider::elevator"].translation()
-    gradient = ExtractGradient(hinge)
-    expected = 0.27 * np.array([np.sin(STATE[2]), 0.0, np.cos(STATE[2])])
-    assert gradient[:, 2] == pytest.approx(expected)
-    assert gradient[0, 0] == gradient[2, 1] == 1.0
-    twin.ForcedPublish(context)
 
 
 def test_gliders_of_different_names_share_a_meshcat(meshcat):

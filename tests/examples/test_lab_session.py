@@ -1,8 +1,11 @@
 """A session in the lab: perches before and after the correction."""
 
+import subprocess
+import sys
+
 import pytest
 
-from diagrams.programs.lab import simulated
+from diagrams.programs.lab import launches
 from diagrams.programs.lab.state import (
     CORRECTED,
     NOMINAL,
@@ -35,8 +38,9 @@ def test_the_result_is_reported(tmp_path):
 
 
 def test_a_session_that_ends_early_is_no_result(tmp_path, monkeypatch):
-    monkeypatch.setattr(simulated, "run_simulated", lambda *given: False)
-    with pytest.raises(InputError, match="not completed"):
+    died = subprocess.Popen([sys.executable, "-c", "raise SystemExit(1)"])
+    monkeypatch.setattr(launches.Launches, "start", lambda *given: died)
+    with pytest.raises(InputError, match="not all launches were flown"):
         lab_session.run("head_wind", 3, 0, tmp_path)
 
 

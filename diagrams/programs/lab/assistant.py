@@ -70,10 +70,11 @@ class MapJob:
                     columns, _ = read_some(self._files, check, guess_columns)
                     text = schema.yaml_text({"columns": columns}) if columns else ""
             draft = self.refused(self._short(error), text)
-        for file in self._files if not names else ():  # Those of one are enough.
-            with contextlib.suppress(InputError):
-                check(file)
-                break
+        if not names:  # Those of one take are enough.
+            for file in self._files:
+                with contextlib.suppress(InputError):
+                    check(file)
+                    break
         return dataclasses.replace(
             draft, is_proposed=not self.text, columns=tuple(names)
         )
@@ -138,18 +139,24 @@ def map_fields(text: str) -> dict[str, dict[str, str]]:
         return {}
     if isinstance(known.get("frame"), str):
         known["frame"] = {"axes": known["frame"]}
-    sections = {"": known} | {n: v for n, v in known.items() if isinstance(v, dict)}
-    return {
-        section: {k: str(v) for k, v in fields.items() if isinstance(v, str | float)}
-        for section, fields in sections.items()
-    }
+    sections = {"": known}
+    for name, value in known.items():
+        if isinstance(value, dict):
+            sections[name] = value
+    found: dict[str, dict[str, str]] = {}
+    for section, fields in sections.items():
+        found[section] = {}
+        for name, value in fields.items():
+            if isinstance(value, str | float):
+                found[section][name] = str(value)
+    return found
 
 
 def with_map_field(text: str, section: str, name: str, value: str) -> str:
     """The text of a map with another value of a field, "" for none.
 
-    Where only a line of it changes, the comments of the others stay; a map that is
-    written in another way, as {up: z}, is rewritten.
+    Where only the value of a line changes, the comments of the others stay; otherwise
+    the map is rewritten without comments.
     """
     known = schema.parse_yaml(text, MAP) or {}
     if not isinstance(known, dict):
@@ -164,39 +171,18 @@ def with_map_field(text: str, section: str, name: str, value: str) -> str:
         fields[name] = value
     if section and not fields:
         del known[section]
-    edited = _with_line(text, section, name, value)
-    try:
-        is_same = schema.parse_yaml(edited, MAP) == known
-    except InputError:
-        is_same = False
-    return edited if is_same else schema.yaml_text(known)
-
-
-_LINE = re.compile(r"( *)(\w+):(?: |$)(.*)")
-
-
-def _with_line(text: str, section: str, name: str, value: str) -> str:
-    """The text with another line for a field, or none, as if it were in block style."""
-    lines = text.splitlines()
-    within = ""
-    at = len(text.splitlines())
     indent = "  " if section else ""
     is_plain = re.fullmatch(r"[A-Za-z_-][\w.]*", value) and value not in ("y", "n")
     quoted = value if is_plain else json.dumps(value, ensure_ascii=False)
     line = f"{indent}{name}: {quoted}"
-    for k, written in enumerate(lines):
-        if not (found := _LINE.match(written)):
-            continue
-        within = within if found[1] else found[2]
-        if not found[1] and found[2] == section:
-            at = k + 1
-        if found[2] == name and (within == section if found[1] else not section):
-            lines[k : k + 1] = [line] if value else []
-            return "\n".join([*lines, ""])
-    if value:
-        head = [f"{section}:"] if section and at == len(lines) else []
-        lines[at:at] = [*head, line]
-    return "\n".join([*lines, ""])
+    written = re.compile(rf"^{indent}{re.escape(name)}:.*$", re.MULTILINE)
+    head = re.search(rf"^{re.escape(section)}:", text, re.MULTILINE)
+    begin = head.end() if section and head else 0
+    edited = text[:begin] + written.sub(lambda _: line, text[begin:], count=1)
+    with contextlib.suppress(InputError):
+        if schema.parse_yaml(edited, MAP) == known:
+            return edited
+    return schema.yaml_text(known)
 
 
 def next_map_job(
@@ -207,11 +193,15 @@ def next_map_job(
     `asked` is the text of a map, "" for a proposal, None for neither.
     """
     takes = tuple(file.name for file in watched.takes)
-    is_new = watched.is_open and (draft is None or draft.takes != takes)
-    if not takes or (asked is None and not is_new):
+    if not takes:
         return None
-    if asked is None:  # What a person has corrected stays.
-        asked = draft.text if draft and not draft.is_proposed else ""
+    if asked is None:
+        is_known = draft is not None and draft.takes == takes
+        if is_known or not watched.is_open:
+            return None
+        asked = ""
+        if draft and not draft.is_proposed:  # What a person has corrected stays.
+            asked = draft.text
     return MapJob(
         folder=watched.path, out=watched.kept / "draft", takes=takes, text=asked
     )
@@ -260,19 +250,3 @@ async def save_take(watched: Watched, name: str, parts: AsyncIterator[bytes]) ->
         part.rename(path)
     finally:
         part.unlink(missing_ok=True)
-
-
-def remove_take(watched: Watched, name: str) -> None:
-    """Moves a take out of the session's folder, to where it can be found again.
-
-    Raises:
-        InputError: there is no such take.
-    """
-    names = [file.name for file in watched.takes]
-    expect(name in names, "the take", name[:120], "one of this folder")
-    place = watched.kept / "removed"
-    place.mkdir(exist_ok=True)
-    moved = place / name
-    while moved.exists():
-        moved = place / f"{secrets.token_hex(4)}-{name}"
-    (watched.path / name).rename(moved)

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glider.commands.parsing import CommandParser, check_seed
-from glider.errors import InputError, expect
+from glider.errors import expect
 
 if TYPE_CHECKING:
-    from diagrams.programs.lab.session import LabSession
+    from diagrams.programs.lab.launches import Launches
 
 DESCRIPTION = """\
 Watches the folder of a session: each throw that comes is checked, flown again by the
@@ -32,8 +32,8 @@ examples:
   glider lab out/session --simulate head_wind --headless
   glider fly --simulate head_wind --model out/session/lab/report/model.yaml
 
-exit code: 0 when the session was completed, 1 if launches or the trace failed, 2 when
-the input cannot be used.
+exit code: 0 when the session was completed, 2 when the input cannot be used, or when
+launches or the trace failed.
 """
 
 
@@ -46,7 +46,7 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_path("--scenario", "YAML", words)
     words = "simulated launches before the correction, and after (default: 10)"
     parser.add_number("--throws", words, 10)
-    words = "no page: complete what there is, or the simulated session, and end"
+    words = "no page: complete the simulated session and end"
     parser.add_switch("--headless", words)
     parser.add_number("--port", "of the page (default: any free one)", 0)
     parser.add_seed("of simulated launches and noise")
@@ -57,20 +57,26 @@ def run(args: argparse.Namespace) -> int:
     check_seed(args.seed)
     expect(args.throws >= 3, "--throws", args.throws, "at least 3")
     expect(0 <= args.port < 1 << 16, "--port", args.port, "from 0 to 65535")
-    from diagrams.programs.lab.link import StationLink
-    from diagrams.programs.lab.session import LabSession
+    is_simulated = args.simulate is not None
+    expected = "--simulate too (glider close-the-loop traces the throws that are there)"
+    expect(is_simulated or not args.headless, "--headless", "alone", expected)
+    from diagrams.programs.lab.launches import Launches
     from diagrams.programs.station.bus import free_address
     from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
 
     scenario = load_scenario(args.scenario) if args.scenario else Scenario()
     launches = None
     bus = scenario.address
-    if args.simulate is not None:
-        from diagrams.programs.lab.launches import Launches
-
+    if is_simulated:
         simulation = scenario.simulation or Simulation()
         simulation = dataclasses.replace(simulation, truth=args.simulate)
         _ = dataclasses.replace(scenario, simulation=simulation).truth  # It is there.
+        if args.headless:
+            from diagrams.programs.lab.simulated import fly_session
+
+            given = args.folder, args.simulate, args.throws, args.seed
+            fly_session(*given, _show, args.scenario)
+            return 0
         bus = scenario.bus or free_address()
         args.folder.mkdir(parents=True, exist_ok=True)
         launches = Launches(
@@ -79,52 +85,28 @@ def run(args: argparse.Namespace) -> int:
             scenario=args.scenario,
             seed=args.seed,
             count=args.throws,
-            bus=None if args.headless else bus,
+            bus=bus,
         )
+    _serve(args, launches, bus)
+    return 0
+
+
+def _serve(args: argparse.Namespace, launches: "Launches | None", bus: str) -> None:
+    """Opens the session and serves its page until Ctrl-C."""
+    from diagrams.programs.lab.link import StationLink
+    from diagrams.programs.lab.server import serve
+    from diagrams.programs.lab.session import LabSession
+
     link = None
-    if not args.headless:
-        try:
-            link = StationLink(bus)
-        except RuntimeError as error:  # As without any network.
-            _show(
-                f"No bus {bus}: the page has no Stop, and shows no station ({error})."
-            )
+    try:
+        link = StationLink(bus)
+    except RuntimeError as error:  # As without any network.
+        _show(f"No bus {bus}: the page has no Stop, and shows no station ({error}).")
     session = LabSession(args.folder, _show, launches, link)
     try:
-        if not args.headless:
-            from diagrams.programs.lab.server import serve
-
-            serve(session, args.port, _show)
-            return 0
-        if launches is None:
-            return _complete(session)
-        from diagrams.programs.lab.simulated import run_simulated
-
-        return 0 if run_simulated(session, launches, args.throws, _show) else 1
+        serve(session, args.port, _show)
     finally:
         session.close()
-
-
-def _complete(session: "LabSession") -> int:
-    """Traces what there is; returns the exit code.
-
-    Raises:
-        InputError: nothing there can be traced.
-    """
-    from diagrams.programs.lab.folder import MAP, SETTINGS
-
-    session.finish()
-    state = session.state
-    watched = session.watched
-    if state.flights:
-        return 0 if state.answer else 1
-    if watched.is_open:
-        found = f"neither {SETTINGS} nor {MAP}"
-        expected = f"{SETTINGS} and flights, or {MAP} and takes"
-        raise InputError(f"{watched.path}: has {found}; expected {expected}.")
-    faults = [throw.fault for throw in state.throws if throw.fault]
-    reasons = [*state.notes, *faults, f"{watched.path}: no throws; expected some."]
-    raise InputError(reasons[0])
 
 
 def _show(line: str) -> None:

@@ -1,10 +1,8 @@
 """A throw as it was measured, beside what the models predict from its beginning."""
 
 import dataclasses
-import io
 import multiprocessing
 import os
-import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -13,10 +11,11 @@ import numpy as np
 
 from diagrams.playback import GREEN, RED, play, stage_of, track_of
 from diagrams.programs.lab.state import CORRECTED, NOMINAL
-from diagrams.programs.page import legend_of, open_meshcat, write_html
+from diagrams.programs.page import open_meshcat, page_of
 from diagrams.programs.station.processes import end_with
 from glider.campaign.logs import Campaign, Flight
-from glider.files.writing import replace_file
+from glider.files import schema
+from glider.files.writing import write_text
 from glider.physics.model import GliderModel
 from glider.report.as_page import page_data
 from glider.report.flight_figures import flight_panels
@@ -51,37 +50,41 @@ class Comparison:
 
     def figure(self, *, has_wire: bool = False) -> dict[str, Any]:
         """Path, pitch, elevator and distance, as a page draws them at "throw"."""
-        measured, *models = self.motions
-        time = self.motions[measured].time
+        measured = self.motions[_MEASURED]
+        models = [name for name in self.motions if name != _MEASURED]
+        flown = {}
+        for name in models:
+            flown[name] = _to_end(self.motions[name], measured.time)
         flight = HeldOutFlight(
             name=self.name,
-            time=time,
-            measured=self.motions[measured].poses[:, :3],
-            flown={name: _to_end(self.motions[name], time) for name in models},
+            time=measured.time,
+            measured=measured.poses[:, :3],
+            flown=flown,
             fitted_until=self.fitted_until,
         )
         keys = {name: LABELS[name] for name in self.motions}
-        keys |= {"fitted": "launch state fitted"} if models else {}
-        panels = flight_panels(flight)[: None if models else 2]  # No distance alone.
-        if np.ptp(self.motions[measured].poses[:, 3]) > 0.0:
+        panels = flight_panels(flight)
+        if models:
+            keys["fitted"] = "launch state fitted"
+        else:
+            panels = panels[:2]  # No distance alone.
+        if np.ptp(measured.poses[:, 3]) > 0.0:
             panels.insert(2, self._elevator_panel(panels[1].x))
         if has_wire:
             keys["named"] = "wire"
-            wire = Points("named", np.zeros(1), np.zeros(1), hover="the wire", size=9.0)
-            panels[0] = dataclasses.replace(panels[0], marks=[*panels[0].marks, wire])
+            place = np.zeros(1)
+            wire = Points("named", place, place, hover="the wire", size=9.0)
+            marks = [*panels[0].marks, wire]
+            panels[0] = dataclasses.replace(panels[0], marks=marks)
         return page_data({"throw": Figure(keys=keys, panels=panels)})
 
     def _elevator_panel(self, clock: Axis) -> Panel:
         """The elevator's angle: measured, and where its commands turn it in models."""
-        lines = [
-            Line(
-                name,
-                motion.time,
-                np.degrees(motion.poses[:, 3]),
-                hover=f"{LABELS[name]}<br>%{{x:.3f}} s: %{{y:.1f}}°",
-            )
-            for name, motion in self.motions.items()
-        ]
+        lines = []
+        for name, motion in self.motions.items():
+            angles = np.degrees(motion.poses[:, 3])
+            hover = f"{LABELS[name]}<br>%{{x:.3f}} s: %{{y:.1f}}°"
+            lines.append(Line(name, motion.time, angles, hover=hover))
         models = " and by its commands" if len(lines) > 1 else ""
         title = f"elevator, measured{models}, trailing edge up > 0 [°]"
         return Panel(title, lines, clock, height=250)
@@ -92,50 +95,29 @@ class Comparison:
         The Meshcat stays open until this process ends: Drake holds diagrams with
         systems in Python, and so their Meshcat, for ever.
         """
-        tracks = [track_of(n, m, _COLORS.get(n)) for n, m in self.motions.items()]
-        stage = None if has_wire else stage_of(tracks[0], wire=None)
+        tracks = []
+        for name, motion in self.motions.items():
+            tracks.append(track_of(name, motion, _COLORS.get(name)))
+        stage = None
+        if not has_wire:
+            stage = stage_of(tracks[0], wire=None)
         meshcat = open_meshcat()
         parameters = nominal_parameters(campaign)
         play(tracks, meshcat, rate=_SLOWED, parameters=parameters, stage=stage)
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder, "replay.html")
-            write_html(file, meshcat, legend_of(tracks, self.name, _SLOWED))
-            return file.read_text(encoding="utf-8")
+        return page_of(meshcat, tracks, self.name, _SLOWED)
 
     def save(self, file: Path) -> None:
-        """Saves it as .npz."""
-        arrays = {"fitted_until": np.array(self.fitted_until)}
-        for name, motion in self.motions.items():
-            arrays |= {f"{name}_time": motion.time, f"{name}_poses": motion.poses}
-            if motion.forces is not None:
-                arrays[f"{name}_forces"] = motion.forces
-        data = io.BytesIO()
-        np.savez(data, **arrays)  # type: ignore[arg-type]
-        replace_file(file, lambda path: path.write_bytes(data.getvalue()))
+        """Saves it as JSON."""
+        write_text(file, schema.json_text(self))
 
 
 def replay_apart(comparison: Comparison, campaign: Campaign, *, has_wire: bool) -> str:
     """As `Comparison.replay`, in a process of its own, which closes the Meshcat."""
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, spawn, end_with, (os.getpid(),)) as process:
+    parent = os.getpid()
+    with ProcessPoolExecutor(1, spawn, end_with, (parent,)) as process:
         replayed = process.submit(comparison.replay, campaign, has_wire=has_wire)
         return replayed.result()
-
-
-def load_comparison(name: str, file: Path) -> Comparison:
-    """Loads the comparison of a flight."""
-    with np.load(file) as data:
-        motions = {
-            model: Motion(
-                time=data[f"{model}_time"],
-                poses=data[f"{model}_poses"],
-                forces=data.get(f"{model}_forces"),
-            )
-            for model in (_MEASURED, NOMINAL, CORRECTED)
-            if f"{model}_time" in data
-        }
-        until = float(data["fitted_until"])
-    return Comparison(name=name, motions=motions, fitted_until=until)
 
 
 def compare(
@@ -150,20 +132,25 @@ def compare(
     motions = refly(campaign, flight, models, rollouts=rollouts)
     time = motions[_MEASURED].time
     trims = make_vehicle(campaign).per_flight_trims
-    until = float(time[beginning_rows(time, trims) - 1])
+    last = beginning_rows(time, trims) - 1
+    until = float(time[last])
     return Comparison(name=flight.name, motions=motions, fitted_until=until)
 
 
 def _measured(flight: Flight) -> Motion:
     """A flight as its log has it."""
-    angle = np.zeros(len(flight.time)) if flight.elevator is None else flight.elevator
+    angle = flight.elevator
+    if angle is None:
+        angle = np.zeros(len(flight.time))
     poses = np.column_stack([flight.pose, angle])
     rows = np.isfinite(poses).all(axis=1)
-    return Motion(time=(flight.time - flight.time[0])[rows], poses=poses[rows])
+    time = flight.time - flight.time[0]
+    return Motion(time=time[rows], poses=poses[rows])
 
 
 def _to_end(motion: Motion, time: np.ndarray) -> np.ndarray:
     """Poses (n, 3) of a model at all times; NaN after it has diverged."""
     poses = np.full((len(time), 3), np.nan)
-    poses[: len(motion.time)] = motion.poses[:, :3]
+    count = len(motion.time)
+    poses[:count] = motion.poses[:, :3]
     return poses

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from diagrams.programs.lab.state import CORRECTED, NOMINAL, PROPOSED, Throw
 from diagrams.programs.station.scenario import Limits
+from diagrams.programs.station.throw import ThrowResult
 from diagrams.programs.station.throw_log import read_throw
 from glider.campaign.importing.campaign_import import (
     ImportResult,
@@ -22,7 +23,7 @@ from glider.campaign.importing.track import make_track
 from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect
-from glider.experiments.throw_limits import ThrowLimits, load_limits
+from glider.experiments.throw_limits import ThrowLimits
 from glider.files import schema
 from glider.progress import silent
 
@@ -32,9 +33,6 @@ MAP = "MAP.yaml"
 """A folder with it holds takes of other software; one without it is a campaign."""
 
 SETTINGS = "campaign.yaml"
-
-LIMITS = "limits.yaml"
-"""A file of the folder: limits of proposed throws, as of `glider next-throw`."""
 
 _KEPT = "lab"
 """What the session writes is in this folder of its folder."""
@@ -74,12 +72,6 @@ class Watched:
     def settings(self) -> Path:
         """The file of what all throws have in common."""
         return self.campaign / SETTINGS
-
-    @property
-    def limits(self) -> str:
-        """Text of the limits of proposed throws; "" for none."""
-        file = self.path / LIMITS
-        return file.read_text(errors="replace") if file.is_file() else ""
 
     @property
     def is_open(self) -> bool:
@@ -139,16 +131,15 @@ class Watched:
         )
         named = _flight_names(imported, takes)
         self._sources = {name: take.name for name, take in named.items()}
-        pairs = zip(imported.campaign.flights, self._sources, strict=True)
-        flights = tuple(dataclasses.replace(f, name=name) for f, name in pairs)
+        flights = []
+        for flight, name in zip(imported.campaign.flights, named, strict=True):
+            flights.append(dataclasses.replace(flight, name=name))
+        campaign = dataclasses.replace(imported.campaign, flights=tuple(flights))
         for file in self.campaign.glob("flight_*.csv"):
-            if (
-                file.name not in self._sources
-            ):  # Of a take that is gone, or cut differently.
+            # Of a take that is gone, or cut differently.
+            if file.name not in named:
                 file.unlink()
-        save_campaign(
-            self.campaign, dataclasses.replace(imported.campaign, flights=flights)
-        )
+        save_campaign(self.campaign, campaign)
         return tuple(imported.warnings)
 
     def throws(self, known: Sequence[Throw]) -> list[Throw]:
@@ -156,14 +147,19 @@ class Watched:
         files = sorted(self.campaign.glob("flight_*.csv"))
         digests = throw_digests(self.campaign, [file.name for file in files])
         found = [self._new_throw(name, own) for name, own in digests.items()]
-        first = next((r for t in found if (r := _record(self.path, t))), None)
-        nominal = read_throw(first)[0].get("model", "") if first else ""
+        nominal = ""
+        for throw in found:
+            first = _record(self.path, throw)
+            if first is not None:
+                facts, _ = read_throw(first)
+                nominal = facts.get("model", "")
+                break
         same = {(throw.name, throw.sha256): throw for throw in known}
-        return [
-            same.get((throw.name, throw.sha256))
-            or _with_record(throw, self.path, nominal)
-            for throw in found
-        ]
+        throws = []
+        for throw in found:
+            before = same.get((throw.name, throw.sha256))
+            throws.append(before or _with_record(throw, self.path, nominal))
+        return throws
 
     def _new_throw(self, name: str, sha256: str) -> Throw:
         take = self._sources.get(name, "")
@@ -227,19 +223,16 @@ def check_take(take: Path, claim: Mapping | None) -> None:
 
 def _flight_names(imported: ImportResult, takes: Sequence[Path]) -> dict[str, Path]:
     """A name for each flight, in their order, and the take that it is of."""
-    recorded = [Path(flight["recording"]) for flight in imported.report()["flights"]]
-    sources = [next(p for p in (r, *r.parents) if p in takes) for r in recorded]
-    stems = {take: take.stem for take in takes}
-    for take in takes:
-        if list(stems.values()).count(take.stem) > 1:
-            stems[take] = take.name
     named: dict[str, Path] = {}
-    for k, take in enumerate(sources):
-        number = f"+{sources[:k].count(take) + 1}" if sources.count(take) > 1 else ""
-        name = f"flight_{stems[take]}{number}"
-        while f"{name}.csv" in named:  # A take may be named so.
-            name += "_"
-        named[f"{name}.csv"] = take
+    for flight in imported.report()["flights"]:
+        recording = Path(flight["recording"])
+        take = next(p for p in (recording, *recording.parents) if p in takes)
+        name = f"flight_{take.stem}.csv"
+        number = 1
+        while name in named:
+            number += 1
+            name = f"flight_{take.stem}+{number}.csv"
+        named[name] = take
     return named
 
 
@@ -254,13 +247,10 @@ def throw_digests(campaign: Path, names: Sequence[str]) -> dict[str, str]:
 
 
 def limits_of(folder: Path) -> ThrowLimits | None:
-    """Limits of the throws that are proposed in a session's folder.
+    """The room, as the station's last record has it, in which throws are proposed.
 
-    Those of its file; else x and z of the room, as the station's last record has them.
-    None without either: as flown.
+    None without a record: as flown.
     """
-    if (folder / LIMITS).is_file():
-        return load_limits(folder / LIMITS)
     records = sorted(folder.glob("throw_*.mcap"))
     if not records:
         return None
@@ -318,7 +308,7 @@ def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
             throw, planned=planned, fault="its record ends early"
         )
     try:
-        result = schema.convert(results[-1], _Result, str(record))
+        result = schema.convert(results[-1], ThrowResult, str(record))
     except InputError as error:
         return dataclasses.replace(throw, fault=str(error))
     return dataclasses.replace(
@@ -329,18 +319,3 @@ def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
         fault=result.reason,
         flown=result.flown,
     )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Result:
-    """What the station writes at the end of a throw."""
-
-    state: str
-    perched: bool
-    miss_m: schema.Number
-    speed_m_s: schema.Number
-    reason: str
-    commands: int
-    late: int
-    latency_s: list[float]
-    flown: str = ""

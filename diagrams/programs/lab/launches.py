@@ -54,8 +54,7 @@ class Launches:
         given = [f"--{name}={v}" for name, v in options.items() if v is not None]
         # Launches end with this process: nobody would see, or stop, those that go on.
         program = ["-m", "diagrams.programs.station.processes", str(os.getpid()), "fly"]
-        stdin = subprocess.DEVNULL if self.bus else None  # Keys are for who has a bus.
-        return subprocess.Popen([sys.executable, *program, *given], stdin=stdin)
+        return subprocess.Popen([sys.executable, *program, *given])
 
     def ask(self, planned: str, throws: int) -> None:
         """Asks for launches; they begin with the next step, after those that fly.

@@ -2,13 +2,11 @@
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from diagrams.programs.station.bus import OPERATOR, STATUS, Bus
-from diagrams.programs.station.operators import ARM, KILL, REPEAT, Kills
+from diagrams.programs.station.bus import STATUS, Bus
+from diagrams.programs.station.operators import ARM, KILL, REPEAT, Operator
 
 PERIOD = 0.05
 """Time between two looks at the bus [s]."""
@@ -31,13 +29,10 @@ class StationLink:
         self.address = address
         self._bus = Bus(address)
         self._lock = threading.Lock()
-        self._id = float(np.random.default_rng().integers(1 << 48))  # Among senders.
-        self._kills = Kills()
-        self._repeated = 0.0
+        self._operator = Operator(self._bus)
         self._state = self._reason = ""
         self._heard = -_GONE
         self._bus.listen(STATUS, self._take_status)
-        self._bus.listen(OPERATOR, self._take_operator)
 
     def stop(self) -> None:
         """Turns every servo on the bus to neutral, until `arm` is called."""
@@ -50,7 +45,7 @@ class StationLink:
     @property
     def is_stopped(self) -> bool:
         """Whether a Stop holds, ours or another's."""
-        return bool(self._kills)
+        return bool(self._operator.kills)
 
     @property
     def state(self) -> dict[str, Any]:
@@ -62,26 +57,16 @@ class StationLink:
             "is_stopped": self.is_stopped,
         }
 
-    def run(self, ended: threading.Event, step: Callable[[], object]) -> None:
-        """Listens, and repeats our Stop as long as it holds, until the end.
-
-        Args:
-            ended: tells when.
-            step: called each PERIOD.
-        """
+    def run(self, ended: threading.Event) -> None:
+        """Listens, and repeats our Stop as long as it holds, until the end."""
         while not ended.wait(PERIOD):
             with self._lock:
                 self._bus.handle()
-            now = time.monotonic()
-            if self._id in self._kills and now > self._repeated + REPEAT:
-                self._say(KILL)
-            step()
+                self._operator.repeat()
 
     def _say(self, name: str) -> None:
         with self._lock:
-            now = self._repeated = time.monotonic()
-            self._bus.say(OPERATOR, now, (self._id,), (name,))
-            self._kills.hear((self._id,), (name,), now)
+            self._operator.say(name)
 
     def _take_status(
         self, stamp: float, values: Sequence[float], names: Sequence[str]
@@ -89,9 +74,3 @@ class StationLink:
         if len(names) == 2:
             self._state, self._reason = names
             self._heard = time.monotonic()
-
-    def _take_operator(
-        self, stamp: float, values: Sequence[float], names: Sequence[str]
-    ) -> None:
-        if values and values[0] != self._id:
-            self._kills.hear(values, names, time.monotonic())

@@ -26,7 +26,6 @@ from starlette.routing import Route
 
 from diagrams.programs.lab.assistant import (
     map_fields,
-    remove_take,
     save_map,
     save_take,
     with_map_field,
@@ -34,10 +33,8 @@ from diagrams.programs.lab.assistant import (
 from diagrams.programs.lab.comparison import replay_apart
 from diagrams.programs.lab.figures import session_figures
 from diagrams.programs.lab.gate import HOST, Address, TokenGate, listen
-from diagrams.programs.lab.link import StationLink
 from diagrams.programs.lab.session import LabSession
 from diagrams.programs.lab.state import CORRECTED, NOMINAL
-from diagrams.programs.station.realtime import KEYS, keyboard
 from glider.campaign.importing.recording import UNITS
 from glider.campaign.settings import FRAME_CHOICES, QUANTITIES, read_settings
 from glider.errors import InputError, expect
@@ -187,12 +184,6 @@ class _Pages:
         self._session.asked_proposal = True
         return PlainTextResponse("")
 
-    async def remove(self, request: Request) -> Response:
-        """Moves a take out of the folder."""
-        with _refusals():
-            remove_take(self._session.watched, request.path_params["name"])
-        return PlainTextResponse("")
-
     async def take(self, request: Request) -> Response:
         """Saves a take that was dropped on the page."""
         with _refusals():
@@ -249,7 +240,6 @@ def make_app(session: LabSession, address: Address) -> Starlette:
             Route("/arm", pages.arm, methods=["POST"]),
             Route("/next-throw", pages.next_throw, methods=["POST"]),
             Route("/takes/{name}", pages.take, methods=["POST"]),
-            Route("/takes/{name}/remove", pages.remove, methods=["POST"]),
             Route("/map/fields", pages.map_fields, methods=["POST"]),
             Route("/map/{what}", pages.map, methods=["POST"]),
             Route("/map.png", pages.map_picture),
@@ -307,25 +297,17 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
         if session.launches:  # They would be ended once more at the end of this thread.
             session.launches.close()
 
-    def operate(link: StationLink) -> None:
-        def press() -> None:
-            if key := pressed():
-                _operate(session, key, show)
-
-        with keyboard() as pressed:
-            link.run(ended, press)
-
     listening, address = listen(session.watched.kept / "address.json", port)
     with listening:
-        show(f"Session: {address.url} ({KEYS})")
+        show(f"Session: {address.url} (Ctrl-C ends it)")
         app = make_app(session, address)
         config = uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5)
         server = uvicorn.Server(config)
         app.state.is_ending = lambda: server.should_exit
         threads = [threading.Thread(target=work, daemon=True)]
         if session.link:
-            own = (session.link,)
-            threads.append(threading.Thread(target=operate, args=own, daemon=True))
+            run = session.link.run
+            threads.append(threading.Thread(target=run, args=(ended,), daemon=True))
         for thread in threads:
             thread.start()
         try:
@@ -335,20 +317,6 @@ def serve(session: LabSession, port: int, show: Callable[[str], object]) -> None
             ended.set()
             for thread in threads:
                 thread.join()
-
-
-def _operate(session: LabSession, key: str, show: Callable[[str], object]) -> None:
-    """Stops, or with Enter arms again, at a key of the terminal."""
-    assert session.link is not None
-    if key not in "\r\n":
-        session.stop()
-        show("stopped: every elevator turns to neutral; Enter arms again")
-        return
-    session.link.arm()
-    if session.link.is_stopped:
-        show("not armed: another operator stopped it")
-    else:
-        show("armed again")
 
 
 async def _small_text(request: Request) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diagrams.programs.lab.assistant import MapJob, next_map_job
-from diagrams.programs.lab.comparison import Comparison, compare, load_comparison
+from diagrams.programs.lab.comparison import Comparison, compare
 from diagrams.programs.lab.folder import Watched, joint_digest
 from diagrams.programs.lab.launches import Launches
 from diagrams.programs.lab.link import StationLink
@@ -32,6 +32,7 @@ from glider.campaign.checks.masks import ExcludedRows
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
+from glider.files import schema
 from glider.files.lock import FolderLock
 from glider.files.writing import check_writable
 from glider.physics.model import GliderModel
@@ -132,10 +133,12 @@ class LabSession:
     def comparison(self, name: str) -> Comparison | None:
         """A throw beside its predictions; None where there is none."""
         known = {throw.name for throw in self.state.throws if throw.is_drawn}
-        return load_comparison(name, self._place(name)) if name in known else None
+        if name not in known:
+            return None
+        return schema.load_json(Comparison, self._place(name), "a throw flown again")
 
     def _place(self, name: str) -> Path:
-        return self.watched.kept / "throws" / f"{name.removesuffix('.csv')}.npz"
+        return self.watched.kept / "throws" / f"{name.removesuffix('.csv')}.json"
 
     def step(self, *, traces: bool = True) -> None:
         """Takes what is new: throws, and answers from the background."""
@@ -144,7 +147,6 @@ class LabSession:
             self._list()
         if self.launches:
             flies = self.launches.step(self.model_file, len(self.state.throws))
-            self._worker.pause(flies)
             traces = traces and not flies
         if answer := self._worker.wait(0.0):
             self._take(answer)
@@ -369,14 +371,12 @@ class LabSession:
         if last.refusal or not proposes:
             return None
         path = self.watched.path
-        limits = self.watched.limits
         done = state.proposal
         again = self.asked_proposal
         self.asked_proposal = False
-        is_done = done and (done.sha256, done.limits) == (digest, limits)
-        if done and is_done and not (again and done.is_refused):
+        if done and done.sha256 == digest and not (again and done.is_refused):
             return None
-        return dataclasses.replace(trace, proposes=True, session=path, limits=limits)
+        return dataclasses.replace(trace, proposes=True, session=path)
 
     def _take(self, answer: Trace | Proposal | Draft) -> None:
         """Adds an answer to the state."""

@@ -15,18 +15,23 @@ _ATTEMPTS = 3
 def fly_session(
     folder: Path,
     truth: str,
-    launches: int,
+    count: int,
     seed: int,
     show: Callable[[str], None] = print,
+    scenario: Path | None = None,
 ) -> State:
-    """Flies a session with a simulated glider into a folder, which it goes on with.
+    """Flies, traces, plans again and flies as often, into a folder.
+
+    Launches that an earlier run flew into the folder count. The last line shown is the
+    number of perches before and after.
 
     Args:
         folder: of the session; made if it is not there.
         truth: name or file of the simulated glider.
-        launches: number of them before the correction, and after.
+        count: number of launches before the correction, and after.
         seed: of launches and noise.
         show: takes lines about the session.
+        scenario: file of the station's scenario.
 
     Returns:
         the state of the session: its answer, and launches `before` and `after`.
@@ -35,59 +40,48 @@ def fly_session(
         InputError: launches, or the trace, failed.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    launches = Launches(
+        folder=folder, truth=truth, scenario=scenario, seed=seed, count=count
+    )
     session = LabSession(folder, show)
-    station = Launches(folder=folder, truth=truth, seed=seed)
     try:
-        is_complete = run_simulated(session, station, launches, show)
+        session.update()
+        _fly(session, launches, NOMINAL)
+        session.finish()
+        answer = session.state.answer
+        if answer is None:
+            refusal = session.state.traces[-1].refusal
+            raise InputError(f"{folder}: there is no answer: {refusal}")
+        for effect in answer.effects:
+            coefficients = effect.coefficients.items()
+            values = [f"{name} {e.value:.4g} ± {e.std:.2g}" for name, e in coefficients]
+            show(f"{effect.kind}: {', '.join(values)}")
+        if answer.effects:
+            _fly(session, launches, CORRECTED)
     finally:
         session.close()
-    if not is_complete:
-        raise InputError(f"{folder}: the session was not completed; see above.")
+    before = "{} of {} before".format(*session.state.before)
+    after = "{} of {} after".format(*session.state.after)
+    show(f"Perches: {before}, {after} the correction.")
     return session.state
 
 
-def run_simulated(
-    session: LabSession,
-    launches: Launches,
-    count: int,
-    show: Callable[[str], None] = print,
-) -> bool:
-    """Flies, traces, plans again and flies; returns whether all of it was done.
+def _fly(session: LabSession, launches: Launches, planned: str) -> None:
+    """Flies until there are so many launches planned with a model.
 
-    Launches that an earlier run flew into the folder count. The last line shown is the
-    number of perches before and after.
+    Raises:
+        InputError: there are fewer after some attempts.
     """
-    session.update()
-    if not _fly(session, launches, NOMINAL, count):
-        return False
-    session.finish()
-    answer = session.state.answer
-    if answer is None:
-        show(f"There is no answer: {session.state.traces[-1].refusal}")
-        return False
-    for effect in answer.effects:
-        values = (
-            f"{n} {e.value:.4g} ± {e.std:.2g}" for n, e in effect.coefficients.items()
-        )
-        show(f"{effect.kind}: {', '.join(values)}")
-    done = not answer.effects or _fly(session, launches, CORRECTED, count)
-    perches = session.state.before, session.state.after
-    words = (
-        "{} of {} before".format(*perches[0]),
-        "{} of {} after".format(*perches[1]),
-    )
-    show(f"Perches: {words[0]}, {words[1]} the correction.")
-    return done
-
-
-def _fly(session: LabSession, launches: Launches, planned: str, count: int) -> bool:
-    """Flies until there are so many launches planned with a model."""
     for _ in range(_ATTEMPTS):
-        missing = count - session.state.count_perches(planned)[1]
+        missing = launches.count - session.state.count_perches(planned)[1]
         if missing <= 0:
-            return True
+            return
         model = session.model_file if planned == CORRECTED else None
         if launches.start(missing, model, len(session.state.throws)).wait():
-            return False
+            break
         session.update()
-    return session.state.count_perches(planned)[1] >= count
+    if session.state.count_perches(planned)[1] < launches.count:
+        raise InputError(
+            f"{launches.folder}: not all launches were flown (see above); expected "
+            f"{launches.count} with the {planned} plan."
+        )

@@ -70,7 +70,6 @@ class Proposal:
     sentences: tuple[str, ...]  #: What to expect of it.
     throws: tuple[str, ...] = ()  #: Each launch in words.
     sha256: str = ""  #: Of the contents of the flights.
-    limits: str = ""  #: Text of limits.yaml, if there was one.
     is_refused: bool = False  #: Whether there is none; `sentences` has the reason.
 
 

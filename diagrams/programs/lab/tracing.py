@@ -3,8 +3,6 @@
 import dataclasses
 import multiprocessing
 import os
-import signal
-import time
 import traceback
 from collections.abc import Iterable
 from multiprocessing.connection import Connection
@@ -37,8 +35,7 @@ class Job:
     flights: tuple[str, ...]
     sha256: str  #: Of their contents.
     proposes: bool = False  #: Whether the report is there, and a throw is wanted.
-    session: Path | None = None  #: Folder with the limits of a throw that is wanted.
-    limits: str = ""  #: Text of its limits.yaml.
+    session: Path | None = None  #: Folder with the station's records.
 
     @property
     def words(self) -> str:
@@ -123,7 +120,6 @@ class Job:
             sentences=tuple(why),
             throws=tuple(throws),
             sha256=self.sha256,
-            limits=self.limits,
         )
 
 
@@ -135,14 +131,12 @@ class Worker:
 
     def __init__(self) -> None:
         self.job: _AnyJob | None = None  #: That it works on.
-        self._is_paused = self._dies_with_us = False
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
 
     def start(self, job: _AnyJob) -> None:
         """Begins a job."""
         if self._process is None or not self._process.is_alive():
-            self._dies_with_us = False
             context = multiprocessing.get_context("spawn")
             self._pipe, theirs = context.Pipe()
             self._process = context.Process(target=_serve, args=(theirs, os.getpid()))
@@ -155,52 +149,32 @@ class Worker:
     def wait(self, seconds: float) -> Trace | Proposal | Draft | None:
         """Waits for the answer of the job [s]; None where there is none yet."""
         job = self.job
-        end = time.monotonic() + seconds
         if self._pipe is None or job is None:
             return None
-        while self._pipe.poll(max(end - time.monotonic(), 0.0)):
+        if self._pipe.poll(seconds):
             try:
                 answer = self._pipe.recv()
             except (EOFError, OSError):  # Reset where it was killed.
                 self.close()
                 why = "the process that works on it died"
                 return job.refused(f"{job.failure}: {why}.", is_fault=True)
-            if answer is not None:
-                self.job = None
-                return answer
-            self._dies_with_us = True
+            self.job = None
+            return answer
         return None
-
-    def pause(self, is_paused: bool) -> None:
-        """Stops the process in the midst of its job while something flies.
-
-        One that would outlive us yet, as it has just begun, is stopped when this is
-        called again.
-        """
-        is_new = self._process is not None and not self._dies_with_us
-        if is_paused == self._is_paused or (is_paused and is_new):
-            return
-        self._is_paused = is_paused
-        if self._process is not None and self._process.is_alive():
-            assert self._process.pid is not None
-            os.kill(self._process.pid, signal.SIGSTOP if is_paused else signal.SIGCONT)
 
     def close(self) -> None:
         """Ends the process, in the midst of its job."""
-        self.pause(False)  # It could not end.
         if self._process is not None:
             self._process.terminate()
             self._process.join()
         if self._pipe is not None:
             self._pipe.close()
         self._process = self._pipe = self.job = None
-        self._dies_with_us = False
 
 
 def _serve(pipe: Connection, parent: int) -> None:
     """Does job after job until the pipe is closed, or the session's process ends."""
-    end_with(parent)  # Also while it is paused.
-    pipe.send(None)
+    end_with(parent)
     os.nice(_NICENESS)
     while True:
         try:

@@ -6,7 +6,10 @@ has died. A servo that is killed says so, so that a station started later knows 
 """
 
 import math
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
 
 from diagrams.programs.station.bus import OPERATOR, Bus
 
@@ -15,7 +18,7 @@ ARM = "arm"
 _KILLED = "killed"
 
 REPEAT = 0.2
-"""Time between two repetitions of a kill [s]."""
+"""Time between two repetitions of a kill, or of a station's state [s]."""
 
 _SILENT = 1.0
 """Silence after which the sender of a kill may be gone [s]."""
@@ -54,3 +57,37 @@ class Kills:
         """Says as a servo that it was killed."""
         for sender in self._heard:
             bus.say(OPERATOR, now, (sender,), (_KILLED,))
+
+
+class Operator:
+    """An operator on the bus, who kills and arms, and hears the others.
+
+    Args:
+        bus: of the servos.
+        clock: ours [s].
+    """
+
+    def __init__(self, bus: Bus, clock: Callable[[], float] = time.monotonic) -> None:
+        self.id = float(np.random.default_rng().integers(1 << 48))  #: Among senders.
+        self.kills = Kills()
+        self._bus = bus
+        self._clock = clock
+        self._said = -math.inf  # When we spoke last [s].
+        bus.listen(OPERATOR, self._hear)
+
+    def say(self, name: str) -> None:
+        """Kills or arms, here and on the bus."""
+        now = self._said = self._clock()
+        self._bus.say(OPERATOR, now, (self.id,), (name,))
+        self.kills.hear((self.id,), (name,), now)
+
+    def repeat(self) -> None:
+        """Repeats our kill as long as it holds; to be called again and again."""
+        if self.id in self.kills and self._clock() > self._said + REPEAT:
+            self.say(KILL)
+
+    def _hear(
+        self, stamp: float, values: Sequence[float], names: Sequence[str]
+    ) -> None:
+        if values and values[0] != self.id:
+            self.kills.hear(values, names, self._clock())

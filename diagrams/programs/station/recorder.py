@@ -52,7 +52,7 @@ class Recorder:
 
     def finish(self, throw: Throw, now: float) -> None:
         """Ends the record of a throw, and makes it a flight."""
-        self.add("/event", now, state="result", **throw.key_figures())
+        self.add("/event", now, **vars(throw.result))
         self.write()
         throw.reason = throw.reason or self.fault
         log = self._log

@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 from diagrams.programs.station.clocks import AHEAD
-from diagrams.programs.station.operators import Kills
+from diagrams.programs.station.operators import Operator
 from diagrams.programs.station.scenario import Limits
 from glider.physics.servo import Servo
 from glider.physics.state import ELEVATOR
@@ -34,24 +34,22 @@ _NUMBERS = re.compile(r"[-+\d.]+")
 class WaitReasons:
     """Tells when the operator is to be shown why the station waits.
 
-    A reason is shown once it has lasted for `_PATIENCE`, and again only if it was away
-    for as long: poses that are refused for two reasons by turns show each of them once.
-    Reasons that differ in their numbers are the same.
+    Each reason is shown once, when `_PATIENCE` has passed since it was first given:
+    poses that are refused for two reasons by turns show both. Reasons that differ in
+    their numbers are the same.
     """
 
     def __init__(self) -> None:
-        # When each began and held last [s], and whether it was shown.
-        self._known: dict[str, tuple[float, float, bool]] = {}
+        self._begun: dict[str, float] = {}  # When each was first given [s].
+        self._shown: set[str] = set()
 
     def is_to_be_shown(self, reason: str, now: float) -> bool:
         """Takes the reason that holds now [s]; returns whether to show it."""
         kind = _NUMBERS.sub("", reason)
-        began, last, was_shown = self._known.get(kind, (now, now, False))
-        if now > last + _PATIENCE:
-            began = now
-            was_shown = False
-        is_due = not was_shown and now >= began + _PATIENCE
-        self._known[kind] = began, now, was_shown or is_due
+        begun = self._begun.setdefault(kind, now)
+        is_due = kind not in self._shown and now >= begun + _PATIENCE
+        if is_due:
+            self._shown.add(kind)
         return is_due
 
 
@@ -131,12 +129,11 @@ class Watch:
     Args:
         limits: of time, place and prediction.
         servo: travel and rate of the elevator.
-        operator: our number among the senders of kills.
+        operator: of the station.
     """
 
-    def __init__(self, limits: Limits, servo: Servo, operator: float) -> None:
+    def __init__(self, limits: Limits, servo: Servo, operator: Operator) -> None:
         self.check = _PoseCheck(limits, servo)
-        self.kills = Kills()
         self.seen = -math.inf  #: When the last usable pose was exposed [s].
         self.rival = -math.inf  #: When another operator sent a command [s].
         self._limits = limits
@@ -161,8 +158,9 @@ class Watch:
 
     def find_fault(self, now: float) -> str:
         """Why commands would not be safe now; "" if they are."""
-        if self.kills:
-            is_ours = self._operator in self.kills
+        kills = self._operator.kills
+        if kills:
+            is_ours = self._operator.id in kills
             return f"{'the' if is_ours else 'another'} operator stopped it"
         if now < self.rival + _RIVAL:
             return "another operator sends commands on the bus"

@@ -4,8 +4,6 @@ import math
 import time
 from collections.abc import Callable
 
-import numpy as np
-
 from diagrams.programs.station.bus import COMMAND, COMMAND_FIELDS, Bus
 from diagrams.programs.station.scenario import Scenario
 from diagrams.programs.station.tracker import CommandTape
@@ -19,6 +17,7 @@ class Sender:
     Args:
         scenario: rates, and the servo.
         limits: of the servo.
+        sender: our number among senders.
         bus: to send on.
         tape: of the filter.
         clock: ours [s].
@@ -29,6 +28,7 @@ class Sender:
         self,
         scenario: Scenario,
         limits: Servo,
+        sender: float,
         bus: Bus,
         tape: CommandTape,
         clock: Callable[[], float],
@@ -43,7 +43,7 @@ class Sender:
         self._tape = tape
         self._clock = clock
         self._wait = wait
-        self.id = float(np.random.default_rng().integers(1 << 48))  #: Among senders.
+        self.id = sender
         self.due = 0.0  #: When the next command is due [s].
         self._number = 0  # Of the last command.
 

@@ -11,12 +11,7 @@ from pathlib import Path
 
 from diagrams.programs.station.controllers import Guidance
 from diagrams.programs.station.scenario import Scenario
-from diagrams.programs.station.throw_log import (
-    RESERVES,
-    ThrowLog,
-    flight_of,
-    read_throw,
-)
+from diagrams.programs.station.throw_log import ThrowLog, flight_of, read_throw
 from glider.campaign.logs import ServoLog, campaign_of
 from glider.campaign.settings import read_settings
 from glider.campaign.writer import flight_csv, save_campaign
@@ -99,8 +94,6 @@ class Session:
             text = f"# Begun {_now()}.\n{file.read_text(encoding='utf-8')}"
             write_text(file, text)
         self._lock = FolderLock(folder / ".station", folder, "station")
-        for reserve in folder.glob(RESERVES):
-            reserve.unlink()
         self._check_truth()
         self.recover()
 

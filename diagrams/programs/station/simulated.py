@@ -29,18 +29,13 @@ from diagrams.programs.station.bus import (
     Bus,
 )
 from diagrams.programs.station.processes import end_with, hasten
-from diagrams.programs.station.scenario import (
-    Fault,
-    Scenario,
-    Simulation,
-    load_scenario,
-)
+from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
 from diagrams.programs.station.wire import Wire
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.errors import expect
 from glider.physics.model import GliderModel
-from glider.physics.state import ELEVATOR, POSITION, VELOCITY
+from glider.physics.state import ELEVATOR, PITCH, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.simulation.fly import STEP
 
@@ -76,7 +71,7 @@ class Cameras:
         self._rng = rng
         self._noise = MotionCapture(rate=rate)
         self._coming: list[tuple[float, int, float, tuple[float, ...]]] = []
-        self._last: tuple[float, ...] = (0.0,) * 4
+        self._last = np.zeros(4)
         self._count = 0
 
     def expose(self, now: float, flown: float, shown: np.ndarray) -> None:
@@ -84,17 +79,18 @@ class Cameras:
         cameras = self._settings
         rng = self._rng
         self._count += 1
-        x, z, pitch, angle = (shown + self._noise.draw(rng)).tolist()
-        seen: tuple[float, ...] = (x, z, pitch, angle)
+        seen = shown + self._noise.draw(rng)
         fault = self._fault_at(flown)
         if fault == "frozen":
             seen = self._last
         elif fault == "nan":
-            seen = (math.nan,) * 4
+            seen = np.full(4, math.nan)
         elif fault == "swapped":
-            seen = (x, z, pitch + math.pi, angle)
-        elif fault in ("no_elevator", "turned"):
-            seen = (x, z, pitch, angle + math.pi if fault == "turned" else math.nan)
+            seen[PITCH] += math.pi
+        elif fault == "turned":
+            seen[ELEVATOR] += math.pi
+        elif fault == "no_elevator":
+            seen[ELEVATOR] = math.nan
         self._last = seen
         if fault == "lost" or rng.random() < cameras.lost:
             return
@@ -102,14 +98,16 @@ class Cameras:
         if rng.random() < cameras.late:
             delay += LATE / self.rate
         stamp = now * (1.0 + cameras.clock_drift) + cameras.clock_offset
-        for _ in range(1 + (rng.random() < cameras.duplicated)):
-            heapq.heappush(self._coming, (now + delay, self._count, stamp, seen))
+        frame = (now + delay, self._count, stamp, tuple(seen.tolist()))
+        heapq.heappush(self._coming, frame)
+        if rng.random() < cameras.duplicated:
+            heapq.heappush(self._coming, frame)
 
     def _fault_at(self, flown: float) -> str:
-        def acts(fault: Fault) -> bool:
-            return fault.at <= flown < fault.at + fault.duration
-
-        return next((f.kind for f in self._settings.faults if acts(f)), "")
+        for fault in self._settings.faults:
+            if fault.at <= flown < fault.at + fault.duration:
+                return fault.kind
+        return ""
 
     @property
     def next(self) -> float:
@@ -167,11 +165,10 @@ class SimulatedGlider:
     def _place(self) -> None:
         """Puts the glider into the launcher."""
         launch = self._problem.draw_launches(1, self._rng)[0]
+        speed = float(np.linalg.norm(launch[VELOCITY]))
         self._launch = launch
         self._state = self._truth.initial_state(launch)
-        self._push = (
-            float(np.linalg.norm(launch[VELOCITY])) / self._settings.acceleration
-        )
+        self._push = speed / self._settings.acceleration
         self.released = math.inf
         self._landed = math.inf
         self._miss = math.inf
@@ -244,33 +241,39 @@ class SimulatedGlider:
         tape = make_tape(np.array([[rate]]), count)
         wire = self._problem.wire
         flown = fly_batch(self._truth, self._state[None], steps, tape, wire=wire)
-        miss = flown.miss
-        arrival = flown.arrivals
+        misses = flown.miss
+        arrivals = flown.arrivals
+        miss = float(misses[0])
         before = self._state
         self._state = flown.states[0, -1].copy()
         away = np.array(wire) - self._state[POSITION]
         passes = away @ self._state[VELOCITY] <= 0.0
-        self._miss = min(self._miss, float(miss[0]))
-        took = self._problem.hook.takes(miss, arrival)[0]
-        taken = passes and took and float(miss[0]) <= self._miss
+        self._miss = min(self._miss, miss)
+        taken = False
+        if passes and miss <= self._miss:
+            taken = bool(self._problem.hook.takes(misses, arrivals)[0])
         low = self._state[POSITION[1]] < self._problem.z_limits[0]
-        if taken or low or self._time > self.released + 2.0:
-            self.landings.append(Landing(miss=self._miss, perched=bool(taken)))
-            self._state = arrival[0].copy() if taken else before
-            self._landed = self._time
+        if not (taken or low or self._time > self.released + 2.0):
+            return
+        self.landings.append(Landing(miss=self._miss, perched=taken))
+        self._state = arrivals[0].copy() if taken else before
+        self._landed = self._time
 
     def _show(self) -> np.ndarray:
         """What perfect cameras show (4,) now: x, z, pitch and elevator."""
         state = self._state.copy()
-        if self._time <= self.released:
-            left = max(min(self.released - self._time, self._push), 0.0)
-            pushed = self._push - left
-            velocity = self._launch[VELOCITY]
+        left = self.released - self._time
+        if left >= 0.0:
+            pushed = self._push - min(left, self._push)
             # From rest to the launch's velocity at a constant acceleration.
             ran = 0.5 * pushed**2 / self._push - 0.5 * self._push
-            state[POSITION] = self._launch[POSITION] + velocity * ran
+            moved = self._launch[VELOCITY] * ran
+            state[POSITION] = self._launch[POSITION] + moved
         pose = self._truth.chain.measure(state, self._truth.numbers)
-        return np.array([*pose, state[ELEVATOR] if self._elevator else math.nan])
+        angle = math.nan
+        if self._elevator:
+            angle = state[ELEVATOR]
+        return np.array([*pose, angle])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -19,7 +19,6 @@ from diagrams.programs.station.autopilot import Autopilot
 from diagrams.programs.station.bus import (
     COMMAND,
     COMMAND_FIELDS,
-    OPERATOR,
     POSE,
     POSE_FIELDS,
     STATUS,
@@ -27,7 +26,7 @@ from diagrams.programs.station.bus import (
 )
 from diagrams.programs.station.clocks import CameraClock
 from diagrams.programs.station.controllers import Guidance
-from diagrams.programs.station.operators import ARM, KILL, REPEAT
+from diagrams.programs.station.operators import ARM, REPEAT, Operator
 from diagrams.programs.station.recorder import Recorder
 from diagrams.programs.station.safety import WaitReasons, Watch
 from diagrams.programs.station.scenario import Scenario
@@ -90,20 +89,25 @@ class Station:
         launch = np.array(guidance.problem.launch)[POSITION]
         self._release = ReleaseDetector(scenario.release, launch)
         limits = guidance.model.parameters.servo
-        self._sender = Sender(scenario, limits, bus, tape, clock, wait)
-        self._watch = Watch(scenario.limits, limits, self._sender.id)
+        self._operator = Operator(bus, clock)
+        self._was_killed = False
+        own = self._operator.id
+        self._sender = Sender(scenario, limits, own, bus, tape, clock, wait)
+        self._watch = Watch(scenario.limits, limits, self._operator)
         self.state = _WAITING
         self.reason = "no pose yet"
         self.throws: list[Throw] = []
         self._throw = Throw(guidance.problem)
-        self._handled = self._received = -math.inf  # Of the last usable pose.
-        self._status = self._retry = -math.inf
+        # Of the last usable pose.
+        self._handled = -math.inf
+        self._received = -math.inf
+        self._status = -math.inf
+        self._retry = -math.inf
         self._waits = WaitReasons()
         self._passed = False
         self._warm_up()
         bus.listen(POSE, self.on_pose)
         bus.listen(COMMAND, self.on_command)
-        bus.listen(OPERATOR, self.on_operator)
 
     def _warm_up(self) -> None:
         """Runs whatever flies once, so that nothing is compiled in flight."""
@@ -152,13 +156,14 @@ class Station:
             self._received = received
             self._handled = self._clock()
         if is_flight or (self.state == READY and self._release.pushed):
+            fields = dict(zip(POSE_FIELDS, values, strict=True))
             self._recorder.add(
                 "/pose",
                 received,
                 stamp=stamp,
                 received=received,
                 time=when,
-                **dict(zip(POSE_FIELDS, values, strict=True)),
+                **fields,
                 fault=fault,
                 free=is_flight and self.state == _FLYING,
                 shows_elevator=math.isfinite(pose[ELEVATOR]),
@@ -171,26 +176,11 @@ class Station:
         if len(values) == len(COMMAND_FIELDS) and values[0] != self._sender.id:
             self._watch.rival = self._clock()
 
-    def on_operator(
-        self, stamp: float, values: Sequence[float], names: Sequence[str]
-    ) -> None:
-        """Hears kills and arms of other operators, and what servos say of them."""
-        if values and values[0] != self._sender.id:
-            self._hear_operator(values, names)
-
     def operate(self, name: str) -> None:
         """Kills or arms for the operator of this station, here and on the bus."""
-        self.bus.say(OPERATOR, self._clock(), (self._sender.id,), (name,))
-        self._hear_operator((self._sender.id,), (name,))
-        if name == ARM and self._watch.kills:
+        self._operator.say(name)
+        if name == ARM and self._operator.kills:
             self._show("not armed: another operator stopped it")
-
-    def _hear_operator(self, values: Sequence[float], names: Sequence[str]) -> None:
-        kills = self._watch.kills
-        were = bool(self._watch.kills)
-        kills.hear(values, names, self._clock())
-        if were and not kills:
-            self._show("armed again")
 
     # --------------------------------------------------------------------- states
 
@@ -199,7 +189,14 @@ class Station:
         now = self._clock()
         sender = self._sender
         fault = self._watch.find_fault(now)
-        if fault := fault or (self._recorder.fault if self.state != _WAITING else ""):
+        self._operator.repeat()
+        is_killed = bool(self._operator.kills)
+        if self._was_killed and not is_killed:
+            self._show("armed again")
+        self._was_killed = is_killed
+        if not fault and self.state != _WAITING:
+            fault = self._recorder.fault
+        if fault:
             if self.state == _FLYING:
                 self._stop(fault)
             elif self.state != STOPPED:
@@ -213,8 +210,9 @@ class Station:
                 self._command()
         elif now >= sender.due:
             self._send(math.nan)
-        over = self._autopilot.begin + self.guidance.plan.duration + AFTER
-        if self.in_flight and (self._passed or now > over):
+        duration = self.guidance.plan.duration + AFTER
+        is_over = self._passed or now > self._autopilot.begin + duration
+        if self.in_flight and is_over:
             self._finish()
         if now > self._status + _STATUS_PERIOD:
             self._send_status()
@@ -223,15 +221,19 @@ class Station:
         self._recorder.write()
         if self._recorder.fault and self.state == _FLYING:
             self._stop(self._recorder.fault)
-        lead = self.guidance.lead if self.state == _FLYING else 0.0
+        due = sender.due
+        if self.state == _FLYING:
+            due -= self.guidance.lead
         stale = self._watch.seen + self.scenario.limits.stale
-        due = sender.due - lead
-        return min(due, stale) if stale > now else due
+        if stale > now:
+            due = min(due, stale)
+        return due
 
     def _make_ready(self) -> None:
         """Opens the record and arms; without room for a record there is no throw."""
         fault = ""
-        if self.scenario.sensors.elevator and not self._release.poses.shows_elevator:
+        needs_elevator = self.scenario.sensors.elevator
+        if needs_elevator and not self._release.poses.shows_elevator:
             fault = "the elevator is not seen ('sensors: {elevator: false}' does so)"
         elif not self._recorder.open():
             fault = self._recorder.fault
@@ -256,7 +258,9 @@ class Station:
         self._throw.add_state(when, state)
         self._sender.due = self._clock() + self.guidance.lead
         self._enter(_FLYING, f"free at {elapsed:.3f} s of the plan")
-        if fault := self._release.find_fault(start, self.guidance.state_at(elapsed)):
+        planned = self.guidance.state_at(elapsed)
+        fault = self._release.find_fault(start, planned)
+        if fault:
             self._stop(fault)
         return True
 
@@ -269,7 +273,8 @@ class Station:
         self._throw.add_state(when, state)
         self._recorder.add("/estimate", when, time=when, state=state.tolist(), nis=nis)
         away = np.array(self.guidance.problem.wire) - state[POSITION]
-        self._passed = away @ state[VELOCITY] <= 0.0 and math.hypot(*away) < _NEAR
+        is_leaving = away @ state[VELOCITY] <= 0.0
+        self._passed = is_leaving and math.hypot(*away) < _NEAR
         if self.scenario.command_rate is None:
             self._sender.due = self._clock()
 
@@ -288,9 +293,11 @@ class Station:
             sender.wait_until_due()
         sent = self._clock()
         late = self._watch.count_command(sent - due)
-        waited = max(began - self._handled, 0.0) + max(sent - ready, 0.0)
+        waited = max(began - self._handled, 0.0)
+        waited += max(sent - ready, 0.0)
         given = self._send(rate, asked=rate, late=late)
-        self._throw.add_command(given - self._received - waited, late)
+        latency = given - self._received - waited
+        self._throw.add_command(latency, late)
 
     def _send(self, rate: float, **more: object) -> float:
         """Sends a rate [rad/s], or NaN: to neutral; returns when it was on the bus."""
@@ -341,11 +348,12 @@ class Station:
             self._send_status()
 
     def _send_status(self) -> None:
-        now = self._status = self._clock()
-        numbers = len(self.throws), float(self.state == READY)
-        self.bus.say(STATUS, now, numbers, (self.state, self.reason))
-        if self._sender.id in self._watch.kills:
-            self.operate(KILL)
+        now = self._clock()
+        self._status = now
+        is_ready = float(self.state == READY)
+        numbers = len(self.throws), is_ready
+        words = self.state, self.reason
+        self.bus.say(STATUS, now, numbers, words)
 
     def close(self) -> None:
         """Ends a throw, or a record that holds none; the elevator goes to neutral."""

@@ -1,14 +1,31 @@
 """One throw, as the station saw it."""
 
+import dataclasses
 import datetime
 import math
 from pathlib import Path
 
 import numpy as np
 
+from glider.files import schema
 from glider.physics.state import VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Pass, closest_pass
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ThrowResult:
+    """How a throw ended, as its record has it."""
+
+    perched: bool
+    miss_m: schema.Number
+    speed_m_s: schema.Number
+    reason: str  #: Why it was stopped; "": it was not.
+    commands: int
+    late: int
+    latency_s: list[float]
+    flown: str = ""  #: When it began (ISO 8601).
+    state: str = "result"
 
 
 class Throw:
@@ -53,19 +70,20 @@ class Throw:
         taken = self._problem.hook.takes(np.array(passed.miss), passed.arrival)
         return bool(taken) and not self.reason
 
-    def key_figures(self) -> dict[str, object]:
-        """Key figures, for a file."""
+    @property
+    def result(self) -> ThrowResult:
+        """How it ended."""
         passed = self.passed
-        return {
-            "perched": self.perched,
-            "miss_m": passed.miss,
-            "speed_m_s": float(np.linalg.norm(passed.arrival[VELOCITY])),
-            "reason": self.reason,
-            "commands": len(self.latencies),
-            "late": self.late,
-            "latency_s": self.latencies,
-            "flown": self.flown.isoformat("T", "milliseconds"),
-        }
+        return ThrowResult(
+            perched=self.perched,
+            miss_m=passed.miss,
+            speed_m_s=float(np.linalg.norm(passed.arrival[VELOCITY])),
+            reason=self.reason,
+            commands=len(self.latencies),
+            late=self.late,
+            latency_s=self.latencies,
+            flown=self.flown.isoformat("T", "milliseconds"),
+        )
 
     def describe(self) -> str:
         """One line: perched or not, the miss, latencies and deadlines."""

@@ -5,8 +5,11 @@ a process that dies loses none. It is the only record; flight_NNN.csv, which
 close-the-loop reads, is computed from it.
 """
 
+import contextlib
 import errno
+import operator
 import os
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -27,60 +30,14 @@ from glider.physics.servo import Servo, held_angle
 
 _TOPICS = ("/pose", "/command", "/estimate", "/event")
 
-_RESERVE = 1 << 20
-"""Space on the disk that is kept for the throw that runs [bytes]; one takes 0.3 MB."""
-
-RESERVES = ".throw_*.mcap.reserve"
-"""Names of the files that keep it."""
+_ROOM = 1 << 20
+"""Space on the disk without which no throw begins [bytes]; one takes 0.3 MB."""
 
 _FEWEST = 20
 """Rows of a flight, as the campaign's reader wants them."""
 
 _SCHEMA = b'{"type": "object"}'
 _encode = msgspec.json.Encoder().encode
-
-
-class _Appended:
-    """A file that is only appended to, with a reserve for a full disk."""
-
-    def __init__(self, path: Path) -> None:
-        self._size = 0
-        self._reserve = path.with_name(f".{path.name}.reserve")
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
-        self._file = os.open(path, flags, 0o644)
-        try:
-            self._reserve.write_bytes(b"\1" * _RESERVE)
-        except OSError:
-            os.close(self._file)
-            path.unlink()
-            self._reserve.unlink(missing_ok=True)
-            raise
-
-    def write(self, data: bytes) -> int:
-        """Writes all of it; a full disk gets the reserve's room."""
-        left = memoryview(data)
-        while left:
-            try:
-                left = left[os.write(self._file, left) :]
-            except OSError as error:
-                full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-                if not (full and self._reserve.exists()):
-                    raise
-                self._reserve.unlink()
-        self._size += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        """Size so far [bytes]."""
-        return self._size
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-    def close(self) -> None:
-        """Closes the file and frees the reserve."""
-        os.close(self._file)
-        self._reserve.unlink(missing_ok=True)
 
 
 class ThrowLog:
@@ -96,13 +53,13 @@ class ThrowLog:
 
     def __init__(self, path: Path, facts: Mapping[str, str]) -> None:
         self.path = path
-        self._file = _Appended(path)
+        if shutil.disk_usage(path.parent).free < _ROOM:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        self._file = open(path, "xb")  # noqa: SIM115
         self._epoch: float | None = None  # When our clock was zero, since 1970 [s].
         # Without chunks a message is in the file as soon as it is written.
         self._writer = Writer(
-            self._file,  # type: ignore[arg-type]
-            use_chunking=False,
-            index_types=IndexType.METADATA,
+            self._file, use_chunking=False, index_types=IndexType.METADATA
         )
         self._writer.start("", "drake-glider")
         self._writer.add_metadata("facts", dict(facts))
@@ -121,6 +78,7 @@ class ThrowLog:
             self._epoch = time.time() - when
         stamp = max(int(1e9 * (when + self._epoch)), 0)
         self._writer.add_message(self._channels[topic], stamp, _encode(values), stamp)
+        self._file.flush()
 
     def close(self) -> None:
         """Ends the file with its summary."""
@@ -129,7 +87,8 @@ class ThrowLog:
 
     def abandon(self) -> None:
         """Leaves the file as it is, as when the process dies."""
-        self._file.close()
+        with contextlib.suppress(OSError):  # As much as there is room for.
+            self._file.close()
 
 
 def read_throw(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any]]]]:
@@ -138,8 +97,18 @@ def read_throw(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any
     Raises:
         InputError: it is damaged, or no record.
     """
+    facts: dict[str, str] = {}
+    topics: dict[str, list[dict[str, Any]]] = {topic: [] for topic in _TOPICS}
+    channels: dict[int, str] = {}
     try:
-        return _read(path)
+        for record in _records(path):
+            if isinstance(record, Metadata) and record.name == "facts":
+                facts = record.metadata
+            elif isinstance(record, Channel):
+                channels[record.id] = record.topic
+            elif isinstance(record, Message):
+                message = msgspec.json.decode(record.data)
+                topics[channels[record.channel_id]].append(message)
     except OSError:
         raise
     except Exception as error:
@@ -148,19 +117,6 @@ def read_throw(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any
         raise InputError(
             f"{path}: is damaged ({name}); expected a record of the station."
         ) from None
-
-
-def _read(path: Path) -> tuple[dict[str, str], dict[str, list[dict[str, Any]]]]:
-    facts: dict[str, str] = {}
-    topics: dict[str, list[dict[str, Any]]] = {topic: [] for topic in _TOPICS}
-    channels: dict[int, str] = {}
-    for record in _records(path):
-        if isinstance(record, Metadata) and record.name == "facts":
-            facts = record.metadata
-        elif isinstance(record, Channel):
-            channels[record.id] = record.topic
-        elif isinstance(record, Message):
-            topics[channels[record.channel_id]].append(msgspec.json.decode(record.data))
     return facts, topics
 
 
@@ -212,47 +168,52 @@ def _flight_of(
 ) -> Flight | None:
     """Returns the flight of a record's messages."""
     measured = scenario.sensors.elevator
-    poses = [pose for pose in topics["/pose"] if pose["free"] and not pose["fault"]]
-    if measured:
-        poses = [pose for pose in poses if pose["shows_elevator"]]
+    poses = []
+    for pose in topics["/pose"]:
+        is_usable = pose["free"] and not pose["fault"]
+        if is_usable and (not measured or pose["shows_elevator"]):
+            poses.append(pose)
     if len(poses) < _FEWEST or not topics["/command"]:
         return None
-    table = np.array(
-        [
-            [p[name] for name in ("stamp", "time", "x", "z", "pitch", "elevator")]
-            for p in poses
-        ],
-        dtype=float,
-    )
-    acts = np.array([command["acts"] for command in topics["/command"]])
-    rates = np.array([0.0, *(command["rate"] for command in topics["/command"])])
-    known = [command["angle"] for command in topics["/command"]]
+    fields = operator.itemgetter("stamp", "time", "x", "z", "pitch", "elevator")
+    table = np.array([fields(pose) for pose in poses], dtype=float)
+    commands = topics["/command"]
+    acts = np.array([command["acts"] for command in commands])
+    known = [command["angle"] for command in commands]
+    rates = np.zeros(len(commands) + 1)
+    rates[1:] = [command["rate"] for command in commands]
     spans = np.maximum(np.diff(acts), 1e-9)
     # Where a command was late, the servo went to neutral.
     is_late = spans > scenario.servo.timeout
     rates[1:-1][is_late] = (np.diff(known) / spans)[is_late]
-    angles = np.array([*known[:1], *known])  # Before the first the elevator rests.
+    # Before the first the elevator rests.
+    angles = np.array([known[0], *known])
     when = table[:, 1]
     latest = np.searchsorted(acts, when, side="right")
     begins = np.append(when[0], acts)[latest]
     command = rates[latest]
-    held = zip(command, angles[latest], when - begins, strict=True)
-    commanded = np.array([held_angle(u, angle, servo, t) for u, angle, t in held])
+    start = angles[latest]
+    commanded = np.zeros(len(when))
+    for k, span in enumerate(when - begins):
+        commanded[k] = held_angle(command[k], start[k], servo, span)
     # Between two rows more than one command may have begun: their mean is held.
     hides = np.flatnonzero(np.diff(latest) > 1)
-    is_old = hides[np.diff(latest, prepend=-1)[hides] == 0]
-    start = angles[latest]
+    is_new = np.diff(latest, prepend=-1)
+    is_old = hides[is_new[hides] == 0]
     begins[is_old] = when[is_old]
     start[is_old] = commanded[is_old]
     turned = start[hides + 1] - start[hides]
-    span = begins[hides + 1] - begins[hides]
-    command[hides] = turned / span
+    command[hides] = turned / (begins[hides + 1] - begins[hides])
     time = table[:, 0] - table[0, 0]
+    command_time = np.minimum(time - when + begins, time)
+    elevator = commanded
+    if measured:
+        elevator = table[:, 5].copy()
     return Flight(
         name=path.with_suffix(".csv").name.replace("throw", "flight"),
         time=time,
         pose=table[:, 2:5].copy(),
-        elevator=table[:, 5].copy() if measured else commanded,
+        elevator=elevator,
         command=command,
-        command_time=np.maximum.accumulate(np.minimum(time - when + begins, time)),
+        command_time=np.maximum.accumulate(command_time),
     )

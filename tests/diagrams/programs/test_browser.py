@@ -1,21 +1,16 @@
-"""A real browser shows gliders, legend and clock, live and recorded, and obeys."""
+"""A real browser shows a recording's gliders, legend and clock, and obeys."""
 
 import colorsys
-import contextlib
 import math
 
 import numpy as np
 import pytest
-from pydrake.geometry import Meshcat, Rgba
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.geometry import Meshcat
 
-from diagrams.overlays import AddOverlays
 from diagrams.playback import Track, play
-from diagrams.programs.page import Entry, Legend, legend_of, serve_page, write_html
-from diagrams.scene import AddScene, Stage, camera_of
-from tests.helpers.browser import opened, visit, why_not
+from diagrams.programs.page import page_of
+from diagrams.scene import Stage, camera_of
+from tests.helpers.browser import opened, why_not
 
 pytestmark = [
     pytest.mark.browser,
@@ -89,47 +84,9 @@ def is_over(window):
     return window.page.evaluate(animator) and time_of(window) > DURATION - 0.01
 
 
-def test_a_live_page_shows_the_glider_where_it_is_and_not_what_is_hidden():
-    meshcat, builder = Meshcat(), DiagramBuilder()
-    here, there = (-1.5, 0.1), (-2.8, 0.3)
-    for name, place, color in (("glider", here, None), ("ghost", there, Rgba(*GHOST))):
-        state = builder.AddSystem(ConstantVectorSource([*place, -0.4, 0.3]))
-        AddScene(builder, state.get_output_port(), meshcat, name=name, color=color)
-    Simulator(builder.Build()).AdvanceTo(0.1)
-    meshcat.SetProperty("/drake/ghost", "visible", False)
-    with opened(serve_page(meshcat, Legend())) as window:
-        assert window.wait_for(lambda: has_wire(window))
-        assert window.wait_for(lambda: count(window, BLUE, here) > 200)
-        assert count(window, BLUE) - count(window, BLUE, here, 70) < 20  # Nowhere else.
-        assert count(window, GREEN) == 0
-        assert window.faults == []
-
-
-def test_a_live_simulation_is_told_while_it_runs():
-    meshcat, builder = Meshcat(), DiagramBuilder()
-    state = [-1.5, 0.1, -0.4, 0.3, 3.0, -4.0, 0.0]
-    source = builder.AddSystem(ConstantVectorSource(state))
-    AddScene(builder, source.get_output_port(), meshcat, name="a_b")
-    AddOverlays(builder, source.get_output_port(), meshcat, name="a_b")
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(0.1)
-    legend = Legend(title="Now", entries=(Entry(name="a b", slug="a_b"),))
-    with opened(serve_page(meshcat, legend)) as window:
-        assert window.wait_for(lambda: "m/s" in text_of(window, "#flight-head"))
-        assert text_of(window, "#flight-head") == (
-            f"Now {time_of(window):.2f} s a b 5.0 m/s, nose 23° up"
-        )
-        assert not window.page.is_visible("#flight-time")  # Nothing is recorded.
-        early = time_of(window)
-        simulator.AdvanceTo(7.0)
-        assert window.wait_for(lambda: time_of(window) == pytest.approx(7.0, abs=0.02))
-        assert early < 0.11
-        assert window.faults == []
-
-
 @pytest.fixture(scope="module")
-def recorded():
-    """A Meshcat with a recording, and its legend."""
+def window(tmp_path_factory):
+    """A window with a recording, after it was played once."""
     tracks = [
         Track(
             name=name,
@@ -141,36 +98,19 @@ def recorded():
     ]
     meshcat = Meshcat()
     play(tracks, meshcat, rate=0.5, stage=STAGE)
-    return meshcat, legend_of(tracks, "A flight", rate=0.5)
-
-
-@contextlib.contextmanager
-def played(opening):
-    """The recording in a window that opens, after it was played once."""
-    with opening as window:
+    page = tmp_path_factory.mktemp("page") / "flight.html"
+    page.write_text(page_of(meshcat, tracks, "A flight", rate=0.5), encoding="utf-8")
+    with opened(page.as_uri()) as window:
         assert window.wait_for(lambda: has_wire(window))
         assert window.wait_for(lambda: is_over(window))
         yield window
 
 
-@pytest.fixture(scope="module")
-def window(recorded, tmp_path_factory):
-    """Of one file; served, the same scripts work on the same page."""
-    page = tmp_path_factory.mktemp("page") / "flight.html"
-    write_html(page, *recorded)
-    with played(opened(page.as_uri())) as window:
-        yield window
-
-
-def assert_at_last_places(window):
+def test_a_recording_ends_with_the_gliders_at_their_last_places(window):
     assert window.wait_for(lambda: count(window, BLUE, END) > 200)
     assert count(window, BLUE, START, 15) < 100  # It was there at first: now a trail.
     assert count(window, GREEN, GHOSTS_END) > 200
     assert window.faults == []
-
-
-def test_a_recording_ends_with_the_gliders_at_their_last_places(window):
-    assert_at_last_places(window)
 
 
 def halfway(end):
@@ -202,14 +142,6 @@ def test_the_slider_is_the_time_of_the_flight(window):
     assert window.wait_for(lambda: count(window, BLUE, halfway(END)) > 200)
     assert count(window, BLUE, END) < 20
     assert "nose 11° up" in text_of(window, "#flight-head")
-
-
-def test_a_served_recording_is_shown_and_scrubbed_as_its_file_is(window, recorded):
-    browser, size = window.page.context.browser, window.page.viewport_size
-    with played(visit(browser, serve_page(*recorded), viewport=size)) as served:
-        assert_at_last_places(served)
-        assert text_of(served, "#flight-head").startswith("A flight 0.3")
-        test_the_slider_is_the_time_of_the_flight(served)
 
 
 def test_it_is_played_again_from_where_it_stands_with_its_trail(window):

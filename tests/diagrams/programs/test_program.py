@@ -55,27 +55,22 @@ def test_a_page_is_written_headless(tmp_path, capsys):
     assert str(page) in capsys.readouterr().out
 
 
-def test_only_the_page_with_legend_and_clock_has_an_address(
-    capsys, caplog, monkeypatch
-):
-    """Drake logs another one, which has neither."""
-    monkeypatch.setattr("sys.stdin", io.StringIO())
-    show(parse(), [TRACK], "A flight")
-    assert (capsys.readouterr().out + caplog.text).count("http://") == 1
-
-
-def test_otherwise_meshcat_is_served_until_enter(monkeypatch, capsys):
+def test_otherwise_a_page_is_there_until_enter(monkeypatch, capsys, caplog):
     class Reader(io.StringIO):
         def readline(self):
-            url = capsys.readouterr().out.split()[1]
-            with urllib.request.urlopen(url) as page:
-                seen.append(page.read())
+            address = capsys.readouterr().out.split()[1]
+            with urllib.request.urlopen(address) as page:
+                seen.append((address, page.read()))
             return "\n"
 
     seen = []
     monkeypatch.setattr("sys.stdin", Reader())
     show(parse(), [TRACK], "A flight")
-    assert b"meshcat" in seen[0].lower()
+    [(address, page)] = seen
+    assert b"<b>A flight</b>" in page
+    with pytest.raises(OSError):
+        urllib.request.urlopen(address)
+    assert "http://" not in caplog.text  # Drake would name a page without legend.
 
 
 @pytest.mark.parametrize(("has_wire", "wire"), [(True, (0.0, 0.0)), (False, None)])

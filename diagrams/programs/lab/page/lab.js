@@ -319,11 +319,7 @@ function answerDrop(...refusals) {
 function showImport(view) {
   const { draft } = view.state, offer = view.import, { takes } = offer;
   byId("import").hidden = !(offer.is_open || offer.has_takes);
-  byId("skipped").replaceChildren(...Object.entries(offer.skipped).map(([name, why]) => {
-    const remove = make("button", "Remove it", { type: "button", class: "pick" });
-    remove.addEventListener("click", async () => answerDrop(await post(`takes/${encodeURIComponent(name)}/remove`)));
-    return make("li", "", { class: "warning" }, `Skipped: ${why} `, remove);
-  }));
+  byId("skipped").replaceChildren(...Object.values(offer.skipped).map((why) => make("li", `Skipped: ${why}`, { class: "warning" })));
   byId("takes").textContent = takes.length ? `${counted(takes.length, "take")}: ${takes.join(", ")}` : "";
   const isOld = draft?.is_proposed && String(draft.takes) !== String(takes);  // Another comes.
   byId("draft").hidden = !draft || isOld;

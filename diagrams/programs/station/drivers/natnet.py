@@ -27,6 +27,7 @@ GROUP, PORT = "239.255.42.99", 1511
 _FRAME = 7  # Identifier of a frame of motion capture.
 _SIZED = (4, 1)  # Version in which each section begins with its size in bytes.
 _MOST = 10_000  # Bodies or markers in a frame.
+_LARGEST = 1 << 20  # Size of a section [bytes].
 _LONGEST = 1e9  # Time since Motive was started [s].
 
 
@@ -36,7 +37,12 @@ class Body:
 
     position: tuple[float, ...]  #: (3,) [m].
     quaternion: tuple[float, ...]  #: (4,) x, y, z, w.
-    tracked: bool  #: Whether it is seen in this frame.
+    tracked: bool  #: Whether Motive says that it is seen in this frame.
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether it has an attitude in this frame."""
+        return self.tracked and any(self.quaternion)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -46,10 +52,6 @@ class MocapFrame:
     number: int
     time: float  #: Since Motive was started [s].
     bodies: dict[int, Body]  #: By streaming ID.
-
-
-_SIGNED = ("--up", "--forward", "--nose", "--wire", "--point")
-"""Options with values that may begin with a minus."""
 
 
 class _Reader:
@@ -72,10 +74,15 @@ class _Reader:
 
     def section(self, sized: bool) -> tuple[int, int | None]:
         """Number of entries of a section, and its size, where that is there."""
-        count, *size = self.take("ii" if sized else "i")
-        if not 0 <= count <= _MOST or (size and not 0 <= size[0] <= 1 << 20):
+        size = None
+        (count,) = self.take("i")
+        if sized:
+            (size,) = self.take("i")
+        if not 0 <= count <= _MOST:
             raise ValueError("a section of an impossible size")
-        return count, size[0] if size else None
+        if size is not None and not 0 <= size <= _LARGEST:
+            raise ValueError("a section of an impossible size")
+        return count, size
 
 
 def parse_frame(data: bytes, version: tuple[int, int] = (4, 1)) -> MocapFrame | None:
@@ -98,7 +105,8 @@ def parse_frame(data: bytes, version: tuple[int, int] = (4, 1)) -> MocapFrame | 
         count, length = reader.section(sized)
         if length is not None:
             reader.skip(length)
-        for _ in range(0 if length is not None else count):  # Sets of markers.
+            count = 0
+        for _ in range(count):  # Sets of markers.
             reader.skip_text()
             markers, _ = reader.section(False)
             reader.skip(12 * markers)
@@ -107,17 +115,17 @@ def parse_frame(data: bytes, version: tuple[int, int] = (4, 1)) -> MocapFrame | 
         bodies = {}
         for _ in range(reader.section(sized)[0]):
             body, *numbers, _, flags = reader.take("i7ffh")
+            is_finite = all(map(math.isfinite, numbers))
             bodies[body] = Body(
                 position=tuple(numbers[:3]),
                 quaternion=tuple(numbers[3:]),
-                tracked=bool(flags & 1) and all(map(math.isfinite, numbers)),
+                tracked=bool(flags & 1) and is_finite,
             )
         # Skeletons, markers and devices follow; the time stands before the end.
         behind = "dQQQIIhi" if sized else "dQQQhi"
         end = 4 + min(size, len(data) - 4)
-        (time, *_) = struct.unpack_from(
-            f"<{behind}", data, end - struct.calcsize(f"<{behind}")
-        )
+        begin = end - struct.calcsize(f"<{behind}")
+        (time, *_) = struct.unpack_from(f"<{behind}", data, begin)
     except struct.error:
         raise ValueError("a packet that is cut off") from None
     if not 0.0 <= time < _LONGEST:
@@ -141,10 +149,12 @@ def publish(
 ) -> bool:
     """Publishes the glider of a frame; returns whether it was tracked."""
     glider = frame.bodies.get(body)
-    flap = frame.bodies.get(elevator) if elevator is not None else None
-    if glider is None or not glider.tracked or not any(glider.quaternion):
+    if glider is None or not glider.is_seen:
         return False
-    angle = flap.quaternion if flap and flap.tracked and any(flap.quaternion) else None
+    flap = None if elevator is None else frame.bodies.get(elevator)
+    angle = None
+    if flap is not None and flap.is_seen:
+        angle = flap.quaternion
     publisher.send(frame.number, frame.time, glider.position, glider.quaternion, angle)
     return True
 
@@ -152,18 +162,6 @@ def publish(
 def numbers(text: str) -> list[float]:
     """Reads numbers between commas."""
     return [float(part) for part in text.split(",")]
-
-
-def joined(arguments: Sequence[str]) -> list[str]:
-    """Arguments in which a value such as -z is joined to its option by "="."""
-    found: list[str] = []
-    for argument in arguments:
-        is_value = argument[:1] == "-" and argument[:2] != "--"
-        if is_value and found and found[-1] in _SIGNED:
-            found[-1] += f"={argument}"
-        else:
-            found.append(argument)
-    return found
 
 
 def receive(
@@ -217,13 +215,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--version", default="4.1", help="of NatNet (default: 4.1)")
     for name in ("up", "forward", "nose"):
         default = getattr(Room(), name)
-        words = f"axis such as {default} or -{default} (default: {default})"
+        words = f"axis, as --{name}=-{default} (default: {default})"
         parser.add_argument(f"--{name}", default=default, help=words)
-    words = "its place in Motive [m] (default: 0,0,0)"
+    words = "its place in Motive [m], as --wire=-4.0,1.2,0.0 (default: 0,0,0)"
     parser.add_argument("--wire", type=numbers, default=[0.0] * 3, help=words)
     words = "rigid body's origin ahead of and above the center of mass [m]"
     parser.add_argument("--point", type=numbers, default=[0.0] * 2, help=words)
-    args = parser.parse_args(joined(sys.argv[1:] if arguments is None else arguments))
+    args = parser.parse_args(arguments)
     room = Room(
         up=args.up,
         forward=args.forward,

@@ -1,7 +1,6 @@
-"""A servo board (Pololu Maestro's protocol), over a serial line or UDP.
+"""A servo board (Pololu Maestro's protocol), over a serial line.
 
     python -m diagrams.programs.station.drivers.servo_board --serial /dev/ttyACM0
-    python -m diagrams.programs.station.drivers.servo_board --udp 192.168.1.40:5005
 
 It turns rates from the bus into angles, within the glider's travel and rate, and the
 elevator to neutral where no command comes in time. Each packet is Maestro's Set Target:
@@ -11,7 +10,6 @@ A board that hears nothing must go to neutral itself: set its serial timeout to 
 
 import argparse
 import contextlib
-import socket
 import sys
 import termios
 import time
@@ -125,30 +123,13 @@ class SerialLine:
             self._again = time.monotonic() + _AGAIN
 
 
-def open_line(serial_port: str | None, udp: str | None) -> Callable[[bytes], object]:
-    """Opens what sends packets over a serial port or to host:port."""
-    if serial_port is not None:
-        return SerialLine(serial_port)
-    host, _, port = (udp or "").rpartition(":")
-    expect(host and port.isdecimal(), "--udp", udp, "host:port")
-    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    sender.connect((host, int(port)))
-
-    def send(data: bytes) -> None:
-        with contextlib.suppress(OSError):  # The board is not there (yet).
-            sender.send(data)
-
-    return send
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Drives a servo until it is ended; then it is neutral."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    line = parser.add_mutually_exclusive_group(required=True)
-    line.add_argument("--serial", metavar="PORT", help="such as /dev/ttyACM0")
-    line.add_argument("--udp", metavar="HOST:PORT", help="address of the board")
+    words = "such as /dev/ttyACM0"
+    parser.add_argument("--serial", metavar="PORT", required=True, help=words)
     parser.add_argument("--scenario", metavar="YAML", help="bus, servo and glider")
     parser.add_argument("--bus", help="address of LCM (default: the scenario's)")
     parser.add_argument("--channel", type=int, default=0, help="of the servo")
@@ -163,11 +144,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     limits = scenario.load_model().parameters.servo
     wire = Wire(limits, servo.neutral, servo.timeout, scenario.command_step)
     try:
-        send = open_line(args.serial, args.udp)
+        send = SerialLine(args.serial)
     except OSError as error:
-        raise InputError(
-            f"{args.serial or args.udp}: cannot be opened ({error})."
-        ) from None
+        raise InputError(f"{args.serial}: cannot be opened ({error}).") from None
     board = ServoBoard(wire, send, args.channel, args.center, args.gain)
     bus = Bus(args.bus or scenario.address)
 

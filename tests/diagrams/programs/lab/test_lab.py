@@ -22,10 +22,10 @@ from diagrams.programs.lab.launches import Launches
 from diagrams.programs.lab.link import StationLink
 from diagrams.programs.lab.server import make_app
 from diagrams.programs.lab.session import LabSession
-from diagrams.programs.lab.simulated import run_simulated
+from diagrams.programs.lab.simulated import fly_session
 from diagrams.programs.lab.state import Trace, load_state, trace_of
 from diagrams.programs.lab.tracing import Job
-from diagrams.programs.page import Legend, open_meshcat, serve_page
+from diagrams.programs.page import open_meshcat
 from diagrams.programs.station.bus import OPERATOR, STATUS, Bus, free_address
 from diagrams.programs.station.operators import KILL, Kills
 from diagrams.programs.station.wire import Wire
@@ -227,7 +227,7 @@ def test_throws_that_changed_since_are_no_answer(folder, open_session):
 
 def test_one_session_at_a_time_has_a_folder(folder, open_session, capsys):
     first = open_session()
-    assert main(["lab", str(folder), "--headless"]) == 2
+    assert main(["lab", str(folder)]) == 2
     error = capsys.readouterr().err
     assert f"{folder}: another session writes to it" in error
     assert "Traceback" not in error
@@ -248,7 +248,7 @@ def test_one_session_at_a_time_has_a_folder(folder, open_session, capsys):
 def test_a_folder_that_is_none_is_refused(tmp_path, capsys):
     with pytest.raises(InputError, match="expected a folder"):
         LabSession(tmp_path / "none")
-    assert main(["lab", str(tmp_path / "none"), "--headless"]) == 2
+    assert main(["lab", str(tmp_path / "none")]) == 2
     assert "expected a folder" in capsys.readouterr().err
 
 
@@ -299,35 +299,18 @@ def test_throws_are_listed_while_the_first_one_is_still_read(
     assert session.doing == "tracing (4 throws)"
 
 
-class DyingLaunches(Launches):
-    """Launches by a station that dies at once."""
-
-    def start(self, throws, model, flown):
-        return subprocess.Popen([sys.executable, "-c", "raise SystemExit(1)"])
-
-
-def test_launches_that_fail_leave_a_session_incomplete(folder, open_session):
+def test_launches_that_fail_leave_a_session_incomplete(folder, monkeypatch):
     shown = []
-    launches = DyingLaunches(folder=folder, truth="head_wind")
-    assert not run_simulated(open_session(), launches, 3, shown.append)
+    died = subprocess.Popen([sys.executable, "-c", "raise SystemExit(1)"])
+    monkeypatch.setattr(Launches, "start", lambda *given: died)
+    with pytest.raises(InputError, match="expected 3 with the nominal plan"):
+        fly_session(folder, "head_wind", 3, 0, shown.append)
     assert not any("Perches" in line for line in shown)
 
 
-def test_without_a_page_there_is_a_sentence_where_nothing_can_be_traced(
-    tmp_path, capsys
-):
-    assert main(["lab", str(tmp_path), "--headless"]) == 2
-    assert "neither campaign.yaml nor MAP.yaml" in capsys.readouterr().err
-    (tmp_path / "MAP.yaml").write_text("columns: {x: 1}\n")
-    (tmp_path / "a.csv").write_text("time,x\n0,1\n")
-    assert main(["lab", str(tmp_path), "--headless"]) == 2
-    assert "field 'columns.x' is 1" in capsys.readouterr().err
-
-
-def test_a_folder_whose_throws_are_all_bad_says_why(folder, capsys):
-    (folder / "flight_000.csv").write_text("time,x\n0,oops\n")
+def test_without_a_page_there_is_a_glider_to_be_launched(folder, capsys):
     assert main(["lab", str(folder), "--headless"]) == 2
-    assert "flight_000.csv" in capsys.readouterr().err
+    assert "expected --simulate too" in capsys.readouterr().err
 
 
 def test_a_glider_that_is_not_known_is_refused_before_a_folder_is_made(
@@ -382,16 +365,13 @@ session = LabSession(pathlib.Path(sys.argv[1]))
 session.update()
 worker = session._worker
 worker.start(session._next_job())
-while sys.argv[2] == "paused" and not worker._is_paused:
-    worker.wait(0.01)
-    worker.pause(True)
 print(worker._process.pid, flush=True)
 time.sleep(600.0)
 """
 
 
 def state_of(pid):
-    """State of a process, as T for one that is stopped; "" where it has ended."""
+    """State of a process; "" where it has ended."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0]
     except OSError:
@@ -400,17 +380,13 @@ def state_of(pid):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("way", ["paused", "just begun"])
-def test_a_killed_session_leaves_no_process(folder, way):
+def test_a_killed_session_leaves_no_process(folder):
     drop(folder, 0, 1, 2)
-    command = [sys.executable, "-c", ORPHANS, folder, way]
+    command = [sys.executable, "-c", ORPHANS, folder]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        tracer, end = int(process.stdout.readline()), time.monotonic() + 10.0
-        while way == "paused" and state_of(tracer) != "T" and time.monotonic() < end:
-            time.sleep(0.01)
-        before = state_of(tracer)
+        tracer = int(process.stdout.readline())
+        assert state_of(tracer)
         process.kill()
-    assert before == "T" if way == "paused" else before
     end = time.monotonic() + 30.0
     while state_of(tracer) and time.monotonic() < end:
         time.sleep(0.05)
@@ -429,13 +405,6 @@ def test_a_process_whose_parent_is_gone_already_ends_at_once():
     orphan = [sys.executable, "-c", code.replace(str(os.getpid()), "1 << 22")]
     assert subprocess.run(orphan, check=False).returncode == -signal.SIGKILL
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-@pytest.mark.slow
-def test_too_few_throws_leave_a_session_incomplete(folder, capsys):
-    drop(folder, 0)
-    assert main(["lab", str(folder), "--headless"]) == 1
-    assert "found 1 flight; expected at least 3" in capsys.readouterr().out
 
 
 @pytest.mark.nightly
@@ -520,9 +489,8 @@ def test_replays_leave_no_server_behind(client):
 
 def test_a_scene_is_for_this_computer_only():
     before, meshcat = listeners(), open_meshcat()
-    serve_page(meshcat, Legend(title="A flight", entries=()))
     new = {s: address for s, address in listeners().items() if s not in before}
-    assert list(new.values()) == ["0100007F"] * 2  # 127.0.0.1, Meshcat and its page.
+    assert meshcat.port() and list(new.values()) == ["0100007F"]  # 127.0.0.1
 
 
 def test_a_stop_reaches_every_servo_whatever_the_session_does(client, open_session):
@@ -549,7 +517,7 @@ def test_a_stop_reaches_every_servo_whatever_the_session_does(client, open_sessi
     assert heard(lambda: not servo.kills) and servo.obey(1.0, 1.0, 1.2)
     # It is repeated, as for a servo that was switched on later.
     ended = threading.Event()
-    listening = threading.Thread(target=link.run, args=(ended, lambda: None))
+    listening = threading.Thread(target=link.run, args=(ended,))
     listening.start()
     try:
         client.post("/stop", headers=CHANGES)
