@@ -26,7 +26,7 @@ from glider.errors import expect
 from glider.physics.chain import theta_of
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from glider.physics.parameter_space import ParameterSpace
+from glider.physics.parameter_space import ParameterSpace, space_of
 from glider.physics.parameters import PARAMETER_NAMES, Theta
 
 
@@ -100,9 +100,10 @@ def glider_at(
     Raises:
         InputError: it is not physical.
     """
-    space = model.space
+    # Effects that do nothing too: model.space omits them.
+    space = space_of(tuple(effect.kind for effect in model.effects))
+    vector = space.pack(model.parameters, model.effects)
     places = space.places(names)
-    vector = model.vector.copy()
     estimate = vector[places]
     drawn = estimate + np.reshape(deviation, len(places))
     if truncate:

@@ -42,6 +42,7 @@ class Hook(NamedTuple):
     coefficients: tuple[()] = ()
     rate_by_alphadot: bool = False
     pending: Callable | None = None
+    is_free: bool = False
 
 
 def hook(

@@ -72,7 +72,6 @@ FILES = (
     "verification/test_remainder_proof.py",
     "verification/test_sizes.py",
     "verification/test_taylor_models.py",
-    "verification/test_written.py",
 )
 """The same: of a browser, of sources, of regressions, and of proofs that no solver has
 a part in. And what uses Drake only as other files do that run with both: the station's

@@ -54,6 +54,10 @@ class MocapFrame:
     bodies: dict[int, Body]  #: By streaming ID.
 
 
+_SIGNED = ("--up", "--forward", "--nose", "--wire", "--point")
+"""Options with values that may begin with a minus."""
+
+
 class _Reader:
     """Reads little-endian numbers one after the other."""
 
@@ -164,6 +168,18 @@ def numbers(text: str) -> list[float]:
     return [float(part) for part in text.split(",")]
 
 
+def join_signed(arguments: Sequence[str]) -> list[str]:
+    """Joins a value such as -z to its option by "=", as argparse expects it."""
+    found: list[str] = []
+    for argument in arguments:
+        is_value = argument[:1] == "-" and argument[:2] != "--"
+        if is_value and found and found[-1] in _SIGNED:
+            found[-1] += f"={argument}"
+        else:
+            found.append(argument)
+    return found
+
+
 def receive(
     receiver: socket.socket,
     version: tuple[int, int],
@@ -215,13 +231,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--version", default="4.1", help="of NatNet (default: 4.1)")
     for name in ("up", "forward", "nose"):
         default = getattr(Room(), name)
-        words = f"axis, as --{name}=-{default} (default: {default})"
+        words = f"axis, such as {default} or -{default} (default: {default})"
         parser.add_argument(f"--{name}", default=default, help=words)
-    words = "its place in Motive [m], as --wire=-4.0,1.2,0.0 (default: 0,0,0)"
+    words = "its place in Motive [m] (default: 0,0,0)"
     parser.add_argument("--wire", type=numbers, default=[0.0] * 3, help=words)
     words = "rigid body's origin ahead of and above the center of mass [m]"
     parser.add_argument("--point", type=numbers, default=[0.0] * 2, help=words)
-    args = parser.parse_args(arguments)
+    args = parser.parse_args(
+        join_signed(sys.argv[1:] if arguments is None else arguments)
+    )
     room = Room(
         up=args.up,
         forward=args.forward,

@@ -28,7 +28,12 @@ from diagrams.programs.station.bus import (
     free_address,
 )
 from diagrams.programs.station.drivers import servo_board
-from diagrams.programs.station.drivers.natnet import parse_frame, publish, receive
+from diagrams.programs.station.drivers.natnet import (
+    join_signed,
+    parse_frame,
+    publish,
+    receive,
+)
 from diagrams.programs.station.drivers.poses import PosePublisher, Room
 from diagrams.programs.station.drivers.servo_board import ServoBoard
 from diagrams.programs.station.wire import Wire
@@ -193,6 +198,15 @@ def test_a_room_that_cannot_be_is_refused(fields, message):
     with pytest.raises(InputError) as error:
         Room(**fields)
     assert message in str(error.value)
+
+
+def test_axes_with_a_minus_need_no_equals_sign():
+    given = ["--forward", "-z", "--wire", "-1,0,2", "--body", "1", "--group="]
+    assert join_signed(given) == [
+        "--forward=-z",
+        "--wire=-1,0,2",
+        *("--body", "1", "--group="),
+    ]
 
 
 @pytest.mark.parametrize("address", ["foo://x", "udpm://here:7667", "239.255.76.67"])
