@@ -88,8 +88,8 @@ proofs: setup
 
 benchmark: setup
 	@for script in benchmarks/bench_*.py; do \
-		if [ ! -e "$$script" ]; then echo "There are no benchmarks yet."; break; fi; \
-		echo "$$script"; $(BIN)/python "$$script" || exit 1; \
+		echo "$$script"; \
+		$(BIN)/python -m "benchmarks.$$(basename "$$script" .py)" || exit 1; \
 	done
 
 setup: $(READY)

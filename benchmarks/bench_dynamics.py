@@ -2,7 +2,7 @@
 
 Prints ratios and rates on one core; run it on an otherwise idle machine.
 
-    python benchmarks/bench_dynamics.py
+    python -m benchmarks.bench_dynamics
 """
 
 import os

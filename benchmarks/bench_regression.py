@@ -2,7 +2,7 @@
 
 Run it on an otherwise idle machine.
 
-    python benchmarks/bench_regression.py
+    python -m benchmarks.bench_regression
 """
 
 import os
