@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-ALWAYS = ("tests/test_floors.py", "tests/test_front_door.py")
+ALWAYS = ("tests/test_floors.py", "tests/test_front_door.py", "tests/test_shape.py")
 
 
 def changed_files() -> list[str]:

@@ -214,7 +214,7 @@ def test_an_own_actuator_of_the_servos_formula_replays_as_the_servo_does():
 @pytest.mark.parametrize(
     ("pending", "message"),
     [
-        (lambda late: late, "its pending fails"),
+        (lambda late: late, "its pending does not take"),
         (lambda late, gain, time: -gain * time * late, "is 0.03; expected -0.03, the"),
     ],
 )

@@ -330,7 +330,7 @@ LAGS = {
             "does nothing where its sizes are at their defaults",
         ),
         ({"formula": lambda flow, size, shape: size}, "2 finite numbers"),
-        ({"formula": lambda flow, size: (size, 0.0)}, "its formula fails"),
+        ({"formula": lambda flow, size: (size, 0.0)}, "does not take 3 arguments"),
         ({"formula": lambda flow, size, shape: None}, "its formula fails"),
         ({"formula": lambda flow, size, shape: (size / 0.0, 0.0)}, "division by zero"),
         (LAGS | {"formula": lambda r, lagged, size, shape: r + 1.0}, "expected 1"),

@@ -10,6 +10,7 @@ the library.
 """
 
 import dataclasses
+import inspect
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -212,8 +213,8 @@ class EffectKind:
     #: What a campaign must give so that its flights can show the effect: names of
     #: FACTS, "a or b" where either is enough.
     needs: tuple[str, ...] = ()
-    #: What it may be mistaken for: other effects, and parameters of the vehicle, of
-    #: which the first coefficient is another value.
+    #: Parameters of the vehicle of which its first coefficient is another value; and
+    #: `angle_sign`, where a turned sign looks like the effect. No others are read.
     like: tuple[str, ...] = ()
     #: The fact without which the first coefficient is an unknown of the vehicle, fitted
     #: with all else, and its prior spread. The moment shows it, but hardly the forces.
@@ -418,6 +419,17 @@ def _check_pending(kind: EffectKind) -> None:
     expect(good, f"effect '{kind.kind}': the rate of pending", float(growth), needed)
 
 
+def _takes(formula: Callable, arguments: tuple[object, ...]) -> bool:
+    """Whether a function can be called with so many arguments."""
+    try:
+        inspect.signature(formula).bind(*arguments)
+    except TypeError:
+        return False
+    except ValueError:  # Of a built-in function, whose signature is not known.
+        return True
+    return True
+
+
 def try_formulas(
     kind: EffectKind,
     values: tuple[float, ...],
@@ -444,6 +456,11 @@ def try_formulas(
         name: str, formula: Callable, count: int, *arguments: object
     ) -> tuple[float, ...]:
         where = f"effect '{kind.kind}': its {name}"
+        if not _takes(formula, arguments):
+            raise InputError(
+                f"{where} does not take {len(arguments)} arguments; expected the flow, "
+                "then the effect's states, then its coefficients."
+            )
         try:
             with np.errstate(all="ignore"):
                 result = run(formula, arguments)
