@@ -9,7 +9,7 @@ depend on the airspeed. Flights rarely show which of them is right, so that the 
 over the ways is part of the uncertainty. So is the scatter with a flight left out, or
 with a quarter of the time of all flights if that is larger.
 
-Measured (tests/benchmarks/bench_fall.py): of 501 campaigns and parts of campaigns of
+Measured (benchmarks/bench_fall.py): of 501 campaigns and parts of campaigns of
 three flights or more, simulated with strong effects or thrown by hand, the logarithm
 of gravity is off by 0.5 standard deviations (RMS), and by at most 1.4 in any. The
 standard deviation is 0.05 to 0.09 of a campaign, 0.09 to 0.11 of three throws.
