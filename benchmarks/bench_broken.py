@@ -24,8 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.checks.clocks import check_limits
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.servo import check_limits
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.reader import load_campaign
 from glider.campaign.turning import turn_campaign

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.checks.elevators import measure_elevators
-from glider.campaign.checks.travel import calc_travel, check_travel
+from glider.campaign.checks.servo import calc_travel, check_travel, measure_elevators
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError

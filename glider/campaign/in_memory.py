@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.flight_table import Table, with_flights
-from glider.campaign.importing.readers.delimited import text_column
-from glider.campaign.importing.readers.tables import vectors
+from glider.campaign.importing.readers.tables import to_columns
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
@@ -101,7 +100,7 @@ def _recording(name: str, table: Any) -> Recording:
     expect(names is not None, name, table, expected)
     columns: dict[str, Column] = {}
     for own in names:
-        columns |= _columns(str(own), table[own])
+        columns |= to_columns(str(own), table[own])
     rows = {own: len(column.values) for own, column in columns.items()}
     first = next(iter(rows), "")
     for own, count in rows.items():
@@ -121,20 +120,6 @@ def _names_of(table: Any) -> Any:
         is_dict = isinstance(table, Mapping)
         names = table.keys() if is_dict else getattr(table, "columns", None)
     return names
-
-
-def _columns(name: str, values: Any) -> dict[str, Column]:
-    """Columns of numbers, times or texts; masked values are missing."""
-    array = np.asarray(values)
-    if isinstance(values, np.ma.MaskedArray):
-        missing = np.datetime64("NaT") if array.dtype.kind in "mM" else np.nan
-        kind = float if array.dtype.kind in "iub" else array.dtype
-        array = np.where(np.ma.getmaskarray(values), missing, array.astype(kind))
-    if array.dtype.kind in "mM":
-        return {name: Column((array - array[:1]) / np.timedelta64(1, "s"), "s")}
-    if array.dtype.kind in "fiub":
-        return {own: Column(part) for own, part in vectors(name, array)}
-    return {name: text_column(name, array.ravel().tolist())}
 
 
 def _table(recording: Recording) -> Table:

@@ -61,8 +61,8 @@ def map_flights(
 ) -> Campaign:
     """Adds flights, one in each recording, as a mapping specifies; checks signs."""
     # SciPy's rotations are slow to import: only where there is a mapping.
+    from glider.campaign.checks.frame import check_signs
     from glider.campaign.importing.campaign_import import map_flight
-    from glider.campaign.importing.sign_checks import check_signs
 
     mapped = [map_flight(recording, mapping, campaign) for recording in recordings]
     campaign = dataclasses.replace(campaign, servo=mapped[0][1])

@@ -6,7 +6,6 @@ A mapping: which columns of a log are which quantities, in which units and axes.
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -31,10 +30,6 @@ QUANTITIES = {
     "elevator": "angle",
     "elevator_rate_command": "rate",
     "elevator_angle_command": "angle",
-    "throttle": "throttle",
-    "airspeed": "speed",
-    "angular_velocity": "rate",
-    "acceleration": "acceleration",
 }
 """Quantities that `columns:` may name, and the kind of unit of each."""
 
@@ -104,7 +99,7 @@ else:
     Columns = _schema(
         "Columns",
         dict.fromkeys(QUANTITIES, str)
-        | dict.fromkeys(("time", "position", "angular_velocity", "acceleration"), Names)
+        | dict.fromkeys(("time", "position"), Names)
         | {"attitude": Names | Markers, "flight": str},
     )
     Units = _schema(
@@ -195,39 +190,27 @@ class Mapping:
     join: tuple[str, ...]  #: Patterns of files that make one recording.
 
 
-def _without_effect(
-    columns: dict[str, Any], units: dict[str, Unit], frame: Frame
-) -> Iterator[tuple[str, str]]:
-    """Yields fields of a mapping that would be ignored, and why."""
-    attitude = columns.get("attitude")
-    angles = columns.keys() & _ANGLES
-    usual = Frame(axes=frame.axes)
-    kinds = set(QUANTITIES.values())
-    commands = columns.keys() & {"elevator_rate_command", "elevator_angle_command"}
-    on_board = columns.keys() & {"angular_velocity", "acceleration"}
+def _check_columns(columns: dict[str, Any], source: str) -> None:
+    """Refuses columns that would be ignored, or that are one column."""
+    ignored: dict[str, str] = {}
     for whole, parts in (("position", {"x", "y", "z"}), ("attitude", _ANGLES)):
-        for name in sorted(columns.keys() & parts) if whole in columns else ():
-            yield f"columns: '{name}'", f"beside '{whole}'"
-    if len(commands) > 1:
-        yield "columns: 'elevator_rate_command'", "beside 'elevator_angle_command'"
-    for name in sorted((units.keys() & QUANTITIES.keys()) - columns.keys() - kinds):
-        yield f"units: '{name}'", "as 'columns:' does not have it"
-    fields: tuple[str, ...] = ()
-    why = ""
-    if attitude is None and angles != _ANGLES:
-        for name in sorted(angles - {"pitch"}):
-            yield f"columns: '{name}'", "without all of roll, pitch and yaw"
-        fields = ("nose", "top", "rotation")
-        why = "where the attitude is a pitch alone"
-    elif isinstance(attitude, Markers):
-        fields = ("pitch", "rotation")
-        why = "where markers give the attitude"
-    for name in () if on_board else fields:
-        default = usual.usual_pitch if name == "pitch" else getattr(usual, name)
-        if getattr(frame, name) not in (None, "", default):
-            yield f"frame: '{name}'", why
-    if frame.command != frame.elevator and not commands:
-        yield "frame: 'command'", "where no command is mapped"
+        if whole in columns:
+            both = columns.keys() & parts
+            ignored |= {name: f"beside '{whole}'" for name in both}
+    if {"elevator_rate_command", "elevator_angle_command"} <= columns.keys():
+        ignored["elevator_rate_command"] = "beside 'elevator_angle_command'"
+    if not columns.keys() >= _ANGLES:
+        alone = columns.keys() & {"roll", "yaw"}
+        why = "without all of roll, pitch and yaw"
+        ignored |= {name: why for name in alone if name not in ignored}
+    for name in sorted(ignored):
+        words = f"columns: '{name}' has no effect {ignored[name]}"
+        raise InputError(f"{source}: {words}; expected no such field.")
+    for one, other in itertools.combinations(columns, 2):
+        is_servo = {one, other} == {"elevator", "elevator_angle_command"}
+        if columns[one] == columns[other] and not is_servo:
+            words = f"columns: '{one}' and '{other}' are both {columns[one]!r}"
+            raise InputError(f"{source}: {words}; expected two columns.")
 
 
 def unit_vector(axis: str) -> np.ndarray:
@@ -323,14 +306,7 @@ class Settings:
         units = given(self.units or Units())
         frame = self.frame or Frame()
         join = tuple(self.join or ())
-        for field, why in _without_effect(columns, units, frame):
-            words = f"{field} has no effect {why}; expected no such field."
-            raise InputError(f"{source}: {words}")
-        for one, other in itertools.combinations(columns, 2):
-            asked = {one, other} == {"elevator", "elevator_angle_command"}
-            if columns[one] == columns[other] and not asked:
-                words = f"columns: '{one}' and '{other}' are both {columns[one]!r}"
-                raise InputError(f"{source}: {words}; expected two columns.")
+        _check_columns(columns, source)
         return Mapping(source, columns, units, frame, self.clock, join)
 
 

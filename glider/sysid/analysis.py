@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from scipy.special import softmax
 
-from glider.campaign.checks.clocks import SCALE, check_limits
 from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
 from glider.campaign.checks.planarity import describe_planarity
+from glider.campaign.checks.rates import SCALE
+from glider.campaign.checks.servo import check_limits
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs, turn_campaign
 from glider.compiled.warm_up import warm_up

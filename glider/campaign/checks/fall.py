@@ -21,9 +21,9 @@ import math
 import numpy as np
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.clocks import claim_scale
 from glider.campaign.checks.forces import ForceFit, Motions
 from glider.campaign.checks.motion import Motion, jackknife_error, robust_std
+from glider.campaign.checks.rates import claim_scale
 from glider.campaign.logs import Campaign
 
 _MIN_FLIGHTS = 3  # One throw alone may be off by far more than it shows: a warning.

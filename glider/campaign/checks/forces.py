@@ -47,7 +47,7 @@ class ForceFit(NamedTuple):
     misfit: float  #: Robust RMS of what is left [m/s²].
 
 
-class ElevatorFit(NamedTuple):
+class _ElevatorFit(NamedTuple):
     """Pitch accelerations explained by the elevator and the flow."""
 
     effect: float  #: Of the elevator, in standard errors; trailing edge up: negative.
@@ -204,7 +204,7 @@ def offset_columns(motion: Motion) -> list[np.ndarray]:
     return [-turning * normal - square * body, turning * body - square * normal]
 
 
-def fit_elevator(campaign: Campaign, motions: Motions) -> ElevatorFit:
+def fit_elevator(campaign: Campaign, motions: Motions) -> _ElevatorFit:
     """Fits the pitch accelerations of flights.
 
     pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q
@@ -234,4 +234,4 @@ def fit_elevator(campaign: Campaign, motions: Motions) -> ElevatorFit:
     std = max(misfit * np.sqrt(variance), 1e-12)
     tail = max(abs(solution[1]), abs(solution[4]) / _ARM, 1e-12)
     gain = float(solution[0])
-    return ElevatorFit(gain / std, misfit, abs(gain) / tail, gain)
+    return _ElevatorFit(gain / std, misfit, abs(gain) / tail, gain)

@@ -1,27 +1,44 @@
-"""Do flights fall down, nose ahead, at the gravity that campaign.yaml specifies?
+"""Do flights fall down, nose ahead, at the gravity and with the signs that are claimed?
 
-The fit of `forces` determines gravity, whose direction shows which way is down; its
-size is checked in `fall`. The better sign of the pitch is taken: a turned angle is
-traced later (`glider.sysid.search.signs`) and is no fault of the frame.
+All checks ask one fitted description of the flights, `Motions`. Its free fit determines
+gravity, whose direction shows which way is down (its size is checked in `fall`).
+`check_frame` corrects axes that are certainly turned; a turned angle is traced later
+(`glider.sysid.search.signs`). `check_signs` refuses a mapping whose axes or signs the
+flights contradict: the forces of the air must agree with the pitch as mapped, fitted
+with either sign and with other columns in its place, and the elevator must turn the
+glider, and follow its commands, in the direction that the mapping specifies.
 
 Measured margins: over 20 simulated campaigns and a measured one the direction of
 gravity is off by at most 0.07 rad, and with strong effects of the library by 0.55 rad
 where it is determined at all; a marker 0.36 m off and a strong stall leave it
-undetermined, which `_CLEARLY` detects.
+undetermined, which `_CLEARLY` detects. The wrong sign of the pitch raises the misfit by
+1.57 to 12 from three flights on, the elevator's effect has its sign by 16 standard
+errors or more, and its rate correlates with the commands by 0.94.
 """
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.forces import ForceFit, Motions
+from glider.campaign.checks.fall import check_fall
+from glider.campaign.checks.forces import ForceFit, Motions, measure_motions
+from glider.campaign.checks.rows import find_faults
+from glider.campaign.checks.servo import (
+    Elevator,
+    check_follows,
+    check_travel,
+    follow_sign,
+    measure_elevators,
+)
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 
-_MIN_FLIGHTS = 3  # One glide alone determines no gravity; a split needs as many.
+MIN_FLIGHTS = 3
+"""Flights that show axes: one alone determines no gravity, and may fit anything."""
 _MIN_ROWS = 60  # Accelerations that the constant is fitted to, at least.
 _UPRIGHT = 1.1
 """Angle of the constant from straight down that passes [rad]: a frame may be tilted by
@@ -48,7 +65,18 @@ large doubles it; the largest mass of the library makes it 0.18 (tests: 0.18 to 
 _TAIL = 30.0
 """The same for the elevator's effect on the pitch. Lengths in mm are 1000 times off,
 areas in dm² 100 times; the strongest effects of the library make it 0.07 to 2.6."""
-_SURELY = 6.0  # Standard errors above which the elevator's effect is known.
+SIGNIFICANT = 6.0  # Standard errors above which the elevator's effect is known.
+_DISAGREES = 1.2  # Ratio of misfits above which the data contradict the mapping.
+_MIN_SIGN_ROWS = 30  # Accelerations that forces are fitted to, at least.
+_ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
+_ASIDE = 0.2  # Of gravity; throws: 0.04 sideways, with y and z exchanged 0.46.
+_STEEP = 2.0  # Ratio of height to way above which forces must show what is up.
+_AHEAD = 0.4  # Least mean cosine of the angle of attack: within 66° of the way.
+_STRONGEST = 7.5
+"""Strength of an elevator above which its angles are 57 times too small. Measured: 1.4
+at most in 47 simulated campaigns, parts of them and strong effects; this is √57."""
+_UNDECIDED = "the flights do not show which sign the {} has: check that it is right"
+
 _UNITS = {
     1e-3: "mass in g",
     1e2: "wing_area in dm²",
@@ -63,10 +91,10 @@ def check_frame(
     campaign: Campaign, motions: Motions
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Corrects axes that are certainly turned, not angles; refuses what cannot be."""
-    if len(motions.joined.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
+    if len(motions.joined.time) < _MIN_ROWS or len(campaign.flights) < MIN_FLIGHTS:
         return campaign, ()
     _check_columns(campaign, motions)
-    _check_attitude(campaign, motions)
+    _check_path(campaign, motions)
     points_down = _points_down(campaign, motions)
     _check_time(campaign, motions)
     points_back = _points_back(campaign, motions)
@@ -101,7 +129,7 @@ def check_tail(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
     given = vehicle["air_density"] * area * arm / inertia
     fit = forces.fit_elevator(campaign, motions)
     ratio = abs(fit.gain) / given
-    if abs(fit.effect) > _SURELY and not 1.0 / _TAIL < ratio < _TAIL:
+    if abs(fit.effect) > SIGNIFICANT and not 1.0 / _TAIL < ratio < _TAIL:
         raise InputError(
             f"{campaign.path}: the tail of 'elevator_area' {area:g} m², {arm:g} m "
             f"behind ('hinge_offset' + 'elevator_offset'), at a 'pitch_inertia' of "
@@ -143,7 +171,7 @@ def _check_columns(campaign: Campaign, motions: Motions) -> None:
         )
 
 
-def _check_attitude(campaign: Campaign, motions: Motions) -> None:
+def _check_path(campaign: Campaign, motions: Motions) -> None:
     """Refuses a pitch that was made from the path: it is no attitude."""
     motion = motions.joined
     vx, vz, _ = motion.velocity.T
@@ -270,3 +298,152 @@ def _turn(campaign: Campaign, signs: np.ndarray) -> Campaign:
         pose = flight.pose * [x, z, 1.0]
         flights.append(dataclasses.replace(flight, pose=pose, attitude=attitude))
     return dataclasses.replace(campaign, flights=tuple(flights))
+
+
+def check_signs(campaign: Campaign) -> tuple[str, ...]:
+    """Reports what could not be decided; raises InputError where signs are wrong."""
+    masks = find_faults(campaign).masks
+    motions = measure_motions(campaign.flights, masks)
+    _check_release(campaign)
+    _check_climb(campaign, motions)
+    turned, warnings = check_frame(campaign, motions)
+    if turned is not campaign:
+        axis = "forward" if "'x'" in warnings[0] else "up"
+        raise InputError(
+            f"{campaign.path}: frame: '{axis}' has the wrong sign: "
+            f"{warnings[0].partition(':')[0]}."
+        )
+    if len(motions.joined.time) < _MIN_SIGN_ROWS:
+        return ("too few rows to check the signs of the mapping",)
+    undecided = _check_pitch(campaign, motions)
+    elevators = measure_elevators(campaign, masks)
+    if elevators:
+        check_follows(campaign, elevators)
+        undecided += _check_elevator(campaign, motions, elevators)
+    undecided += check_fall(campaign, motions, says_unknown=True)
+    undecided += check_travel(campaign, elevators)
+    return undecided + check_tail(campaign, motions)
+
+
+def _check_release(campaign: Campaign) -> None:
+    """Refuses a body on its side or sideways, and flights that fall to a side."""
+    early = []
+    rolls = []
+    bends = []
+    for flight in campaign.flights:
+        if flight.attitude is not None:
+            time = flight.time - flight.time[0]
+            across = np.column_stack([flight.attitude[:, 0], flight.pose[:, 1]])
+            early.append(flight.attitude[time < forces.START, 1:])
+            rolls.append(flight.attitude[:, 1])
+            bends.append(2.0 * np.polyfit(time, across, 2)[0])
+    if not early:
+        return
+    # Whole turns are none: an attitude may have jumped by half turns.
+    angles = np.angle(np.exp(1j * np.concatenate(early)))
+    median = np.median(np.abs(angles), axis=0)
+    for name, field, angle in zip(
+        ("roll", "yaw"), ("top", "nose"), median, strict=True
+    ):
+        if angle > _ASTRAY:
+            raise InputError(
+                f"{campaign.path}: frame: with these axes the {name} is "
+                f"{np.degrees(angle):.0f}° at release; expected the right '{field}' "
+                "(the axis of the body that points there), 'rotation' or 'up'."
+            )
+    bank = np.median(np.abs(np.concatenate(rolls)))
+    aside, fall = np.abs(np.median(bends, axis=0))
+    if aside > max(fall, campaign.gravity * (np.tan(bank) + _ASIDE)):
+        raise InputError(
+            f"{campaign.path}: frame: the flights fall sideways, at {aside:.3g} m/s², "
+            "more than a bank explains; expected 'z' or 'up' to point up."
+        )
+
+
+def _check_climb(campaign: Campaign, motions: Motions) -> None:
+    """Refuses flights along the vertical whose fall does not confirm it."""
+    ways = [flight.pose[-1, :2] - flight.pose[0, :2] for flight in campaign.flights]
+    along, up = np.median(np.abs(ways), axis=0)
+    if up <= _STEEP * along:
+        return
+    if len(motions.joined.time) >= _MIN_SIGN_ROWS:
+        x, z = motions.fit.constant
+        if np.hypot(x, z + campaign.gravity) < _NEAR * campaign.gravity:
+            return
+    raise InputError(
+        f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "
+        f"{along:.3g} m along the throw, which forces do not confirm; expected "
+        "most of the way along the throw ('up', 'forward', or a column 'y')."
+    )
+
+
+def _check_pitch(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
+    """Refuses a pitch with the wrong sign, or another angle in its place."""
+    heading = motions.calc_heading(1)
+    if heading < _AHEAD:
+        raise InputError(
+            f"{campaign.path}: the nose is {np.degrees(np.arccos(heading)):.0f}° off "
+            "the way that the flights go; expected pitch 0 to mean the nose along the "
+            "throw (frame: nose, pitch)."
+        )
+    motion = motions.joined
+    down = np.array([0.0, -campaign.gravity])
+    own = forces.fit_forces(motion, down, signs=(1,)).misfit
+    turned = forces.fit_forces(motion, down, signs=(-1,)).misfit
+    if turned * _DISAGREES < own:
+        raise InputError(
+            f"{campaign.path}: frame: the sign of the pitch is reversed: with the "
+            f"sign turned the forces fit {own / turned:.2g} times as well (pitch: "
+            "nose_up or nose_down; with attitudes: nose, top or rotation)."
+        )
+    if len(campaign.flights) >= MIN_FLIGHTS:
+        for name, angle in _join_other_angles(campaign, motions).items():
+            pose = np.column_stack([motion.pose[:, :2], angle])
+            misfit = forces.fit_forces(motion._replace(pose=pose), down).misfit
+            if misfit * _DISAGREES < own:
+                raise InputError(
+                    f"{campaign.path}: columns: with '{name}' in its place the pitch "
+                    f"fits the motion {own / misfit:.2g} times as well; are they "
+                    "exchanged?"
+                )
+    return (_UNDECIDED.format("pitch"),) if own * _DISAGREES > turned else ()
+
+
+def _join_other_angles(campaign: Campaign, motions: Motions) -> dict[str, np.ndarray]:
+    """The other logged angles at the rows of the joined motions."""
+    angles: dict[str, list[np.ndarray]] = {}
+    for flight, motion in zip(campaign.flights, motions.each, strict=True):
+        logged = {}
+        if flight.attitude is not None:
+            logged = {"roll": flight.attitude[:, 1], "yaw": flight.attitude[:, 2]}
+        if flight.elevator is not None:
+            logged["elevator"] = flight.elevator
+        for name, values in logged.items():
+            at = np.interp(motion.time, flight.time, values)
+            angles.setdefault(name, []).append(at)
+    return {name: np.concatenate(parts) for name, parts in angles.items()}
+
+
+def _check_elevator(
+    campaign: Campaign, motions: Motions, elevators: Sequence[Elevator]
+) -> tuple[str, ...]:
+    """Refuses an elevator or commands of the wrong sign."""
+    fit = forces.fit_elevator(campaign, motions)
+    if fit.strength > _STRONGEST and abs(fit.effect) > SIGNIFICANT:
+        raise InputError(
+            f"{campaign.path}: columns: the elevator turns the glider "
+            f"{fit.strength:.0f} times as much as a tail at these angles can; expected "
+            "the unit that it and its commands are logged in (degrees or radians)."
+        )
+    if fit.effect > SIGNIFICANT:
+        raise InputError(
+            f"{campaign.path}: a positive elevator turns the nose down (by "
+            f"{fit.effect:.0f} standard errors); expected another sign (frame: "
+            "elevator) or another 'clock'."
+        )
+    if follow_sign(elevators) < 0:
+        raise InputError(
+            f"{campaign.path}: frame: the elevator turns against its commands; "
+            "expected the sign of one to be the other (command, elevator)."
+        )
+    return (_UNDECIDED.format("elevator"),) if fit.effect > -SIGNIFICANT else ()

@@ -7,8 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.campaign.checks.clocks import check_clocks, check_rates, find_unrelated
-from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.forces import Motions, calc_heading, measure_motions
 from glider.campaign.checks.frame import check_frame, check_tail
@@ -21,8 +19,14 @@ from glider.campaign.checks.masks import (
     name_rows,
 )
 from glider.campaign.checks.planarity import find_rolled
+from glider.campaign.checks.rates import check_rates
 from glider.campaign.checks.rows import find_faults, find_hand
-from glider.campaign.checks.travel import check_travel
+from glider.campaign.checks.servo import (
+    check_follows,
+    check_travel,
+    find_unrelated,
+    measure_elevators,
+)
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 
@@ -45,7 +49,7 @@ def inspect(campaign: Campaign) -> Inspection:
     faults = find_faults(kept.campaign)
     kept.masks.update(faults.masks)
     kept.excluded += faults.excluded
-    check_clocks(kept.campaign, measure_elevators(kept.campaign, kept.masks))
+    check_follows(kept.campaign, measure_elevators(kept.campaign, kept.masks))
     off_rates = check_rates(kept.campaign)
     kept.drop(_find_servoless(kept.campaign, kept.masks))
     kept.mask(functools.partial(find_hand, gravity=None), _HELD)

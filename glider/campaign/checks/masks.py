@@ -51,7 +51,7 @@ class Inspection:
     warnings: tuple[str, ...]  #: Axes that were turned, rates that are off, gaps.
 
 
-def no_masks(flight: Flight) -> Masks:
+def _no_masks(flight: Flight) -> Masks:
     """Masks that exclude nothing."""
     none = np.zeros(len(flight.time), dtype=bool)
     return Masks(pose=none, elevator=none.copy())
@@ -59,7 +59,7 @@ def no_masks(flight: Flight) -> Masks:
 
 def masks_of(flight: Flight, masks: Mapping[str, Masks]) -> Masks:
     """Masks of a flight, by its name; without an entry they exclude nothing."""
-    return masks.get(flight.name) or no_masks(flight)
+    return masks.get(flight.name) or _no_masks(flight)
 
 
 def stretches(flags: np.ndarray) -> list[tuple[int, int]]:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.masks import (
     ExcludedRows,
     Inspection,
@@ -21,6 +20,7 @@ from glider.campaign.checks.masks import (
 )
 from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.planarity import body_axes
+from glider.campaign.checks.servo import measure_elevators
 from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.held_commands import command_steps, hides_command

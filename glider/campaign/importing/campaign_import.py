@@ -3,44 +3,39 @@
 import dataclasses
 import fnmatch
 import itertools
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.frame import MIN_FLIGHTS, check_signs
 from glider.campaign.flight_table import Table, with_flights
-from glider.campaign.importing.advice import ORDERS, Made, advise
-from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
-from glider.campaign.importing.cutting import MOTOR, Cut, cut
+from glider.campaign.importing.clock_offset import join_clocks
+from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.frame_posterior import rank_rotations
-from glider.campaign.importing.onboard_checks import check_sensors, read_sensors
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
-from glider.campaign.importing.servo_logs import Servo, align_commands, make_servo
-from glider.campaign.importing.sign_checks import MIN_FLIGHTS, check_signs
+from glider.campaign.importing.servo_logs import align_commands, make_servo
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
-from glider.campaign.logs import PITCH_RATE, Campaign, ServoLog
+from glider.campaign.logs import Campaign, ServoLog
 from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect, printable
 from glider.progress import Progress, announced, silent
 
+_ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 _CLEARLY = 14.0  # Log odds above which an order is refused: a million to one.
 _DOUBT = 3.0  # The same for a warning: twenty to one.
-_REASONS = 3  # Why recordings have no flight: as many are listed.
-_ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
-_OFF = 3.0  # Standard errors above which a clock that is specified is in doubt.
+_REASONS = 3  # Number of reasons listed where recordings have no flight.
 
 
-class CutFlight(NamedTuple):
+class _CutFlight(NamedTuple):
     """A flight of a recording, in SI and the axes of this project."""
 
     table: Table  #: Its times are on the clock of the recording.
-    why: str  #: It begins and ends there.
-    readings: dict[str, np.ndarray]  #: Of `read_sensors`.
+    why: str  #: Reason why it begins and ends there.
 
     @property
     def span(self) -> tuple[float, float]:
@@ -48,12 +43,17 @@ class CutFlight(NamedTuple):
         time = self.table.columns["time"]
         return float(time[0]), float(time[-1])
 
+    @property
+    def rows(self) -> int:
+        """Number of its rows."""
+        return len(self.table.columns["time"])
 
-class CutRecording(NamedTuple):
+
+class _CutRecording(NamedTuple):
     """The flights of a recording, and notes on what was done to it."""
 
     path: Path
-    flights: tuple[CutFlight, ...]
+    flights: tuple[_CutFlight, ...]
     notes: tuple[str, ...]
     warnings: tuple[str, ...] = ()
     servo: ServoLog = ServoLog()
@@ -64,34 +64,42 @@ class ImportResult:
     """A campaign, and what was done to get it."""
 
     campaign: Campaign
-    recordings: tuple[CutRecording, ...]
+    recordings: tuple[_CutRecording, ...]
     undecided: tuple[str, ...]  #: What the flights do not show of the mapping.
 
     @property
     def empty(self) -> str:
         """How many recordings gave no flight; "" where each gave one."""
         empty = sum(not recording.flights for recording in self.recordings)
-        words = f"{empty} of {_count(self.recordings, 'recording')} gave no flight"
-        return words if empty else ""
+        if not empty:
+            return ""
+        return f"{empty} of {_count(self.recordings, 'recording')} gave no flight"
 
     @property
     def warnings(self) -> list[str]:
         """What the flights do not show, and recordings without flights if most are."""
+        warnings = [*self.undecided]
         flying = sum(bool(recording.flights) for recording in self.recordings)
-        most = 2 * flying < len(self.recordings)
-        few = [f"{self.empty}; is 'frame:' right?"] if most else []
-        return [*self.undecided, *few]
+        if 2 * flying < len(self.recordings):
+            warnings.append(f"{self.empty}; is 'frame:' right?")
+        return warnings
 
     def report(self) -> dict[str, Any]:
         """All of it, as JSON has it; times are those of the recordings [s]."""
         flights = []
-        names = (flight.name for flight in self.campaign.flights)
+        names = iter(flight.name for flight in self.campaign.flights)
         for recording in self.recordings:
             for flight in recording.flights:
-                (begin, end), rows = flight.span, len(flight.table.columns["time"])
-                source = {"name": next(names), "recording": str(recording.path)}
-                span = {"begin": begin, "end": end, "rows": rows, "why": flight.why}
-                flights.append(source | span)
+                begin, end = flight.span
+                fields = {
+                    "name": next(names),
+                    "recording": str(recording.path),
+                    "begin": begin,
+                    "end": end,
+                    "rows": flight.rows,
+                    "why": flight.why,
+                }
+                flights.append(fields)
         notes = {str(recording.path): recording.notes for recording in self.recordings}
         return {"warnings": self.warnings, "flights": flights, "notes": notes}
 
@@ -103,11 +111,11 @@ class ImportResult:
         for file, group in itertools.groupby(self.recordings, _file_of):
             parts = list(group)
             flights = [flight for part in parts for flight in part.flights]
-            rows = sum(len(flight.table.columns["time"]) for flight in flights)
-            of = f" of {len(parts)} parts" if len(parts) > 1 else ""
             own = [n for part in parts for n in part.notes if counts[n] == 1]
-            words = [f"{_count(flights)}{of}, {rows} rows", *own[:2]]
-            lines.append(f"{file}: {'; '.join(words)}")
+            of = f" of {len(parts)} parts" if len(parts) > 1 else ""
+            rows = sum(flight.rows for flight in flights)
+            words = "; ".join([f"{_count(flights)}{of}, {rows} rows", *own[:2]])
+            lines.append(f"{file}: {words}")
         lines += [f"{n} recordings: {note}" for note, n in counts.items() if n > 1]
         if details:
             report = self.report()
@@ -118,7 +126,7 @@ class ImportResult:
         return "\n".join(map(printable, lines))
 
 
-def _file_of(recording: CutRecording) -> Path:
+def _file_of(recording: _CutRecording) -> Path:
     """The file of a recording, which may be a part of it."""
     path = recording.path
     return next((p for p in (path, *path.parents) if p.exists()), path)
@@ -176,21 +184,24 @@ def read_flights(
     recordings = read_logs(as_files(files), claim, progress)
     progress("cutting the flights out, checking their axes and signs")
     settings = dataclasses.replace(settings, path=Path(mapping))
-
-    def make(some: Sequence[Recording], claim: Mapping) -> Made:
-        return _prepare(some, cut_recordings(some, claim, settings), claim, settings)
-
     cuts = cut_recordings(recordings, claim, settings)
-    if all(any(MOTOR in note for note in c.notes) and not c.flights for c in cuts):
-        raise InputError(
-            f"{mapping}: {MOTOR} wherever the aircraft flies in "
-            f"{_count(cuts, 'recording')}; expected flights, or phases of them, "
-            "with the motor off: only gliding flight can be traced."
-        )
-    try:
-        return _prepare(recordings, cuts, claim, settings)[1]()
-    except InputError as error:
-        raise advise(error, recordings, claim, make) from None
+    _check_flights(cuts, str(mapping))
+    campaign = campaign_of_cuts(settings, cuts)
+    undecided = list(dict.fromkeys(words for cut in cuts for words in cut.warnings))
+    undecided += check_signs(campaign)
+    undecided += _check_rotation(recordings, cuts, claim)
+    return ImportResult(campaign=campaign, recordings=cuts, undecided=tuple(undecided))
+
+
+def _check_flights(cuts: Sequence[_CutRecording], source: str) -> None:
+    """Refuses recordings without a flight, with the reasons."""
+    if any(cut.flights for cut in cuts):
+        return
+    count = _count(cuts, "recording")
+    reasons = list(dict.fromkeys(note for cut in cuts for note in cut.notes))
+    if len(reasons) > _REASONS:
+        reasons[_REASONS:] = ["..."]
+    raise InputError(f"{source}: no flight was found in {count}: {'; '.join(reasons)}.")
 
 
 def as_files(files: Iterable[Path | str]) -> list[Path]:
@@ -203,33 +214,6 @@ def as_files(files: Iterable[Path | str]) -> list[Path]:
     for file in listed:
         expect(isinstance(file, (str, Path)), "files", file, "paths of logs")
     return [Path(file) for file in listed]
-
-
-def _prepare(
-    recordings: Sequence[Recording],
-    cuts: tuple[CutRecording, ...],
-    claim: Mapping,
-    settings: Campaign,
-) -> Made:
-    """A campaign of recordings, and what refuses it if it contradicts the mapping."""
-    if not any(cut.flights for cut in cuts):
-        reasons = list(dict.fromkeys(note for c in cuts for note in c.notes))
-        listed = "; ".join(reasons[:_REASONS])
-        raise InputError(
-            f"{settings.path}: no flight was found in {_count(cuts, 'recording')}: "
-            f"{listed}{'; ...' if len(reasons) > _REASONS else ''}."
-        )
-    campaign = campaign_of_cuts(settings, cuts)
-
-    def check() -> ImportResult:
-        readings = [flight.readings for cut in cuts for flight in cut.flights]
-        warnings = dict.fromkeys(words for c in cuts for words in c.warnings)
-        sensors = check_sensors(readings, str(settings.path))
-        undecided = *warnings, *sensors, *check_signs(campaign)
-        undecided += _check_rotation(recordings, cuts, claim)
-        return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
-
-    return campaign, check
 
 
 def map_flight(
@@ -249,7 +233,7 @@ def map_flight(
 
 def cut_recordings(
     recordings: Sequence[Recording], mapping: Mapping, settings: Campaign
-) -> tuple[CutRecording, ...]:
+) -> tuple[_CutRecording, ...]:
     """Finds the flights in recordings."""
     parts = (split_flights(r, mapping.columns) for r in recordings)
     tracks = [make_track(r, mapping) for r in itertools.chain.from_iterable(parts)]
@@ -258,7 +242,7 @@ def cut_recordings(
 
 
 def campaign_of_cuts(
-    settings: Campaign, recordings: Sequence[CutRecording]
+    settings: Campaign, recordings: Sequence[_CutRecording]
 ) -> Campaign:
     """A campaign of the flights of recordings, numbered in their order."""
     tables: list[Table] = []
@@ -286,139 +270,66 @@ def _extract(
     found: list[tuple[list[Cut], list[str]]],
     mapping: Mapping,
     settings: Campaign,
-) -> tuple[CutRecording, ...]:
+) -> tuple[_CutRecording, ...]:
     """Makes tables of the flights that were cut out of recordings."""
-    clocked, warnings = _on_one_clock(tracks, [cuts for cuts, _ in found], mapping)
+    clocked, warnings = join_clocks(tracks, [cuts for cuts, _ in found], mapping)
     recordings = []
-    for (track, of_clock, std), (cuts, of_cuts) in zip(clocked, found, strict=True):
-        flights = []
-        notes = of_cuts + of_clock
+    for clock, (cuts, of_cuts) in zip(clocked, found, strict=True):
+        track = clock.track
+        notes = of_cuts + clock.notes
         log = settings.servo
+        flights = []
         for piece in cuts:
             flight = turn_along(dataclasses.replace(piece.track, servo=track.servo))
-            columns, servo = _columns(flight, settings, mapping.source)
+            columns = _pose_columns(flight)
+            servo = make_servo(flight, settings, mapping.source)
             if servo is not None:
-                if settings.servo == ServoLog():  # Else it is specified.
-                    of = "command_std" if is_measured(track) else "clock_std"
-                    both: Any = {of: math.hypot(std, getattr(servo.log, of))}
-                    log = dataclasses.replace(servo.log, **both)
+                columns["elevator"] = servo.elevator
+                columns["elevator_rate_command"] = servo.command
+                if settings.servo == ServoLog():  # Otherwise it is specified.
+                    log = clock.widen(servo.log)
                 note = f"servo: {servo.note}"
-                notes += [note] if servo.note and note not in notes else []
-            readings = read_sensors(flight, settings.gravity)
-            if PITCH_RATE in readings:
-                columns[PITCH_RATE] = readings.pop(PITCH_RATE)
+                if servo.note and note not in notes:
+                    notes.append(note)
             table = Table(path=track.path, columns=columns)
-            flights.append(CutFlight(table, piece.why, readings))
-        made = track.path, tuple(flights), tuple(notes), warnings, log
-        recordings.append(CutRecording(*made))
+            flights.append(_CutFlight(table, piece.why))
+        made = _CutRecording(track.path, tuple(flights), tuple(notes), warnings, log)
+        recordings.append(made)
     return tuple(recordings)
 
 
-def _on_one_clock(
-    tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
-) -> tuple[list[tuple[Track, list[str], float]], tuple[str, ...]]:
-    """Recordings with logs on their poses' clocks, notes, std errors; and warnings."""
-    differ = any(log.clock != t.clock for t in tracks for log in t.servo.given)
-    clock = mapping.clock or ("find" if differ and mapping.clock is None else "same")
-    result: list[tuple[Track, list[str], float]] = [(t, [], 0.0) for t in tracks]
-    if clock == "same":
-        return result, ()
-    flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
-    pairs = [(tracks[i], [turn_along(c.track) for c in flights[i]]) for i in flying]
-    if clock != "find":
-        std, warnings = _check_clock(pairs, float(clock), mapping.source)
-        notes = [f"clock: shifted by {clock:g} s, as specified"]
-        return [(shift(track, float(clock)), notes, std) for track in tracks], warnings
-    if not flying:
-        return result, ()
-    offsets = find_offsets(pairs)
-    for i, offset in zip(flying, offsets, strict=True):
-        std = offset.std
-        note = (
-            f"clock: the elevator's is {offset.seconds:+.3f} ± {std:.3f} s ahead of "
-            f"that of the poses (correlation {offset.correlation:.2f}); it was shifted "
-            "back"
-        )
-        if tracks[i].servo.elevator is None or is_measured(tracks[i]):
-            note += ", and a delay of the servo, if any, with it"
-            std = _ABSORBED
-        result[i] = (shift(tracks[i], offset.seconds), [note], std)
-    return result, ()
-
-
-def _check_clock(
-    flying: Sequence[tuple[Track, Sequence[Track]]], clock: float, source: str
-) -> tuple[float, tuple[str, ...]]:
-    """Standard error [s] of a clock that a mapping specifies, and a warning if off.
-
-    It was read to half its last digit and a step of the logs; what is found adds.
-    """
-    digits = max(len(f"{clock:.6f}".rstrip("0").partition(".")[2]), 1)
-    steps = [log.step for track, _ in flying for log in track.servo.given]
-    read = math.hypot(0.1**digits, max(steps, default=0.0)) / math.sqrt(12.0)
-    try:
-        offsets = find_offsets(flying) if flying else []
-    except InputError:
-        offsets = []
-    if not offsets:
-        return read, ()
-    found, std = np.median([(o.seconds, o.std) for o in offsets], axis=0)
-    off = abs(clock - found)
-    share = read**2 / (read**2 + std**2)
-    if off <= _OFF * math.hypot(std, 0.1 ** max(digits, 2) / math.sqrt(12.0)):
-        return math.hypot(share * off, math.sqrt(share) * std), ()
-    words = (
-        f"'clock' is {clock:g}, and the elevator turns the glider as if its clock were "
-        f"{found:.3f} ± {std:.3f} s ahead of the poses'"
-    )
-    if off > _ABSORBED + _OFF * std:
-        raise InputError(f"{source}: {words}; expected that, or 'find'.")
-    return off, (f"{words}: it is wrong, or servo or poses are late",)
-
-
-def _has_servo(track: Track) -> bool:
-    """Whether the elevator, or a command, can be compared with another log."""
-    if is_measured(track):
-        return len(track.servo.given) > 1
-    return bool(track.servo.elevator or track.servo.angle_command)
-
-
-def _columns(
-    flight: Track, settings: Campaign, source: str
-) -> tuple[dict[str, np.ndarray], Servo | None]:
-    """Columns of a campaign's file, and the servo's."""
+def _pose_columns(flight: Track) -> dict[str, np.ndarray]:
+    """Columns of time and pose as a campaign's file has them."""
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
-    columns = {"time": flight.time, "x": x, "z": z, "pitch": _centered(pitch)}
-    servo = make_servo(flight, settings, source)
-    if servo is not None:
-        columns |= {"elevator": servo.elevator, "elevator_rate_command": servo.command}
+    columns = {"time": flight.time, "x": x, "z": z, "pitch": _center(pitch)}
     if sideways is not None:
-        roll, yaw = map(_centered, sideways.T)
+        roll, yaw = map(_center, sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}
-    return columns, servo
+    return columns
 
 
-def _centered(angle: np.ndarray) -> np.ndarray:
+def _center(angle: np.ndarray) -> np.ndarray:
     """An unwrapped angle (n,) without whole turns in its mean; a spiral's is wrapped.
 
     A campaign's angles are below one turn [rad].
     """
     turn = 2.0 * np.pi
     angle = angle - turn * np.round(np.mean(angle) / turn)
-    wound = np.max(np.abs(angle)) > turn
-    return angle - turn * np.round(angle / turn) if wound else angle
+    if np.max(np.abs(angle)) > turn:
+        angle = angle - turn * np.round(angle / turn)
+    return angle
 
 
 def _check_rotation(
-    recordings: Sequence[Recording], cuts: Sequence[CutRecording], claim: Mapping
+    recordings: Sequence[Recording], cuts: Sequence[_CutRecording], claim: Mapping
 ) -> tuple[str, ...]:
     """Warns of an order of Euler angles where another is likelier; refuses others."""
     own = claim.frame.rotation or ("ZYX" if "roll" in claim.columns else None)
     spans = [[f.span for f in c.flights] for c in cuts]
     if own is None or len(own) != 3 or sum(map(len, spans)) < MIN_FLIGHTS:
         return ()
-    frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *ORDERS)}
+    frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *_ORDERS)}
     claims = {o: dataclasses.replace(claim, frame=f) for o, f in frames.items()}
     parts = [p for r in recordings for p in split_flights(r, claim.columns)]
     flown = [pair for pair in zip(parts, spans, strict=True) if pair[1]]

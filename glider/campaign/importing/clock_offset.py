@@ -9,16 +9,20 @@ the poses and the commands on another, the elevator's rate must follow theirs.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.elevators import mean_rates
 from glider.campaign.checks.forces import join
 from glider.campaign.checks.motion import SPAN, calc_motion
+from glider.campaign.checks.servo import changes_of
+from glider.campaign.importing.cutting import Cut
 from glider.campaign.importing.selection import ServoLogs, Stream
-from glider.campaign.importing.track import Track, planar_pose
+from glider.campaign.importing.track import Track, planar_pose, turn_along
+from glider.campaign.logs import ServoLog
+from glider.campaign.settings import Mapping
 from glider.errors import InputError
 from glider.physics.servo import elevator_path
 
@@ -26,24 +30,148 @@ _STEP = 0.01  # Between the offsets that are tried [s].
 _FOLLOWS = 0.5
 """Correlation above which one signal follows the other. Measured: 0.62 to 0.97 for the
 practice campaigns' elevators at the right offset."""
-_ONLY, _ONLY_COMMON = 2.0, 1.5
-"""Ratio of the unexplained variance more than `_NEAR` away to that at the best, least.
-A common offset of all recordings needs less: by chance it does not fit many."""
+_ONLY = 2.0
+"""Least ratio of the variance that is unexplained more than `_NEAR` away to that at the
+best offset."""
+_ONLY_COMMON = 1.5  # The same of an offset of all recordings: chance fits few.
 _NEAR = 0.25  # [s]
 _ITERATIONS = 10  # Of Gauss-Newton in all offsets.
-_COARSE = 0.015  # Standard error where none is known: of one flight alone [s].
-_FORM = 0.004  # Beside that of noise: the effect has another form, see bench_clock [s].
+_COARSE = 0.015  # Standard error of one flight alone, where none is known [s].
+_FORM = 0.004  # Error by the form of the effect, see bench_clock [s].
 _ROUNDS = 3  # Of pooling the effect of all recordings, and searching each again.
+_ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
+_OFF = 3.0  # Standard errors above which a clock that is specified is in doubt.
 
-Follow = Callable[[float], float]  # From an offset [s] to the correlation.
+_Follow = Callable[[float], float]  # From an offset [s] to the correlation.
 
 
-class Offset(NamedTuple):
+class _Offset(NamedTuple):
     """How far a clock is ahead, and how well the signals then follow one another."""
 
     seconds: float
     correlation: float
+    elsewhere: float  #: Best correlation more than `_NEAR` away.
     std: float = _COARSE  #: Standard error [s].
+
+    def is_sure(self, only: float = _ONLY) -> bool:
+        """Whether the signals follow one another, and only at this offset."""
+        left = 1.0 - self.correlation**2
+        left_elsewhere = 1.0 - self.elsewhere**2
+        return self.correlation >= _FOLLOWS and left_elsewhere >= only * left
+
+    def refusal(self, track: Track) -> InputError:
+        """Error for a recording whose clock is not found."""
+        return InputError(
+            f"{track.path}: the offset between the clocks of poses and elevator was "
+            f"not found (they correlate by {self.correlation:.2f} at best, by "
+            f"{self.elsewhere:.2f} elsewhere); expected 'clock: SECONDS' or 'clock: "
+            "same' in the mapping."
+        )
+
+
+class _Clocked(NamedTuple):
+    """A recording with all logs on the clock of the poses."""
+
+    track: Track
+    notes: list[str]
+    std: float  #: Standard error of the shift [s].
+
+    def widen(self, log: ServoLog) -> ServoLog:
+        """A log of the servo with this error of its times as well."""
+        name = "command_std" if _is_measured(self.track) else "clock_std"
+        both = math.hypot(self.std, getattr(log, name))
+        return dataclasses.replace(log, **{name: both})  # type: ignore[arg-type]
+
+
+def join_clocks(
+    tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
+) -> tuple[list[_Clocked], tuple[str, ...]]:
+    """Shifts the servos' logs of recordings onto the poses' clocks; and warnings."""
+    result = [_Clocked(track, [], 0.0) for track in tracks]
+    clock = mapping.clock
+    if clock is None:
+        logs = [(track, log) for track in tracks for log in track.servo.given]
+        differ = any(log.clock != track.clock for track, log in logs)
+        clock = "find" if differ else "same"
+    flying = []
+    pairs = []
+    for place, (track, cuts) in enumerate(zip(tracks, flights, strict=True)):
+        if cuts and _has_servo(track):
+            flying.append(place)
+            pairs.append((track, [turn_along(piece.track) for piece in cuts]))
+    if clock == "same" or (clock == "find" and not flying):
+        return result, ()
+    if clock != "find":
+        ahead = float(clock)
+        std, warnings = _check_clock(pairs, ahead, mapping.source)
+        note = f"clock: shifted by {ahead:g} s, as specified"
+        shifted = [_Clocked(_shift(track, ahead), [note], std) for track in tracks]
+        return shifted, warnings
+    for place, offset in zip(flying, _find_offsets(pairs), strict=True):
+        track = tracks[place]
+        std = offset.std
+        note = (
+            f"clock: the elevator's is {offset.seconds:+.3f} ± {std:.3f} s ahead of "
+            f"that of the poses (correlation {offset.correlation:.2f}); it was shifted "
+            "back"
+        )
+        if track.servo.elevator is None or _is_measured(track):
+            note += ", and a delay of the servo, if any, with it"
+            std = _ABSORBED
+        result[place] = _Clocked(_shift(track, offset.seconds), [note], std)
+    return result, ()
+
+
+def _check_clock(
+    flying: Sequence[tuple[Track, Sequence[Track]]], clock: float, source: str
+) -> tuple[float, tuple[str, ...]]:
+    """Standard error [s] of a clock that a mapping specifies, and a warning if off.
+
+    It was read to half its last digit and a step of the logs; what is found adds.
+    """
+    digits = max(len(f"{clock:.6f}".rstrip("0").partition(".")[2]), 1)
+    steps = [log.step for track, _ in flying for log in track.servo.given]
+    read = math.hypot(0.1**digits, max(steps, default=0.0)) / math.sqrt(12.0)
+    try:
+        offsets = _find_offsets(flying) if flying else []
+    except InputError:
+        offsets = []
+    if not offsets:
+        return read, ()
+    found = float(np.median([offset.seconds for offset in offsets]))
+    std = float(np.median([offset.std for offset in offsets]))
+    off = abs(clock - found)
+    share = read**2 / (read**2 + std**2)
+    if off <= _OFF * math.hypot(std, 0.1 ** max(digits, 2) / math.sqrt(12.0)):
+        return math.hypot(share * off, math.sqrt(share) * std), ()
+    words = (
+        f"'clock' is {clock:g}, and the elevator turns the glider as if its clock were "
+        f"{found:.3f} ± {std:.3f} s ahead of the poses'"
+    )
+    if off > _ABSORBED + _OFF * std:
+        raise InputError(f"{source}: {words}; expected that, or 'find'.")
+    return off, (f"{words}: it is wrong, or servo or poses are late",)
+
+
+def _has_servo(track: Track) -> bool:
+    """Whether the elevator, or a command, can be compared with another log."""
+    if _is_measured(track):
+        return len(track.servo.given) > 1
+    return bool(track.servo.elevator or track.servo.angle_command)
+
+
+def _is_measured(track: Track) -> bool:
+    """Whether the elevator was measured on the clock of the poses."""
+    elevator = track.servo.elevator
+    return elevator is not None and elevator.clock == track.clock
+
+
+def _shift(track: Track, seconds: float) -> Track:
+    """Shifts the servo's logs of another clock onto the clock of the poses."""
+    moved = [log and log._replace(time=log.time - seconds) for log in track.servo]
+    if _is_measured(track):
+        moved[0] = track.servo.elevator
+    return dataclasses.replace(track, servo=ServoLogs(*moved))
 
 
 class _Turning(NamedTuple):
@@ -72,97 +200,84 @@ class _Turning(NamedTuple):
         return self.square * np.sin(np.mean(angles, axis=0) - self.alpha)
 
 
-def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Offset]:
+def _find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[_Offset]:
     """Finds the offset of the elevator's clock in recordings, whole and cut to flights.
 
     If one offset fits all recordings it is taken: two clocks that ran on between them.
     Measured on seven campaigns of 4 and 10 flights of 0.85 s: it is right to 15 ms.
     """
-    if all(is_measured(track) for track, _ in recordings):
+    if all(_is_measured(track) for track, _ in recordings):
         return [_follow_commands(track) for track, _ in recordings]
     turnings = [_turning_of(track, flights) for track, flights in recordings]
     # What the elevator must explain is what the rest does not.
-    base, target = (np.concatenate([t[k] for t in turnings]) for k in (5, 6))
+    base, target = _stack(turnings)
     rest = np.linalg.lstsq(base, target, rcond=None)[0]
     turnings = [t._replace(target=t.target - t.base @ rest) for t in turnings]
-    several = len(recordings) > 1
     first = max(t.elevator.time[0] - t.track.time[-1] for t in turnings)
     last = min(t.elevator.time[-1] - t.track.time[0] for t in turnings)
-    track = turnings[0].track
     offsets = np.arange(first, last + _STEP, _STEP)
-    only = _ONLY_COMMON if several else _ONLY
-    try:
-        common = _best(track, offsets, _follow_pitch(turnings), only=only)
-    except InputError:
-        if not several:
-            raise
-        return _find_separate(turnings)
-    return _refine(turnings, [common] * len(recordings), common=True)
-
-
-def shift(track: Track, seconds: float) -> Track:
-    """Shifts the servo's logs of another clock onto the clock of the poses."""
-    moved = [log and log._replace(time=log.time - seconds) for log in track.servo]
-    if is_measured(track):
-        moved[0] = track.servo.elevator
-    return dataclasses.replace(track, servo=ServoLogs(*moved))
-
-
-def is_measured(track: Track) -> bool:
-    """Whether the elevator was measured on the clock of the poses."""
-    elevator = track.servo.elevator
-    return elevator is not None and elevator.clock == track.clock
-
-
-def _find_separate(turnings: Sequence[_Turning]) -> list[Offset]:
-    """Finds an offset for each recording, with the elevator's effect common to all.
-
-    A short flight alone is followed well at several offsets, by another effect each.
-    """
-    alone = [
-        _best(t.track, t.offsets, _follow_pitch([t]), sure=False) for t in turnings
-    ]
-    effects = [_pool([t], [o.seconds]) for t, o in zip(turnings, alone, strict=True)]
+    common = _search(offsets, _follow_pitch(turnings))
+    several = len(recordings) > 1
+    if common.is_sure(_ONLY_COMMON if several else _ONLY):
+        return _refine(turnings, [common] * len(recordings), common=True)
+    if not several:
+        raise common.refusal(turnings[0].track)
+    # A short flight alone is followed well at several offsets, by another effect each:
+    # the effect is common to all.
+    found = [_search(t.offsets, _follow_pitch([t])) for t in turnings]
+    effects = [_pool([t], [o.seconds]) for t, o in zip(turnings, found, strict=True)]
     effect = np.median(effects, axis=0)
-    for k in range(_ROUNDS):
-        last = k == _ROUNDS - 1
-        offsets = [
-            _best(t.track, t.offsets, _follow_effect(t, effect), sure=last)
-            for t in turnings
-        ]
-        effect = _pool(turnings, [offset.seconds for offset in offsets])
-    return _refine(turnings, offsets)
+    for _ in range(_ROUNDS):
+        found = [_search(t.offsets, _follow_effect(t, effect)) for t in turnings]
+        effect = _pool(turnings, [offset.seconds for offset in found])
+    for turning, offset in zip(turnings, found, strict=True):
+        if not offset.is_sure():
+            raise offset.refusal(turning.track)
+    return _refine(turnings, found)
 
 
 def _refine(
-    turnings: Sequence[_Turning], found: Sequence[Offset], *, common: bool = False
-) -> list[Offset]:
+    turnings: Sequence[_Turning], found: Sequence[_Offset], *, common: bool = False
+) -> list[_Offset]:
     """Offsets refined with the effect, by Gauss-Newton, and their standard errors."""
+    base, target = _stack(turnings)
     place = np.zeros(len(found), int) if common else np.arange(len(found))
-    offsets = np.array([f.seconds for f in found])
+    own = np.repeat(place, [len(turning.target) for turning in turnings])
+    offsets = np.array([offset.seconds for offset in found])
     std = np.full(len(found), _COARSE)
+    # Rows within the window of one cubic are not independent.
     rate = 1.0 / np.median(np.diff(turnings[0].track.time))
+    dependent = max(SPAN * rate, 1.0)
     for _ in range(_ITERATIONS):
-        designs = []
-        for turning, offset, k in zip(turnings, offsets, place, strict=True):
-            around = offset + _STEP * np.array([-1.0, 0.0, 1.0])
-            before, column, after = map(turning.column, around)
-            shifts = np.zeros((len(column), place[-1] + 1))
-            shifts[:, k] = (after - before) / (2.0 * _STEP)
-            designs.append(np.column_stack([turning.base, column, shifts]))
-        design = np.concatenate(designs)
-        design[:, 5:] *= _pool(turnings, offsets)[-1]
-        target = np.concatenate([turning.target for turning in turnings])
+        gain = _pool(turnings, offsets)[-1]
+        after = _join_columns(turnings, offsets + _STEP)
+        before = _join_columns(turnings, offsets - _STEP)
+        shifts = np.zeros((len(own), place[-1] + 1))
+        shifts[np.arange(len(own)), own] = gain * (after - before) / (2.0 * _STEP)
+        design = np.column_stack([base, _join_columns(turnings, offsets), shifts])
         step = np.linalg.lstsq(design, target, rcond=None)[0]
         offsets += np.clip(step[5:], -_STEP, _STEP)[place]
-        # Rows within the window of one cubic are not independent.
-        variance = np.mean((target - design @ step) ** 2) * max(SPAN * rate, 1.0)
+        variance = np.mean((target - design @ step) ** 2) * dependent
         covariance = variance * np.linalg.pinv(design.T @ design)
         std = np.sqrt(np.diagonal(covariance)[5:])[place]
-    return [
-        Offset(float(s), f.correlation, float(np.hypot(e, _FORM)))
-        for f, s, e in zip(found, offsets, std, strict=True)
-    ]
+    errors = np.hypot(std, _FORM)
+    refined = []
+    for old, seconds, error in zip(found, offsets, errors, strict=True):
+        refined.append(old._replace(seconds=float(seconds), std=float(error)))
+    return refined
+
+
+def _stack(turnings: Sequence[_Turning]) -> tuple[np.ndarray, np.ndarray]:
+    """Base (k, 4) and target (k,) of all recordings, one after the other."""
+    base = np.concatenate([turning.base for turning in turnings])
+    target = np.concatenate([turning.target for turning in turnings])
+    return base, target
+
+
+def _join_columns(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
+    """Columns (k,) of the elevator, each recording at its offset."""
+    pairs = zip(turnings, offsets, strict=True)
+    return np.concatenate([turning.column(offset) for turning, offset in pairs])
 
 
 def _overlaps(time: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -170,35 +285,23 @@ def _overlaps(time: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.arange(other[0] - time[-1], other[-1] - time[0] + _STEP, _STEP)
 
 
-def _best(
-    track: Track,
-    offsets: np.ndarray,
-    follow: Follow,
-    *,
-    sure: bool = True,
-    only: float = _ONLY,
-) -> Offset:
-    """Best of some offsets (m,); if `sure`, refused where another fits as well."""
-    values = np.array(list(map(follow, offsets)))
-    best = int(np.argmax(values)) if len(values) else 0
-    highest = float(np.max(values, initial=0.0))
-    far = np.abs(offsets - offsets[best]) > _NEAR if len(values) else []
-    second = float(np.max(values[far], initial=0.0))
-    unsure = highest < _FOLLOWS or 1.0 - second**2 < only * (1.0 - highest**2)
-    if highest <= 0.0 or (sure and unsure):
-        raise InputError(
-            f"{track.path}: the offset between the clocks of poses and elevator was "
-            f"not found (they correlate by {highest:.2f} at best, by {second:.2f} "
-            "elsewhere); expected 'clock: SECONDS' or 'clock: same' in the mapping."
-        )
-    return Offset(float(offsets[best]), highest)
+def _search(offsets: np.ndarray, follow: _Follow) -> _Offset:
+    """The best of some offsets (m,)."""
+    if not len(offsets):
+        return _Offset(0.0, 0.0, 0.0)
+    values = np.array([follow(offset) for offset in offsets])
+    best = int(np.argmax(values))
+    is_far = np.abs(offsets - offsets[best]) > _NEAR
+    elsewhere = float(np.max(values[is_far], initial=0.0))
+    return _Offset(float(offsets[best]), float(values[best]), elsewhere)
 
 
 def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
     elevator = track.servo.elevator or track.servo.angle_command
     assert elevator is not None
     motion = join([calc_motion(f.time, planar_pose(f)) for f in flights])
-    (vx, vz, rate), speed = motion.velocity.T, motion.speed
+    vx, vz, rate = motion.velocity.T
+    speed = motion.speed
     alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]
     square = speed**2
     lift = [square * np.sin(alpha), square * np.cos(alpha)]
@@ -209,44 +312,39 @@ def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
 
 def _pool(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
     """Effects (5,) of base and elevator in all recordings together."""
-    pairs = zip(turnings, offsets, strict=True)
-    designs = [np.column_stack([t.base, t.column(offset)]) for t, offset in pairs]
-    target = np.concatenate([turning.target for turning in turnings])
-    return np.linalg.lstsq(np.concatenate(designs), target, rcond=None)[0]
+    base, target = _stack(turnings)
+    design = np.column_stack([base, _join_columns(turnings, offsets)])
+    return np.linalg.lstsq(design, target, rcond=None)[0]
 
 
-def _follow_effect(turning: _Turning, effect: np.ndarray) -> Follow:
+def _follow_effect(turning: _Turning, effect: np.ndarray) -> _Follow:
     """Compares the pitch's acceleration with a known effect (5,) of the elevator."""
     target = turning.target - turning.base @ effect[:-1]
-    unexplained = turning.target
+    power = turning.target @ turning.target
 
     def follow(offset: float) -> float:
         rest = target - turning.column(offset) * effect[-1]
-        return float(np.sqrt(max(0.0, 1.0 - rest @ rest / (unexplained @ unexplained))))
+        return float(np.sqrt(max(0.0, 1.0 - rest @ rest / power)))
 
     return follow
 
 
-def _follow_pitch(turnings: Sequence[_Turning]) -> Follow:
+def _follow_pitch(turnings: Sequence[_Turning]) -> _Follow:
     """Compares the pitch's acceleration in recordings with their elevators' angles."""
-    base, _ = np.linalg.qr(np.concatenate([turning.base for turning in turnings]))
-    target = _without(np.concatenate([turning.target for turning in turnings]), base)
+    stacked, target = _stack(turnings)
+    base, _ = np.linalg.qr(stacked)
+    target = target - base @ (base.T @ target)
 
     def follow(offset: float) -> float:
-        columns = [turning.column(offset) for turning in turnings]
-        column = _without(np.concatenate(columns), base)
+        column = _join_columns(turnings, [offset] * len(turnings))
+        column = column - base @ (base.T @ column)
         size = (column @ column) * (target @ target)
         return float(abs(column @ target) / np.sqrt(max(size, 1e-12)))
 
     return follow
 
 
-def _without(column: np.ndarray, base: np.ndarray) -> np.ndarray:
-    """The part of a column (n,) that an orthonormal base (n, k) does not explain."""
-    return column - base @ (base.T @ column)
-
-
-def _follow_commands(track: Track) -> Offset:
+def _follow_commands(track: Track) -> _Offset:
     """Offset at which the elevator's rate follows the commands best."""
     elevator, rates, angles = track.servo
     command = rates or angles
@@ -254,11 +352,14 @@ def _follow_commands(track: Track) -> Offset:
     path = command.values[:, 0]
     if rates is not None:  # They add up to angles.
         path = elevator_path(command.time, path, command.time)
-    ends, rate = mean_rates(elevator.time, elevator.values[:, 0])
+    ends, rate = changes_of(elevator.time, elevator.values[:, 0])
 
     def follow(offset: float) -> float:
         asked = np.diff(np.interp(ends + offset, command.time, path), axis=0)[0]
         size = (rate @ rate) * (asked @ asked)
         return float(abs(rate @ asked) / max(np.sqrt(size), 1e-12))
 
-    return _best(track, _overlaps(track.time, command.time), follow)
+    offset = _search(_overlaps(track.time, command.time), follow)
+    if not offset.is_sure():
+        raise offset.refusal(track)
+    return offset

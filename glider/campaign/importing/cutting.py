@@ -17,14 +17,7 @@ from glider.campaign.checks.rows import find_stale
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
-from glider.physics.held_commands import latest_command
 
-MOTOR = "the motor runs"
-"""How the note on rows that are cut off for it begins."""
-_MOTOR_OFF = 0.05
-"""Throttle up to which a motor is off: thrust grows with its square, so that a quarter
-of a percent of the full thrust is left."""
-_SPIN_DOWN = 0.5  # Also cut after the motor is off, while the propeller stops [s].
 _BEST_GLIDE = 60.0
 """Ratio of path to height that no glider exceeds in still air: what loses less energy
 has a motor, or rises with the air."""
@@ -64,49 +57,46 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     again = find_stale(track.time, track.position) & ~frozen
     track = take(track, ~again)
     seen = ~frozen[~again]
-    if len(seen) > 1 and (step := float(np.median(np.diff(track.time)))) > _SLOWEST_LOG:
+    if not len(seen):
+        return [], [*notes, "the body is never seen"]
+    step = float(np.median(np.diff(track.time))) if len(seen) > 1 else 0.0
+    if step > _SLOWEST_LOG:
         expected = f"expected {_SLOWEST_LOG:g} s or less"
         return [], [f"the poses were logged every {step:.3g} s; {expected}"]
-    powered = _is_powered(track)
-    if any(powered[a : b + 1].any() for a, b in _parts(track, seen, gravity)):
-        share = f"{100.0 * np.mean(powered):.0f} % of the rows"
-        notes.append(f"{MOTOR} in {share}: they are cut off")
-    parts = _parts(track, seen & ~powered, gravity)
+    parts = _find_parts(track, seen, gravity)
     for first, last in parts:
         part = take(track, first + np.flatnonzero(seen[first : last + 1]))
-        is_lost = last + 1 < len(seen) and (
-            not seen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
-        )
-        is_slow = last + 1 < len(seen) and not (is_lost or powered[last + 1])
-        # The cubics see a stop up to half of their span late.
-        margin = _BEFORE_CONTACT * (is_lost or is_slow) + 0.5 * SPAN * is_slow
-        stopped = first > 0 and bool(powered[first - 1])
-        found = _find_flight(part, gravity, margin, motor_stopped=stopped)
+        margin = 0.0
+        if last + 1 < len(seen):
+            margin = _BEFORE_CONTACT
+            pause = track.time[last + 1] - track.time[last]
+            if seen[last + 1] and pause <= _MAX_GAP:
+                # It is slow; the cubics see a stop up to half of their span late.
+                margin += 0.5 * SPAN
+        found = _find_flight(part, gravity, margin)
         span = f"{part.time[0]:.3f}-{part.time[-1]:.3f} s"
         if isinstance(found, Cut):
             flights.append(found)
         else:
             notes.append(f"{span}: {found}")
-    if not len(seen):
-        notes.append("the body is never seen")
-    elif not parts and not notes:
+    if not parts and not notes:
         reach = np.max(np.ptp(track.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
-    if repeats := int(np.sum(frozen | again)):
+    repeats = int(np.sum(frozen | again))
+    if repeats:
         notes.append(f"{repeats} rows that repeat the pose before: they are dropped")
     return flights, notes
 
 
-def _parts(track: Track, seen: np.ndarray, gravity: float) -> list[tuple[int, int]]:
+def _find_parts(
+    track: Track, seen: np.ndarray, gravity: float
+) -> list[tuple[int, int]]:
     """First and last row of each part in which the body is seen and moves."""
     rows = np.flatnonzero(seen)
     time = track.time[rows]
     position = track.position[rows]
-    breaks = [
-        gap
-        for gap in (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
-        if not _flies_on(time, position, gap, gravity)
-    ]
+    gaps = (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
+    breaks = [gap for gap in gaps if not _flies_on(time, position, gap, gravity)]
     parts = []
     for block in np.split(np.arange(len(rows)), breaks):
         if len(block) < _MIN_ROWS:
@@ -145,20 +135,7 @@ def _flies_on(time: np.ndarray, position: np.ndarray, gap: int, gravity: float) 
     return bool(min(speed[[*ends]]) > _SLOWEST and gained <= 0.5 * _PUSH * way)
 
 
-def _is_powered(track: Track) -> np.ndarray:
-    """Rows (n,) in which a motor runs, or its propeller has yet to stop."""
-    throttle = track.onboard.throttle
-    if throttle is None:
-        return np.zeros(len(track.time), dtype=bool)
-    runs = throttle.values[:, 0] > _MOTOR_OFF
-    ran = np.maximum.accumulate(np.where(runs, throttle.time, -np.inf))
-    latest = np.maximum(latest_command(throttle.time, track.time), 0)
-    return runs[latest] | (track.time - ran[latest] < _SPIN_DOWN)
-
-
-def _find_flight(
-    part: Track, gravity: float, margin: float, *, motor_stopped: bool
-) -> Cut | str:
+def _find_flight(part: Track, gravity: float, margin: float) -> Cut | str:
     """The flight in a part in which the body moves throughout, or why there is none.
 
     The margin is the time before the part's end that is cut at least [s].
@@ -173,8 +150,8 @@ def _find_flight(
     push = np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3)
     energy = gravity * motion.pose[:, 2] + 0.5 * speed**2
     begin = part.time[0]
-    start = f"the {'motor is off' if motor_stopped else 'body is seen'} from here on"
-    release = None if motor_stopped else _find_release(motion, energy, push)
+    start = "the body is seen from here on"
+    release = _find_release(motion, energy, push)
     if release is not None:
         begin = release + _AFTER_RELEASE
         start = f"a hand lets go at {release:.3f} s"
@@ -200,10 +177,10 @@ def _find_flight(
     lost = energy[inside][0] - energy[inside][-1]
     way = np.trapezoid(speed[inside], motion.time[inside])
     long = flight.time[-1] - flight.time[0] > _LONG
-    if part.onboard.throttle is None and long and lost * _BEST_GLIDE < gravity * way:
+    if long and lost * _BEST_GLIDE < gravity * way:
         return (
             f"it loses {max(lost, 0.0):.2g} J/kg in {way:.3g} m, less than any glider: "
-            f"{MOTOR}, or it rises with the air (map 'throttle' if it is logged)"
+            "a motor drives it, or it rises with the air; expected gliding flight"
         )
     return Cut(flight, f"{start}; {stop}")
 

@@ -29,7 +29,7 @@ from glider.campaign.settings import AXES, Mapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
 Fields = dict[str, str]  # Fields of `frame:`.
-Spans = Sequence[tuple[float, float]]  # First and last time of flights [s].
+_Spans = Sequence[tuple[float, float]]  # First and last time of flights [s].
 _Flight = tuple[Motion, np.ndarray]
 """Rows of a flight where z is up: position, and rotations (k, 3, 3) from the body."""
 
@@ -91,7 +91,7 @@ def rank_frames(
 
 
 def rank_rotations(
-    logs: Sequence[tuple[Recording, Spans]], claims: dict[str, Mapping]
+    logs: Sequence[tuple[Recording, _Spans]], claims: dict[str, Mapping]
 ) -> dict[str, float]:
     """Log likelihoods of mappings that differ in how rotations are read."""
     scores: dict[str, float] = {}
@@ -128,7 +128,7 @@ def _worlds(
         yield {"up": up}, np.stack([ahead, np.cross(above, ahead), above]), priors[up]
 
 
-def _find_spans(track: Track, axes: np.ndarray) -> Spans:
+def _find_spans(track: Track, axes: np.ndarray) -> _Spans:
     """The flights of a recording in some axes."""
     position = track.position @ axes.T
     # Which axis is the nose is unknown: contacts are found by y, not by the pitch.

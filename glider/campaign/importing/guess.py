@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from glider.campaign.checks.clocks import follow_sign
-from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.fall import check_fall
-from glider.campaign.checks.forces import measure_motions
+from glider.campaign.checks.forces import fit_elevator, measure_motions
+from glider.campaign.checks.frame import SIGNIFICANT, check_signs
+from glider.campaign.checks.servo import follow_sign, measure_elevators
 from glider.campaign.importing.campaign_import import (
     as_files,
     campaign_of_cuts,
@@ -29,8 +29,7 @@ from glider.campaign.importing.campaign_import import (
 from glider.campaign.importing.frame_posterior import Fields, rank_frames
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import UNITS, Recording, split_suffix
-from glider.campaign.importing.sign_checks import SIGNIFICANT, check_signs, fit_elevator
-from glider.campaign.importing.splitting import FEWEST_ROWS, split_flights
+from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import (
     FRAME_CHOICES,
@@ -105,26 +104,6 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     """Proposes a mapping; refused where no columns, or no frame, make flights."""
     recordings, join = _read(sorted(as_files(files)))
     columns = _guess_columns(recordings[0])
-    try:
-        return _propose(recordings, join, columns)
-    except InputError as error:
-        servo = [q for q in columns if q.startswith("elevator")]
-        if not servo:
-            raise
-        poses = {q: name for q, name in columns.items() if q not in servo}
-        left = [f"  # ? {q}: {_quoted(columns[q])} is left out" for q in servo]
-        left[0] += f": {str(error).removeprefix('guess: ')}"
-        return _propose(recordings, join, poses, left)
-
-
-def _propose(
-    recordings: list[Recording],
-    join: Sequence[str],
-    columns: Columns,
-    left: Sequence[str] = (),
-) -> Guess:
-    """Proposes a mapping of columns; `left` has lines about those that are left out."""
-    others = _other_bodies(recordings[0], columns)
     known = recordings[0].known  # PX4's topics are in SI, and north, east, down.
     recordings = [part for log in recordings for part in split_flights(log, columns)]
     recordings = recordings[:_MAX_FILES]
@@ -154,9 +133,7 @@ def _propose(
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
     lines.append("columns:")
     how = "PX4's topic" if known else "by its name"
-    hows = {"position": f"{how}; {others} moves less" if others else how}
-    lines += [f"  {k}: {_quoted(v)}  # {hows.get(k, how)}" for k, v in columns.items()]
-    lines += left
+    lines += [f"  {k}: {_quoted(v)}  # {how}" for k, v in columns.items()]
     if _ANGLE in known:
         reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
     if reasons:
@@ -182,8 +159,6 @@ def _propose(
     if servo:
         lines.append(f"  elevator: {frame['elevator']}  # {servo_why}")
     vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
-    if left:
-        vehicle = "fixed_per_flight  # ? servo, with the columns that are left out"
     if servo:  # Commanded angles cannot be used without the limit.
         limit = "if you know it:" if "elevator" in columns else "? missing:"
         vehicle = f"servo  # {limit} elevator_rate_limit in rad/s"
@@ -367,21 +342,11 @@ def _find(log: Recording) -> Columns:
         columns[_ANGLE] = columns.pop(_RATE)
     if "x" in columns and "y" in columns and "z" not in columns:  # As of a video.
         columns["z"] = columns.pop("y")
-    mapped = tuple(columns.values())
     for group in (group for group in log.groups if not group.time):
         times = [n for n in group.columns if re.search(_NAMES["time"], _words(n))]
-        rest = [n for n in group.columns if not n.startswith(mapped)]
-        times += [n for n in rest if _is_clock(group.columns[n].values)]
         if times and times[0] not in columns.get("time", []):
             columns["time"] = [*columns.get("time", []), times[0]]
     return columns
-
-
-def _is_clock(values: np.ndarray) -> bool:
-    """Whether numbers increase as times do, and do not only count rows."""
-    steps = np.diff(values)
-    rising = len(steps) >= FEWEST_ROWS and bool(np.all(steps > 0.0))
-    return rising and bool(np.any(steps != steps[0]))
 
 
 def _is_angle(log: Recording, columns: Columns) -> bool:
@@ -401,20 +366,6 @@ def _is_angle(log: Recording, columns: Columns) -> bool:
         shown = logged[:, np.isfinite(logged).all(axis=0)]
         _, to_angle, to_rate = np.corrcoef(shown)[0]
     return bool(abs(to_angle) > abs(to_rate))
-
-
-def _other_bodies(log: Recording, columns: Columns) -> str:
-    """Other bodies that have a position and an attitude, in words; "" for none."""
-    own, attitude = (columns.get(q) for q in ("position", "attitude"))
-    if not isinstance(own, str) or not isinstance(attitude, str):
-        return ""
-    end = own.rpartition(".")[2]
-    turn = attitude.rpartition(".")[2]
-    names = [split_suffix(name)[0] for name in _addresses(log)]
-    stems = dict.fromkeys(re.sub(r"[._ ]?[xX]$", "", name) for name in names)
-    owners = [s.removesuffix(end) for s in stems if s.endswith(f".{end}") and s != own]
-    found = [o for o in owners if any(n.startswith(f"{o}{turn}") for n in names)]
-    return ", ".join(_quoted(f"{owner}{end}") for owner in found[:3])
 
 
 def _travel(log: Recording, stem: str) -> float:
@@ -444,37 +395,39 @@ def _guess_units(
         fits = [u for u, size in UNITS["time"].items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
             units["time"] = fits[0], f"its median step is {step:.4g}"
-    own: dict[str, tuple[str, str]] = {}  # By quantity; "" is why the file says so.
-    ranged = [q for q in columns if QUANTITIES[q] in _RANGES]
-    for quantity in (q for q in ranged if q not in ("y", "z")):  # Of any origin.
+    found: dict[str, tuple[str, str]] = {}  # Where no file says so.
+    large = set()  # Kinds of which a quantity has not the usual unit.
+    for quantity, column in columns.items():
         kind = QUANTITIES[quantity]
-        found = [_values(log, columns[quantity]) for log in logs]
-        values = np.concatenate([np.abs(values).ravel() for values, _ in found])
+        if kind not in _RANGES or quantity in ("y", "z"):  # Of any origin.
+            continue
+        read = [_values(log, column) for log in logs]
+        unit = read[0][1]
+        values = np.concatenate([np.abs(values).ravel() for values, _ in read])
         reach = float(np.max(values, initial=0.0, where=np.isfinite(values)))
-        turns = quantity in ("elevator", _ANGLE)
-        ranges = _TRAVEL if turns else _RANGES[kind]
-        fits = [unit for most, unit in ranges if reach > most]
         why = f"'{quantity}' reaches {reach:.4g}"
-        unit = found[0][1]
+        turns = quantity in ("elevator", _ANGLE)
         if unit is None and turns and _are_pulses(values):
             why = f"? {why}: microseconds, and gain is the angle of one in rad"
             units[quantity] = _PULSE_SCALE, why
-        else:
-            usual = next(iter(UNITS[kind]))
-            own[quantity] = (unit, "") if unit else ([*fits, usual][0], why)
-    large = [own[q] for q in _EULER if q in own and own[q][0] != "rad"]
-    own |= {q: large[0] for q in _EULER if large and q in own and own[q][1]}
-    for kind in _RANGES:
-        each = {q: own[q] for q in own if QUANTITIES[q] == kind}
-        given = {q: value for q, value in each.items() if value[1]}
+            continue
         usual = next(iter(UNITS[kind]))
-        if given and len({unit for unit, _ in each.values()}) == 1:
-            given = {kind: next(iter(given.values()))}
-        for name, (unit, why) in given.items():
-            if unit != usual:
-                units[name] = unit, why
-            elif name != kind:  # Unlike the others.
-                units[name] = unit, f"? {why}"
+        ranges = _TRAVEL if turns else _RANGES[kind]
+        if unit is None:
+            unit = next((name for most, name in ranges if reach > most), usual)
+            found[quantity] = unit, why
+        if unit != usual:
+            large.add("attitude" if quantity in _EULER else kind)
+            large.add(kind)
+    for quantity, (own, why) in found.items():
+        kind = QUANTITIES[quantity]
+        usual = next(iter(UNITS[kind]))
+        turned = quantity in _EULER and "attitude" in large  # They have one unit.
+        unit = "deg" if turned else own
+        if unit != usual:
+            units["length" if kind == "length" else quantity] = unit, why
+        elif kind in large:
+            units[quantity] = unit, f"? {why}"
     return units
 
 

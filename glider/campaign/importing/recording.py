@@ -25,9 +25,6 @@ UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048},
     "angle": {"rad": 1.0, "deg": _DEGREE},
     "rate": {"rad/s": 1.0, "deg/s": _DEGREE},
-    "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 0.514444},
-    "acceleration": {"m/s2": 1.0, "g": 9.80665},
-    "throttle": {"1": 1.0, "%": 0.01},
 }
 _SPELLINGS = {
     "s": "sec second",
@@ -43,8 +40,6 @@ _SPELLINGS = {
     "deg": "° degree",
     "rad/s": "radps rad_s",
     "deg/s": "°/s dps degps deg_s",
-    "kn": "kt knot",
-    "m/s2": "m/s² m/s^2",
 }
 _SUFFIX = re.compile(
     r"_(?<=._)([mc]?m|[mun]?s|(deg|rad)(ps|_s)?|(?<=[xyz]_)(in|ft))$", re.IGNORECASE

@@ -4,7 +4,7 @@ Axes and signs are still the log's own; each quantity keeps its own clock.
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -61,15 +61,6 @@ class ServoLogs(NamedTuple):
         return [stream for stream in self if stream is not None]
 
 
-class Onboard(NamedTuple):
-    """What the sensors on board logged beside the poses."""
-
-    throttle: Stream | None = None  #: (n, 1) 0 with the motor off.
-    airspeed: Stream | None = None  #: (n, 1) true airspeed [m/s].
-    angular_velocity: Stream | None = None  #: (n, 3) along the body's axes [rad/s].
-    acceleration: Stream | None = None  #: (n, 3) gravity not taken out [m/s²].
-
-
 class Picker:
     """Picks the quantities of a recording; refuses those that are not complete."""
 
@@ -100,8 +91,6 @@ class Picker:
             if not all(angle in self._mapping.columns for angle in _EULER):
                 return None
             order = self._mapping.frame.rotation or "ZYX"
-            if len(order) != 3:
-                self._refuse("frame: 'rotation'", "on roll, pitch and yaw")
             return self._angles(self.scalars(_EULER), order)
         if isinstance(name, Markers):
             return self._markers(name)
@@ -119,11 +108,7 @@ class Picker:
 
     def servo(self) -> ServoLogs:
         """What is mapped of the servo."""
-        return ServoLogs(*map(self._optional, _SERVO))
-
-    def onboard(self) -> Onboard:
-        """What is mapped of other sensors; also a throttle that the format fixes."""
-        return Onboard(*map(self._optional, Onboard._fields))
+        return ServoLogs(*map(self._servo_log, _SERVO))
 
     def scalars(self, quantities: tuple[str, ...]) -> Stream:
         """Quantities of one group side by side."""
@@ -145,34 +130,16 @@ class Picker:
             )
         return self._stream(quantities, (group, [column for _, column in pairs]))
 
-    def _optional(self, quantity: str) -> Stream | None:
+    def _servo_log(self, quantity: str) -> Stream | None:
         """The known rows of a quantity; None where the mapping has none."""
-        fixed = self._recording.known if quantity == "throttle" else {}
-        name = self._mapping.columns.get(quantity, fixed.get(quantity))
-        if name is None:
+        if quantity not in self._mapping.columns:
             return None
-        if quantity in ("angular_velocity", "acceleration"):
-            _, found = self._find(quantity, name, _POINT, "with x, y, z")
-        else:
-            found = self._recording.find_each([str(name)], self._field(quantity))
-        stream = self._stream((quantity,) * len(found[1]), found)
-        if len(found[1]) == 3:
-            stream = stream._replace(values=stream.values @ self._mapping.frame.body.T)
-        elif quantity == "throttle":  # PX4 stops a motor by what is not a number.
-            stream = stream._replace(values=np.nan_to_num(stream.values))
-        known = stream.known()
-        if len(known.time) > 1:
-            return known
-        if quantity in Onboard._fields:  # Such as an airspeed that is never valid.
-            return None
-        raise self._error(quantity, "fewer than two rows of it have a number")
+        known = self.scalars((quantity,)).known()
+        if len(known.time) < 2:
+            raise self._error(quantity, "fewer than two rows of it have a number")
+        return known
 
     def _quaternions(self, stream: Stream, axes: str, rotation: str | None) -> Stream:
-        frame = self._mapping.frame
-        if frame.pitch not in ("", frame.usual_pitch):
-            self._refuse("frame: 'pitch'", "on quaternions (but nose and top have)")
-        if "attitude" in self._mapping.units:
-            self._refuse("units: 'attitude'", "on quaternions")
         if axes == "0123":
             if rotation not in ("wxyz", "xyzw"):
                 raise self._error(
@@ -181,9 +148,9 @@ class Picker:
                     "expected frame: {rotation: wxyz} or xyzw",
                 )
             axes = rotation
-        elif frame.rotation not in (None, axes):
-            why = f"where the columns have the order {axes} by their names"
-            self._refuse("frame: 'rotation'", why)
+        elif self._mapping.frame.rotation not in (None, axes):
+            reason = f"its columns have the order {axes} by their names"
+            raise self._error("attitude", f"{reason}; expected no other 'rotation'")
         order = [axes.index(letter) for letter in "xyzw"]
         stream = stream._replace(values=stream.values[:, order])
         with np.errstate(over="ignore"):
@@ -198,9 +165,6 @@ class Picker:
 
     def _matrices(self, stream: Stream) -> Stream:
         """Quaternions of rotation matrices, row by row."""
-        for field in ("rotation", "pitch"):
-            if getattr(self._mapping.frame, field):
-                self._refuse(f"frame: '{field}'", "on rotation matrices")
         return stream._replace(values=to_quaternions(stream.values.reshape(-1, 3, 3)))
 
     def _angles(self, stream: Stream, rotation: str | None) -> Stream:
@@ -212,8 +176,6 @@ class Picker:
             )
         frame = self._mapping.frame
         if rotation == "rotation_vector":
-            if frame.pitch not in ("", frame.usual_pitch):
-                self._refuse("frame: 'pitch'", "on rotation vectors")
             return _turned(stream, Rotation.from_rotvec)
         if frame.turns_pitch:
             stream = stream._replace(values=stream.values * [1.0, -1.0, 1.0])
@@ -348,11 +310,6 @@ class Picker:
                     "expected the same in both."
                 )
         return scale.gain * (column.values - scale.zero)
-
-    def _refuse(self, field: str, why: str) -> NoReturn:
-        """Refuses a field of the mapping that would be ignored."""
-        words = f"{field} has no effect {why}; expected no such field."
-        raise InputError(f"{self._mapping.source}: {words}")
 
     def _field(self, quantity: str) -> str:
         return f"columns: {quantity} (of {self._mapping.source})"

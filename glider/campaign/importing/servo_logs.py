@@ -14,8 +14,7 @@ from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 from scipy.optimize import brute
 from scipy.signal import savgol_filter
 
-from glider.campaign.checks.clocks import calc_correlation
-from glider.campaign.checks.elevators import measure_elevators
+from glider.campaign.checks.servo import calc_correlation, measure_elevators
 from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
 from glider.campaign.logs import Campaign, ServoLog
@@ -34,10 +33,10 @@ _ALIGNED = 2.0  # Standard errors by which a flight's commands are shifted at mo
 _SAME = 0.01  # Part of a log's step within which rows of two logs are the same.
 _FEW = 0.05  # Share of commands whose logged times may be off.
 _HIDDEN = "so a lag or a delay of the servo cannot be found"
-Tape = tuple[np.ndarray, np.ndarray]  # When commands begin [s], and which [rad/s].
+_Tape = tuple[np.ndarray, np.ndarray]  # When commands begin [s], and which [rad/s].
 
 
-class Servo(NamedTuple):
+class _Servo(NamedTuple):
     """Elevator and command at the rows of a flight."""
 
     elevator: np.ndarray  #: (n,) [rad]
@@ -46,7 +45,7 @@ class Servo(NamedTuple):
     log: ServoLog = ServoLog()  #: The same for the tracer.
 
 
-def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
+def make_servo(flight: Track, settings: Campaign, source: str) -> _Servo | None:
     """Elevator and command on the poses' clock; None where the elevator is fixed."""
     if settings.elevator != "servo":
         if flight.servo.given:
@@ -75,13 +74,14 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
     if rates is not None:
         rate, tape = _from_rates(flight.time, rates, settings.command_rate, source)
         if tape is None:
-            return Servo(measured, rate, "")
+            return _Servo(measured, rate, "")
         measured = _between_rows(flight.time, elevator, tape)
         std = rates.step / math.sqrt(12.0)
-        return Servo(measured, rate, "", ServoLog(command="converted", command_std=std))
+        log = ServoLog(command="converted", command_std=std)
+        return _Servo(measured, rate, "", log)
     note = f"no command is mapped: the elevator's own rate is used for it, {_HIDDEN}"
     rate = _row_rates(flight.time, savgol_filter(measured, 5, 2))
-    return Servo(measured, rate, note, ServoLog(command="reconstructed"))
+    return _Servo(measured, rate, note, ServoLog(command="reconstructed"))
 
 
 def _from_angles(
@@ -90,7 +90,7 @@ def _from_angles(
     measured: np.ndarray | None,
     settings: Campaign,
     source: str,
-) -> Servo:
+) -> _Servo:
     """Servo that goes to commanded angles within its travel, at its limit at most.
 
     It passes them when they are logged, as samples of a path. Those that it cannot
@@ -124,15 +124,15 @@ def _from_angles(
     note = f"the commanded angle became rates of at most {limit:.3g} rad/s"
     if measured is not None:
         log = ServoLog(command="converted", command_std=std)
-        return Servo(measured, rate, note, log)
+        return _Servo(measured, rate, note, log)
     note += f"; the angle is that of an ideal servo, as it was not measured, {_HIDDEN}"
     log = ServoLog(angle="reconstructed", command="converted", clock_std=std)
-    return Servo(angle, rate, note, log)
+    return _Servo(angle, rate, note, log)
 
 
 def _from_rates(
     time: np.ndarray, rates: Stream, command_rate: float | None, source: str
-) -> tuple[np.ndarray, Tape | None]:
+) -> tuple[np.ndarray, _Tape | None]:
     """The commands (n,) at rows, and those of another log's rows: when, and which.
 
     Those of another log's rows become the mean rates that lead from row to row. Its
@@ -167,7 +167,7 @@ def _around(log: Stream, time: np.ndarray) -> slice:
     return slice(max(first - 1, 0), last + 1)
 
 
-def _between_rows(time: np.ndarray, elevator: Stream, tape: Tape) -> np.ndarray:
+def _between_rows(time: np.ndarray, elevator: Stream, tape: _Tape) -> np.ndarray:
     """Angles (n,) of an elevator between its log's rows, led by its commands [rad].
 
     A smooth path from row to row misses the corners where commands change. So their

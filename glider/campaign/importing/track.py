@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from glider.campaign.checks.motion import SPAN
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.selection import Onboard, Picker, ServoLogs, Stream
+from glider.campaign.importing.selection import Picker, ServoLogs, Stream
 from glider.campaign.settings import Frame, Mapping, unit_vector
 from glider.errors import InputError
 
@@ -37,7 +37,6 @@ class Track:
     along_throw: bool  #: Whether x has yet to be turned along each flight.
     clock: str
     servo: ServoLogs  #: Positive trailing edge up.
-    onboard: Onboard = Onboard()  #: Vectors along nose, left and top.
     notes: tuple[str, ...] = ()  #: On rows that were dropped.
 
 
@@ -73,13 +72,6 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         pitch = _pitches(attitude, time)
         pitch *= 1.0 if (frame.pitch or frame.usual_pitch) == "nose_down" else -1.0
         seen = np.isfinite(pitch)
-    onboard = pick.onboard()
-    for quantity, stream in onboard._asdict().items():
-        if stream is not None and stream.clock != logged.clock:
-            raise InputError(
-                f"{recording.path}: columns: {quantity} (of {mapping.source}): its "
-                "clock is not that of the poses; expected both in one file."
-            )
     zeros = _are_zeros(logged)
     counts = {
         "whose time falls back: they are dropped": logged.late,
@@ -105,7 +97,6 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         clock=logged.clock,
         notes=tuple(f"{count} rows {why}" for why, count in counts.items() if count),
         servo=servo,
-        onboard=onboard,
     )
 
 

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glider.campaign.checks.clocks import find_limits
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.planarity import in_plane, planar_pitch
+from glider.campaign.checks.servo import find_limits
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel

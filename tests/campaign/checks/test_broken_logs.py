@@ -6,10 +6,14 @@ import re
 import numpy as np
 import pytest
 
-from glider.campaign.checks.clocks import calc_correlation, check_clocks, check_limits
-from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.rows import pieces_with_commands
+from glider.campaign.checks.servo import (
+    calc_correlation,
+    check_follows,
+    check_limits,
+    measure_elevators,
+)
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.servo import Servo, elevator_path
@@ -296,7 +300,7 @@ def test_flights_too_short_to_show_whether_a_servo_follows_are_kept(campaign):
     short = b.change(one, shorten)
     elevators = measure_elevators(short, {})
     assert np.isnan(calc_correlation(elevators)).all()
-    check_clocks(short, elevators)
+    check_follows(short, elevators)
 
 
 def test_an_elevator_that_stands_at_its_stop_has_no_wrong_clock(campaign):
@@ -313,7 +317,7 @@ def test_an_elevator_that_stands_at_its_stop_has_no_wrong_clock(campaign):
 
     stopped = b.change(campaign, saturate)
     elevators = measure_elevators(stopped, {})
-    check_clocks(stopped, elevators)
+    check_follows(stopped, elevators)
     known, _ = calc_correlation(elevators, servo=campaign.limits)
     anywhere, _ = calc_correlation(elevators)
     assert known > 0.95 > anywhere

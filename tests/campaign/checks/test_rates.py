@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.campaign.checks.clocks import check_rates
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.rates import check_rates
 from glider.errors import InputError
 from tests.helpers.tasks import fly
 

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glider.campaign.checks.elevators import measure_elevators
 from glider.campaign.checks.fall import check_fall, measure_fall
 from glider.campaign.checks.forces import measure_motions
 from glider.campaign.checks.inspection import inspect
-from glider.campaign.checks.travel import calc_travel
+from glider.campaign.checks.servo import calc_travel, measure_elevators
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS

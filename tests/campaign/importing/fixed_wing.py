@@ -31,11 +31,7 @@ TRAVEL = 0.4  # Of the elevator at a command of 1 [rad].
 TRIM = 0.155  # Angle of the elevator that holds 13 m/s [rad].
 MAP = """\
 columns: {position: vehicle_local_position, attitude: vehicle_attitude.q,
-          elevator_angle_command: "actuator_servos.control[2]",
-          throttle: "actuator_motors.control[0]",
-          airspeed: airspeed_validated.true_airspeed_m_s,
-          angular_velocity: vehicle_angular_velocity.xyz,
-          acceleration: vehicle_acceleration.xyz}
+          elevator_angle_command: "actuator_servos.control[2]"}
 units: {elevator_angle_command: {gain: 0.4}}
 frame: NED
 vehicle: {mass: 1.2, wing_area: 0.35, elevator_rate_limit: 6.0,
@@ -49,9 +45,7 @@ class Motored:
 
     time: np.ndarray  # (n,) [s]
     states: np.ndarray  # (n, 7)
-    force: np.ndarray  # (n, 2) per mass, gravity not included, x and z [m/s²].
     elevator: np.ndarray  # (n,) as commanded [rad].
-    throttle: np.ndarray  # (n,)
 
 
 def fly(
@@ -89,44 +83,24 @@ def fly(
         parts.append(states[bool(parts) :, :7])
         start, since = states[-1, :7], last
     states = np.concatenate(parts)
-    force = np.gradient(states[:, 4:6], fine, axis=0) + np.array([0.0, 9.81])
-    throttle = np.where(time < motor, 0.6, 0.0)
-    return Motored(
-        time=time,
-        states=states[::FINE],
-        force=force[::FINE],
-        elevator=command,
-        throttle=throttle,
-    )
+    return Motored(time=time, states=states[::FINE], elevator=command)
 
 
-def write(path: Path, flight: Motored, rng: np.random.Generator, wind: float = 0.0):
-    """Writes PX4's topics; wind along x [m/s], nan for an airspeed that is invalid."""
-    x, z, pitch, _, vx, vz, rate = flight.states.T
+def write(path: Path, flight: Motored, rng: np.random.Generator):
+    """Writes PX4's topics."""
+    x, z, pitch = flight.states.T[:3]
     rows = len(flight.time)
-    x = x + np.nan_to_num(wind) * flight.time
     place = np.column_stack([x, np.zeros(rows), z])
     place += rng.normal(size=place.shape) * 0.003
     angle = pitch + rng.normal(size=rows) * 0.001
     turn = NED @ Rotation.from_euler("y", angle[:, None]).as_matrix() @ NED.T
     x, y, z, w = Rotation.from_matrix(turn).as_quat().T
-    body = Rotation.from_euler("y", pitch[:, None])
-    force = np.insert(flight.force, 1, 0.0, axis=1)
-    felt = body.inv().apply(force) @ NED.T + rng.normal(size=(rows, 3)) * 0.1
-    gyro = np.outer(rate, [0.0, 1.0, 0.0]) @ NED.T + rng.normal(size=(rows, 3)) * 0.01
     servos = np.zeros((rows, 8))
     servos[:, 2] = flight.elevator / TRAVEL
-    motors = np.full((rows, 12), np.nan)
-    motors[:, 0] = np.where(flight.throttle > 0.0, flight.throttle, np.nan)
-    airspeed = np.hypot(vx, vz) + 0.0 * wind + rng.normal(size=rows) * 0.2
     topics = {
         ("vehicle_local_position", "float x;float y;float z;"): place @ NED.T,
         ("vehicle_attitude", "float[4] q;"): np.column_stack([w, x, y, z]),
         ("actuator_servos", "float[8] control;"): servos,
-        ("actuator_motors", "float[12] control;"): motors,
-        ("vehicle_angular_velocity", "float[3] xyz;"): gyro,
-        ("vehicle_acceleration", "float[3] xyz;"): felt,
-        ("airspeed_validated", "float true_airspeed_m_s;"): airspeed[:, None],
     }
     stamp = np.round(1e6 * (flight.time + 9)).astype(np.uint64)
     surfaces = {"CA_SV_CS0_TYPE": 1, "CA_SV_CS1_TYPE": 2, "CA_SV_CS2_TYPE": 3}

@@ -12,12 +12,12 @@ import pytest
 import yaml
 
 from glider.__main__ import main
+from glider.campaign.checks.frame import check_signs
 from glider.campaign.importing import campaign_import, readers
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.guess import guess_mapping
 from glider.campaign.importing.selection import ServoLogs
-from glider.campaign.importing.sign_checks import check_signs
 from glider.campaign.importing.track import Track
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
@@ -134,7 +134,6 @@ def files_are_read_once(monkeypatch):
     once = functools.cache(readers.read_recordings)
     for module in (campaign_import, readers):
         monkeypatch.setattr(module, "read_recordings", once)
-    monkeypatch.setattr(campaign_import, "advise", lambda error, *_: error)
 
 
 @pytest.mark.usefixtures("files_are_read_once")
@@ -157,7 +156,7 @@ def test_a_wrong_map_is_refused_or_makes_no_difference(lab, tmp_path):
             same = flight.pose.shape == other.pose.shape
             assert same and np.allclose(flight.pose, other.pose, atol=1e-6), label
             assert np.allclose(flight.elevator, other.elevator, atol=1e-6), label
-    assert tried > 15
+    assert tried > 10
 
 
 @few_formats("motive", "ulog", "c3d")

@@ -153,16 +153,3 @@ def test_exchanged_markers_cost_their_rows(tmp_path, campaign):
         assert list(np.flatnonzero(mask.pose)) == list(range(40, 50))
     whys = {e.why for e in found.excluded}
     assert whys == {"pose: its attitude jumps, as where markers are taken for others"}
-
-
-@pytest.mark.parametrize("unit", [1.0, 1e-3])
-def test_a_counter_that_overflows_in_flight_splits_no_throw(tmp_path, campaign, unit):
-    """Of 16 bits, in milliseconds; or the same in seconds."""
-    logs = tables(campaign)
-    for rows in logs:
-        rows[:, 0] = unit * np.mod(np.round(1e3 * rows[:, 0]) + 2**16 - 400, 2**16)
-    files, path = write(tmp_path, logs)
-    if unit == 1.0:
-        path.write_text(path.read_text() + "units: {time: ms}\n")
-    found = read_flights(files, path)
-    assert [len(f.time) for f in found.campaign.flights] == [len(t) for t in logs]

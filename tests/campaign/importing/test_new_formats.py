@@ -77,37 +77,9 @@ def test_one_wing_tip_alone_is_refused(tmp_path):
         read_flights([], path)
 
 
-def test_rigid_bodies_in_c3d_files_give_back_the_flights(tmp_path, campaign):
-    """The group ROTATION holds 4 x 4 transformations, as other software writes them."""
-    ezc3d = pytest.importorskip("ezc3d")
-    files, flights = [], list(map(resampled, campaign.flights))
-    for k, flight in enumerate(flights):
-        place, turn = foreign.in_axes(flight, np.eye(3), np.eye(3))
-        file = ezc3d.c3d()
-        file["parameters"]["POINT"]["UNITS"]["value"] = ["m"]
-        file["parameters"]["POINT"]["RATE"]["value"] = [RATE]
-        body = np.zeros((4, 4, 1, len(place)))
-        body[:3, :3, 0] = turn.as_matrix().transpose(1, 2, 0)
-        body[:3, 3, 0], body[3, 3] = place.T, 1.0
-        file["data"]["points"] = np.zeros((4, 0, len(place)))
-        file["data"]["rotations"] = body
-        for name, value in (("USED", [1]), ("RATIO", [1]), ("LABELS", ["Glider"])):
-            file.add_parameter("ROTATION", name, value)
-        file.write(str(tmp_path / f"take_{k}.c3d"))
-        files.append(tmp_path / f"take_{k}.c3d")
-    path = tmp_path / "MAP.yaml"
-    path.write_text(
-        "columns: {position: Glider.Position, attitude: Glider.Rotation}\n"
-        "vehicle: {elevator: fixed}\n"
-    )
-    assert_same_motion(read_flights(files, path), flights)
-
-
-def test_a_c3d_file_has_its_units_rates_angles_and_channels(tmp_path):
+def test_a_c3d_file_has_its_units_rates_and_channels(tmp_path):
     rows = np.arange(12.0)[:, None] * [1.0, 2.0, 3.0]
-    file = c3d_of({"G": rows, "GAngles": rows, "": rows, "H": rows}, rate=200.0)
-    file.add_parameter("POINT", "ANGLES", ["GAngles"])
-    file.add_parameter("POINT", "ANGLE_UNITS", ["deg"])
+    file = c3d_of({"G": rows, "K": rows, "": rows, "H": rows}, rate=200.0)
     file["parameters"]["ANALOG"]["RATE"]["value"] = [400.0]
     file["parameters"]["ANALOG"]["LABELS"]["value"] = ["servo"]
     file["data"]["analogs"] = np.linspace(1.0, 2.0, 24)[None, None]
@@ -115,7 +87,6 @@ def test_a_c3d_file_has_its_units_rates_angles_and_channels(tmp_path):
     recording = read_recording(tmp_path / "a.c3d")
     x = values(recording, "G.Position.Z")
     assert x.unit == "mm" and np.allclose(x.values, rows[:, 2])
-    assert values(recording, "GAngles.Rotation.Y").unit == "deg"
     assert "Point_3.Position.X" in recording.names()
     assert np.allclose(np.diff(recording.groups[0].columns["Time"].values), 0.005)
     servo, column = recording.find("ANALOG.servo", "test")
@@ -368,6 +339,3 @@ def test_a_rotation_matrix_row_by_row(tmp_path, campaign, named):
     imported = read_flights(files, path).campaign
     for flight, true in zip(imported.flights, campaign.flights, strict=True):
         assert np.abs(flight.pose[5:25, 2] - true.pose[5:25, 2]).max() < 1e-6
-    path.write_text(text + "frame: {rotation: ZYX}\n")
-    with pytest.raises(InputError, match="'rotation' has no effect on rotation mat"):
-        read_flights(files, path)

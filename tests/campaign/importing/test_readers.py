@@ -50,10 +50,10 @@ def values(table, name):
         ("#,t,x\n7,0,1.5\n8,1,2\n9,2,3\n", "x", None, 1.5),
         ("0:00:00:000 is first\nt,x\n0,1.5\n1,2\n2,3\n", "x", None, 1.5),
         (
-            ",Position,,Speed,\nt,x,z,x,z\ns,m,m,m/s,m/s\n0,1,1,1.5,2\n"
+            ",Position,,Rate,\nt,x,z,x,z\ns,m,m,deg/s,deg/s\n0,1,1,1.5,2\n"
             + 2 * "0,1,1,1,2\n",
-            "Speed.x",
-            "m/s",
+            "Rate.x",
+            "deg/s",
             1.5,
         ),
     ],
@@ -263,14 +263,15 @@ def test_parquet(tmp_path):
         {
             "stamp": arrow.array([0, 8_000, 16_000], arrow.timestamp("us")),
             "pose": [{"x": 1.0, "z": 2.0}] * 3,
-            "q": [[0.0, 0.0, 0.0, 1.0]] * 3,
             "pitch_deg": [1.0, 2.0, None],
         }
     )
     parquet.write_table(table, tmp_path / "log.parquet")
     raw = read_recording(tmp_path / "log.parquet")
-    assert values(raw, "stamp").unit == "us" and values(raw, "stamp").values[1] == 8000
-    assert values(raw, "pose.z").values[0] == 2.0 and values(raw, "q[3]").values[0] == 1
+    stamp = values(raw, "stamp")
+    assert stamp.unit == "s" and stamp.values[1] == pytest.approx(0.008)
+    assert values(raw, "pose.z").values[0] == 2.0
+    assert values(raw, "pitch_deg").unit == "deg"
     assert np.isnan(values(raw, "pitch_deg").values[2])
 
 

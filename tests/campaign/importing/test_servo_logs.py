@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glider.campaign.checks.clocks import calc_correlation
-from glider.campaign.checks.elevators import measure_elevators
+from glider.campaign.checks.servo import calc_correlation, measure_elevators
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.selection import ServoLogs, Stream
 from glider.campaign.importing.servo_logs import align_commands, make_servo

@@ -13,10 +13,10 @@ from glider.campaign.importing.readers.camera_exports import parse_export
 from glider.campaign.importing.recording import Recording
 from glider.errors import InputError
 
-Reader = Callable[[Path], Recording | list[Recording]]
+_Reader = Callable[[Path], Recording | list[Recording]]
 
 _DATAFLASH = "ArduPilot DataFlash"
-_READERS: dict[str, Reader] = {
+_READERS: dict[str, _Reader] = {
     "PX4 ULog": topics.read_ulog,
     _DATAFLASH: dataflash.read,
     "MATLAB .mat": tables.read_mat,

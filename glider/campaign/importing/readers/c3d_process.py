@@ -15,7 +15,7 @@ def main(source: str, target: str) -> None:
     content = ezc3d.c3d(source)
     parameters = {
         f"{group}:{name}": np.ravel(parameter["value"]).tolist()
-        for group in ("POINT", "ROTATION", "ANALOG")
+        for group in ("POINT", "ANALOG")
         for name, parameter in content["parameters"].get(group, {}).items()
         if name != "__METADATA__"
     }
@@ -25,7 +25,6 @@ def main(source: str, target: str) -> None:
         parameters=np.array(json.dumps(parameters)),
         points=data["points"],
         residuals=data["meta_points"]["residuals"],
-        rotations=data["rotations"],
         analogs=data["analogs"],
     )
 

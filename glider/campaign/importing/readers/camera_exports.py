@@ -25,7 +25,7 @@ _QTM_KEY = re.compile(r"[A-Z][A-Z_]+")
 _QTM_ANGLES = ["Roll", "Pitch", "Yaw"]
 _MATRIX = tuple(f"Rot[{k}]" for k in range(9))  # Column by column.
 
-Rows = list[list[str]]
+_Rows = list[list[str]]
 
 
 def parse_export(path: Path, text: str) -> Recording | None:
@@ -84,7 +84,7 @@ def _parse_vicon(path: Path, text: str) -> Recording:
     return Recording(path, sections, up="z")
 
 
-def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:
+def _parse_section(path: Path, rows: _Rows, start: int, end: int) -> Group:
     kind = rows[start][0]
     try:
         rate = float(rows[start + 1][0])

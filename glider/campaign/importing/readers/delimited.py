@@ -41,7 +41,7 @@ _MIN_ROWS = 3
 _DAY_ZERO = datetime.datetime(1970, 1, 1)
 
 Rows = Sequence[Sequence[str]]
-NumberedRows = Sequence[tuple[int, Sequence[str]]]
+_NumberedRows = Sequence[tuple[int, Sequence[str]]]
 """Cells of rows, with their lines in the file."""
 
 
@@ -143,12 +143,12 @@ def _split_words(header: str) -> list[str]:
     return [word for word in re.split(r"[\s,;|]+", joined) if word]
 
 
-def number_rows(rows: Rows, first: int, last: int | None = None) -> NumberedRows:
+def number_rows(rows: Rows, first: int, last: int | None = None) -> _NumberedRows:
     """Some rows of a file that are not blank, with their lines."""
     return [(i, row) for i, row in enumerate(rows[first:last], first + 1) if any(row)]
 
 
-def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Column:
+def make_column(name: str, rows: _NumberedRows, j: int, unit: str | None) -> Column:
     """The j-th cells of rows; times in ISO 8601 become seconds from the first row."""
     cells = [row[j] if j < len(row) else "" for _, row in rows]
     cells = ["" if _BLANK.fullmatch(cell) else cell for cell in cells]

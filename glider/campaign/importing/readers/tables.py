@@ -1,10 +1,12 @@
 """Tables that a library reads: Parquet, MATLAB's .mat, sheets of .xlsx workbooks."""
 
 import contextlib
+import dataclasses
 import itertools
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.io
@@ -18,30 +20,35 @@ _WIDEST = 16  # Columns of a matrix that is looked into.
 
 
 def read_parquet(path: Path) -> Recording:
-    """Reads one table; structs become a.b, a column of short lists name[0], name[1]."""
+    """Reads one table; structs become a.b."""
     parquet = need("pyarrow.parquet", path)
     types = need("pyarrow.types", path)
-    arrow = need("pyarrow", path)
     table = parquet.read_table(path)
     while any(types.is_struct(field.type) for field in table.schema):
         table = table.flatten()
     columns: dict[str, Column] = {}
-    for name, values in zip(table.column_names, table.columns, strict=True):
-        kind = values.type
+    for name in table.column_names:
         bare, unit = delimited.split_unit(name)
-        if types.is_timestamp(kind) or types.is_duration(kind):
-            numbers = values.cast(arrow.int64()).to_numpy().astype(float)
-            columns[name] = Column(numbers, kind.unit)
-        elif types.is_integer(kind) or types.is_floating(kind):
-            columns[bare] = Column(values.to_numpy().astype(float), unit)
-        elif not types.is_nested(kind):
-            columns[bare] = delimited.text_column(name, values.to_pylist())
-        elif types.is_list(kind) or types.is_fixed_size_list(kind):
-            rows = values.to_pylist()
-            if len({len(row) for row in rows if row is not None}) == 1:
-                for i, column in enumerate(np.array(rows, dtype=float).T):
-                    columns[f"{name}[{i}]"] = Column(column)
+        for own, column in to_columns(bare, table[name].to_numpy()).items():
+            columns[own] = dataclasses.replace(column, unit=column.unit or unit)
     return Recording(path, (Group("", columns),))
+
+
+def to_columns(name: str, values: Any) -> dict[str, Column]:
+    """Columns of numbers, times or texts; matrices become name[0], name[1].
+
+    Masked values are missing.
+    """
+    array = np.asarray(values)
+    if isinstance(values, np.ma.MaskedArray):
+        missing = np.datetime64("NaT") if array.dtype.kind in "mM" else np.nan
+        kind = float if array.dtype.kind in "iub" else array.dtype
+        array = np.where(np.ma.getmaskarray(values), missing, array.astype(kind))
+    if array.dtype.kind in "mM":
+        return {name: Column((array - array[:1]) / np.timedelta64(1, "s"), "s")}
+    if array.dtype.kind in "fiub":
+        return {own: Column(part) for own, part in vectors(name, array)}
+    return {name: delimited.text_column(name, array.ravel().tolist())}
 
 
 def read_mat(path: Path) -> list[Recording]:

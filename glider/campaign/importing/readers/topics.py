@@ -33,17 +33,12 @@ _PX4 = {
     "attitude": "vehicle_attitude.q",
     "elevator_angle_command": "actuator_controls_0.control[1] "
     "vehicle_torque_setpoint.xyz[1]",
-    "throttle": "actuator_motors.control[0] actuator_controls_0.control[3] "
-    "vehicle_thrust_setpoint.xyz[0]",
-    "airspeed": "airspeed_validated.true_airspeed_m_s",
-    "angular_velocity": "vehicle_angular_velocity.xyz",
-    "acceleration": "vehicle_acceleration.xyz",
 }
 """Topics by quantity, the first that a log has."""
 _ULOG_UNITS = {"timestamp": "us"}
 _ELEVATOR = 3  # Type of a control surface, in PX4's parameters CA_SV_CS0_TYPE, ...
 
-Decoder = Callable[[bytes], object]
+_Decoder = Callable[[bytes], object]
 
 
 def read_ulog(path: Path) -> Recording:
@@ -102,7 +97,7 @@ def read_mcap(path: Path) -> Recording:
     """Reads messages in JSON, protobuf, or those of ROS 1 and 2."""
     reader = need("mcap.reader", path)
     topics = _Topics()
-    decoders: dict[int, Decoder | None] = {}
+    decoders: dict[int, _Decoder | None] = {}
     with path.open("rb") as stream:
         for schema, channel, message in reader.make_reader(stream).iter_messages():
             if channel.id not in decoders:
@@ -118,7 +113,7 @@ def read_mcap(path: Path) -> Recording:
     return topics.recording(path)
 
 
-def _make_decoder(schema: Any, channel: Any, path: Path) -> Decoder | None:
+def _make_decoder(schema: Any, channel: Any, path: Path) -> _Decoder | None:
     """What makes an object of a channel's messages; None if nothing does."""
     encoding = channel.message_encoding
     if encoding == "json":

@@ -1,0 +1,75 @@
+"""Do rows and commands come at the rates that the campaign has?
+
+A clock that runs 5 % slow makes gravity and every force 10 % less: other effects
+explain that well. Only the rates of rows (the cameras') and commands show it.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.campaign.logs import Campaign
+from glider.errors import InputError
+
+SCALE = "Scale:"
+"""How warnings begin that make findings doubtful."""
+
+_OFF = 0.02
+"""Share by which a rate may be off: times are rounded, commands show a row later."""
+_FEWEST = 30  # Intervals that a rate is taken from, at least.
+_MOST_TICKS = 3  # Ticks in an interval: beyond, a rate that is off has lost count.
+
+
+def check_rates(campaign: Campaign) -> tuple[str, ...]:
+    """Warns where rows do not come at the campaign's pose_rate.
+
+    Refuses commands that are off by the same share: the clock of the log is wrong.
+    """
+    times = [flight.time for flight in campaign.flights]
+    rows = _calc_pace(times, campaign.pose_rate)
+    if abs(rows - 1.0) < _OFF:
+        return ()
+    words = (
+        f"rows come at {campaign.pose_rate / rows:.4g} Hz where field 'pose_rate' "
+        f"says {campaign.pose_rate:.4g}"
+    )
+    rate = campaign.command_rate
+    if rate is not None and campaign.elevator == "servo":
+        begins = []
+        for flight in campaign.flights:
+            is_new = np.diff(np.asarray(flight.command)) != 0.0
+            begins.append(flight.time[1:][is_new])
+        commands = _calc_pace(begins, rate)
+        if abs(commands - rows) < _OFF:
+            raise InputError(
+                f"{campaign.path}: {words}, and commands at {rate / commands:.4g} Hz "
+                f"where field 'command_rate' says {rate:.4g}; expected column 'time' "
+                f"in seconds (it runs {rows:.3g} times too fast), or the true rates."
+            )
+    return (f"The {words}: is the clock of 'time' right?",)
+
+
+def _calc_pace(clocks: Sequence[np.ndarray], rate: float) -> float:
+    """How much longer ticks last than at a rate [Hz]; 1 where few are seen."""
+    steps = np.concatenate([np.diff(clock) for clock in clocks]) * rate
+    ticks = np.round(steps)
+    is_counted = (ticks >= 1) & (ticks <= _MOST_TICKS)
+    if np.sum(is_counted) < max(_FEWEST, 0.8 * len(steps)):
+        return 1.0
+    return float(np.sum(steps[is_counted]) / np.sum(ticks[is_counted]))
+
+
+def claim_scale(
+    campaign: Campaign,
+    ratio: float,
+    least: float,
+    parts: tuple[float, float],
+    words: str,
+) -> tuple[str, ...]:
+    """Warns of a ratio that is off by one of two parts, and refuses the other."""
+    if abs(math.log(ratio)) < least or abs(ratio - 1.0) < parts[0]:
+        return ()
+    if abs(ratio - 1.0) > parts[1]:
+        raise InputError(f"{campaign.path}: {words}.")
+    return (f"{SCALE} {words}.",)
