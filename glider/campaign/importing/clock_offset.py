@@ -39,6 +39,9 @@ _ITERATIONS = 10  # Of Gauss-Newton in all offsets.
 _COARSE = 0.015  # Standard error of one flight alone, where none is known [s].
 _FORM = 0.004  # Error by the form of the effect, see bench_clock [s].
 _ROUNDS = 3  # Of pooling the effect of all recordings, and searching each again.
+_LINES = 2  # Through the offsets of flights, each from the line before.
+_FEWEST_FLIGHTS = 4  # That show whether a clock gains.
+_FEWEST_ROWS = 20  # Of a flight that shows an offset of its own.
 _ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
 _OFF = 3.0  # Standard errors above which a clock that is specified is in doubt.
 
@@ -52,6 +55,13 @@ class _Offset(NamedTuple):
     correlation: float
     elsewhere: float  #: Best correlation more than `_NEAR` away.
     std: float = _COARSE  #: Standard error [s].
+    rate: float = 0.0  #: Seconds by which it gains in one of the poses.
+    middle: float = 0.0  #: Time of the poses at which it is ahead by `seconds` [s].
+
+    def on_poses(self, time: np.ndarray) -> np.ndarray:
+        """Times (n,) of the other clock on that of the poses."""
+        since = time - self.seconds - self.middle
+        return self.middle + since / (1.0 + self.rate)
 
     def is_sure(self, only: float = _ONLY) -> bool:
         """Whether the signals follow one another, and only at this offset."""
@@ -105,8 +115,10 @@ def join_clocks(
         ahead = float(clock)
         std, warnings = _check_clock(pairs, ahead, mapping.source)
         note = f"clock: shifted by {ahead:g} s, as specified"
-        shifted = [_Clocked(_shift(track, ahead), [note], std) for track in tracks]
+        offset = _Offset(ahead, 0.0, 0.0)
+        shifted = [_Clocked(_shift(track, offset), [note], std) for track in tracks]
         return shifted, warnings
+    warnings: tuple[str, ...] = ()
     for place, offset in zip(flying, _find_offsets(pairs), strict=True):
         track = tracks[place]
         std = offset.std
@@ -115,11 +127,18 @@ def join_clocks(
             f"that of the poses (correlation {offset.correlation:.2f}); it was shifted "
             "back"
         )
+        if offset.rate:
+            lasted = float(np.ptp(track.time))
+            warnings += (
+                f"The servo's clock gains {1e6 * offset.rate:.0f} µs in a second on that "
+                f"of the poses, {1e3 * offset.rate * lasted:.0f} ms over the session: "
+                "that was taken out.",
+            )
         if track.servo.elevator is None or _is_measured(track):
             note += ", and a delay of the servo, if any, with it"
             std = _ABSORBED
-        result[place] = _Clocked(_shift(track, offset.seconds), [note], std)
-    return result, ()
+        result[place] = _Clocked(_shift(track, offset), [note], std)
+    return result, warnings
 
 
 def _check_clock(
@@ -166,9 +185,11 @@ def _is_measured(track: Track) -> bool:
     return elevator is not None and elevator.clock == track.clock
 
 
-def _shift(track: Track, seconds: float) -> Track:
+def _shift(track: Track, offset: _Offset) -> Track:
     """Shifts the servo's logs of another clock onto the clock of the poses."""
-    moved = [log and log._replace(time=log.time - seconds) for log in track.servo]
+    moved = [
+        log and log._replace(time=offset.on_poses(log.time)) for log in track.servo
+    ]
     if _is_measured(track):
         moved[0] = track.servo.elevator
     return dataclasses.replace(track, servo=ServoLogs(*moved))
@@ -218,10 +239,14 @@ def _find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[_
     offsets = np.arange(first, last + _STEP, _STEP)
     common = _search(offsets, _follow_pitch(turnings))
     several = len(recordings) > 1
-    if common.is_sure(_ONLY_COMMON if several else _ONLY):
-        return _refine(turnings, [common] * len(recordings), common=True)
     if not several:
-        raise common.refusal(turnings[0].track)
+        (refined,) = _refine(turnings, [common])
+        offset = _find_rate(*recordings[0], refined)
+        if not offset.is_sure():
+            raise offset.refusal(turnings[0].track)
+        return [offset]
+    if common.is_sure(_ONLY_COMMON):
+        return _refine(turnings, [common] * len(recordings), common=True)
     # A short flight alone is followed well at several offsets, by another effect each:
     # the effect is common to all.
     found = [_search(t.offsets, _follow_pitch([t])) for t in turnings]
@@ -234,6 +259,46 @@ def _find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[_
         if not offset.is_sure():
             raise offset.refusal(turning.track)
     return _refine(turnings, found)
+
+
+def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offset:
+    """An offset with the rate of its clock, where a session's flights show one.
+
+    Each flight has an offset of its own, with the elevator's effect common to all; of a
+    clock that runs fast they are on a line.
+    """
+    turnings = [_turning_of(track, [flight]) for flight in flights]
+    turnings = [t for t in turnings if len(t.time) >= _FEWEST_ROWS]
+    if len(turnings) < _FEWEST_FLIGHTS:
+        return common
+    middles = np.array([np.mean(t.time) for t in turnings])
+    since = middles - np.mean(middles)
+    design = np.column_stack([np.ones(len(turnings)), since])
+    own = [common] * len(turnings)
+    for _ in range(_LINES):
+        own = _refine(turnings, own)
+        seconds = np.array([offset.seconds for offset in own])
+        weights = 1.0 / np.array([offset.std for offset in own])
+        weighted = design * weights[:, None]
+        line, *_ = np.linalg.lstsq(weighted, seconds * weights, rcond=None)
+        own = [common._replace(seconds=float(value)) for value in design @ line]
+    ahead, rate = line.tolist()
+    left = weights * (seconds - design @ line)
+    spread = max(float(left @ left) / (len(left) - 2), 1.0)
+    covariance = spread * np.linalg.inv(weighted.T @ weighted)
+    if abs(rate) < _OFF * math.sqrt(covariance[1, 1]):
+        return common
+    drifting = common._replace(
+        seconds=ahead,
+        std=math.hypot(math.sqrt(covariance[0, 0]), _FORM),
+        rate=rate,
+        middle=float(np.mean(middles)),
+    )
+    shifted = _turning_of(_shift(track, drifting), flights)
+    correlation = _follow_pitch([shifted])(0.0)
+    if correlation <= common.correlation:
+        return common
+    return drifting._replace(correlation=correlation)
 
 
 def _refine(
