@@ -128,11 +128,11 @@ def join_clocks(
             "back"
         )
         if offset.rate:
-            lasted = float(np.ptp(track.time))
+            gained = 1e3 * offset.rate * float(np.ptp(track.time))
             warnings += (
-                f"The servo's clock gains {1e6 * offset.rate:.0f} µs in a second on that "
-                f"of the poses, {1e3 * offset.rate * lasted:.0f} ms over the session: "
-                "that was taken out.",
+                f"The servo's clock gains {1e6 * offset.rate:.0f} µs in a second on "
+                f"that of the poses, {gained:.0f} ms over the session: that was taken "
+                "out.",
             )
         if track.servo.elevator is None or _is_measured(track):
             note += ", and a delay of the servo, if any, with it"
