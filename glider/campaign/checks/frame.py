@@ -139,6 +139,19 @@ def check_tail(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
     return ()
 
 
+def calc_misfit(campaign: Campaign) -> float:
+    """Misfit of forces [m/s²], times the share of moments that is left if a servo."""
+    motions = forces.measure_motions(campaign.flights, {})
+    motion = motions.joined
+    down = np.array([0.0, -campaign.gravity])
+    misfit = forces.fit_forces(motion, down, signs=(1,)).misfit
+    if campaign.elevator != "servo":
+        return misfit
+    turning = float(np.sqrt(np.mean(motion.acceleration[:, 2] ** 2)))
+    left = forces.fit_elevator(campaign, motions).misfit
+    return misfit * left / max(turning, 1e-12)
+
+
 def _check_columns(campaign: Campaign, motions: Motions) -> None:
     """Refuses a column that never moves, or a pitch in degrees."""
     travels = [np.ptp(flight.pose, axis=0) for flight in campaign.flights]

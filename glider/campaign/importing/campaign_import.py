@@ -11,6 +11,7 @@ import numpy as np
 
 from glider.campaign.checks.frame import MIN_FLIGHTS, check_signs
 from glider.campaign.flight_table import Table, with_flights
+from glider.campaign.importing.advice import ORDERS, advise
 from glider.campaign.importing.clock_offset import join_clocks
 from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.frame_posterior import rank_rotations
@@ -25,7 +26,6 @@ from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect, printable
 from glider.progress import Progress, announced, silent
 
-_ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 _CLEARLY = 14.0  # Log odds above which an order is refused: a million to one.
 _DOUBT = 3.0  # The same for a warning: twenty to one.
 _REASONS = 3  # Number of reasons listed where recordings have no flight.
@@ -184,8 +184,23 @@ def read_flights(
     recordings = read_logs(as_files(files), claim, progress)
     progress("cutting the flights out, checking their axes and signs")
     settings = dataclasses.replace(settings, path=Path(mapping))
+
+    def run(some: Sequence[Recording], claim: Mapping) -> tuple[Campaign, list[str]]:
+        result = _import(some, claim, settings)
+        return result.campaign, result.warnings
+
+    try:
+        return _import(recordings, claim, settings)
+    except InputError as error:
+        raise advise(error, recordings, claim, run) from None
+
+
+def _import(
+    recordings: Sequence[Recording], claim: Mapping, settings: Campaign
+) -> ImportResult:
+    """The campaign that recordings make by a mapping, checked."""
     cuts = cut_recordings(recordings, claim, settings)
-    _check_flights(cuts, str(mapping))
+    _check_flights(cuts, str(settings.path))
     campaign = campaign_of_cuts(settings, cuts)
     undecided = list(dict.fromkeys(words for cut in cuts for words in cut.warnings))
     undecided += check_signs(campaign)
@@ -329,7 +344,7 @@ def _check_rotation(
     spans = [[f.span for f in c.flights] for c in cuts]
     if own is None or len(own) != 3 or sum(map(len, spans)) < MIN_FLIGHTS:
         return ()
-    frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *_ORDERS)}
+    frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *ORDERS)}
     claims = {o: dataclasses.replace(claim, frame=f) for o, f in frames.items()}
     parts = [p for r in recordings for p in split_flights(r, claim.columns)]
     flown = [pair for pair in zip(parts, spans, strict=True) if pair[1]]
