@@ -5,6 +5,7 @@ frame of `glider.physics.state`; `reader` reads it, `writer` writes it.
 """
 
 import dataclasses
+import functools
 import importlib
 import math
 from collections.abc import Sequence
@@ -85,7 +86,7 @@ class Campaign:
     elevator: str  #: "servo", "fixed" (one unknown angle) or "fixed_per_flight".
     elevator_limits: tuple[float, float] | None  #: Trailing edge down, up [rad].
     elevator_rate_limit: float | None  #: [rad/s]
-    pose_rate: float  #: [Hz]; 1 / the median step of all flights if not given.
+    pose_rate: float | None  #: Of the cameras [Hz]; None: not specified.
     command_rate: float | None  #: [Hz]; None: commands change at rows.
     flights: tuple[Flight, ...]  #: Sorted by name.
     servo: ServoLog = ServoLog()
@@ -137,6 +138,14 @@ class Campaign:
                 there, otherwise a time that starts again.
         """
         return _in_memory().from_frame(frame, vehicle, flight, name, settings)
+
+    @functools.cached_property
+    def row_rate(self) -> float:
+        """Rate of rows [Hz]: the cameras', or that of the usual step of the flights."""
+        if self.pose_rate is not None:
+            return self.pose_rate
+        steps = np.concatenate([np.diff(flight.time) for flight in self.flights])
+        return 1.0 / float(np.median(steps))
 
     @property
     def switch_rate(self) -> float | None:

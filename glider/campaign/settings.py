@@ -298,7 +298,7 @@ class Settings:
             object.__setattr__(self, "frame", Frame(axes=self.frame))
 
     def campaign(self, folder: Path) -> Campaign:
-        """Campaign without flights; its pose_rate is nan where it is not given."""
+        """Campaign without flights."""
         known = given(self.vehicle)
         limits = self.vehicle.elevator_limits
         return Campaign(
@@ -308,7 +308,7 @@ class Settings:
             elevator=self.vehicle.elevator,
             elevator_limits=(limits[0], limits[1]) if limits else None,
             elevator_rate_limit=self.vehicle.elevator_rate_limit,
-            pose_rate=math.nan if self.pose_rate is None else self.pose_rate,
+            pose_rate=self.pose_rate,
             command_rate=self.command_rate,
             flights=(),
             servo=self.servo,

@@ -121,6 +121,8 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
 
     Refuses commands that are off by the same share: the clock of the log is wrong.
     """
+    if campaign.pose_rate is None:
+        return ()
     rows = _pace([flight.time for flight in campaign.flights], campaign.pose_rate)
     if abs(rows - 1.0) < _OFF:
         return ()

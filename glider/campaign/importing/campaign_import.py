@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.masks import find_repeats
+from glider.campaign.checks.stamps import EvenTimes, find_even_times
 from glider.campaign.flight_table import Table, with_flights
 from glider.campaign.importing.advice import ORDERS, Made, advise
 from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
@@ -18,6 +20,7 @@ from glider.campaign.importing.frame_posterior import rank_rotations
 from glider.campaign.importing.onboard_checks import check_sensors, read_sensors
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
+from glider.campaign.importing.selection import ServoLogs
 from glider.campaign.importing.servo_logs import Servo, align_commands, make_servo
 from glider.campaign.importing.sign_checks import MIN_FLIGHTS, check_signs
 from glider.campaign.importing.splitting import split_flights
@@ -253,8 +256,40 @@ def cut_recordings(
     """Finds the flights in recordings."""
     parts = (split_flights(r, mapping.columns) for r in recordings)
     tracks = [make_track(r, mapping) for r in itertools.chain.from_iterable(parts)]
+    tracks, warnings = _with_even_times(tracks, settings.pose_rate)
     found = [cut(track, settings.gravity) for track in tracks]
-    return _extract(tracks, found, mapping, settings)
+    recordings = _extract(tracks, found, mapping, settings)
+    return tuple(r._replace(warnings=r.warnings + warnings) for r in recordings)
+
+
+def _with_even_times(
+    tracks: Sequence[Track], rate: float | None
+) -> tuple[list[Track], tuple[str, ...]]:
+    """Restores even steps of recordings whose stamps jitter, and warns of them."""
+    logs = []
+    for track in tracks:
+        fresh = ~find_repeats(track.position, 2)
+        logs.append((track.time[fresh], track.position[fresh]))
+    found, words = find_even_times(logs, rate)
+    restored = [
+        track if even is None else _at_even_times(track, stamps, even)
+        for track, even, (stamps, _) in zip(tracks, found, logs, strict=True)
+    ]
+    return restored, (words,) if words else ()
+
+
+def _at_even_times(track: Track, stamps: np.ndarray, even: EvenTimes) -> Track:
+    """A recording at even times, and the servo's logs that have the same stamps."""
+    servo = track.servo._asdict()
+    for name, log in servo.items():
+        if log is not None and np.mean(np.isin(log.time, track.time)) > 0.5:
+            servo[name] = log._replace(time=even.at(stamps, log.time))
+    return dataclasses.replace(
+        track,
+        time=even.at(stamps, track.time),
+        servo=ServoLogs(**servo),
+        jitter=even.jitter,
+    )
 
 
 def campaign_of_cuts(
@@ -302,6 +337,8 @@ def _extract(
                     of = "command_std" if is_measured(track) else "clock_std"
                     both: Any = {of: math.hypot(std, getattr(servo.log, of))}
                     log = dataclasses.replace(servo.log, **both)
+                    error = math.hypot(log.clock_std, track.jitter)
+                    log = dataclasses.replace(log, clock_std=error)
                 note = f"servo: {servo.note}"
                 notes += [note] if servo.note and note not in notes else []
             readings = read_sensors(flight, settings.gravity)

@@ -39,6 +39,7 @@ class Track:
     servo: ServoLogs  #: Positive trailing edge up.
     onboard: Onboard = Onboard()  #: Vectors along nose, left and top.
     notes: tuple[str, ...] = ()  #: On rows that were dropped.
+    jitter: float = 0.0  #: Of the stamps about the even steps that were restored [s].
 
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:
