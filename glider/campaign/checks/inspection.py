@@ -22,7 +22,7 @@ from glider.campaign.checks.masks import (
     name_rows,
 )
 from glider.campaign.checks.planarity import find_rolled
-from glider.campaign.checks.rows import find_faults, find_hand
+from glider.campaign.checks.rows import find_faults, find_filled, find_hand
 from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.checks.travel import check_travel
 from glider.campaign.logs import Campaign, Flight
@@ -87,6 +87,7 @@ def _with_even_times(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     logs = []
     for flight in campaign.flights:
         seen = np.isfinite(flight.pose).all(axis=1) & ~find_repeats(flight.pose, 2)
+        seen[seen] = ~find_filled(flight.time[seen], flight.pose[seen, :2])
         logs.append((flight.time[seen], flight.pose[seen, :2]))
     found, words = find_even_times(logs, campaign.pose_rate)
     flights = [*campaign.flights]

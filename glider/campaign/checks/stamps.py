@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, minimum_filter1d
 
 from glider.campaign.checks.motion import robust_std
 from glider.campaign.checks.smoothness import fourth_differences
@@ -19,13 +19,16 @@ _LEAST_GAIN = 10.0
 """Log-likelihood by which even steps must explain the position better than the stamps
 do [nats], odds of 22,000 to one: tests/campaign/checks/test_stamps.py holds what the
 flights of the samples show."""
+_LEAST_JITTER = 2e-5  # At 10 m/s 0.2 mm, less than cameras' noise [s].
 _LEAST_RATIO = 1e-3  # Of two noises: that of the stamps may be zero.
 _STENCIL = 5  # Rows of a fourth difference.
 _SURELY = 6.0  # Standard deviations above which a fourth difference is none of noise.
 _EXPLAINED = 0.1
 """Share of the squares of fourth differences that lost frames must leave at most."""
 _LEAST_MOVE = 1e-9  # Fourth difference that is none of rounding [m].
-_MOST_LOST = 20  # Frames lost at one place, at most.
+_MOST_LOST = 5  # Frames lost at one place, which the motion counts.
+_GAP = 4.0  # Steps of a gap that parts a log in two, each on a clock of its own.
+_DELAYED = 13  # Rows within which a delay has passed.
 _MOST_PLACES = 60  # Places that are examined.
 _SAME_RATE = 0.02  # Share by which a rate of frames may be off, as in `check_rates`.
 _FEWEST = 20  # Rows from which a rate of frames is taken, at least.
@@ -84,34 +87,52 @@ def find_even_times(
 def _even_times_of(
     time: np.ndarray, position: np.ndarray, rate: float | None
 ) -> EvenTimes | None:
+    if len(time) < _FEWEST:
+        return None
     position = position[:, np.ptp(position, axis=0) > 0.0]
-    if len(time) < _FEWEST or not position.size:
+    if not position.size:
         return None
-    ticks = np.arange(len(time)) + _find_lost(position)
-    step = _find_step(time, ticks)
-    jitter = robust_std(np.diff(time - step * ticks)) / math.sqrt(2.0)
-    if rate is not None and abs(step * rate - 1.0) < max(
-        _SAME_RATE, _SURELY * jitter / float(np.ptp(time))
-    ):
-        step = 1.0 / rate
-    late = time - step * ticks
-    third = min(len(time), _LONG) // 3
-    later = np.median(late[-third:]) - np.median(late[:third])
-    spread = jitter * math.sqrt(np.pi / third)  # Of the difference of two medians.
-    if len(time) <= _LONG and abs(later) > 0.5 * step + _SURELY * spread:
-        return None  # Frames were lost where the motion does not show it.
-    if len(time) > _LONG:
-        even = step * ticks + median_filter(late, _LONG, mode="nearest")
-    else:
-        even = step * ticks + np.mean(late)
-    stamped = _noise(time, position)
-    restored = _noise(even, position)
-    is_noisy = restored > 0.0  # Without noise nothing is likelier.
-    ratio = stamped[is_noisy] / restored[is_noisy]
-    gain = len(time) * float(np.sum(np.log(np.maximum(ratio, _LEAST_RATIO))))
-    if gain < _LEAST_GAIN:
+    runs = [rows for rows in _split_at_gaps(time) if len(rows) >= _FEWEST]
+    ticks = [np.arange(len(rows)) + _find_lost(position[rows]) for rows in runs]
+    even = time.copy()
+    gain = 0.0
+    rates = []
+    for rows, own in zip(runs, ticks, strict=True):
+        stamps = time[rows]
+        step = _find_step(stamps, own)
+        jitter = robust_std(np.diff(stamps - step * own)) / math.sqrt(2.0)
+        off = max(_SAME_RATE, _SURELY * jitter / float(np.ptp(stamps)))
+        if rate is not None and abs(step * rate - 1.0) < off:
+            step = 1.0 / rate
+        rates.append(1.0 / step)
+        late = stamps - step * own
+        third = min(len(rows), _LONG) // 3
+        later = np.median(late[-third:]) - np.median(late[:third])
+        spread = jitter * math.sqrt(np.pi / third)  # Of the difference of two medians.
+        if len(rows) > _LONG:
+            even[rows] = step * own + median_filter(late, _LONG, mode="nearest")
+        elif abs(later) < 0.5 * step + _SURELY * spread:
+            even[rows] = step * own + np.mean(late)
+        else:  # Frames were lost where the motion does not show it.
+            continue
+        stamped = _noise(stamps, position[rows])
+        restored = _noise(even[rows], position[rows])
+        is_noisy = restored > 0.0  # Without noise nothing is likelier.
+        ratio = np.maximum(stamped[is_noisy] / restored[is_noisy], _LEAST_RATIO)
+        gain += len(rows) * float(np.sum(np.log(ratio)))
+    jitter = float(np.std(time - even))
+    if gain < _LEAST_GAIN or jitter < _LEAST_JITTER:
         return None
-    return EvenTimes(even, 1.0 / step, float(np.std(time - even)))
+    return EvenTimes(even, float(np.median(rates)), jitter)
+
+
+def _split_at_gaps(time: np.ndarray) -> list[np.ndarray]:
+    """Rows between gaps: delays pass within a few rows, and lost frames stay lost."""
+    rows = np.arange(len(time))
+    late = time / np.median(np.diff(time)) - rows
+    lasting = minimum_filter1d(late, _DELAYED, mode="nearest", origin=-(_DELAYED // 2))
+    gaps = np.flatnonzero(np.diff(lasting) > _GAP) + 1
+    return np.split(rows, gaps)
 
 
 def _find_step(time: np.ndarray, ticks: np.ndarray) -> float:

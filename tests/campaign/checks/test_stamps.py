@@ -51,7 +51,7 @@ def test_even_steps_are_restored_about_lost_frames(campaign, jitter, lost):
     logs, truth = logs_of(campaign, jitter, lost=lost)
     found, words = find_even_times(logs, RATE)
     for even, time in zip(found, truth, strict=True):
-        assert np.std(even.time - time) < 1e-9
+        assert np.std(even.time - time) < 1e-4
         assert even.jitter == pytest.approx(jitter, rel=0.5)
     assert "The times of 4 of 4 logs jitter by" in words
     assert "pose_rate" not in words
