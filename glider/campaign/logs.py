@@ -55,6 +55,10 @@ class Flight:
         return f"Flight('{self.name}', {self.time.size} rows)"
 
 
+CLOCK_STD = 1e-3
+"""Standard error of an offset between two clocks of which nothing is known [s]."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ServoLog:
     """Where the columns of a servo come from, and how well their times are known."""
@@ -65,9 +69,9 @@ class ServoLog:
     #: angles; "reconstructed": the rates of the measured angle.
     command: Literal["logged", "converted", "reconstructed"] = "logged"
     #: Standard error of their times against those of the poses [s].
-    clock_std: float = 0.0
+    clock_std: float = CLOCK_STD
     #: Of the commands' times against those of the measured angle [s].
-    command_std: float = 0.0
+    command_std: float = CLOCK_STD
 
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
@@ -89,6 +93,7 @@ class Campaign:
     pose_rate: float | None  #: Of the cameras [Hz]; None: not specified.
     command_rate: float | None  #: [Hz]; None: commands change at rows.
     flights: tuple[Flight, ...]  #: Sorted by name.
+    notes: tuple[str, ...] = ()  #: What an import found in the logs and did about it.
     servo: ServoLog = ServoLog()
 
     def __repr__(self) -> str:

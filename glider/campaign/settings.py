@@ -14,7 +14,7 @@ import numpy as np
 
 from glider.campaign.importing.recording import Unit, scale_of
 from glider.campaign.logs import Campaign, ServoLog
-from glider.errors import InputError, expect, show
+from glider.errors import InputError, expect, printable, show
 from glider.files import schema
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters, check_units
 
@@ -268,6 +268,7 @@ class Settings:
     pose_rate: float | None = None
     command_rate: float | None = None
     servo: ServoLog = ServoLog()
+    notes: list[str] | None = None
     columns: Columns | None = None
     units: Units | None = None
     frame: Frame | str | None = None
@@ -311,6 +312,7 @@ class Settings:
             pose_rate=self.pose_rate,
             command_rate=self.command_rate,
             flights=(),
+            notes=tuple(map(printable, self.notes or ())),
             servo=self.servo,
         )
 

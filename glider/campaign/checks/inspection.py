@@ -78,7 +78,7 @@ def inspect(campaign: Campaign) -> Inspection:
         campaign=kept.campaign,
         masks={name: kept.masks[name] for name in names},
         excluded=tuple(sorted(kept.excluded, key=lambda rows: rows.file)),
-        warnings=warnings + of_stamps + off_rates + faults.warnings,
+        warnings=campaign.notes + warnings + of_stamps + off_rates + faults.warnings,
     )
 
 

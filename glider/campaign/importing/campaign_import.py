@@ -230,7 +230,8 @@ def _prepare(
         sensors = check_sensors(readings, str(settings.path))
         undecided = *warnings, *sensors, *check_signs(campaign)
         undecided += _check_rotation(recordings, cuts, claim)
-        return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
+        noted = dataclasses.replace(campaign, notes=tuple(undecided))
+        return ImportResult(campaign=noted, recordings=cuts, undecided=undecided)
 
     return campaign, check
 
