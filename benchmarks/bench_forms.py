@@ -6,7 +6,8 @@
 Campaigns of one to four effects, none in the library's formula
 (`tests.helpers.other_forms`), 12 to 40 flights; odd seeds fly in turbulence, and in a
 third of them trims, pitch zeros and winds differ from flight to flight. The truth is
-the library's own chain with hooks in its links. Of a nulls' campaign nothing is wrong.
+the library's own chain with hooks in its links. Of a nulls' campaign nothing is wrong
+with the glider; every other pair of them has a fault of the measuring chain.
 
 A line a campaign: found of true families; wrong names; held-out position error of the
 corrected model, and of a perfect one, whose launches are fitted the same way. `!` marks
@@ -30,7 +31,7 @@ from typing import Any
 import joblib
 import numpy as np
 
-from glider.campaign.logs import Campaign, campaign_of
+from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.parameters import GliderParameters
@@ -272,10 +273,67 @@ def link_of(kind: str) -> str:
     return by_term.get(effect.adds_to[0], "wing_force")
 
 
+def jitter(flight: Flight, rng: np.random.Generator, _: float) -> Flight:
+    """Stamps poses on receipt, each with another delay."""
+    late = rng.exponential(rng.uniform(0.5e-3, 3e-3), flight.time.size)
+    return dataclasses.replace(flight, time=np.sort(flight.time + late))
+
+
+def repeat(flight: Flight, rng: np.random.Generator, _: float) -> Flight:
+    """Sends every tenth pose again."""
+    pose = flight.pose.copy()
+    for row in np.sort(rng.choice(np.arange(1, len(pose)), len(pose) // 10)):
+        pose[row] = pose[row - 1]
+    return dataclasses.replace(flight, pose=pose)
+
+
+def drift(flight: Flight, _: np.random.Generator, when: float) -> Flight:
+    """Shifts the servo's clock by up to 3 ms, from the first flight to the last."""
+    late = flight.time + 6e-3 * (when - 0.5)
+    elevator = np.interp(flight.time, late, flight.elevator)
+    rows = np.clip(np.searchsorted(late, flight.time, side="right") - 1, 0, None)
+    return dataclasses.replace(
+        flight, elevator=elevator, command=np.asarray(flight.command)[rows]
+    )
+
+
+def lose(flight: Flight, rng: np.random.Generator, _: float) -> Flight:
+    """Leaves one command in fifty out of the log."""
+    command = np.array(flight.command)
+    ticks = np.flatnonzero(np.diff(command)) + 1
+    for first, last in zip(ticks, [*ticks[1:], len(command)], strict=True):
+        if rng.random() < 0.02:
+            command[first:last] = command[first - 1]
+    return dataclasses.replace(flight, command=command)
+
+
+def quantize(flight: Flight, _: np.random.Generator, __: float) -> Flight:
+    """Logs commands in steps of 0.2 rad/s."""
+    return dataclasses.replace(flight, command=np.round(flight.command / 0.2) * 0.2)
+
+
+CHAIN_FAULTS = (jitter, repeat, drift, lose, quantize)
+"""Faults of the measuring chain, which say nothing of the glider."""
+
+
+def spoil(campaign: Campaign, seed: int) -> tuple[Campaign, str]:
+    """A campaign with the fault of the measuring chain that its seed has."""
+    fault = CHAIN_FAULTS[(seed // 4) % len(CHAIN_FAULTS)]
+    rng = np.random.default_rng([seed, 60])
+    whens = np.linspace(0.0, 1.0, len(campaign.flights))
+    pairs = zip(campaign.flights, whens, strict=True)
+    flights = tuple(fault(flight, rng, float(when)) for flight, when in pairs)
+    return dataclasses.replace(campaign, flights=flights), fault.__name__
+
+
 def run(seed: int, family: str | None, count: int | None, null: bool) -> Line:
     """Draws a campaign, closes the loop on it and judges the answer."""
     campaign, truth = draw(seed, family, count, null)
+    fault = ""
+    if null and seed % 4 < 2:
+        campaign, fault = spoil(campaign, seed)
     line: Line = {
+        "fault": fault,
         "seed": seed,
         "null": null,
         "flights": len(campaign.flights),
@@ -323,7 +381,8 @@ def show(line: Line) -> None:
         f"{sum(line['found'])}/{len(line['found'])} {len(line['wrong']):2d} "
         f"{1e3 * line['error']:7.1f} {1e3 * line['perfect']:7.1f} {line['ratio']:6.1f}"
         f"{'!' if claims_too_much(line) else ' '} {line['seconds']:6.1f}  "
-        f"{' + '.join(true) or 'nothing'}  ->  {', '.join(kinds) or 'nothing'}",
+        f"{' + '.join(true) or line.get('fault') or 'nothing'}  ->  "
+        f"{', '.join(kinds) or 'nothing'}",
         flush=True,
     )
 

@@ -119,7 +119,7 @@ def to_float(cell: Any) -> float:
 
 
 def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
-    """Adds the flights of tables to a campaign; finds its pose rate if not given."""
+    """Adds the flights of tables to a campaign."""
     for table in tables[1:]:
         unshared = tables[0].columns.keys() ^ table.columns.keys()
         for name in sorted(unshared - {*logs.OPTIONAL}):
@@ -133,10 +133,8 @@ def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
                 "expected the same columns in all flights of a campaign."
             )
     flights = tuple(_make_flight(table, campaign) for table in tables)
-    rate = campaign.pose_rate
-    if math.isnan(rate):
-        steps = np.concatenate([np.diff(flight.time) for flight in flights])
-        rate = float(1 / np.median(steps))
+    campaign = dataclasses.replace(campaign, flights=flights)
+    rate = campaign.row_rate
     for table, flight in zip(tables, flights, strict=True):
         step = np.median(np.diff(flight.time))
         if step >= _MAX_STEP or not 1 / 3 < step * rate < 3:
@@ -147,7 +145,7 @@ def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
                 f"expected seconds, about {1 / rate:.4g} for a pose_rate of "
                 f"{rate:.4g} Hz."
             )
-    return dataclasses.replace(campaign, pose_rate=rate, flights=flights)
+    return campaign
 
 
 def _make_flight(table: Table, campaign: Campaign) -> Flight:

@@ -5,6 +5,7 @@ frame of `glider.physics.state`; `reader` reads it, `writer` writes it.
 """
 
 import dataclasses
+import functools
 import importlib
 import math
 from collections.abc import Sequence
@@ -54,6 +55,10 @@ class Flight:
         return f"Flight('{self.name}', {self.time.size} rows)"
 
 
+CLOCK_STD = 1e-3
+"""Standard error of an offset between two clocks of which nothing is known [s]."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ServoLog:
     """Where the columns of a servo come from, and how well their times are known."""
@@ -64,9 +69,9 @@ class ServoLog:
     #: angles; "reconstructed": the rates of the measured angle.
     command: Literal["logged", "converted", "reconstructed"] = "logged"
     #: Standard error of their times against those of the poses [s].
-    clock_std: float = 0.0
+    clock_std: float = CLOCK_STD
     #: Of the commands' times against those of the measured angle [s].
-    command_std: float = 0.0
+    command_std: float = CLOCK_STD
 
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
@@ -85,9 +90,10 @@ class Campaign:
     elevator: str  #: "servo", "fixed" (one unknown angle) or "fixed_per_flight".
     elevator_limits: tuple[float, float] | None  #: Trailing edge down, up [rad].
     elevator_rate_limit: float | None  #: [rad/s]
-    pose_rate: float  #: [Hz]; 1 / the median step of all flights if not given.
+    pose_rate: float | None  #: Of the cameras [Hz]; None: not specified.
     command_rate: float | None  #: [Hz]; None: commands change at rows.
     flights: tuple[Flight, ...]  #: Sorted by name.
+    notes: tuple[str, ...] = ()  #: What an import found in the logs and did about it.
     servo: ServoLog = ServoLog()
 
     def __repr__(self) -> str:
@@ -137,6 +143,14 @@ class Campaign:
                 there, otherwise a time that starts again.
         """
         return _in_memory().from_frame(frame, vehicle, flight, name, settings)
+
+    @functools.cached_property
+    def row_rate(self) -> float:
+        """Rate of rows [Hz]: the cameras', or that of the usual step of the flights."""
+        if self.pose_rate is not None:
+            return self.pose_rate
+        steps = np.concatenate([np.diff(flight.time) for flight in self.flights])
+        return 1.0 / float(np.median(steps))
 
     @property
     def switch_rate(self) -> float | None:

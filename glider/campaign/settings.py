@@ -13,7 +13,7 @@ import numpy as np
 
 from glider.campaign.importing.recording import Unit, scale_of
 from glider.campaign.logs import Campaign, ServoLog
-from glider.errors import InputError, expect, show
+from glider.errors import InputError, expect, printable, show
 from glider.files import schema
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters, check_units
 
@@ -251,6 +251,7 @@ class Settings:
     pose_rate: float | None = None
     command_rate: float | None = None
     servo: ServoLog = ServoLog()
+    notes: list[str] | None = None
     columns: Columns | None = None
     units: Units | None = None
     frame: Frame | str | None = None
@@ -281,7 +282,7 @@ class Settings:
             object.__setattr__(self, "frame", Frame(axes=self.frame))
 
     def campaign(self, folder: Path) -> Campaign:
-        """Campaign without flights; its pose_rate is nan where it is not given."""
+        """Campaign without flights."""
         known = given(self.vehicle)
         limits = self.vehicle.elevator_limits
         return Campaign(
@@ -291,9 +292,10 @@ class Settings:
             elevator=self.vehicle.elevator,
             elevator_limits=(limits[0], limits[1]) if limits else None,
             elevator_rate_limit=self.vehicle.elevator_rate_limit,
-            pose_rate=math.nan if self.pose_rate is None else self.pose_rate,
+            pose_rate=self.pose_rate,
             command_rate=self.command_rate,
             flights=(),
+            notes=tuple(map(printable, self.notes or ())),
             servo=self.servo,
         )
 

@@ -44,7 +44,8 @@ def save_campaign(
     rates = {"pose_rate": campaign.pose_rate, "command_rate": campaign.command_rate}
     servo = {"servo": dataclasses.asdict(campaign.servo)}
     known = {} if campaign.servo == ServoLog() else servo
-    text = schema.yaml_text({"vehicle": vehicle, **rates, **known})
+    notes = {"notes": [*campaign.notes]} if campaign.notes else {}
+    text = schema.yaml_text({"vehicle": vehicle, **rates, **known, **notes})
     files = {flight.name: flight_csv(flight) for flight in campaign.flights}
     files |= {name: words.encode() for name, words in (more or {}).items()}
     files["campaign.yaml"] = text.encode()

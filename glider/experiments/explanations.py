@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import softmax
 
-from glider.physics.effects import EffectKind
+from glider.physics.effects import COMMAND_DELAY, POSE_LATENCY, EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.candidates import gather, tamed
 from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
@@ -27,7 +27,7 @@ from glider.sysid.likelihood.model_fit import (
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.likelihood.uncertainty import jackknife, larger_of
-from glider.sysid.replay.log_space import vector_of
+from glider.sysid.replay.log_space import SERVO_LOG, vector_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.report import Report, read_report
 from glider.sysid.result import Result
@@ -239,11 +239,17 @@ def _is_clock(task: Task, kind: str) -> bool:
 
 
 def _is_idle(task: Task, model: FitResult) -> bool:
-    """Checks whether an effect vanished: the set without it is identical."""
+    """Checks whether an effect vanished, or is an offset that the clocks allow.
+
+    The set without it predicts the same flights.
+    """
+    clocks = task.space.slots_of(SERVO_LOG.kind)
+    of_log = dict(zip((POSE_LATENCY.kind, COMMAND_DELAY.kind), clocks, strict=False))
     for kind in model.kinds:
         slots = list(task.space.slots_of(kind))
         moved = np.abs(model.theta - task.vehicle.theta)[slots]
-        if np.all(moved <= 1e-9 * task.space.scale[slots]):
+        spread = task.vehicle.of_log.get(of_log.get(kind, -1), 0.0)
+        if np.all(moved <= np.maximum(1e-9 * task.space.scale[slots], 2.0 * spread)):
             return True
     return False
 

@@ -94,7 +94,7 @@ def range_of(
         rest=rest,
         servo=records[0].servo,
         duration=float(np.median([r.time[-1] for r in records])),
-        pose_rate=campaign.pose_rate,
+        pose_rate=campaign.row_rate,
         command_rate=campaign.command_rate or _USUAL_COMMAND_RATE,
     )
 

@@ -173,6 +173,19 @@ def vehicle_rows(result: Result) -> list[tuple[str, str]]:
     return _values(result.vehicle.items())
 
 
+_CLOCKS = {
+    "poses": "offset of the poses' clock from that of the servo",
+    "commands": "offset of the commands' clock from that of the elevator",
+    "pitch_rate": "bias of the gyro",
+}
+
+
+def clock_rows(result: Result) -> list[tuple[str, str]]:
+    """Estimated offsets of clocks and biases of sensors."""
+    values = _values(result.clocks.items())
+    return [(_CLOCKS.get(name, name), value) for name, value in values]
+
+
 def _values(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, str]]:
     """Names and estimates, angles in degrees too."""
     rows = []
@@ -239,6 +252,7 @@ TEMPLATES.globals |= {
     "inf": math.inf,
     "join": join,
     "notes_of": notes_of,
+    "clock_rows": clock_rows,
     "vehicle_rows": vehicle_rows,
     "length": lambda r, value: unit_beside_floor(r, value).text(value),
     "may_be_chance": lambda r: r.left.ratio_to_floor > 1.0 and r.left.may_be_chance,

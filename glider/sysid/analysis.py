@@ -190,6 +190,7 @@ class Analysis:
             "effects": outcome.effects_of(task, traced, known, spreads, signs),
             "spreads": spreads,
             "vehicle": outcome.vehicle_of(task, traced.model, known),
+            "clocks": outcome.clocks_of(task, traced.model, known),
             "model": alternatives[0].model,
             "covariance": covariance,
             "correlations": covariance.among(kinds).correlations if covariance else {},
@@ -213,7 +214,7 @@ class Analysis:
         excluded = report.excluded_among(fields["set_aside"])
         count = fields["flights"].count + len(excluded)
         reason = with_excluded(reason, excluded, count)
-        warnings = [*self.inspection.warnings]
+        warnings = []
         if (tried := self.settings["effects"]) is not None:
             others = len({*self.vehicle.kinds} - {*tried})
             were = "was" if len(tried) == 1 else "were"
@@ -264,6 +265,7 @@ class Analysis:
             "set_aside": tuple(sorted(rows, key=lambda s: s.file)),
             "planarity": {name: words for name, words in rolling.items() if words},
             "noise": report.MeasurementNoise(noise.position, noise.pitch),
+            "log_findings": self.inspection.warnings,
             "air": report.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             "candidates": traced.alone,
             "combinations": traced.combinations[:_MOST_COMBINATIONS],

@@ -23,6 +23,7 @@ from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, absorbed, names_of, names_of_lift, standing_alone
+from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.report import Estimate, Spread
 from glider.sysid.result import FoundEffect, ResidualTable
 from glider.sysid.search.support import SearchResult
@@ -291,6 +292,19 @@ def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Es
             unit = per_kilogram.get(unit, unit)
         value = float(model.theta[slot])
         found[space.names[slot]] = Estimate(value, known.std(slot), unit)
+    return found
+
+
+def clocks_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Estimate]:
+    """Offsets of clocks, and biases of sensors, that were estimated, by name."""
+    found = {}
+    for slot in task.vehicle.of_log:
+        own = task.space.entries[slot]
+        if task.space.owners[slot] == SERVO_LOG.kind and slot in known.free:
+            variance, _ = known.of([known.free.index(slot)])
+            size, unit = (1e3, "ms") if own.unit == "s" else (1.0, own.unit)
+            std = size * math.sqrt(variance[0, 0])
+            found[own.name] = Estimate(size * float(model.theta[slot]), std, unit)
     return found
 
 

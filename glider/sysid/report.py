@@ -286,6 +286,10 @@ class Report:
     seed: int | None  #: Of the split into fitted and held-out flights.
     settings: dict[str, Any]  #: Seed, fraction and what else would repeat this run.
     noise: MeasurementNoise
+    #: Offsets of clocks and biases of sensors, estimated with the flights, by name.
+    clocks: dict[str, Estimate] = dataclasses.field(default_factory=dict)
+    #: Faults of the logs that were found, and what was done about them.
+    log_findings: tuple[str, ...] = ()
     seconds: dict[str, Number]
     version: str
 

@@ -410,7 +410,8 @@ def test_what_is_left_out_stays_unknown(folder):
     assert campaign.elevator_limits is None
     assert campaign.elevator_rate_limit is None
     assert campaign.command_rate is None
-    assert campaign.pose_rate == pytest.approx(80)
+    assert campaign.pose_rate is None
+    assert campaign.row_rate == pytest.approx(80)
     assert campaign.flights[0].elevator is None
     assert campaign.flights[0].command is None
 

@@ -46,11 +46,17 @@ def test_the_limits_name_what_is_not_quasi_steady():
     assert set(re.findall(r"`(\w+)`", words)) == steady
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Names of the files and folders of a report."""
+    folder = tmp_path_factory.mktemp("report")
+    write_report(make_result(), folder)
+    return {p.name + "/" * p.is_dir() for p in folder.iterdir()}
+
+
 @pytest.mark.parametrize("page", [*FILES, "help"])
-def test_the_files_of_a_report_are_listed(page, tmp_path, capsys):
+def test_the_files_of_a_report_are_listed(page, written, capsys):
     """The folder rivals/ is there if there are some; a first list may leave it out."""
-    write_report(make_result(), tmp_path)
-    written = {p.name + "/" * p.is_dir() for p in tmp_path.iterdir()}
     if page == "help":
         with pytest.raises(SystemExit):
             main(["close-the-loop", "--help"])

@@ -241,6 +241,8 @@ def test_json_has_the_schema_and_si_numbers():
             "notes": ["A mass of 1 kg is assumed."],
         },
         "noise": {"position_m": 4e-4, "pitch_rad": 2.5e-3},
+        "clocks": {},
+        "log_findings": [],
         "seconds": {"smooth": 0.31, "trace": 5.2},
         "version": "0.1.0",
     }

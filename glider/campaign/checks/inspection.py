@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import itertools
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -20,13 +21,14 @@ from glider.campaign.checks.masks import (
 )
 from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rates import check_rates
-from glider.campaign.checks.rows import find_faults, find_hand
+from glider.campaign.checks.rows import find_faults, find_filled, find_hand
 from glider.campaign.checks.servo import (
     check_follows,
     check_travel,
     find_unrelated,
     measure_elevators,
 )
+from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 
@@ -44,6 +46,7 @@ _UNRELATED = "its elevator does not follow its commands, unlike in most flights"
 
 def inspect(campaign: Campaign) -> Inspection:
     """Checks a campaign before anything is traced; refuses one of no use."""
+    campaign, of_stamps = _with_even_times(campaign)
     kept = _Kept(campaign)
     kept.drop(_find_copies(kept.campaign), least=0.0)
     faults = find_faults(kept.campaign)
@@ -79,8 +82,30 @@ def inspect(campaign: Campaign) -> Inspection:
         campaign=kept.campaign,
         masks={name: kept.masks[name] for name in names},
         excluded=tuple(sorted(kept.excluded, key=lambda rows: rows.file)),
-        warnings=warnings + off_rates + faults.warnings,
+        warnings=campaign.notes + warnings + of_stamps + off_rates + faults.warnings,
     )
+
+
+def _with_even_times(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
+    """Restores even steps of flights whose stamps jitter, and warns of them."""
+    logs = []
+    for flight in campaign.flights:
+        seen = np.isfinite(flight.pose).all(axis=1) & ~find_repeats(flight.pose, 2)
+        seen[seen] = ~find_filled(flight.time[seen], flight.pose[seen, :2])
+        logs.append((flight.time[seen], flight.pose[seen, :2]))
+    found, words = find_even_times(logs, campaign.pose_rate)
+    flights = [*campaign.flights]
+    jitter = 0.0
+    for k, even in enumerate(found):
+        if even is not None:
+            time = even.at(logs[k][0], flights[k].time)
+            flights[k] = dataclasses.replace(flights[k], time=time)
+            jitter = max(jitter, even.jitter)
+    if not words:
+        return campaign, ()
+    error = math.hypot(campaign.servo.clock_std, jitter)
+    servo = dataclasses.replace(campaign.servo, clock_std=error)
+    return dataclasses.replace(campaign, flights=tuple(flights), servo=servo), (words,)
 
 
 class _Kept:

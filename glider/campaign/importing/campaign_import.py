@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from glider.campaign.checks.frame import MIN_FLIGHTS, check_signs
+from glider.campaign.checks.masks import find_repeats
+from glider.campaign.checks.stamps import EvenTimes, find_even_times
 from glider.campaign.flight_table import Table, with_flights
 from glider.campaign.importing.advice import ORDERS, advise
 from glider.campaign.importing.clock_offset import join_clocks
@@ -17,6 +19,7 @@ from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.frame_posterior import rank_rotations
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
+from glider.campaign.importing.selection import ServoLogs
 from glider.campaign.importing.servo_logs import align_commands, make_servo
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
@@ -205,7 +208,8 @@ def _import(
     undecided = list(dict.fromkeys(words for cut in cuts for words in cut.warnings))
     undecided += check_signs(campaign)
     undecided += _check_rotation(recordings, cuts, claim)
-    return ImportResult(campaign=campaign, recordings=cuts, undecided=tuple(undecided))
+    noted = dataclasses.replace(campaign, notes=tuple(undecided))
+    return ImportResult(campaign=noted, recordings=cuts, undecided=tuple(undecided))
 
 
 def _check_flights(cuts: Sequence[_CutRecording], source: str) -> None:
@@ -252,8 +256,40 @@ def cut_recordings(
     """Finds the flights in recordings."""
     parts = (split_flights(r, mapping.columns) for r in recordings)
     tracks = [make_track(r, mapping) for r in itertools.chain.from_iterable(parts)]
+    tracks, warnings = _with_even_times(tracks, settings.pose_rate)
     found = [cut(track, settings.gravity) for track in tracks]
-    return _extract(tracks, found, mapping, settings)
+    recordings = _extract(tracks, found, mapping, settings)
+    return tuple(r._replace(warnings=r.warnings + warnings) for r in recordings)
+
+
+def _with_even_times(
+    tracks: Sequence[Track], rate: float | None
+) -> tuple[list[Track], tuple[str, ...]]:
+    """Restores even steps of recordings whose stamps jitter, and warns of them."""
+    logs = []
+    for track in tracks:
+        fresh = ~find_repeats(track.position, 2)
+        logs.append((track.time[fresh], track.position[fresh]))
+    found, words = find_even_times(logs, rate)
+    restored = [
+        track if even is None else _at_even_times(track, stamps, even)
+        for track, even, (stamps, _) in zip(tracks, found, logs, strict=True)
+    ]
+    return restored, (words,) if words else ()
+
+
+def _at_even_times(track: Track, stamps: np.ndarray, even: EvenTimes) -> Track:
+    """A recording at even times, and the servo's logs that have the same stamps."""
+    servo = track.servo._asdict()
+    for name, log in servo.items():
+        if log is not None and np.mean(np.isin(log.time, track.time)) > 0.5:
+            servo[name] = log._replace(time=even.at(stamps, log.time))
+    return dataclasses.replace(
+        track,
+        time=even.at(stamps, track.time),
+        servo=ServoLogs(**servo),
+        jitter=even.jitter,
+    )
 
 
 def campaign_of_cuts(

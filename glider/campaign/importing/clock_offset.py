@@ -87,10 +87,14 @@ class _Clocked(NamedTuple):
     std: float  #: Standard error of the shift [s].
 
     def widen(self, log: ServoLog) -> ServoLog:
-        """A log of the servo with this error of its times as well."""
-        name = "command_std" if _is_measured(self.track) else "clock_std"
-        both = math.hypot(self.std, getattr(log, name))
-        return dataclasses.replace(log, **{name: both})  # type: ignore[arg-type]
+        """A log of the servo with the errors of this shift and of stamps as well."""
+        of_poses = math.hypot(log.clock_std, self.track.jitter)
+        of_commands = log.command_std
+        if _is_measured(self.track):
+            of_commands = math.hypot(of_commands, self.std)
+        else:
+            of_poses = math.hypot(of_poses, self.std)
+        return dataclasses.replace(log, clock_std=of_poses, command_std=of_commands)
 
 
 def join_clocks(

@@ -13,7 +13,7 @@ import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
 from glider.campaign.checks.motion import SPAN, Motion, calc_motion, robust_std
-from glider.campaign.checks.rows import find_stale
+from glider.campaign.checks.rows import find_filled, find_stale
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
@@ -55,8 +55,10 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     notes = [*track.notes]
     frozen = find_repeats(track.position, _EQUAL_ROWS)
     again = find_stale(track.time, track.position) & ~frozen
-    track = take(track, ~again)
-    seen = ~frozen[~again]
+    filled = find_filled(track.time, track.position) & ~(again | frozen)
+    is_measured = ~(again | filled)
+    track = take(track, is_measured)
+    seen = ~frozen[is_measured]
     if not len(seen):
         return [], [*notes, "the body is never seen"]
     step = float(np.median(np.diff(track.time))) if len(seen) > 1 else 0.0
@@ -85,6 +87,9 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     repeats = int(np.sum(frozen | again))
     if repeats:
         notes.append(f"{repeats} rows that repeat the pose before: they are dropped")
+    if count := int(np.sum(filled)):
+        line = "on a straight line without noise: filled, not measured"
+        notes.append(f"{count} rows {line}: they are dropped")
     return flights, notes
 
 

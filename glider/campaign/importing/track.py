@@ -38,6 +38,7 @@ class Track:
     clock: str
     servo: ServoLogs  #: Positive trailing edge up.
     notes: tuple[str, ...] = ()  #: On rows that were dropped.
+    jitter: float = 0.0  #: Of the stamps about the even steps that were restored [s].
 
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:

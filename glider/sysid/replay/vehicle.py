@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.logs import Campaign
+from glider.campaign.logs import CLOCK_STD, Campaign
 from glider.physics.effects import ELEVATOR_SCALE
 from glider.physics.parameter_space import ParameterSpace
 from glider.physics.parameters import GliderParameters
@@ -140,8 +140,8 @@ def _hidden(
             f"{', '.join(actuators)} were not tried: the commands were reconstructed "
             "from the measured elevator."
         )
-    if servo.clock_std or servo.command_std:
-        std = math.hypot(servo.clock_std, servo.command_std)
+    std = math.hypot(servo.clock_std, servo.command_std)
+    if std > 2.0 * CLOCK_STD:
         notes.append(
             f"The servo's times are known to ± {1e3 * std:.2g} ms only: a delay that "
             "this explains cannot be found."

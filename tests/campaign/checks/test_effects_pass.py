@@ -85,4 +85,5 @@ def test_logs_without_noise_pass():
     )
     found = inspect(campaign)
     assert found.excluded == ()
-    assert found.warnings == ()
+    (warning,) = found.warnings
+    assert "simulated without noise" in warning

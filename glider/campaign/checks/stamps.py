@@ -1,0 +1,193 @@
+"""Stamps that jitter about the even steps at which the cameras measured.
+
+A computer that stamps poses on receipt stamps them late, by another delay each; at
+7 m/s a millisecond is 7 mm. A smooth motion shows which times are right: those at which
+fourth differences of the position are smaller.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import median_filter, minimum_filter1d
+
+from glider.campaign.checks.motion import robust_std
+from glider.campaign.checks.smoothness import fourth_differences
+
+_LEAST_GAIN = 10.0
+"""Log-likelihood by which even steps must explain the position better than the stamps
+do [nats], odds of 22,000 to one: tests/campaign/checks/test_stamps.py holds what the
+flights of the samples show."""
+_LEAST_JITTER = 2e-5  # At 10 m/s 0.2 mm, less than cameras' noise [s].
+_LEAST_RATIO = 1e-3  # Of two noises: that of the stamps may be zero.
+_STENCIL = 5  # Rows of a fourth difference.
+_SURELY = 6.0  # Standard deviations above which a fourth difference is none of noise.
+_EXPLAINED = 0.1
+"""Share of the squares of fourth differences that lost frames must leave at most."""
+_LEAST_MOVE = 1e-9  # Fourth difference that is none of rounding [m].
+_MOST_LOST = 5  # Frames lost at one place, which the motion counts.
+_GAP = 4.0  # Steps of a gap that parts a log in two, each on a clock of its own.
+_DELAYED = 13  # Rows within which a delay has passed.
+_MOST_PLACES = 60  # Places that are examined.
+_SAME_RATE = 0.02  # Share by which a rate of frames may be off, as in `check_rates`.
+_FEWEST = 20  # Rows from which a rate of frames is taken, at least.
+_LONG = 241  # Rows over which a clock is even: frames may be lost while nothing moves.
+
+
+class EvenTimes(NamedTuple):
+    """Times of poses at even steps, some of which were lost."""
+
+    time: np.ndarray  #: (n,) [s]
+    rate: float  #: Of the cameras, as specified or as the stamps show it [Hz].
+    jitter: float  #: Standard deviation of the stamps about them [s].
+
+    def at(self, stamps: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Times (k,) of other rows of the log, given the stamps (n,) of the poses."""
+        return others + np.interp(others, stamps, self.time - stamps)
+
+
+Log = tuple[np.ndarray, np.ndarray]
+"""Increasing stamps (n,) [s] and positions (n, k) [m] of rows that show a body."""
+
+
+def find_even_times(
+    logs: Sequence[Log], rate: float | None
+) -> tuple[list[EvenTimes | None], str]:
+    """Finds the even times of logs, None where their stamps are as good.
+
+    Args:
+        logs: of the same cameras.
+        rate: of the cameras [Hz]; None: what the stamps of all logs show.
+
+    Returns:
+        The times of each log, and the sentence that reports them; "" if all are None.
+    """
+    found = [_even_times_of(*log, rate) for log in logs]
+    rates = [even.rate for even in found if even is not None]
+    if not rates:
+        return found, ""
+    doubt = ""
+    if rate is None:
+        rate = float(np.median(rates))
+        found = [_even_times_of(*log, rate) for log in logs]
+        doubt = (
+            "; their rate was estimated, and all speeds and forces depend on it: "
+            "specify 'pose_rate'"
+        )
+    jitters = [even.jitter for even in found if even is not None]
+    jitter = math.sqrt(np.mean(np.square(jitters)))
+    return found, (
+        f"The times of {len(jitters)} of {len(logs)} logs jitter by "
+        f"{1e3 * jitter:.2g} ms: even steps of {rate:.4g} Hz, at which the glider "
+        f"moves more smoothly, were restored{doubt}."
+    )
+
+
+def _even_times_of(
+    time: np.ndarray, position: np.ndarray, rate: float | None
+) -> EvenTimes | None:
+    if len(time) < _FEWEST:
+        return None
+    position = position[:, np.ptp(position, axis=0) > 0.0]
+    if not position.size:
+        return None
+    runs = [rows for rows in _split_at_gaps(time) if len(rows) >= _FEWEST]
+    ticks = [np.arange(len(rows)) + _find_lost(position[rows]) for rows in runs]
+    even = time.copy()
+    gain = 0.0
+    rates = []
+    for rows, own in zip(runs, ticks, strict=True):
+        stamps = time[rows]
+        step = _find_step(stamps, own)
+        jitter = robust_std(np.diff(stamps - step * own)) / math.sqrt(2.0)
+        off = max(_SAME_RATE, _SURELY * jitter / float(np.ptp(stamps)))
+        if rate is not None and abs(step * rate - 1.0) < off:
+            step = 1.0 / rate
+        rates.append(1.0 / step)
+        late = stamps - step * own
+        third = min(len(rows), _LONG) // 3
+        later = np.median(late[-third:]) - np.median(late[:third])
+        spread = jitter * math.sqrt(np.pi / third)  # Of the difference of two medians.
+        if len(rows) > _LONG:
+            even[rows] = step * own + median_filter(late, _LONG, mode="nearest")
+        elif abs(later) < 0.5 * step + _SURELY * spread:
+            even[rows] = step * own + np.mean(late)
+        else:  # Frames were lost where the motion does not show it.
+            continue
+        stamped = _noise(stamps, position[rows])
+        restored = _noise(even[rows], position[rows])
+        is_noisy = restored > 0.0  # Without noise nothing is likelier.
+        ratio = np.maximum(stamped[is_noisy] / restored[is_noisy], _LEAST_RATIO)
+        gain += len(rows) * float(np.sum(np.log(ratio)))
+    jitter = float(np.std(time - even))
+    if gain < _LEAST_GAIN or jitter < _LEAST_JITTER:
+        return None
+    return EvenTimes(even, float(np.median(rates)), jitter)
+
+
+def _split_at_gaps(time: np.ndarray) -> list[np.ndarray]:
+    """Rows between gaps: delays pass within a few rows, and lost frames stay lost."""
+    rows = np.arange(len(time))
+    late = time / np.median(np.diff(time)) - rows
+    lasting = minimum_filter1d(late, _DELAYED, mode="nearest", origin=-(_DELAYED // 2))
+    gaps = np.flatnonzero(np.diff(lasting) > _GAP) + 1
+    return np.split(rows, gaps)
+
+
+def _find_step(time: np.ndarray, ticks: np.ndarray) -> float:
+    """Usual step of a clock over half of a flight, or of a long recording's parts."""
+    half = min(len(time), _LONG) // 2
+    duration = time[half:] - time[:-half]
+    return float(np.median(duration / (ticks[half:] - ticks[:-half])))
+
+
+def _find_lost(position: np.ndarray) -> np.ndarray:
+    """Numbers (n,) of frames lost so far: a moving body jumps by their way."""
+    rows = np.arange(len(position), dtype=float)
+    lost = np.zeros(len(position), dtype=int)
+    surely = np.maximum(_SURELY * _noise(rows, position), _LEAST_MOVE)
+    examined = np.zeros(len(position), dtype=bool)
+    for _ in range(_MOST_PLACES):
+        differences, _ = fourth_differences(rows + lost, position)
+        excess = np.abs(differences / surely).max(axis=1)
+        excess[examined[: len(excess)]] = 0.0
+        worst = int(np.argmax(excess))
+        if not excess[worst] > 1.0:
+            break
+        row, count = _explain(rows + lost, position, worst)
+        lost[row:] += count
+        if not count:
+            examined[worst : worst + _STENCIL] = True
+    return lost
+
+
+def _explain(ticks: np.ndarray, position: np.ndarray, worst: int) -> tuple[int, int]:
+    """The row before which frames were lost about a stencil, and how many; 0: none."""
+    around = slice(max(worst - _STENCIL, 0), worst + 2 * _STENCIL)
+    own = ticks[around]
+    least = _EXPLAINED * _energy(own, position[around])
+    best = (worst, 0)
+    for row in range(worst + 1, worst + _STENCIL):
+        for count in range(1, _MOST_LOST + 1):
+            energy = _energy(own + count * (own >= ticks[row]), position[around])
+            if energy < least:
+                least = energy
+                best = (row, count)
+    return best
+
+
+def _energy(ticks: np.ndarray, position: np.ndarray) -> float:
+    differences, _ = fourth_differences(ticks, position)
+    return float(np.sum(differences**2))
+
+
+def _noise(time: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Standard deviations (k,) of a position's noise while it moves fast.
+
+    A body that rests shows nothing of the times.
+    """
+    differences, _ = fourth_differences(time, position)
+    ways = np.linalg.norm(position[_STENCIL - 1 :] - position[: 1 - _STENCIL], axis=1)
+    is_fast = ways > 0.5 * np.quantile(ways, 0.95)
+    return robust_std(differences[is_fast])
