@@ -16,7 +16,7 @@ from glider.verification.proof.check import check_funnel, largest_between
 from glider.verification.proof.exact_check import check_time, exact_faults
 from glider.verification.proof.interval import at_time
 from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
-from glider.verification.proof.purpose import model_faults, path_faults
+from glider.verification.proof.purpose import Purpose, model_faults
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import (
     higher_forms,
@@ -82,7 +82,9 @@ def test_the_shipped_certificate_holds(funnel):
 
 
 def test_the_servos_limits_are_the_same_without_rounding(funnel):
-    directions, bounds = servo_bounds(funnel.nominal, funnel.settings, shrink=1.0)
+    directions, bounds = servo_bounds(
+        funnel.nominal, funnel.settings, funnel.gliders, shrink=1.0
+    )
     for k in (0, 77, 200):
         limits = at_time(funnel, k).limits
         a, b = (
@@ -156,8 +158,10 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
 def test_obstacles_are_not_proven(funnel):
     """Not even one that the nominal keeps clear of."""
     far = Obstacle(center=[-1.0, -0.7], radius=0.1)
-    assert path_faults(funnel, PerchingProblem()) == []
-    [fault] = path_faults(funnel, PerchingProblem(obstacles=[far]))
+    clear = Purpose(problem=PerchingProblem())
+    assert clear.faults_of(funnel) == []
+    hidden = Purpose(problem=PerchingProblem(obstacles=[far]))
+    [fault] = hidden.faults_of(funnel)
     assert "obstacles" in fault and "not proven" in fault
 
 

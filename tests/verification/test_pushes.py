@@ -18,11 +18,7 @@ from glider.verification.dynamics.nominal import (
     table_of,
 )
 from glider.verification.funnel.growth import push_form
-from glider.verification.funnel.remainder import (
-    push_weights,
-    remainder_of,
-    sample_remainder,
-)
+from glider.verification.funnel.remainder import push_weights, sample_remainder
 from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import remainder_seen
@@ -38,7 +34,7 @@ from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import spread_form, to_ball
 from tests.verification.forging import forge
-from tests.verification.points import sphere_points
+from tests.verification.points import remainder_of_one, sphere_points
 
 ERROR, WIND = 0.5, 0.03
 
@@ -209,12 +205,12 @@ def test_no_remainder_with_pushes_is_larger_than_its_bound(piece, size):
 
 def test_the_sampled_remainder_is_that_of_pushes_too(piece):
     S, at, pushes = piece.S[:1], np.array([0]), piece.pushes[:1]
-    d = sphere_points(500, 10)
-    most = sample_remainder(piece.nominal, S, d, at, pushes=pushes)[0]
-    alone = sample_remainder(piece.nominal, S, d[:, :7], at)[0]
+    d, given = sphere_points(500, 10), (at, piece.gliders)
+    most = sample_remainder(piece.nominal, S, d, *given, pushes=pushes)[0]
+    alone = sample_remainder(piece.nominal, S, d[:, :7], *given)[0]
     assert np.all(most >= alone) and np.any(most > 1.05 * alone)
     e = sphere_points(20_000, 7) @ to_ball(S)[1][0].T
-    R = remainder_of(piece.nominal, at, e[None], push=pushes_of(20_000)[None])[0]
+    R = remainder_of_one(piece.nominal, at, e[None], push=pushes_of(20_000)[None])[0]
     assert np.all(np.abs(R).max(axis=0) <= most * (1.0 + 1e-9) + 1e-9)
 
 
@@ -226,7 +222,9 @@ def test_the_check_sees_a_remainder_that_has_no_wind(proven):
 
 def test_the_servo_leaves_room_for_the_error(proven):
     piece = proven.between(60, 61)
-    directions, bounds = servo_bounds(piece.nominal, piece.settings, shrink=1.0)
+    directions, bounds = servo_bounds(
+        piece.nominal, piece.settings, piece.gliders, shrink=1.0
+    )
     reach = np.einsum("tki,tij,tkj->tk", directions, np.linalg.inv(piece.S), directions)
     room = float((bounds - np.sqrt(reach))[:, 0].min())
     assert keeps_servo(make_interval(pushed(piece, 0.99 * room, 0.0)))
@@ -374,7 +372,10 @@ def test_the_check_says_what_it_accounts_for(source, capsys):
         (["--prove", "--hold", "nan"], "--hold is nan; expected zero or a positive"),
         (["--prove", "--wind", "-1"], "--wind is -1.0; expected zero or a positive"),
         (["--prove", "--command-error", "inf"], "--command-error is inf; expected"),
-        (["--latency", "0.01"], "--latency has no effect without --as-flown, --phases"),
+        (
+            ["--latency", "0.01"],
+            "--latency has no effect without --as-flown or --prove",
+        ),
         (["--prove", "--latency", "0.01"], "--latency is proven of held commands"),
     ],
 )

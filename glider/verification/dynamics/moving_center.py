@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glider.compiled.runge_kutta import TINY
-from glider.physics.confidence import ConfidenceSet, theta_at
+from glider.physics.confidence import ALONE, ConfidenceSet, theta_at
 from glider.verification.dynamics.nominal import (
     Nominal,
     advanced,
@@ -29,7 +29,10 @@ STEPS = 4
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class MovingCenter:
-    """The center of a funnel for each glider of a confidence set: x₀ + X δ."""
+    """The center of a funnel for each glider of a confidence set: x₀ + X δ.
+
+    It may be the set of one glider, of which no number deviates.
+    """
 
     confidence: ConfidenceSet  #: Set of the deviations δ (m,).
     times: np.ndarray  #: Times (T,) [s].
@@ -54,11 +57,20 @@ class MovingCenter:
 
 
 def make_moving_center(
-    nominal: Nominal, confidence: ConfidenceSet, held: bool = False
+    nominal: Nominal, confidence: ConfidenceSet = ALONE, held: bool = False
 ) -> MovingCenter:
     """Integrates X along a nominal flight; its commands may be held."""
     times = nominal.times
     names = confidence.names
+    if not names:  # One glider: X has no columns.
+        nothing = np.zeros((*nominal.states.shape, 0))
+        return MovingCenter(
+            confidence=confidence,
+            times=times,
+            shifts=nothing,
+            slopes=nothing,
+            commands=nothing[:, 0],
+        )
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
     between = [_linear(nominal.between(share), names, held) for share in shares]
     ends = _linear(nominal, names, held)

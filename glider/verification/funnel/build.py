@@ -16,12 +16,11 @@ from threadpoolctl import threadpool_limits
 
 from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError, expect
-from glider.physics.confidence import ConfidenceSet
+from glider.physics.confidence import ALONE, ConfidenceSet
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
-from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel import servo_limits
 from glider.verification.funnel.funnel import Funnel
@@ -101,7 +100,8 @@ def make_funnel(
     began = time.perf_counter()
     rng = np.random.default_rng(seed)
     progress("funnel: the flight and its Taylor polynomials")
-    if confidence and settings.remainder == 0.0:
+    allowed = confidence or ALONE
+    if allowed.names and settings.remainder == 0.0:
         raise InputError(
             "A funnel of a confidence set accounts for the differences of its gliders "
             "by a remainder: 'remainder' is 0; expected a positive number."
@@ -111,7 +111,7 @@ def make_funnel(
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
         settings = dataclasses.replace(settings, goal=goal)
     n = model.num_states
-    of_set = confidence.dimension if confidence else 0
+    of_set = allowed.dimension
     of_pushes = 3 if settings.pushes.any() or settings.period else 0
     directions = normalized(rng.normal(size=(SAMPLES, n + of_set + of_pushes)))
     if gain > 0.0:
@@ -119,9 +119,7 @@ def make_funnel(
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
         _shape(steered, progress, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
-    held = settings.period > 0.0
-    center = make_moving_center(nominal, confidence, held) if confidence else None
-    task = FunnelTask(nominal, settings, directions, center)
+    task = FunnelTask(nominal, settings, directions, allowed)
     S = _shape(ShapeFlow(task), progress, "shape")
     progress("funnel: its size")
     sets, forms = _Gauge(task).scaled(S)
@@ -130,7 +128,9 @@ def make_funnel(
     made = {field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)}
     solver = next(iter(SOLVERS))
     seconds = time.perf_counter() - began
-    return Funnel(**made, grams=grams, solver=solver, seconds=seconds, gliders=center)
+    return Funnel(
+        **made, grams=grams, solver=solver, seconds=seconds, gliders=task.center
+    )
 
 
 def _shape(flow: ShapeFlow, say: Progress, what: str) -> np.ndarray:

@@ -60,12 +60,14 @@ class GlidersNote:
     names: tuple[str, ...]  #: Names of the numbers that deviate.
     matrix: np.ndarray  #: Their covariance.
     level: float  #: Probability with which the true numbers are in the set.
-    shape: str  #: One of `glider.physics.confidence.SHAPES`.
+    shape: str = "ellipsoid"  #: No other one is known.
     degrees_of_freedom: float | None = None  #: Of the covariance.
 
     def __post_init__(self):
-        """Raises InputError where no number deviates."""
+        """Raises InputError where no number deviates, or the shape is another."""
         expect(self.names, "field 'names'", [], "at least one name")
+        good = self.shape == "ellipsoid"
+        expect(good, "field 'shape'", self.shape, "ellipsoid")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -47,7 +47,7 @@ def exact_faults(
         progress(number / len(at))
     sentences = [f"{fault} {_when(times)}." for fault, times in times_of.items()]
     if not _within_goal(funnel):
-        where = " about every glider's center" if funnel.gliders else ""
+        where = " about every glider's center" if funnel.is_of_set else ""
         sentences.append(f"The last set is not within the goal{where}.")
     return sentences
 
