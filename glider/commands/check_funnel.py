@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 from glider.commands.output import working
 from glider.commands.parsing import CommandParser, check_seed
@@ -282,7 +283,7 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     return level, flights
 
 
-def _proven_loop(args: argparse.Namespace) -> dict[str, float | None]:
+def _proven_loop(args: argparse.Namespace) -> dict[str, Any]:
     """Command error, wind and hold that --prove requires, as fields of a `Purpose`."""
     if not args.prove:
         return {}

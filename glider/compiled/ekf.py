@@ -42,8 +42,11 @@ def ekf_advance(t, z, estimated, step, count, gaussians, value, slopes):
     half = np.exp(-0.5 * step * decay)
     if exact:
         slopes[:] = 0.0
-        for i in range(value.shape[0]):
-            slopes[i, i] = np.exp(-step * count * decay[i - n]) if i >= n else 1.0
+        for i in range(n):
+            slopes[i, i] = 1.0
+        for i in range(n, value.shape[0]):
+            exponent = -step * count * decay[i - n]
+            slopes[i, i] = np.exp(exponent)
     for k in acting if exact else acting[:1]:
         put(z, y)
         if exact:
@@ -54,16 +57,19 @@ def ekf_advance(t, z, estimated, step, count, gaussians, value, slopes):
             put(y, start)
             put(y, total)
             for stage in range(4):
-                weight = step / 6.0 if stage in (0, 3) else step / 3.0
+                is_end = stage in (0, 3)
+                weight = step / 6.0 if is_end else step / 3.0
                 ahead = 0.5 * step if stage < 2 else step
-                now = t + step * (lap + 0.5 * ((stage + 1) // 2))
+                share = 0.5 * ((stage + 1) // 2)
+                now = t + step * (lap + share)
                 d = derivatives_of(now, y, n, gaussians)
                 for i in range(n):
                     total[i] += weight * d[i]
                     y[i] = start[i] + ahead * d[i]
                 if stage in (0, 2):
                     for i in range(decay.shape[0]):
-                        y[places[n + i]] *= half[i]
+                        place = places[n + i]
+                        y[place] *= half[i]
             put(total, y[:n])
         for j in range(n if exact else 0):
             slopes[j, k] = y[j].imag / TINY
@@ -85,7 +91,9 @@ def ekf_measure(z, estimated, gaussians, value, slopes):
     for k in estimated.seen:
         i = estimated.places[k]
         y[i] = z[i] + 1j * TINY
-        pose = measure(y, theta_of(y[n + NUM_INPUTS :], gaussians))
+        numbers = y[n + NUM_INPUTS :]
+        theta = theta_of(numbers, gaussians)
+        pose = measure(y, theta)
         y[i] = z[i]
         for j in range(3):
             value[j] = pose[j].real

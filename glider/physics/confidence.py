@@ -183,10 +183,11 @@ class ConfidenceSet:
     def holds(self, deviations: np.ndarray) -> np.ndarray:
         """Returns whether deviations (..., m) are in the set, but for rounding."""
         w = deviations @ np.linalg.pinv(self.factor).T
-        in_span = np.abs(w @ self.factor.T - deviations) <= 1e-9 * self.reach(
-            np.eye(len(self.names))
-        )
-        return np.all(in_span, axis=-1) & (np.linalg.norm(w, axis=-1) <= 1.0 + 1e-9)
+        widths = self.reach(np.eye(len(self.names)))
+        off = np.abs(w @ self.factor.T - deviations)
+        in_span = np.all(off <= 1e-9 * widths, axis=-1)
+        inside = np.linalg.norm(w, axis=-1) <= 1.0 + 1e-9
+        return in_span & inside
 
     def is_same(self, other: "ConfidenceSet") -> bool:
         """Determines whether another set is this one, to the last digit."""
@@ -205,10 +206,11 @@ class ConfidenceSet:
                 theirs[places[name]] = row
             elif row.any():
                 return False
-        mine = self.factor
-        size = np.maximum(*(np.linalg.norm(A, axis=1) for A in (mine, theirs)))
+        own = np.linalg.norm(self.factor, axis=1)
+        others = np.linalg.norm(theirs, axis=1)
+        size = np.maximum(own, others)
         size = np.where(size > 0.0, size, 1.0)[:, None]
-        mine = mine / size
+        mine = self.factor / size
         theirs = theirs / size
         left = mine @ mine.T - theirs @ theirs.T
         return bool(np.linalg.eigvalsh(left).min(initial=0.0) >= -1e-9)

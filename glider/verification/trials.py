@@ -40,7 +40,7 @@ integration take others to 1 + 1e-6."""
 _START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
 """Times when flights start, as shares of the funnel's duration."""
 
-CLIMB_ROUNDS = 6
+_CLIMB_ROUNDS = 6
 """Rounds of ascent along the boundary, each with a fifth as many flights."""
 
 _CLIMB_WIDTH = 0.3
@@ -58,7 +58,7 @@ _MOST_ERROR = 100.0
 _FRESH = 1e-3
 """Push by which the direction where V rises fastest is found [m/s, rad/s]."""
 
-BATCH = 4000
+_BATCH = 4000
 """Held flights at once: more do not fit the cache."""
 
 
@@ -147,7 +147,7 @@ def falsify_funnel(
     _check_gliders(funnel, loop.gliders)
     shares = (0.0,) if loop.hold else shares
     last = len(funnel.nominal.times) - 1
-    rounds = CLIMB_ROUNDS if climb else 0
+    rounds = _CLIMB_ROUNDS if climb else 0
     parts = []
     for number, share in enumerate(shares):
         k = min(round(share * last), last - 1)
@@ -346,8 +346,8 @@ def _phases(funnel, hold, genes):
 def _fly_held(funnel, loop, genes, states, deviations):
     """Returns the largest V, the largest later and that at the end, (B,), of genes."""
     found = []
-    for first in range(0, len(genes), BATCH):
-        here = slice(first, first + BATCH)
+    for first in range(0, len(genes), _BATCH):
+        here = slice(first, first + _BATCH)
         flight = _HeldFlight(funnel, loop, genes[here], states[here], deviations[here])
         found.append(flight.levels())
     return [np.concatenate(column) for column in zip(*found, strict=True)]

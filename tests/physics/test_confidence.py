@@ -20,7 +20,7 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.funnel.file import GlidersNote
-from glider.verification.funnel.funnel import noted_confidence
+from glider.verification.funnel.funnel import _noted_confidence
 
 MODEL = GliderModel(effects=(WIND(x=-0.6, z=0.1), KINDS["profile_drag"](cd0=0.05)))
 NAMES = ("wind.z", "mass", "profile_drag.cd0")
@@ -113,19 +113,19 @@ def test_only_what_changes_a_flight_is_in_it():
 
 def test_it_comes_back_from_its_notes():
     note = GlidersNote(names=NAMES, matrix=KNOWN.matrix, level=0.9)
-    again = noted_confidence(MODEL, note)
+    again = _noted_confidence(MODEL, note)
     assert (again.names, again.level) == (NAMES, 0.9)
     allowed = ConfidenceSet(covariance=KNOWN, level=0.9)
     np.testing.assert_array_equal(again.factor, allowed.factor)
     assert describe_set(again).startswith("90 % ellipsoid of wind.z ± 0.0025, mass ±")
     for change in ({"level": 2.0}, {"shape": "box"}, {"names": ("wind.z",)}):
         with pytest.raises(InputError):
-            noted_confidence(MODEL, dataclasses.replace(note, **change))
+            _noted_confidence(MODEL, dataclasses.replace(note, **change))
     offset = GliderModel(effects=(KINDS["pitch_offset"](angle=0.1),))
     names = ("mass", "pitch_offset.angle")
     note = dataclasses.replace(note, names=names, matrix=np.eye(2))
     with pytest.raises(InputError, match="of which a flight depends on mass only"):
-        noted_confidence(offset, note)
+        _noted_confidence(offset, note)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, -1.0, float("nan"), True, "0.95"])
@@ -174,7 +174,7 @@ def test_of_few_flights_it_is_as_much_larger():
     note = GlidersNote(
         names=NAMES, matrix=KNOWN.matrix, level=0.95, degrees_of_freedom=9.0
     )
-    wide = noted_confidence(MODEL, note).reach(np.eye(3))
+    wide = _noted_confidence(MODEL, note).reach(np.eye(3))
     assert np.all(wide > 1.1 * ConfidenceSet(covariance=KNOWN).reach(np.eye(3)))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from glider.verification import trials
 from glider.verification.dynamics.moving_center import make_moving_center
-from glider.verification.funnel.remainder import remainder_of
+from glider.verification.funnel.remainder import _remainder_of
 from glider.verification.sos.sphere import normalized
 
 
@@ -41,4 +41,4 @@ def of_one(funnel):
 def remainder_of_one(nominal, at, errors, **given):
     """Returns R (K, B, n) of the nominal's own glider."""
     center = make_moving_center(nominal)
-    return remainder_of(nominal, at, errors, center, errors[..., :0], **given)
+    return _remainder_of(nominal, at, errors, center, errors[..., :0], **given)

@@ -145,7 +145,7 @@ def test_what_the_review_saw_is_seen_and_a_predictor_makes_up_for_it(hook):
 
 
 def test_an_outcome_counts_what_it_has_and_the_seed_repeats_it(proven, monkeypatch):
-    monkeypatch.setattr(trials, "CLIMB_ROUNDS", 2)
+    monkeypatch.setattr(trials, "_CLIMB_ROUNDS", 2)
     seen = []
     loop = FlownLoop(hold=Hold(latency=0.02))
     trial, again = (

@@ -14,7 +14,7 @@ from glider.report.check_funnel import Checked, describe_check, describe_proof
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import load_funnel, save_funnel
-from glider.verification.funnel.remainder import remainder_of
+from glider.verification.funnel.remainder import _remainder_of
 from glider.verification.funnel.servo_limits import goal_about
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
@@ -80,7 +80,7 @@ def test_what_is_left_at_the_center_is_of_second_order(funnel):
     direction, left = np.array([3e-4, -2e-4]), []
     for share in (1.0, 0.5):
         deviations = np.tile(share * direction, (2, 1, 1))
-        left.append(remainder_of(funnel.nominal, at, errors, center, deviations))
+        left.append(_remainder_of(funnel.nominal, at, errors, center, deviations))
     assert np.abs(left[0][..., :4]).max() < 1e-12  # Positions, pitch and elevator.
     np.testing.assert_allclose(left[0][..., 4:] / left[1][..., 4:], 4.0, rtol=0.05)
 
@@ -185,7 +185,8 @@ def test_climbing_finds_worse_gliders_than_chance(proven):
     chance = falsify_funnel(
         proven, climbed.samples, rng, loop, shares=(0.75,), climb=False
     )
-    assert climbed.ends.max() > 1.02 * chance.ends.max()
+    worse = climbed.ends[climbed.climbed]
+    assert np.median(worse) > 1.2 * np.median(chance.ends)
 
 
 def test_a_funnel_is_tried_with_the_gliders_that_it_is_of(made):

@@ -20,13 +20,13 @@ from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.nominal import evaluate, hermite_path, table_of
 from glider.verification.funnel.clock import bend_sizes, form_size, hold_slopes
 from glider.verification.funnel.funnel import funnel_policy, load_funnel, save_funnel
-from glider.verification.funnel.growth import push_form
+from glider.verification.funnel.growth import _push_form
 from glider.verification.proof import check, flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import at_time, make_interval
-from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_growth import _growth_forms
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
 from glider.verification.proof.purpose import Purpose
 from glider.verification.sos.exact import exact, line
@@ -188,12 +188,12 @@ def test_what_is_known_of_the_error_acts_on_v(clocked):
         return values_of(third, z)[0] + values_of(fourth, z)[0]
 
     none = np.zeros((1, 2))
-    forms = push_form(S, nominal.push_slopes[[k]], none, none, nominal.bends[[k]])
+    forms = _push_form(S, nominal.push_slopes[[k]], none, none, nominal.bends[[k]])
     assert values(forms.cubic[0], forms.quartic[0]) == pytest.approx(expected)
     basis = exact(to_ball(S)[1][0])
     without = changed(clocked, "bends", slice(None), 0.0)
     own, bare = (
-        growth_forms(at_time(f, k), basis, exact(0.0)) for f in (clocked, without)
+        _growth_forms(at_time(f, k), basis, exact(0.0)) for f in (clocked, without)
     )
     more = [(b - a).parts[0].to_float() for a, b in zip(own, bare, strict=True)]
     assert values(*more[1:3]) == pytest.approx(expected)
@@ -550,7 +550,7 @@ def test_the_command_requires_the_clock(capsys):
 
 def test_held_commands_are_flown_as_their_funnel_has_them(monkeypatch, capsys):
     """Its period, and half of it as a latency that is predicted."""
-    monkeypatch.setattr(trials, "CLIMB_ROUNDS", 0)
+    monkeypatch.setattr(trials, "_CLIMB_ROUNDS", 0)
     monkeypatch.setattr(check, "held_faults", lambda *given: [])  # It takes long.
     source = str(models_path("funnels", "held_hook.npz"))
     asked = ["check-funnel", source, "--every", "300", "--as-flown", "--flights", "20"]

@@ -16,7 +16,7 @@ from glider.verification.funnel.funnel import funnel_policy
 from glider.verification.funnel.remainder import sample_remainder
 from glider.verification.proof import held
 from glider.verification.proof.held import held_faults
-from glider.verification.proof.interval import centers_reach
+from glider.verification.proof.interval import _centers_reach
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
 from glider.verification.trials import FlownLoop
@@ -144,7 +144,7 @@ def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
     piece = clocked_set.between(k, k + 1)
     allowed, (start, stop) = piece.gliders.confidence, piece.nominal.times
     deltas = allowed.on_boundary(np.random.default_rng(3).normal(size=(300, 2)))
-    rate, bound = centers_reach(piece, exact(stop) - exact(start))
+    rate, bound = _centers_reach(piece, exact(stop) - exact(start))
     assert rate == pytest.approx(allowed.reach(piece.gliders.commands[0]))
     found = [
         np.abs(

@@ -25,8 +25,8 @@ from glider.verification.dynamics.nominal import (
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import (
+    _centers_reach,
     acts_elsewhere,
-    centers_reach,
     gliders_defect,
     keeps_servo,
     make_interval,
@@ -126,7 +126,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel):
     moved = piece.gliders.at(times, deltas)
     commands = -np.sum(K * moved, axis=1)
     travels = moved[:, ELEVATOR] + STOPPING_TIME * commands
-    bounds = centers_reach(piece, exact(stop) - exact(start))
+    bounds = _centers_reach(piece, exact(stop) - exact(start))
     for bound, along in zip(bounds, (commands, travels), strict=True):
         assert 0.95 * bound < np.abs(along).max() <= bound
 

@@ -203,7 +203,7 @@ def test_nothing_is_proven_where_the_sets_are_not_covered(held, slopes, monkeypa
     )
     far = dataclasses.replace(own, window=near_limit)
     assert far.error_left(slopes, (2.5,)) == -np.inf
-    monkeypatch.setattr(prediction, "TURNS", 1)  # None that has seen what is near.
+    monkeypatch.setattr(prediction, "_TURNS", 1)  # None that has seen what is near.
     assert own.error_left(slopes, (2.5,)) == -np.inf
 
 
@@ -231,13 +231,13 @@ def test_every_interval_of_a_latency_counts(held, hold, is_late, monkeypatch):
     given = predictions_of(held, LATENCY)[hold]
     times = given.window.nominal.times
     found = prediction._missed(given, None, FINE)
-    duration, expected = LATENCY / prediction.PARTS, 0.0
-    for k in range(prediction.PARTS):
+    duration, expected = LATENCY / prediction._PARTS, 0.0
+    for k in range(prediction._PARTS):
         begin, end = times[-1] - (k + 1) * duration, times[-1] - k * duration
         met = np.flatnonzero((times[1:] > begin + 1e-9) & (times[:-1] < end - 1e-9))
         worst = times[1:][met[-1]] if is_late else 1.0 - times[:-1][met[0]]
         expected += duration * worst
-    room = duration * np.diff(times).max() * prediction.PARTS  # Where intervals meet.
+    room = duration * np.diff(times).max() * prediction._PARTS  # Where intervals meet.
     for bound, push in zip(found, (0.02, 1.0), strict=True):
         assert expected * push <= bound <= (expected + room) * push * (1.0 + 1e-9)
 

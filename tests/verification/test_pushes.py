@@ -17,7 +17,7 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.funnel.growth import push_form
+from glider.verification.funnel.growth import _push_form
 from glider.verification.funnel.remainder import push_weights, sample_remainder
 from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.funnel.settings import FunnelSettings
@@ -29,7 +29,7 @@ from glider.verification.proof.interval import (
     make_interval,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_growth import _growth_forms
 from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import spread_form, to_ball
@@ -111,7 +111,7 @@ def test_no_push_makes_v_rise_faster_than_they_say(piece):
     pull = 2.0 * np.sum(towards * q, axis=1)
 
     def given(slopes, pushes, weights=piece.push_weights[:1]):
-        forms = push_form(S, slopes, pushes, weights, 0.0 * S)
+        forms = _push_form(S, slopes, pushes, weights, 0.0 * S)
         third, fourth = (
             spread_form(f, 7, d)[0] for d, f in ((3, forms[1]), (4, forms[2]))
         )
@@ -133,10 +133,10 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
     whole, basis = make_interval(piece), rounded(to_ball(piece.S[0])[1], 30)
     h = np.diff(piece.nominal.times)[0]
     bare = make_interval(pushed(piece, 0.0, 0.0))
-    own, all_forms = (growth_forms(i, basis, exact(0.0)) for i in (bare, whole))
+    own, all_forms = (_growth_forms(i, basis, exact(0.0)) for i in (bare, whole))
     none = np.zeros_like(piece.S)
     given = piece.nominal.push_slopes, piece.pushes, piece.push_weights, none
-    expected = push_form(piece.S, *given)
+    expected = _push_form(piece.S, *given)
     for less, more, form in zip(own[:3], all_forms[:3], expected, strict=True):
         ends = (value.at(Fraction(0)).to_float() for value in (less, more))
         found = np.subtract(*ends) / h
@@ -147,7 +147,7 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
     alone = pushed(piece, ERROR, 0.0)
     twice = piece.nominal.push_slopes, alone.pushes, alone.push_weights, none
     for form, double in zip(
-        push_form(piece.S, *given), push_form(piece.S, *twice), strict=True
+        _push_form(piece.S, *given), _push_form(piece.S, *twice), strict=True
     ):
         assert form == pytest.approx(0.5 * double)
 

@@ -6,7 +6,7 @@ import pytest
 from glider.paths import models_path
 from glider.verification.funnel import shape_flow
 from glider.verification.funnel.funnel import load_funnel
-from glider.verification.funnel.growth import remainder_form
+from glider.verification.funnel.growth import _remainder_form
 from glider.verification.funnel.remainder import (
     find_focus,
     remainder_weights,
@@ -31,7 +31,7 @@ def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel):
 def test_the_remainders_form_bounds_what_it_stands_for(funnel):
     S, z = funnel.S[[150]], sphere_points(200, 7)
     beta = sample_remainder(funnel.nominal, S, z, np.array([150]), funnel.gliders)
-    form = remainder_form(S, beta, remainder_weights(S, beta, np.eye(7)))[0]
+    form = _remainder_form(S, beta, remainder_weights(S, beta, np.eye(7)))[0]
     L_T, L_inv_T = to_ball(S[0])
     errors = z @ L_inv_T.T
     remainder = remainder_of_one(funnel.nominal, [150], errors[None])[0]

@@ -126,10 +126,12 @@ def make_funnel(
     progress("funnel: its certificate")
     grams = _certify(nominal.times, forms, settings.margin)
     made = {field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)}
-    solver = next(iter(SOLVERS))
-    seconds = time.perf_counter() - began
     return Funnel(
-        **made, grams=grams, solver=solver, seconds=seconds, gliders=task.center
+        **made,
+        grams=grams,
+        solver=next(iter(SOLVERS)),
+        seconds=time.perf_counter() - began,
+        gliders=task.center,
     )
 
 
@@ -242,8 +244,10 @@ class _Gauge:
         drift = defect_growth(S, self._defect)
         drift = np.maximum(drift[:-1], drift[1:])
         # Between the times it is looked for only where it is good at them.
-        for share, here in self._between.items() if growth.max() < 0.0 else ():
-            k = self._nominal.flows
+        if growth.max() >= 0.0:
+            return growth
+        k = self._nominal.flows
+        for share, here in self._between.items():
             found = growth_between(sets, share, starts, here=here) + drift[k]
             for ends in (k + 1, k):
                 growth[ends] = np.maximum(growth[ends], found)

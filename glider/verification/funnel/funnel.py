@@ -154,7 +154,7 @@ def funnel_of(
         )
     nominal = Nominal(model=model, **{name: arrays[name] for name in ARRAYS})
     try:
-        confidence = noted_confidence(model, notes.confidence)
+        confidence = _noted_confidence(model, notes.confidence)
         held = notes.settings.period > 0.0
         gliders = make_moving_center(nominal, confidence, held)
     except InputError as error:
@@ -170,7 +170,7 @@ def funnel_of(
     )
 
 
-def noted_confidence(model: GliderModel, note: GlidersNote | None) -> ConfidenceSet:
+def _noted_confidence(model: GliderModel, note: GlidersNote | None) -> ConfidenceSet:
     """Returns the set in a file's notes; InputError if it is not of the model."""
     if note is None:
         return ALONE

@@ -102,7 +102,7 @@ class _Remainders:
             push = np.concatenate([error, wind], axis=-1)
             push *= self._pushes[here][:, None, PUSHES]
         given = errors, center, deviations, push
-        found = remainder_of(self._nominal, self._at[here], *given)
+        found = _remainder_of(self._nominal, self._at[here], *given)
         bent = np.einsum("kbi,kij,kbj->kb", errors, self.focus[here], errors)
         # Where 1 + eᵀ F e is not positive, nothing is a bound.
         return found[..., self.rows] / np.maximum(1.0 + bent, 1e-12)[..., None]
@@ -200,7 +200,7 @@ def _least_focus(shares, own, sizes):
     return 0.5 * (F + F.T)
 
 
-def remainder_of(
+def _remainder_of(
     nominal: Nominal,
     at: np.ndarray,
     errors: np.ndarray,

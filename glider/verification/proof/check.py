@@ -128,7 +128,7 @@ def _sampled_faults(funnel, at, growth, rng, every):
     seen = remainder_seen(funnel, at, rng) if funnel.beta.any() else 0.0
     if not seen <= 1.0:
         return [f"The remainder is {seen:.3g} times its bound."], seen, np.inf
-    between = largest_between(funnel, growth, rng, every)
+    between = _largest_between(funnel, growth, rng, every)
     words = f"Between the times V̇/V reaches {between:.2g} 1/s."
     return unmet((between < 0.0, words)), seen, between
 
@@ -153,7 +153,7 @@ def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> f
     return worst
 
 
-def largest_between(
+def _largest_between(
     funnel: Funnel, defect: np.ndarray, rng: np.random.Generator, every: int = 1
 ) -> float:
     """Returns the largest V̇/V found between the times, by ascent [1/s].

@@ -103,7 +103,7 @@ def make_interval(piece: Funnel) -> Interval:
         hermite(piece.S, piece.slopes, step),
         (nominal.open_loop, rows, which),
         outputs,
-        _limits(piece, path, centers_reach(piece, step)),
+        _limits(piece, path, _centers_reach(piece, step)),
     )
 
 
@@ -296,7 +296,7 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([states, command[None]]), slopes
 
 
-def centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
+def _centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
     """Returns bounds of U δ, and of X δ of the elevator and τ U δ, over an interval."""
     gliders = piece.gliders
     X, _ = hermite(gliders.shifts, gliders.slopes, step)

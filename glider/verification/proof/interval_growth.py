@@ -87,7 +87,7 @@ def prove_growth(
     return early + late if late else 0
 
 
-def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms:
+def _growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms:
     """Returns the forms above, exactly, for a basis B (n, n)."""
     h = interval.step
     H = basis.T @ interval.S
@@ -162,7 +162,7 @@ def _forms_in_ball(interval, slack):
     """Returns a basis that turns the set in the middle into a ball, and the forms."""
     S = interval.S.at(Fraction(1, 2)).to_float()
     basis = rounded(to_ball(S)[1], BALL_BITS)
-    return basis, growth_forms(interval, basis, slack)
+    return basis, _growth_forms(interval, basis, slack)
 
 
 def _prove_whole(interval, slack, grams):

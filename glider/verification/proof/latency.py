@@ -23,10 +23,10 @@ from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.forms import linear_part
 
-PARTS, _TERMS = 4, 30
+_PARTS, _TERMS = 4, 30
 """Straight lines of λ, and terms of the series that bounds |δ|, without their rest."""
 
-_NEARBY, TURNS = 1.1, 4
+_NEARBY, _TURNS = 1.1, 4
 """Distance from the sets on which slopes are bounded, over |δ| by the turn before, and
 turns until |δ| is no larger; two are enough as a rule."""
 
@@ -142,7 +142,7 @@ def _missed(prediction, slopes, rooms):
     """
     window = prediction.window
     nominal = window.nominal
-    duration = prediction.latency / PARTS
+    duration = prediction.latency / _PARTS
     enclosed, apart = _enclosed(window, slopes, duration, rooms)
     if not enclosed:
         return np.inf, np.inf
@@ -171,10 +171,10 @@ def _enclosed(window, slopes, duration, rooms):
     """
     near = np.zeros(window.num_states)
     flows = window.nominal.flows
-    for _ in range(TURNS):
+    for _ in range(_TURNS):
         enclosed = [NearSets(slopes, window.between(k, k + 1), near) for k in flows]
         sizes = np.max([part.sizes(rooms) for part in enclosed], axis=0)
-        apart = [_apart(sizes, duration * (PARTS - k)) for k in range(PARTS)]
+        apart = [_apart(sizes, duration * (_PARTS - k)) for k in range(_PARTS)]
         farthest = apart[0] @ enclosed[0].pushes
         if np.all(farthest <= near):
             return enclosed, apart

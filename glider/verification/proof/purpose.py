@@ -69,7 +69,7 @@ class Purpose:
 
     def faults_of(self, funnel: Funnel) -> list[str]:
         """Returns what of this a funnel lacks, a sentence each."""
-        faults = model_faults(funnel, self.model) if self.model else []
+        faults = _model_faults(funnel, self.model) if self.model else []
         if self.covariance and not faults:
             faults = _set_faults(funnel, self)
         faults += _inlet_faults(funnel, self.least_inlet)
@@ -126,7 +126,7 @@ def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
     }
 
 
-def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
+def _model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     """Returns the first difference of a funnel's glider from a model, if any."""
     own = parse_yaml(model_text(funnel.nominal.model), "model")
     other = parse_yaml(model_text(model), "model")
@@ -134,15 +134,16 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
         return []
     keys = []
     while isinstance(own, dict | list) and isinstance(other, type(own)):
-        if isinstance(own, list):
-            if len(own) != len(other):
-                break
-            own = dict(enumerate(own))
-            other = dict(enumerate(other))
-        key = next(k for k in own | other if own.get(k) != other.get(k))
+        if isinstance(own, list) and len(own) != len(other):
+            break
+        mine, theirs = (
+            dict(enumerate(value)) if isinstance(value, list) else value
+            for value in (own, other)
+        )
+        key = next(k for k in {**mine, **theirs} if mine.get(k) != theirs.get(k))
         keys.append(str(key))
-        own = own.get(key)
-        other = other.get(key)
+        own = mine.get(key)
+        other = theirs.get(key)
     place = ".".join(keys)
     # Digits that a message omits may be all that differs.
     found = show(own)
