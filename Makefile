@@ -83,8 +83,6 @@ proofs: setup
 	done
 	for funnel in models/funnels/*_hook.npz; do \
 		$(BIN)/glider check-funnel $$funnel --hook --prove || exit 1; done
-	$(BIN)/glider check-funnel models/funnels/any_phase/launch.npz --hook --prove \
-		--phases models/funnels/any_phase/phase_*.npz
 
 benchmark: setup
 	@for script in benchmarks/bench_*.py; do \

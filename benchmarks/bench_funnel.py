@@ -15,7 +15,7 @@ from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
-from glider.verification.trials.falsify import falsify_funnel
+from glider.verification.trials import falsify_funnel
 
 EVERY = 5
 """Of the intervals that the proof looks at."""

@@ -7,7 +7,7 @@ held commands samples the state, and the predictor flies it on, as the proof has
 10 ms; but each command acts later, until the next one does: all but the first, which
 acts from the launch on, or the first too, before which nothing moves the elevator.
 Flights start on the inlet's boundary, in the funnel's wind, with gliders on
-the edge of its set, and climb (`glider.verification.trials.as_flown`).
+the edge of its set, and climb (`glider.verification.trials`).
 """
 
 import argparse
@@ -19,8 +19,7 @@ from threadpoolctl import threadpool_limits
 from glider import funnels
 from glider.control.predictor import Hold, held_command
 from glider.paths import models_path
-from glider.verification.trials import as_flown
-from glider.verification.trials.falsify import ESCAPE_LEVEL
+from glider.verification import trials
 
 LATENCY = 0.01
 """That the predictor assumes [s]."""
@@ -35,18 +34,18 @@ def predict(model, policy, times, states, waiting, hold):
     return held_command(model, policy, times, states, waiting, hold)
 
 
-def sample_times(funnel, hold, genes, rests=()):
+def sample_times(funnel, hold, genes):
     """Returns when the clock samples first: as if there were no delay."""
     return np.full(len(genes), funnel.settings.period - LATENCY)
 
 
-class Late(as_flown._Flight):
+class Late(trials._HeldFlight):
     """Flights whose first command is late, too."""
 
-    def levels(self, seen=None):
+    def levels(self):
         """Flies to the end; the first stretch begins without a command."""
         self.is_first = True
-        return super().levels(seen)
+        return super().levels()
 
     def fly(self, command, duration, begins=False):
         """Flies on; after the launch the command waits."""
@@ -66,23 +65,23 @@ def main():
     parser.add_argument("--flights", type=int, default=2000, help="random ones a row")
     args = parser.parse_args()
     given = funnels.load_funnel(args.funnel)
-    as_flown.held_command, as_flown._phases = predict, sample_times
+    trials.held_command, trials._phases = predict, sample_times
     print("| late | by | random flights that leave | all that leave | most V | V(T) |")
     print("|---|---|---|---|---|---|")
-    rows = [("all but the first", as_flown._Flight, delay) for delay in DELAYS]
+    rows = [("all but the first", trials._HeldFlight, delay) for delay in DELAYS]
     rows += [("all", Late, delay) for delay in DELAYS[1:4]]
     for name, flight, delay in rows:
-        as_flown._Flight = flight
-        loop = as_flown.FlownLoop(
+        trials._HeldFlight = flight
+        loop = trials.FlownLoop(
             hold=Hold(
                 period=given.settings.period, latency=LATENCY + delay, predicts=True
             ),
             wind=given.settings.wind,
-            gliders=given.gliders and given.gliders.confidence,
+            gliders=given.allowed if given.is_of_set else None,
         )
         rng = np.random.default_rng(0)
-        found = as_flown.fly_loop(given, loop, args.flights, rng)
-        left = int(np.sum(~(found.levels[~found.climbed] <= ESCAPE_LEVEL)))
+        found = trials.falsify_funnel(given, args.flights, rng, loop)
+        left = int(np.sum(~(found.levels[~found.climbed] <= trials.ESCAPE_LEVEL)))
         print(
             f"| {name} | {1e3 * delay:g} ms | {left:,} of {args.flights:,} | "
             f"{found.escapes:,} of {len(found.levels):,} | "

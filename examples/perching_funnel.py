@@ -10,21 +10,18 @@ flight leaves; --confidence makes the second for all gliders that the logs allow
 
 The true glider has an effect that its nominal model lacks. It flies with that model's
 plan, its logs are traced, and a second funnel is made with the corrected model. Does
-the true glider stay in the first funnel, and in the second? With --estimate the
-nominal model's feedback gets a filter's estimate instead of the state, from ever
-noisier motion capture: how much error does the funnel tolerate?
+the true glider stay in the first funnel, and in the second?
 
     python examples/perching_funnel.py
     python examples/perching_funnel.py --truth slow_servo --figure funnels.png
     python examples/perching_funnel.py --hook --remainder 1.1 --prove --json f.json
-    python examples/perching_funnel.py --load models/funnels --estimate 200
+    python examples/perching_funnel.py --load models/funnels
 """
 
 import argparse
 import dataclasses
 import sys
 from collections.abc import Sequence
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +54,7 @@ STATES = ("x", "z", "pitch", "elevator", "xdot", "zdot", "pitchdot")
 SHOWN = 40
 """Number of flights from inside that are kept to look at."""
 
-RED, BLUE, GREEN, ORANGE = "#D55E00", "#0072B2", "#009E73", "#E69F00"
+RED, BLUE = "#D55E00", "#0072B2"
 
 
 # ------------------------------------------------------------------------ settings
@@ -127,8 +124,6 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     program.add_count(parser, "--seed", 0, "of flights", least=0)
     parser.add_argument("--load", metavar="DIR", type=Path, help="funnels saved there")
     parser.add_argument("--save", metavar="DIR", type=Path, help="where to save them")
-    words = "flights on an estimate at each noise, drawn beside --figure"
-    program.add_count(parser, "--estimate", None, words, metavar="N")
     args = program.read_options(parser, arguments, figure="tubes, as PNG")
     if args.prove and not (args.remainder or args.load):
         parser.error("--prove: there is nothing to prove without --remainder.")
@@ -160,8 +155,6 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
         confidence=args.confidence,
     )
     program.check_files(*args.save)
-    if args.figure and args.estimate:
-        program.check_files(figure=beside(args.figure))
     return args
 
 
@@ -178,7 +171,7 @@ class FunnelStudy:
     verdict: funnels.Verdict
     """Outcome of the check in exact arithmetic."""
 
-    falsification: funnels.Falsification
+    falsification: funnels.Trial
     """Flights of its own glider from its boundary."""
 
     proof: funnels.FlightProof | None
@@ -187,10 +180,10 @@ class FunnelStudy:
     flights: np.ndarray
     """Paths (SHOWN, T, n) of launches from inside."""
 
-    on_truth: funnels.Falsification | None
+    on_truth: funnels.Trial | None
     """Flights of the true glider; None where their states differ."""
 
-    on_set: funnels.Falsification | None = None
+    on_set: funnels.Trial | None = None
     """Flights of the gliders that it was made for; None where it is one alone."""
 
     least_margin: float | None = None
@@ -260,15 +253,14 @@ def study_funnel(
         funnel = certify_perch(source.model, trials, progress, allowed)
 
     progress("checking the certificate in exact arithmetic")
-    verdict = funnels.check_funnel(
-        funnel, trials.every, problem=trials.problem, hook=trials.hook
-    )
+    purpose = funnels.Purpose(problem=trials.problem, hook=trials.hook)
+    verdict = funnels.check_funnel(funnel, trials.every, purpose=purpose)
     progress("trying to falsify the funnel by flights")
     falsification = funnels.falsify_funnel(funnel, trials.samples, rng)
     on_set = None
-    if funnel.gliders:
-        gliders = funnel.gliders.confidence
-        on_set = funnels.falsify_funnel(funnel, trials.samples, rng, confidence=gliders)
+    if funnel.is_of_set:
+        of_set = funnels.FlownLoop(gliders=funnel.allowed)
+        on_set = funnels.falsify_funnel(funnel, trials.samples, rng, of_set)
     proof = None
     if trials.prove and verdict.holds and funnel.beta.any():
         proof = funnels.prove_flights(
@@ -279,7 +271,8 @@ def study_funnel(
     flights = funnels.fly_inside(funnel, SHOWN, rng)
     progress("the funnel, flown by the true glider")
     try:
-        on_truth = funnels.falsify_funnel(funnel, trials.samples, rng, model=truth)
+        of_truth = funnels.FlownLoop(model=truth)
+        on_truth = funnels.falsify_funnel(funnel, trials.samples, rng, of_truth)
         margin = least_margin(funnel, truth)
     except InputError:  # The funnel's model has states that the true glider lacks.
         on_truth = margin = None
@@ -329,9 +322,6 @@ class FunnelComparison:
     corrected: FunnelStudy
     """Funnel of the corrected model."""
 
-    estimated: list[funnels.EstimatedFlights]
-    """Flights in the first on an estimate; none where not asked for."""
-
     @property
     def studies(self) -> dict[str, FunnelStudy]:
         """Both studies, by their names in files."""
@@ -375,7 +365,6 @@ def run(
     *,
     load: tuple[Path, ...] = (),
     flights: int = 20,
-    estimate: int | None = None,
     progress: program.Progress = program.silent,
 ) -> FunnelComparison:
     """Certifies perches with the nominal and with the corrected model; tries both.
@@ -386,7 +375,6 @@ def run(
         seed: of all flights.
         load: files of both funnels; none are made then.
         flights: number of flights that are traced.
-        estimate: number of flights on an estimate at each noise; None for none.
         progress: called with a line of text as the work goes on.
     """
     nominal, rng = GliderModel(parameters=truth.parameters), np.random.default_rng(seed)
@@ -394,12 +382,7 @@ def run(
     nominal, corrected = (
         study_funnel(source, truth, trials, rng, progress) for source in sources
     )
-    estimated = []
-    if estimate:
-        estimated = funnels.study_estimates(
-            nominal.funnel, estimate, rng, progress=progress
-        )
-    return FunnelComparison(nominal=nominal, corrected=corrected, estimated=estimated)
+    return FunnelComparison(nominal=nominal, corrected=corrected)
 
 
 # ------------------------------------------------------------------ what came of it
@@ -422,8 +405,6 @@ def key_figures(found: FunnelComparison) -> dict[str, object]:
         figures[f"{name}_on_truth_escapes"] = flown and flown.escapes
         figures[f"{name}_on_truth_samples"] = flown and flown.samples
         figures[f"{name}_on_truth_least_margin"] = study.least_margin
-    if found.estimated:
-        figures["estimate"] = estimate_figures(found.estimated)
     return figures
 
 
@@ -457,14 +438,14 @@ def figures_of(study: FunnelStudy) -> dict[str, object]:
         "certificate_checked": study.verdict.holds,
         "checked_times": study.verdict.times,
         "faults": list(study.verdict.faults),
-        "made_for": funnel.gliders and funnels.describe_set(funnel.gliders.confidence),
+        "made_for": funnels.describe_set(funnel.allowed) if funnel.is_of_set else None,
         "on_set_samples": study.on_set and study.on_set.samples,
         "on_set_escapes": study.on_set and study.on_set.escapes,
     }
 
 
 def describe(found: FunnelComparison, truth: str) -> str:
-    """Returns a few sentences about both funnels, and about flights on an estimate.
+    """Returns a few sentences about both funnels.
 
     Args:
         found: the funnels.
@@ -486,10 +467,6 @@ def describe(found: FunnelComparison, truth: str) -> str:
                 )
         else:
             lines.append(f"  Flown by {truth}, it has no meaning: their states differ.")
-    if found.estimated:
-        lines.append(
-            f"{WORDS['drawn']}, on an estimate:\n{describe_estimates(found.estimated)}"
-        )
     return "\n".join(lines)
 
 
@@ -507,8 +484,8 @@ def describe_funnel(name: str, study: FunnelStudy) -> str:
     )
     if proof:
         text += f"\n  {funnels.describe_proof(funnel, proof)}"
-    if funnel.gliders and study.on_set:
-        gliders = funnels.describe_set(funnel.gliders.confidence)
+    if funnel.is_of_set and study.on_set:
+        gliders = funnels.describe_set(funnel.allowed)
         text += (
             f"\n  It was made for the gliders of a {gliders}: {study.on_set.escapes} "
             f"of their {study.on_set.samples} flights from its boundary leave it."
@@ -516,88 +493,13 @@ def describe_funnel(name: str, study: FunnelStudy) -> str:
     return text
 
 
-def by_share(
-    found: Sequence[funnels.EstimatedFlights],
-) -> list[tuple[float, list[funnels.EstimatedFlights]]]:
-    """Groups levels of noise by the share of the launch that the filter is not given.
-
-    The noises of a share are in ascending order.
-    """
-    return [(s, list(levels)) for s, levels in groupby(found, lambda f: f.unknown)]
-
-
-def tolerated(
-    share: float, levels: Sequence[funnels.EstimatedFlights]
-) -> dict[str, float | None]:
-    """Returns the largest noise before an escape, and the first with one."""
-    noises = [level.noise for level in levels]
-    escapes = [k for k, level in enumerate(levels) if level.escaped.any()]
-    first = escapes[0] if escapes else len(levels)
-    return {
-        "unknown": share,
-        "noise_m": noises[first - 1] if first else None,
-        "first_escape_m": noises[first] if escapes else None,
-    }
-
-
-def estimate_figures(found: Sequence[funnels.EstimatedFlights]) -> dict[str, object]:
-    """Returns the key figures of flights on an estimate.
-
-    Shares are of the flights. In "bears", one for each unknown share, "noise_m" is the
-    largest noise below the first with an escape, and "first_escape_m" that one; null
-    where no level is.
-    """
-    return {
-        "flights": len(found[0].miss),
-        "levels": [
-            {
-                "unknown": level.unknown,
-                "noise_m": level.noise,
-                "escaped": float(level.escaped.mean()),
-                "believed_escaped": float(level.believed_escaped.mean()),
-                "perched": float(level.perched.mean()),
-                "largest_level": float(level.levels.max()),
-                "largest_error": float(level.errors.max()),
-                "rms_error": float(np.sqrt(np.mean(level.errors**2))),
-            }
-            for level in found
-        ],
-        "bears": [tolerated(share, levels) for share, levels in by_share(found)],
-    }
-
-
-def describe_estimates(found: Sequence[funnels.EstimatedFlights]) -> str:
-    """Returns a sentence for each unknown share."""
-    lines = []
-    for share, levels in by_share(found):
-        limit, last = tolerated(share, levels), levels[-1]
-        most, first = limit["noise_m"], limit["first_escape_m"]
-        words = "no noise of these" if most is None else f"{1e3 * most:g} mm of noise"
-        when = "no escape" if first is None else f"escapes from {1e3 * first:g} mm on"
-        lines.append(
-            f"With {100 * share:.0f} % of a launch's deviation unknown to the filter, "
-            f"the funnel tolerates {words} ({when});\n"
-            f"  at {1e3 * last.noise:g} mm {100 * last.escaped.mean():.0f} % of "
-            f"{len(last.miss)} flights leave it and {100 * last.perched.mean():.0f} % "
-            "perch."
-        )
-    return "\n".join(lines)
-
-
 # -------------------------------------------------------------------------- figures
 
 
-def beside(path: Path) -> Path:
-    """Returns where the figure of flights on an estimate goes: NAME_estimate.png."""
-    return path.with_stem(f"{path.stem}_estimate")
-
-
 def save_figures(path: Path, found: FunnelComparison) -> None:
-    """Saves the figure of both funnels and, beside it, of flights on an estimate."""
+    """Saves the figure of both funnels."""
     studies = {WORDS[name]: study for name, study in found.studies.items()}
     save_funnel_figure(path, studies)
-    if found.estimated:
-        save_estimate_figure(beside(path), found.estimated)
 
 
 def save_funnel_figure(path: Path, studies: dict[str, FunnelStudy]) -> None:
@@ -665,30 +567,6 @@ def draw_band(ax: Axes, funnel: funnels.Funnel, color: str) -> None:
     ax.set(xlabel="x [m]", ylabel="z [m]")
 
 
-def save_estimate_figure(path: Path, found: Sequence[funnels.EstimatedFlights]) -> None:
-    """Saves the share of escapes, and the estimate's error, against the noise."""
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    colors = (BLUE, GREEN, ORANGE, RED)
-    for (share, levels), color in zip(by_share(found), colors, strict=False):
-        noises = [1e3 * level.noise for level in levels]
-        label = f"{100 * share:.0f} % of the launch unknown"
-        escapes = [100.0 * level.escaped.mean() for level in levels]
-        left.plot(noises, escapes, "o-", color=color, ms=4, label=label)
-        errors = [level.errors.max() for level in levels]
-        right.plot(noises, errors, "o-", color=color, ms=4, label=label)
-    left.set_ylabel(f"flights that leave the funnel, of {len(found[0].miss)} [%]")
-    right.set_ylabel("largest error of the estimate, √(eᵀ S e)")
-    right.axhline(1.0, color="k", lw=1.0, ls=(0, (4, 2)), label="the boundary")
-    for ax in (left, right):
-        ax.set_xscale("log")
-        ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        ax.set_xlabel("noise of a measured position [mm]")
-        ax.set_ylim(bottom=0.0)
-    right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    figure.savefig(path, dpi=120)
-
-
 # -------------------------------------------------------------------------- Meshcat
 
 
@@ -750,7 +628,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Certifies as the command line says, prints and shows the result."""
     args = read_options(arguments)
     truth = GliderModel.load(args.truth)
-    options = {"load": args.load, "flights": args.flights, "estimate": args.estimate}
+    options = {"load": args.load, "flights": args.flights}
     with program.working("plan (compiles once)") as progress:
         found = run(truth, args.trials, args.seed, **options, progress=progress)
     for file, study in zip(args.save, found.studies.values(), strict=False):

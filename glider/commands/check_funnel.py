@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
-from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 from glider.commands.output import working
 from glider.commands.parsing import CommandParser, check_seed
@@ -43,10 +44,10 @@ requires one.
 The check applies to one glider; --prove covers all gliders of a funnel that was made
 for a set of them. If --model has a covariance, that set must contain the model's set
 of the same probability, and at least that of 95 %; --least-level requires another, also
-of a funnel of one glider, which has no set. --confidence draws gliders that the data
-allow, from the covariance in --model's file (close-the-loop writes it), flies them from
-the boundary and climbs to the worst flights and the worst corner of their set. Flights
-alone prove nothing.
+of a funnel of one glider, which has no set. --confidence draws gliders from the edge
+of the set that the data allow, by the covariance in --model's file (close-the-loop
+writes it), flies them from the boundary and climbs to the worst flights and gliders.
+Flights alone prove nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
 time, and --hold is the time that its commands must be held, also with --as-flown. With
@@ -60,14 +61,6 @@ computed from a state of some time ago, other command errors and wind; from the 
 boundary, climbing to the worst starts, phases and winds. With --confidence, gliders of
 that set fly. A funnel of held commands is flown by its own clock, and by a predictor
 where there is a latency.
-
-A funnel of held commands is for a clock that starts with the launch. --phases is for
-any clock: the funnel is then that of the launch, until the first command acts, and the
-files are those of the rest of the flight, for commands that begin to act at different
-times. --model, --every, --command-error and --wind apply to each, --least-inlet to the
-launch's, --hold and --hook to the others; --latency is their common one, and
---least-level is of each. Whenever the first command acts, the flight must be inside one
-of them.
 
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
@@ -93,8 +86,6 @@ def add_arguments(parser: CommandParser) -> None:
         f"--model with a covariance (default: {_LEVEL} of a funnel that has a set)"
     )
     parser.add_argument("--least-level", metavar="P", help=words)
-    words = "one funnel per phase of the clock; give them after the launch funnel"
-    parser.add_argument("--phases", metavar="NPZ", nargs="+", type=Path, help=words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
@@ -103,8 +94,6 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument(
         "--confidence", metavar="P", nargs="?", const=_LEVEL, help=words
     )
-    words = "with --confidence: a box of intervals instead of an ellipsoid"
-    parser.add_switch("--box", words)
     words = (
         "with --confidence or --as-flown: flights before the climb, which adds as many "
         f"and a fifth more (default: {_FLIGHTS})"
@@ -127,7 +116,7 @@ def add_arguments(parser: CommandParser) -> None:
         ),
         (
             "--latency",
-            "--as-flown, --phases or --prove",
+            both,
             "time from a state to its command [s]",
             f"as flown the funnel's, half of its hold, or {_LATENCY}; none to prove",
         ),
@@ -150,182 +139,118 @@ def run(args: argparse.Namespace) -> int:
 
     level, flights = _checked_options(args)
     least_inlet = _least_inlet(args.least_inlet)
-    files = [(path, *read_file(path)) for path in (args.funnel, *(args.phases or ()))]
+    least_level = _level("--least-level", args.least_level)
+    file = args.funnel, *read_file(args.funnel)
 
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np
 
     from glider.physics.model import GliderModel, load_covariance
     from glider.planning.problem import PerchingProblem
+    from glider.report.check_funnel import Checked
     from glider.verification.funnel.funnel import funnel_of
+    from glider.verification.proof.check import check_funnel
     from glider.verification.proof.latency import check_latency
-    from glider.verification.trials.as_flown import check_clock, fly_loop
-    from glider.verification.trials.falsify import falsify_funnel
+    from glider.verification.proof.purpose import Purpose
+    from glider.verification.trials import FlownLoop, check_clock, falsify_funnel
 
-    funnel, *rests = (funnel_of(*file) for file in files)
-    seed = args.seed or 0
+    funnel = funnel_of(*file)
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None
-    least_level = _level("--least-level", args.least_level)
+    if least_level and covariance is None:
+        raise InputError(
+            "--least-level has no effect without a --model with a covariance, as "
+            "close-the-loop writes it; expected both."
+        )
     confidence = None
     if level is not None:
-        shape = "box" if args.box else "ellipsoid"
-        confidence = _confidence(funnel, args.model, covariance, level, shape)
-    loop = _flown_loop(args, funnel, rests, confidence) if args.as_flown else None
-    if args.prove and args.latency and not rests:
+        confidence = _confidence(funnel, args.model, covariance, level)
+    loop = None
+    if args.as_flown:
+        loop = _flown_loop(args, funnel, confidence)
+    elif confidence:
+        loop = FlownLoop(gliders=confidence)
+    if args.prove and args.latency:
         check_latency(funnel, args.latency)
     if loop:
-        check_clock(funnel, loop.hold, rests)
-    elif confidence and (rests or funnel.settings.period):
+        check_clock(funnel, loop.hold)
+    if confidence and funnel.settings.period and not args.as_flown:
         raise InputError(
             "--confidence flies gliders under a feedback that acts at all times; the "
-            "commands of these funnels are held: expected --as-flown, too."
+            "commands of this funnel are held: expected --as-flown, too."
         )
-    trial = flown = None
+    purpose = Purpose(
+        problem=problem,
+        hook=args.hook,
+        model=model,
+        covariance=covariance,
+        least_level=least_level,
+        least_inlet=least_inlet,
+        **_proven_loop(args),
+    )
     with working(is_even=True) as progress:
 
         def follow(what):
             return lambda share: progress(Step(f"checking the {what}", share))
 
-        given = {
-            "problem": problem,
-            "model": model,
-            "covariance": covariance,
-            "least_level": least_level,
-        }
-        checked = _check(args, (funnel, *rests), least_inlet, given, follow)
-        if confidence and checked.holds and not (rests or funnel.settings.period):
-            rng = np.random.default_rng(seed)
-            say = follow("gliders")
-            trial = falsify_funnel(
-                funnel, flights, rng, confidence=confidence, progress=say
-            )
-        if loop and checked.holds:
-            rng = np.random.default_rng(seed)
-            say = follow("flights")
-            flown = fly_loop(funnel, loop, flights, rng, say, rests=rests)
-    _print_outcome(args, checked, trial, flown)
-    left = any(t.escapes for t in (trial, flown) if t)
-    good = checked.is_proven if args.prove else checked.holds
-    return 0 if good and not left else 1
-
-
-def _check(args, funnels, least_inlet, given, follow):
-    """Checks all funnels, and proves them where that is asked for and they hold.
-
-    What is given applies to each, but for the problem, which is not the launch's own.
-    """
-    from glider.report.check_funnel import Checked
-    from glider.verification.proof.check import check_funnel
-    from glider.verification.proof.flight_proof import prove_flights
-    from glider.verification.proof.phases import phase_faults
-
-    if given["least_level"] and given["covariance"] is None:
-        raise InputError(
-            "--least-level has no effect without a --model with a covariance, as "
-            "close-the-loop writes it; expected both."
-        )
-    (first, *rests), inlet = funnels, {"least_inlet": least_inlet}
-    pushes = _least_pushes(args) if args.prove else (0.0, 0.0)
-    period = args.hold if args.prove else None
-    problem = given["problem"]
-    end = {"hook": args.hook, "period": period}
-    needs = [inlet | end]
-    faults = []
-    if rests:
-        needs = [inlet | {"problem": None}]
-        needs += [end | {"from_launch": False}] * len(rests)
-        faults = phase_faults(first, rests, problem, args.latency)
-    verdicts = [
-        check_funnel(
-            own,
+        verdict = check_funnel(
+            funnel,
             args.every,
-            follow("certificate"),
-            least_pushes=pushes,
+            purpose=purpose,
             seed=args.seed,
-            **given | needed,
+            progress=follow("certificate"),
         )
-        for own, needed in zip(funnels, needs, strict=True)
-    ]
-    covariance = given["covariance"]
-    checked = Checked(problem, covariance, funnels, verdicts, faults, [], None)
-    if not (args.prove and checked.holds):
-        return checked
-    for own in funnels:
-        proof = prove_flights(
-            own, args.every, progress=follow("proof"), is_checked=True
+        checked = Checked(
+            path=args.model, purpose=purpose, funnel=funnel, verdict=verdict
         )
-        checked.proofs.append(proof)
-        if not proof.complete:
-            break
-    if not checked.is_proven:
+        if args.prove and checked.holds:
+            checked = _proven(args, checked, follow)
+        trial = None
+        if loop and checked.holds:
+            rng = np.random.default_rng(args.seed or 0)
+            trial = falsify_funnel(
+                funnel, flights, rng, loop, progress=follow("flights")
+            )
+    _print_outcome(args, checked, trial)
+    good = checked.is_proven if args.prove else checked.holds
+    return 0 if good and not (trial and trial.escapes) else 1
+
+
+def _proven(args, checked, follow):
+    """Returns a check with the proof, and with that of a latency if all else holds."""
+    from glider.verification.proof.flight_proof import prove_flights
+    from glider.verification.proof.latency import predictions_of, prove_latency
+
+    funnel = checked.funnel
+    proof = prove_flights(funnel, args.every, progress=follow("proof"), is_checked=True)
+    checked = dataclasses.replace(checked, proof=proof)
+    if not (args.latency and checked.is_proven):
         return checked
-    return checked._replace(latency=_prove_latency(args, funnels, follow("latency")))
-
-
-def _prove_latency(args, funnels, progress):
-    """Returns what a latency leaves of the command's error; None where there is none.
-
-    All else must be proven. Of one funnel the latency has to be given; a launch funnel
-    has its own.
-    """
-    from glider.verification.proof.latency import (
-        first_predictions,
-        predictions_of,
-        prove_latency,
+    latency = prove_latency(
+        predictions_of(funnel, args.latency),
+        args.command_error or 0.0,
+        progress=follow("latency"),
     )
-    from glider.verification.proof.phases import GRID_ROOM, first_commands
-
-    first, *rests = funnels
-    latency = first_commands(first, rests)[0] if rests else args.latency or 0.0
-    if latency <= GRID_ROOM:
-        return None
-    found = first_predictions(first, rests, latency) if rests else []
-    for own in rests or [first]:
-        found += predictions_of(own, latency)
-    return prove_latency(found, args.command_error or 0.0, progress=progress)
+    return dataclasses.replace(checked, latency=latency)
 
 
-def _print_outcome(args, checked, trial, flown):
+def _print_outcome(args, checked, trial):
     """Prints what was checked, proven and flown, in sentences or as JSON."""
     from glider.files.schema import json_text
     from glider.report import check_funnel as words
 
-    problem, covariance, funnels, verdicts, _, proofs, latency = checked
-    (funnel, *rests), seed = funnels, args.seed or 0
-    # The end of a launch funnel is no perch.
-    ends = [None if rests else problem] + [problem] * len(rests)
-    parts = [*zip_longest(funnels, verdicts, proofs, ends)]
+    funnel = checked.funnel
+    seed = args.seed or 0
     if args.json:
-        report, *others = (words.check_report(*part) for part in parts)
-        report |= {
-            "model_compared": args.model is not None,
-            "set_compared": None not in (covariance, funnel.gliders),
-        }
-        if rests:
-            report["phases"] = others
-            report["any_phase"] = words.phases_report(checked)
-        if latency:
-            report["latency"] = words.latency_report(checked)
+        report = words.check_report(checked)
         if trial:
-            report["gliders"] = words.trial_report(funnel, trial, seed)
-        if flown:
-            report["as_flown"] = words.flown_report(flown, seed)
+            report["flights"] = words.trial_report(funnel, trial, seed)
         print(json_text(report))
         return
-    for path, part in zip((args.funnel, *(args.phases or ())), parts, strict=True):
-        if rests:
-            print(f"{path}:")
-        print(words.describe_check(*part, args.model, covariance))
-    if rests:
-        print(words.describe_phases(checked))
-    if latency:
-        print(words.describe_latency(checked))
+    print(words.describe_check(checked))
     if trial:
         print(words.describe_trial(funnel, trial, seed))
-    if flown:
-        print(words.describe_flown(flown, seed))
 
 
 def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
@@ -335,28 +260,22 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     words = "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)
     level = _level("--confidence", args.confidence)
-    names = ("hold", "command_error", "wind")
-    late = {name.replace("_", "-"): getattr(args, name) for name in names}
-    given = [
-        ("--confidence", level is not None, {"box": args.box or None}),
-        ("--as-flown", args.as_flown, {"predict": args.predict or None}),
-        (
-            "--as-flown, --phases or --prove",
-            args.as_flown or args.phases or args.prove,
-            {"latency": args.latency},
-        ),
-        ("--as-flown or --prove", args.as_flown or args.prove, late),
-        (
-            "--confidence or --as-flown",
-            level is not None or args.as_flown,
-            {"flights": args.flights},
-        ),
-    ]
-    for option, is_given, of_it in given:
-        for name, value in of_it.items():
-            if not is_given and value is not None:
-                words = f"--{name} has no effect without {option}; expected both."
-                raise InputError(words)
+    is_drawn = level is not None
+    is_loop = args.as_flown or args.prove
+    needed = {
+        "predict": ("--as-flown", args.as_flown),
+        "latency": ("--as-flown or --prove", is_loop),
+        "hold": ("--as-flown or --prove", is_loop),
+        "command_error": ("--as-flown or --prove", is_loop),
+        "wind": ("--as-flown or --prove", is_loop),
+        "flights": ("--confidence or --as-flown", is_drawn or args.as_flown),
+    }
+    for name, (option, is_given) in needed.items():
+        value = getattr(args, name)
+        if value is not None and value is not False and not is_given:
+            own = name.replace("_", "-")
+            words = f"--{own} has no effect without {option}; expected both."
+            raise InputError(words)
     flights = _FLIGHTS if args.flights is None else args.flights
     expected = f"a number from 1 to {_MOST_FLIGHTS:,}"
     expect(1 <= flights <= _MOST_FLIGHTS, "--flights", flights, expected)
@@ -364,13 +283,19 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     return level, flights
 
 
-def _least_pushes(args: argparse.Namespace) -> tuple[float, float]:
-    """Command error and wind that --prove requires; checks --hold."""
+def _proven_loop(args: argparse.Namespace) -> dict[str, Any]:
+    """Command error, wind and hold that --prove requires, as fields of a `Purpose`."""
+    if not args.prove:
+        return {}
     for name in ("hold", "command_error", "wind"):
         option = f"--{name.replace('_', '-')}"
         value = getattr(args, name) or 0.0
         expect(0.0 <= value < math.inf, option, value, "zero or a positive number")
-    return args.command_error or 0.0, args.wind or 0.0
+    return {
+        "command_error": args.command_error or 0.0,
+        "wind": args.wind or 0.0,
+        "period": args.hold,
+    }
 
 
 def _least_inlet(text: str | None) -> dict[str, float]:
@@ -400,17 +325,15 @@ def _level(option: str, text: str | None) -> float | None:
     return level
 
 
-def _flown_loop(args, funnel, rests, gliders):
+def _flown_loop(args, funnel, gliders):
     """The loop of --as-flown: of held commands that of their clock, predicted."""
     from glider.control.predictor import Hold
-    from glider.verification.proof.phases import first_commands
-    from glider.verification.trials.as_flown import FlownLoop
+    from glider.verification.trials import FlownLoop
 
-    period = (rests or [funnel])[0].settings.period
-    latency = _LATENCY
-    if period:
-        latency = first_commands(funnel, rests)[0] if rests else 0.5 * period
-    latency = latency if args.latency is None else args.latency
+    period = funnel.settings.period
+    latency = args.latency
+    if latency is None:
+        latency = 0.5 * period if period else _LATENCY
     predicts = args.predict or (period > 0.0 and latency > 0.0)
     hold = args.hold if args.hold is not None else period or _HOLD
     return FlownLoop(
@@ -421,16 +344,16 @@ def _flown_loop(args, funnel, rests, gliders):
     )
 
 
-def _confidence(funnel, model, covariance, level, shape):
+def _confidence(funnel, model, covariance, level):
     """The set of gliders to fly, by the model's file or the funnel's own."""
     from glider.physics.confidence import make_confidence
 
-    if not model and funnel.gliders:
-        covariance = funnel.gliders.confidence.covariance
+    if not model and funnel.is_of_set:
+        covariance = funnel.allowed.covariance
     if covariance is None:
         raise InputError(
             f"{model or '--confidence'}: the accuracy of the glider's parameters "
             "is unknown; expected a --model with a covariance, as close-the-loop "
             "writes it."
         )
-    return make_confidence(funnel.nominal.model, covariance, level, shape)
+    return make_confidence(funnel.nominal.model, covariance, level)

@@ -14,7 +14,6 @@ from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan
-from glider.planning.problem import PerchingProblem
 
 STEP = 0.003
 """Longest step of the pass [s]: gains to about 1e-7 of their largest."""
@@ -136,22 +135,6 @@ def linear_policy(
         is_linear=True,
         period=period,
     )
-
-
-def still_policy(
-    model: GliderModel, problem: PerchingProblem, duration: float
-) -> TrackingPolicy:
-    """Returns one that never commands the elevator, from a problem's launch on [s]."""
-    states = np.tile(model.initial_state(problem.launch), (2, 1))
-    plan = Plan(
-        times=np.array([0.0, duration]),
-        states=states,
-        slopes=np.zeros_like(states),
-        inputs=np.zeros(2),
-        state_names=model.state_names,
-        cost=0.0,
-    )
-    return linear_policy(plan, np.zeros_like(states))
 
 
 def check_plan(model: GliderModel, plan: Plan) -> None:

@@ -33,7 +33,7 @@ from glider.sysid.report import Report, read_report
 from glider.sysid.result import Result
 from glider.sysid.search.subsets import Members, Scorer
 
-MOST = 5
+_MOST = 5
 """Largest number of explanations."""
 
 _LEAST = 1e-4
@@ -126,14 +126,14 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     own = score.by_first(chosen.kinds)
     near = _near(score, own, _clocks_swapped(task, chosen))
     models = [chosen]
-    for members in near[: MOST - 1]:
+    for members in near[: _MOST - 1]:
         models.append(fit_model(task, score.begin(members), iterations=4))
     acting = [model for model in models if not _is_idle(task, model)]
     weighed = [_weigh(task, model, penalty) for model in acting or [chosen]]
     # Sets that were not fitted count by their closed form, against the chosen set's.
     first = weighed[0].log_evidence - score(own)
     every = [e.log_evidence for e in weighed]
-    every += [first + score(members) for members in near[MOST - 1 :]]
+    every += [first + score(members) for members in near[_MOST - 1 :]]
     listed = float(softmax(every)[: len(weighed)].sum())
     missing = 1.0 - (1.0 - UNKNOWN) * listed
     return with_probabilities(_in_one_air(task, weighed, penalty), missing)
@@ -261,7 +261,7 @@ def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     information = grams.sum(axis=0)[:-1, :-1] + np.diag(prior)
     _, volume = np.linalg.slogdet(information)
     evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - volume)
-    evidence += choice_of_shapes(task, model) - penalty * len(model.kinds)
+    evidence += _choice_of_shapes(task, model) - penalty * len(model.kinds)
     covariance, _ = larger_of(*jackknife(grams, prior))
     return Explanation(
         model=model,
@@ -271,7 +271,7 @@ def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     )
 
 
-def choice_of_shapes(task: Task, model: FitResult) -> float:
+def _choice_of_shapes(task: Task, model: FitResult) -> float:
     """Evidence that a model loses for the choice of its effects' shapes [nats].
 
     Where a shape is fitted, the best of many was chosen, and noise alone makes the best

@@ -14,7 +14,6 @@ Both are convex.
 
 import dataclasses
 import functools
-import itertools
 import math
 from collections.abc import Iterable
 from typing import Any
@@ -120,32 +119,23 @@ _INSIDE = 1e-9
 LEVEL = 0.95
 """Default probability with which a set holds the true numbers."""
 
-SHAPES = ("ellipsoid", "box")
-
-_MOST_CORNERS = 10
-"""Dimensions of a box whose corners are listed: 1,024 of them."""
-
 _FLAT = 1e-12
 """Eigenvalue of the correlations below which a direction is known exactly."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class ConfidenceSet:
-    """A set of deviations δ of a glider's numbers from their estimates."""
+    """An ellipsoid of deviations δ of a glider's numbers from their estimates."""
 
     covariance: Covariance  #: Covariance of the m numbers that may deviate.
     level: float = LEVEL  #: Probability with which the true numbers are in it.
-    shape: str = "ellipsoid"  #: One of SHAPES.
 
     def __post_init__(self):
         """Raises InputError where there is no such set."""
         level = self.level
-        shape = self.shape
         is_number = isinstance(level, (int, float)) and not isinstance(level, bool)
         good = is_number and 0.0 < level < 1.0
         expect(good, "The confidence", level, "a probability between 0 and 1")
-        words = " or ".join(SHAPES)
-        expect(shape in SHAPES, "The shape of a confidence set", shape, words)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -154,94 +144,58 @@ class ConfidenceSet:
 
     @functools.cached_property
     def factor(self) -> np.ndarray:
-        """A (m, r) of δ = A w, w in the unit ball or in [-1, 1]ʳ."""
+        """A (m, r) of δ = A w, w in the unit ball."""
         matrix = self.covariance.matrix
         std = self.covariance.std
-        if self.shape == "box":
-            varies = std > 0.0
-            root = self.level ** (1.0 / max(int(varies.sum()), 1))
-            return self._radius(root, 1) * np.diag(std)[:, varies]
         # Of the correlations: the axes should not depend on the units.
         scale = np.where(std > 0.0, std, 1.0)
         values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
         kept = values > _FLAT
-        radius = self._radius(self.level, max(int(kept.sum()), 1))
+        radius = self._radius(max(int(kept.sum()), 1))
         return radius * scale[:, None] * vectors[:, kept] * np.sqrt(values[kept])
 
-    def _radius(self, level: float, count: int) -> float:
+    def _radius(self, count: int) -> float:
         """Root of the quantile of Hotelling's T² of so many numbers, or of χ²."""
-        if (freedom := self.covariance.degrees_of_freedom) is None:
-            return math.sqrt(chdtri(count, 1.0 - level))
+        freedom = self.covariance.degrees_of_freedom
+        if freedom is None:
+            return math.sqrt(chdtri(count, 1.0 - self.level))
         rest = freedom - count + 1.0
-        return math.sqrt(count * freedom / rest * fdtri(count, rest, level))
+        return math.sqrt(count * freedom / rest * fdtri(count, rest, self.level))
 
     @property
     def dimension(self) -> int:
         """Number r of its dimensions; 0 where all is known."""
         return self.factor.shape[1]
 
-    @property
-    def dual(self) -> int:
-        """Order of the norm |a| that is max a·w."""
-        return 1 if self.shape == "box" else 2
-
     def on_boundary(self, directions: np.ndarray) -> np.ndarray:
         """Returns δ (..., m) on the boundary, towards directions (..., r) of w."""
-        size = np.maximum(self._size(directions), 1e-300)
-        return (directions / size[..., None]) @ self.factor.T
-
-    def _size(self, w):
-        """Returns how far w (..., r) are: 1 on the boundary."""
-        if self.shape == "box":
-            return np.abs(w).max(axis=-1, initial=0.0)
-        return np.linalg.norm(w, axis=-1)
-
-    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draws δ (count, m), uniform in the set."""
-        r = self.dimension
-        if self.shape == "box":
-            return rng.uniform(-1.0, 1.0, size=(count, r)) @ self.factor.T
-        radius = rng.uniform(size=(count, 1)) ** (1.0 / max(r, 1))
-        return radius * self.on_boundary(rng.normal(size=(count, r)))
-
-    def corners(self) -> np.ndarray:
-        """Returns the corners δ of a box, or the ends of an ellipsoid's axes, (K, m).
-
-        Of a box of more than _MOST_CORNERS dimensions they are the centers of its
-        faces.
-        """
-        r = self.dimension
-        if self.shape == "box" and 0 < r <= _MOST_CORNERS:
-            w = np.array(list(itertools.product((-1.0, 1.0), repeat=r)))
-        else:
-            w = np.concatenate([np.eye(r), -np.eye(r)])
-        return w @ self.factor.T
+        size = np.linalg.norm(directions, axis=-1, keepdims=True)
+        return (directions / np.maximum(size, 1e-300)) @ self.factor.T
 
     def reach(self, directions: np.ndarray) -> np.ndarray:
         """Returns max aᵀ δ over the set (...) for directions a (..., m)."""
-        return np.linalg.norm(directions @ self.factor, self.dual, axis=-1)
+        return np.linalg.norm(directions @ self.factor, axis=-1)
 
     def farthest(self, matrix: np.ndarray) -> float:
         """Returns a bound of |B w| over all w, for a matrix B (k, r)."""
-        if self.shape == "box":
-            return float(np.linalg.norm(np.abs(matrix).sum(axis=1)))
         return float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
 
     def holds(self, deviations: np.ndarray) -> np.ndarray:
         """Returns whether deviations (..., m) are in the set, but for rounding."""
         w = deviations @ np.linalg.pinv(self.factor).T
-        in_span = np.abs(w @ self.factor.T - deviations) <= 1e-9 * self.reach(
-            np.eye(len(self.names))
-        )
-        return np.all(in_span, axis=-1) & (self._size(w) <= 1.0 + 1e-9)
+        widths = self.reach(np.eye(len(self.names)))
+        off = np.abs(w @ self.factor.T - deviations)
+        in_span = np.all(off <= 1e-9 * widths, axis=-1)
+        inside = np.linalg.norm(w, axis=-1) <= 1.0 + 1e-9
+        return in_span & inside
 
     def is_same(self, other: "ConfidenceSet") -> bool:
         """Determines whether another set is this one, to the last digit."""
-        same = self.names == other.names and self.shape == other.shape
+        same = self.names == other.names
         return same and np.array_equal(self.factor, other.factor)
 
     def covers(self, other: "ConfidenceSet") -> bool:
-        """Determines whether it contains another of its shape, but for rounding.
+        """Determines whether it contains another, but for rounding.
 
         A number that it does not name may not deviate in the other.
         """
@@ -252,14 +206,12 @@ class ConfidenceSet:
                 theirs[places[name]] = row
             elif row.any():
                 return False
-        mine = self.factor
-        size = np.maximum(*(np.linalg.norm(A, axis=1) for A in (mine, theirs)))
+        own = np.linalg.norm(self.factor, axis=1)
+        others = np.linalg.norm(theirs, axis=1)
+        size = np.maximum(own, others)
         size = np.where(size > 0.0, size, 1.0)[:, None]
-        mine = mine / size
+        mine = self.factor / size
         theirs = theirs / size
-        if self.shape == "box":
-            widths = (np.abs(A).sum(axis=1) for A in (mine, theirs))
-            return bool(np.all(np.subtract(*widths) >= -1e-9))
         left = mine @ mine.T - theirs @ theirs.T
         return bool(np.linalg.eigvalsh(left).min(initial=0.0) >= -1e-9)
 
@@ -269,10 +221,7 @@ ALONE = ConfidenceSet(covariance=Covariance(names=(), matrix=np.zeros((0, 0))))
 
 
 def make_confidence(
-    model: GliderModel,
-    covariance: Covariance,
-    level: float = LEVEL,
-    shape: str = "ellipsoid",
+    model: GliderModel, covariance: Covariance, level: float = LEVEL
 ) -> ConfidenceSet:
     """Returns the confidence set of all numbers that a glider's flight depends on."""
     # A fault of sensor or log changes only what is measured.
@@ -282,7 +231,7 @@ def make_confidence(
         if kind.stage not in ("sensor", "log")
     }
     among = covariance.among({*PARAMETER_NAMES, *flown})
-    return ConfidenceSet(covariance=among, level=level, shape=shape)
+    return ConfidenceSet(covariance=among, level=level)
 
 
 def describe_set(confidence: ConfidenceSet) -> str:
@@ -294,7 +243,7 @@ def describe_set(confidence: ConfidenceSet) -> str:
         if width > 0.0
     )
     level = describe_level(confidence.level)
-    return f"{level} {confidence.shape} of {within or 'nothing'}"
+    return f"{level} ellipsoid of {within or 'nothing'}"
 
 
 def describe_level(level: float) -> str:

@@ -7,14 +7,13 @@ import dataclasses
 import functools
 import hashlib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jinja2
 import numpy as np
 
 from glider.errors import printable
 from glider.physics.confidence import describe_level, describe_set
-from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel, model_text
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel, gliders_note
@@ -22,67 +21,62 @@ from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
 from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.latency import ProvenLatency
-from glider.verification.proof.phases import LEVEL, first_commands
-from glider.verification.proof.purpose import arrival, hook_faults, set_sizes
-from glider.verification.trials.as_flown import FlownTrial
-from glider.verification.trials.falsify import Falsification
+from glider.verification.proof.purpose import Purpose, arrival, hook_faults, set_sizes
+from glider.verification.trials import Trial
 
 _HASH_DIGITS = 16
 """Digits of a hash that are printed; JSON has them all."""
 
 
-class Checked(NamedTuple):
-    """What was checked and proven: of a funnel, or of one and those of its phases."""
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Checked:
+    """What was checked and proven of a funnel."""
 
-    problem: PerchingProblem
-    covariance: Covariance | None
-    funnels: tuple[Funnel, ...]
-    verdicts: list[Verdict]
-    faults: list[str]  #: Of phases.
-    proofs: list[FlightProof]  #: As far as they were asked for, until one fails.
-    latency: ProvenLatency | None  #: What is proven of one; None where all else failed.
+    path: Path | None  #: File of the model that it was compared with.
+    purpose: Purpose  #: What was asked of it.
+    funnel: Funnel
+    verdict: Verdict
+    proof: FlightProof | None = None  #: If it was asked for and the certificate holds.
+    latency: ProvenLatency | None = None  #: If one was given and all else is proven.
 
     @property
     def holds(self) -> bool:
-        """Whether all certificates hold, at any phase."""
-        return not self.faults and all(verdict.holds for verdict in self.verdicts)
+        """Whether its certificate holds."""
+        return self.verdict.holds
 
     @property
     def is_proven(self) -> bool:
         """Whether it is proven as a whole."""
-        is_checked = self.holds and all(verdict.is_whole for verdict in self.verdicts)
-        are_whole = [proof.is_whole for proof in self.proofs]
+        is_whole = self.holds and self.verdict.is_whole
+        is_proven = self.proof is not None and self.proof.is_whole
         lacks = self.latency is not None and not self.latency.holds
-        whole = len(are_whole) == len(self.funnels) and all(are_whole)
-        return is_checked and whole and not lacks
+        return is_whole and is_proven and not lacks
 
 
-def check_report(
-    funnel: Funnel,
-    verdict: Verdict,
-    proof: FlightProof | None,
-    problem: PerchingProblem | None,
-) -> dict[str, Any]:
-    """Returns the outcome of `check-funnel` as it is written to JSON.
-
-    The problem is None where the funnel's end is no perch.
-    """
-    report = dataclasses.asdict(verdict) | {
-        "loop": _loop_report(funnel, funnel.settings),
-        "holds": verdict.holds,
+def check_report(checked: Checked) -> dict[str, Any]:
+    """Returns the outcome of `check-funnel` as it is written to JSON."""
+    funnel = checked.funnel
+    problem = checked.purpose.problem or PerchingProblem()
+    proof = checked.proof
+    latency = checked.latency
+    last = funnel.nominal.times[-1]
+    report = dataclasses.asdict(checked.verdict) | {
+        "loop": _loop_report(funnel),
+        "holds": checked.holds,
         "file_sha256": funnel.sha256,
         "glider_sha256": _model_hash(funnel.nominal.model),
         "made_for": gliders_note(funnel),
         "inlet": set_sizes(funnel, 0.0),
-        "last_set": set_sizes(funnel, funnel.nominal.times[-1]),
+        "last_set": set_sizes(funnel, last),
         "command_error_rad_s": funnel.settings.command_error,
         "wind_m_s": funnel.settings.wind,
         "period_s": funnel.settings.period,
         "largest_command_error_rad_s": float(funnel.errors.max()),
+        "model_compared": checked.path is not None,
+        "set_compared": funnel.is_of_set and bool(checked.purpose.covariance),
+        "end": dataclasses.asdict(arrival(funnel, problem)),
+        "hook_takes_all": not hook_faults(funnel, problem),
     }
-    if problem:
-        report["end"] = dataclasses.asdict(arrival(funnel, problem))
-        report["hook_takes_all"] = not hook_faults(funnel, problem)
     if proof:
         report |= {
             "every_flight": proof.is_whole,
@@ -93,160 +87,88 @@ def check_report(
             "fault": proof.fault,
             "boxes": proof.boxes,
         }
+    if latency:
+        report["latency"] = dataclasses.asdict(latency) | {
+            "holds": latency.holds,
+            "state": "true",
+            "jitter_s": 0.0,
+            "predictor_knows_all_commands": True,
+            "first_command_is_predicted": False,
+        }
     return report
 
 
-def _loop_report(funnel, settings, latency=0.0):
+def _loop_report(funnel):
     """Returns the loop that a theorem is about as it is written to JSON.
 
-    The state is the true one, without an estimator; periods and latency are exact.
+    The state is the true one, without an estimator; the period is exact.
     """
-    gliders = funnel.gliders
+    settings = funnel.settings
+    level = funnel.allowed.level if funnel.is_of_set else None
     return {
         "state": "true",
-        "commands": _commands(funnel),
+        "commands": "held" if settings.period else "continuous",
         "period_s": settings.period,
-        "latency_s": latency,
+        "latency_s": 0.0,
         "jitter_s": 0.0,
         "command_error_rad_s": settings.command_error,
         "wind_m_s": settings.wind,
-        "set_level": gliders and gliders.confidence.level,
+        "set_level": level,
     }
 
 
-def _commands(funnel):
-    """Returns what moves the elevator: held commands, others, or none."""
-    nominal = funnel.nominal
-    if funnel.settings.period:
-        return "held"
-    return "continuous" if nominal.inputs.any() or nominal.gains.any() else "none"
-
-
-def trial_report(funnel: Funnel, trial: Falsification, seed: int) -> dict[str, Any]:
-    """Returns the outcome of flights of a set as it is written to JSON."""
-    confidence = trial.confidence
-    assert confidence is not None
+def trial_report(funnel: Funnel, trial: Trial, seed: int) -> dict[str, Any]:
+    """Returns the outcome of flights as it is written to JSON."""
+    loop = trial.loop
+    hold = loop.hold
+    gliders = loop.gliders
     worst = int(np.argmax(trial.later))
     return {
-        "names": list(confidence.names),
-        "level": confidence.level,
-        "shape": confidence.shape,
-        "half_widths": confidence.reach(np.eye(len(confidence.names))).tolist(),
-        "funnel_was_made_for_them": _made_for(funnel, trial),
+        "period_s": hold.period if hold else 0.0,
+        "latency_s": hold.latency if hold else 0.0,
+        "predicts": bool(hold and hold.predicts),
+        "wind_m_s": loop.wind,
+        "command_error_rad_s": loop.command_error,
+        "gliders": gliders
+        and {
+            "names": list(gliders.names),
+            "level": gliders.level,
+            "half_widths": gliders.reach(np.eye(len(gliders.names))).tolist(),
+            "funnel_was_made_for_them": _made_for(funnel, trial),
+        },
         "flights": trial.samples,
-        "escapes": trial.escapes,
-        "largest_level": float(trial.levels.max()),
-        "largest_later_level": float(trial.later.max()),
-        "largest_end_level": float(trial.ends.max()),
-        "worst_deviation": trial.deviations[worst].tolist(),
-        "worst_start_time": float(trial.starts[worst]),
-        "seed": seed,
-    }
-
-
-def flown_report(trial: FlownTrial, seed: int) -> dict[str, Any]:
-    """Returns the outcome of flights as they are flown as it is written to JSON."""
-    hold = trial.loop.hold
-    return {
-        "period_s": hold.period,
-        "latency_s": hold.latency,
-        "predicts": hold.predicts,
-        "wind_m_s": trial.loop.wind,
-        "command_error_rad_s": trial.loop.command_error,
-        "gliders": trial.loop.gliders and describe_set(trial.loop.gliders),
-        "flights": len(trial.levels),
         "of_the_ascent": int(trial.climbed.sum()),
         "escapes": trial.escapes,
         "end_outside": trial.astray,
         "largest_level": float(trial.levels.max()),
         "largest_later_level": float(trial.later.max()),
         "largest_end_level": float(trial.ends.max()),
+        "worst_deviation": trial.deviations[worst].tolist(),
+        "worst_start_time": float(trial.times[worst]),
         "seed": seed,
     }
 
 
-def describe_flown(trial: FlownTrial, seed: int) -> str:
-    """Returns the outcome of flights as they are flown in sentences, one a line."""
-    return _text("as_flown", trial, seed)
-
-
-def describe_check(
-    funnel: Funnel,
-    verdict: Verdict,
-    proof: FlightProof | None,
-    problem: PerchingProblem | None,
-    model: Path | None,
-    covariance: Covariance | None = None,
-) -> str:
-    """Returns the outcome of `check-funnel` in sentences, one a line.
-
-    A model is the file of the glider that it was compared with; it may have a
-    covariance, which the funnel's set of gliders was then compared with. The problem
-    is None where the funnel's end is no perch.
-    """
-    lines = [_text("certificate", funnel, verdict, model, covariance)]
+def describe_check(checked: Checked) -> str:
+    """Returns the outcome of `check-funnel` in sentences, one a line."""
+    funnel = checked.funnel
+    verdict = checked.verdict
+    problem = checked.purpose.problem or PerchingProblem()
+    covariance = checked.purpose.covariance
+    lines = [_text("certificate", funnel, verdict, checked.path, covariance)]
     if verdict.holds:
-        ends = (set_sizes(funnel, t) for t in funnel.nominal.times[[0, -1]])
-        lines.append(_text("sizes", *ends))
-        lines += [describe_proof(funnel, proof)] if proof else []
-    if verdict.holds and problem:
+        first = set_sizes(funnel, 0.0)
+        last = set_sizes(funnel, funnel.nominal.times[-1])
+        lines.append(_text("sizes", first, last))
+    if checked.proof:
+        lines.append(describe_proof(funnel, checked.proof))
+    if verdict.holds:
         accepted = not hook_faults(funnel, problem)
         reached = arrival(funnel, problem)
         lines.append(_text("last_set", reached, problem.hook, accepted))
+    if checked.latency:
+        lines.append(_text("latency", checked.latency, funnel))
     return "\n".join(lines)
-
-
-def phases_report(checked: Checked) -> dict[str, Any]:
-    """Returns whether funnels are one loop at any phase as it is written to JSON."""
-    least, (launch, *rests) = _least_of(checked), checked.funnels
-    return {
-        "holds": not checked.faults,
-        "faults": checked.faults,
-        "proven": checked.is_proven,
-        "loop": _loop_report(rests[0], least, first_commands(launch, rests)[0]),
-        "first_command_s": list(first_commands(launch, rests)),
-        "level": LEVEL,
-        "command_error_rad_s": least.command_error,
-        "wind_m_s": least.wind,
-        "made_for": gliders_note(launch),
-    }
-
-
-def describe_phases(checked: Checked) -> str:
-    """Returns the same in sentences, and what is proven of all of them together."""
-    least, (launch, *rests) = _least_of(checked), checked.funnels
-    times = 1e3 * np.array(first_commands(launch, rests))
-    faults = checked.faults
-    proven = checked.is_proven
-    return _text("phases", len(rests), least, LEVEL, faults, times, proven, launch)
-
-
-def describe_latency(checked: Checked) -> str:
-    """Returns what is proven of a latency in a sentence."""
-    launch, *rests = checked.funnels
-    return _text("latency", checked.latency, launch, bool(rests))
-
-
-def latency_report(checked: Checked) -> dict[str, Any]:
-    """Returns the same as it is written to JSON."""
-    proven, (_, *rests) = checked.latency, checked.funnels
-    assert proven is not None
-    return dataclasses.asdict(proven) | {
-        "holds": proven.holds,
-        "state": "true",
-        "jitter_s": 0.0,
-        "predictor_knows_all_commands": True,
-        "first_command_is_predicted": bool(rests),
-    }
-
-
-def _least_of(checked):
-    """Returns the settings of the last funnel, with the least bounds of all."""
-    funnels = checked.funnels
-    latency = checked.latency
-    error, wind = np.min([own.settings.pushes for own in funnels], axis=0).tolist()
-    error = min(error, latency.error_left) if latency and latency.holds else error
-    return dataclasses.replace(funnels[-1].settings, command_error=error, wind=wind)
 
 
 def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
@@ -254,19 +176,17 @@ def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
     return _text("proof", funnel, proof)
 
 
-def describe_trial(funnel: Funnel, trial: Falsification, seed: int) -> str:
-    """Returns the outcome of flights of a set in sentences, one a line."""
+def describe_trial(funnel: Funnel, trial: Trial, seed: int) -> str:
+    """Returns the outcome of flights in sentences, one a line."""
     worst = int(np.argmax(trial.later))
-    made_for = _made_for(funnel, trial)
-    of_worst = trial.deviations[worst], trial.starts[worst]
-    return _text("flights", funnel, trial, seed, made_for, *of_worst)
+    return _text("flights", funnel, trial, seed, _made_for(funnel, trial), worst)
 
 
 def _made_for(funnel, trial):
     """Determines whether all gliders flown are in the funnel's set; None without."""
-    if not funnel.gliders:
+    if not funnel.is_of_set:
         return None
-    return bool(np.all(funnel.gliders.confidence.holds(trial.deviations)))
+    return bool(np.all(funnel.allowed.holds(trial.deviations)))
 
 
 def _model_hash(model: GliderModel) -> str:
@@ -294,7 +214,6 @@ def _template():
         "shares": len(SHARES),
         "describe_set": describe_set,
         "describe_level": describe_level,
-        "commands_of": _commands,
         "model_hash": lambda funnel: _model_hash(funnel.nominal.model),
         "degrees": lambda limits: "{:.0f}° to {:.0f}°".format(*np.degrees(limits)),
     }

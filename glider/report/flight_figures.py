@@ -13,7 +13,7 @@ from glider.sysid.result import HeldOutFlight, Result
 
 _MOST_SHOWN = 4  # Held-out flights that are shown without being asked for.
 
-MOST_FLIGHTS = 120
+_MOST_FLIGHTS = 120
 """Held-out flights that a page holds: the best and the worst, and between."""
 
 _ROWS = 120  # Rows that are drawn of a flight at most.
@@ -29,7 +29,7 @@ def shown_flights(result: Result, count: int = _MOST_SHOWN) -> list[HeldOutFligh
 
 def flights_in_page(result: Result) -> list[HeldOutFlight]:
     """Flights to choose from, from the worst corrected to the best."""
-    every = shown_flights(result, MOST_FLIGHTS)
+    every = shown_flights(result, _MOST_FLIGHTS)
     every += shown_flights(result)
     kept = {flight.name for flight in every}
     ranked = rank_flights(result)[::-1]

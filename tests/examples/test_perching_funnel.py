@@ -1,8 +1,5 @@
 """Certified perches with the nominal and the corrected model, loaded and tried."""
 
-import functools
-
-import matplotlib.image
 import numpy as np
 import pytest
 
@@ -14,7 +11,6 @@ from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.settings import LAUNCH_SIZES
-from glider.verification.trials.estimated import study_estimates
 from tests.helpers.examples import run_main
 
 FUNNELS = models_path("funnels")
@@ -23,15 +19,11 @@ OPTIONS = ("--load", str(FUNNELS), "--prove", "--samples=80", "--every=200")
 
 @pytest.fixture(scope="module")
 def found():
-    few = functools.partial(study_estimates, noises=[0.001], unknown=[0.1, 1.0])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(perching_funnel.funnels, "study_estimates", few)
-        return perching_funnel.run(
-            GliderModel.load("head_wind"),
-            FunnelTrials(samples=80, every=200, prove=True),
-            load=(FUNNELS / "drawn.npz", FUNNELS / "head_wind.npz"),
-            estimate=1,
-        )
+    return perching_funnel.run(
+        GliderModel.load("head_wind"),
+        FunnelTrials(samples=80, every=200, prove=True),
+        load=(FUNNELS / "drawn.npz", FUNNELS / "head_wind.npz"),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +33,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def output(found, folder):
-    arguments = (*OPTIONS, "--estimate=1", f"--save={folder}")
+    arguments = (*OPTIONS, f"--save={folder}")
     return run_main(perching_funnel, found, folder, *arguments)
 
 
@@ -66,11 +58,6 @@ def test_the_true_glider_stays_in_the_funnel_of_what_was_found(found):
     effects = found.corrected.funnel.nominal.model.effects
     assert [effect.kind.kind for effect in effects] == ["wind"]
     assert found.nominal.funnel.nominal.model.effects == ()
-
-
-def test_the_nominal_feedback_flies_on_an_estimate(found):
-    assert [level.unknown for level in found.estimated] == [0.1, 1.0]
-    assert [len(level.miss) for level in found.estimated] == [1, 1]
 
 
 def test_the_result_is_reported(output, found):
@@ -104,19 +91,13 @@ def test_the_result_is_reported(output, found):
         assert figures[f"{name}_on_truth_escapes"] == study.on_truth.escapes
         assert figures[f"{name}_on_truth_samples"] == study.on_truth.samples
         assert figures[f"{name}_on_truth_least_margin"] == study.least_margin
-    assert figures["estimate"]["flights"] == 1
-    assert [row["unknown"] for row in figures["estimate"]["bears"]] == [0.1, 1.0]
     assert (figures["truth"], figures["seed"]) == ("head_wind", 0)
     assert "Flown by head_wind, 0 of" in output.words
-    assert "nominal model, on an estimate:" in output.words
 
 
-def test_it_is_drawn_and_animated(output, folder):
+def test_it_is_drawn_and_animated(output):
     assert output.size == (1200, 1056)
     assert output.ink > 0.05
-    beside = matplotlib.image.imread(folder / "output_estimate.png")
-    assert beside.shape[:2] == (432, 1080)
-    assert np.mean(np.min(beside[..., :3], axis=-1) < 0.95) > 0.01
     for words in ("A certified perch: head_wind", "nominal", "flight 1", "flight 3"):
         assert f">{words}<" in output.page
 
@@ -138,7 +119,7 @@ def test_the_options_reach_the_story(output):
     assert seed == 0
     options = output.asked.call_args.kwargs
     assert options["load"] == (FUNNELS / "drawn.npz", FUNNELS / "head_wind.npz")
-    assert (options["flights"], options["estimate"]) == (20, 1)
+    assert options["flights"] == 20
 
 
 def test_the_hook_and_a_feedback_are_asked_for(found, tmp_path):
@@ -155,14 +136,12 @@ def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_pat
     """As where a servo's lag was found and the true glider has none."""
     lost = dict(vars(found.corrected), on_truth=None)
     study = type(found.corrected)(**lost)
-    other = type(found)(nominal=found.nominal, corrected=study, estimated=[])
+    other = type(found)(nominal=found.nominal, corrected=study)
     output = run_main(perching_funnel, other, tmp_path, *OPTIONS)
     assert output.figures["corrected_on_truth_escapes"] is None
     assert output.figures["corrected_on_truth_samples"] is None
-    assert "estimate" not in output.figures
     assert "it has no meaning: their states differ" in output.words
     assert output.figures["corrected"]["made_for"] is None
-    assert not (tmp_path / "output_estimate.png").exists()
 
 
 @pytest.mark.parametrize(
@@ -222,7 +201,7 @@ def test_a_funnel_of_all_gliders_that_the_logs_allow(found, tmp_path):
     assert study.verdict.holds
     assert study.on_truth.escapes == study.on_set.escapes == 0
     assert study.on_set.samples > 100
-    whole = type(found)(nominal=found.nominal, corrected=study, estimated=[])
+    whole = type(found)(nominal=found.nominal, corrected=study)
     output = run_main(perching_funnel, whole, tmp_path, *OPTIONS)
     part = output.figures["corrected"]
     assert part["made_for"].startswith("95 % ellipsoid of wind.x ± 0.0008")

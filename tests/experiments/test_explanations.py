@@ -35,7 +35,7 @@ def test_sets_that_were_not_fitted_count_as_missing(late, monkeypatch):
     """By what a closed form says of them."""
     _, task, noise, _ = late
     monkeypatch.setattr("glider.experiments.explanations._NEAR", 30.0)
-    monkeypatch.setattr("glider.experiments.explanations.MOST", 1)
+    monkeypatch.setattr("glider.experiments.explanations._MOST", 1)
     findings = Findings(model=LATE, kinds=("servo_lag",))
     [alone] = explain(task, noise, findings)
     assert 0.5 < alone.probability < 1.0 - UNKNOWN - 1e-3

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.experiments.explanations import choice_of_shapes
+from glider.experiments.explanations import _choice_of_shapes
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.model_fit import (
     fit_model,
@@ -50,7 +50,7 @@ def test_the_cost_is_that_of_fits_at_each_shape(fitted):
     told = np.array([worth(task, model, late) - own for late in shape.grid])
     told[np.argmin(np.abs(np.array(shape.grid) - model.theta[slot]))] = 0.0
     expected = np.log(np.mean(np.exp(np.minimum(told, 0.0))))
-    cost = choice_of_shapes(task, model)
+    cost = _choice_of_shapes(task, model)
     assert cost == pytest.approx(expected, abs=0.1)
     most = -np.log(len(shape.grid))
     if size == 1.0:
@@ -62,4 +62,4 @@ def test_the_cost_is_that_of_fits_at_each_shape(fitted):
 def test_what_has_no_shape_costs_nothing(fitted):
     _, task, model = fitted
     mass = dataclasses.replace(model, kinds=("mass",), free=task.free(("mass",)))
-    assert choice_of_shapes(task, mass) == 0.0
+    assert _choice_of_shapes(task, mass) == 0.0

@@ -66,7 +66,6 @@ FILES = (
     "verification/test_interval_gliders.py",
     "verification/test_latency.py",
     "verification/test_latency_gliders.py",
-    "verification/test_phases.py",
     "verification/test_pushes.py",
     "verification/test_remainder.py",
     "verification/test_remainder_proof.py",

@@ -13,7 +13,7 @@ from glider.physics.effects.families import FAMILIES
 from glider.physics.effects.free_functions import FreeFunction
 from glider.report.as_page import page_data, rounded
 from glider.report.error_table import distance
-from glider.report.flight_figures import MOST_FLIGHTS, flights_in_page
+from glider.report.flight_figures import _MOST_FLIGHTS, flights_in_page
 from glider.report.folder import FIGURES, make_figures, to_html
 from glider.report.model_figures import carried_figure
 from glider.report.plots.binning import binned_quantiles
@@ -167,7 +167,7 @@ def test_a_page_of_five_hundred_flights_stays_below_five_megabytes():
         held_out=tuple(flights), residual_before=table, residual_after=table
     )
     inside = flights_in_page(result)
-    assert len(inside) <= MOST_FLIGHTS + 4
+    assert len(inside) <= _MOST_FLIGHTS + 4
     text = to_html(result)
     assert len(text.encode()) < 5_000_000
     assert f"({len(inside)} of the 150 held-out flights are here)" in text

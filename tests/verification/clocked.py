@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.clock import (
     BEND_ROOM,
@@ -49,6 +50,7 @@ def make_clocked(proven):
     rests = command_errors(nominal, S, np.arange(last + 1), settings, beta, focus)
     return Funnel(
         nominal=nominal,
+        gliders=make_moving_center(nominal),
         S=S,
         slopes=np.concatenate(slopes),
         settings=settings,

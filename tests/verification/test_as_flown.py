@@ -13,19 +13,23 @@ from glider.paths import models_path
 from glider.physics.effects import WIND
 from glider.physics.model import GliderModel
 from glider.simulation.fly import fly
+from glider.verification import trials
 from glider.verification.funnel.funnel import funnel_policy, load_funnel
-from glider.verification.trials import as_flown
-from glider.verification.trials.as_flown import FlownLoop, fly_loop
-from glider.verification.trials.falsify import ESCAPE_LEVEL, boundary_states
+from glider.verification.trials import (
+    ESCAPE_LEVEL,
+    FlownLoop,
+    boundary_states,
+    falsify_funnel,
+)
 from tests.helpers.funnels import UNPROVEN
-from tests.verification.points import sphere_points
+from tests.verification.points import flown_by, sphere_points
 
 COUNT = 60
 
 
 def flown(funnel, genes, wind=0.0, **hold):
     loop = FlownLoop(hold=Hold(**hold), wind=wind)
-    return tuple(as_flown._flights(funnel, loop, genes))
+    return flown_by(funnel, loop, genes)
 
 
 def genes_of(phase=0.0, wind=(1.0, 0.0), steady=1.0, count=COUNT):
@@ -101,7 +105,7 @@ def test_an_error_of_the_command_is_one_of_the_servos_rate(proven):
     """A steady one is as if u₀ had it; the one that chooses is worse than most."""
     genes = genes_of(wind=(1.0, 0.0))
     found = [
-        as_flown._flights(proven, FlownLoop(hold=Hold(period=0.005), **error), genes)
+        flown_by(proven, FlownLoop(hold=Hold(period=0.005), **error), genes)
         for error in ({"command_error": 0.8}, {})
     ]
     moved = dataclasses.replace(proven.nominal, inputs=proven.nominal.inputs + 0.8)
@@ -113,7 +117,7 @@ def test_an_error_of_the_command_is_one_of_the_servos_rate(proven):
     assert np.median(found[0][2] / found[1][2]) > 1.5
     genes[:, 10] = 0.0
     loop = FlownLoop(hold=Hold(period=0.005), command_error=0.8)
-    chosen = as_flown._flights(proven, loop, genes)[1]
+    chosen = flown_by(proven, loop, genes)[1]
     assert np.mean(chosen >= found[0][1]) > 0.8
 
 
@@ -141,11 +145,12 @@ def test_what_the_review_saw_is_seen_and_a_predictor_makes_up_for_it(hook):
 
 
 def test_an_outcome_counts_what_it_has_and_the_seed_repeats_it(proven, monkeypatch):
-    monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 2)
+    monkeypatch.setattr(trials, "_CLIMB_ROUNDS", 2)
     seen = []
     loop = FlownLoop(hold=Hold(latency=0.02))
     trial, again = (
-        fly_loop(proven, loop, 50, np.random.default_rng(0), seen.append) for _ in "ab"
+        falsify_funnel(proven, 50, np.random.default_rng(0), loop, progress=seen.append)
+        for _ in "ab"
     )
     np.testing.assert_array_equal(trial.levels, again.levels)
     left = ~(trial.levels <= ESCAPE_LEVEL)
@@ -153,13 +158,13 @@ def test_an_outcome_counts_what_it_has_and_the_seed_repeats_it(proven, monkeypat
     assert trial.astray == np.sum(trial.ends > ESCAPE_LEVEL)
     assert trial.climbed.sum() == 2 * 5 * 2 == len(left) - 50
     assert np.all((trial.phases >= 0.0) & (trial.phases <= 0.02))
-    assert proven.level(0.0, trial.starts) == pytest.approx(np.ones(len(left)))
-    assert len(seen) == 2 * 2
+    assert proven.level(0.0, trial.states) == pytest.approx(np.ones(len(left)))
+    assert len(seen) == 2 * 3
 
 
 def test_climbing_finds_worse_than_chance(proven):
     loop = FlownLoop(hold=Hold(latency=0.01))
-    trial = fly_loop(proven, loop, 100, np.random.default_rng(0))
+    trial = falsify_funnel(proven, 100, np.random.default_rng(0), loop)
     rest = trial.later[trial.climbed].max() - trial.later[~trial.climbed].max()
     assert rest > 0.05
 
@@ -187,7 +192,7 @@ def test_the_command_line_states_how_many_leave(capsys):
     assert "55 flights from the inlet's boundary leave the funnel and 0 end" in words
     assert " 0 of 55" not in words
     assert main([*few, "--predict", "--wind", "0.01", "--json", "--seed", "2"]) == 0
-    found = json.loads(capsys.readouterr().out)["as_flown"]
+    found = json.loads(capsys.readouterr().out)["flights"]
     assert (found["period_s"], found["latency_s"], found["predicts"]) == (
         0.02,
         0.01,
@@ -223,7 +228,7 @@ def test_a_glider_with_states_of_its_own_is_flown(proven):
     """The servo's lag is one of them."""
     slow = load_funnel(UNPROVEN / "strong_servo.npz")
     assert slow.nominal.model != GliderModel()
-    trial = fly_loop(
-        slow, FlownLoop(hold=Hold(period=0.005)), 20, np.random.default_rng(0)
+    trial = falsify_funnel(
+        slow, 20, np.random.default_rng(0), FlownLoop(hold=Hold(period=0.005))
     )
     assert np.all(np.isfinite(trial.levels))

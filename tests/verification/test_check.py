@@ -10,13 +10,13 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning.problem import Obstacle, PerchingProblem
 from glider.verification.dynamics.nominal import evaluate
-from glider.verification.funnel.growth import remainder_form
+from glider.verification.funnel.growth import _remainder_form
 from glider.verification.funnel.servo_limits import servo_bounds
-from glider.verification.proof.check import check_funnel, largest_between
-from glider.verification.proof.exact_check import check_time, exact_faults
+from glider.verification.proof.check import _largest_between, check_funnel
+from glider.verification.proof.exact_check import _check_time, exact_faults
 from glider.verification.proof.interval import at_time
-from glider.verification.proof.interval_growth import BALL_BITS, growth_forms
-from glider.verification.proof.purpose import model_faults, path_faults
+from glider.verification.proof.interval_growth import BALL_BITS, _growth_forms
+from glider.verification.proof.purpose import Purpose, _model_faults
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import (
     higher_forms,
@@ -61,11 +61,11 @@ def test_the_exact_polynomial_is_the_growth_with_the_disturbance(funnel, coeffic
     L_inv_T = to_ball(S)[1]
     changed = dataclasses.replace(funnel, beta=beta, weights=weights, focus=focus)
     here = at_time(changed, k)
-    forms = growth_forms(here, rounded(L_inv_T, BALL_BITS), exact(slack))
+    forms = _growth_forms(here, rounded(L_inv_T, BALL_BITS), exact(slack))
     *found, metric = (form.parts[0].to_float() for form in forms)
     assert metric == pytest.approx(np.eye(7), abs=1e-5)
     quadratic = L_inv_T.T @ quadratic_form(S, slope, coefficients[k]) @ L_inv_T
-    disturbance = remainder_form(S[None], beta[[k]], weights[[k]])[0]
+    disturbance = _remainder_form(S[None], beta[[k]], weights[[k]])[0]
     quadratic += disturbance + slack * np.eye(7)
     cubic, quartic = higher_forms(S, coefficients[k])
     quartic += product_form(disturbance, L_inv_T.T @ focus[k] @ L_inv_T)
@@ -82,7 +82,9 @@ def test_the_shipped_certificate_holds(funnel):
 
 
 def test_the_servos_limits_are_the_same_without_rounding(funnel):
-    directions, bounds = servo_bounds(funnel.nominal, funnel.settings, shrink=1.0)
+    directions, bounds = servo_bounds(
+        funnel.nominal, funnel.settings, funnel.gliders, shrink=1.0
+    )
     for k in (0, 77, 200):
         limits = at_time(funnel, k).limits
         a, b = (
@@ -145,19 +147,21 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     assert "not a flight" in " ".join(check_funnel(changed, every=1000).faults)
     wider = dataclasses.replace(funnel, S=0.8 * funnel.S)
     rng = np.random.default_rng(0)
-    assert largest_between(wider, NO_DEFECT, rng, 20) > 0.0
-    assert largest_between(funnel, NO_DEFECT, rng, 20) < 0.0
-    assert largest_between(funnel, NO_DEFECT + 2.0, rng, 20) > 0.0
+    assert _largest_between(wider, NO_DEFECT, rng, 20) > 0.0
+    assert _largest_between(funnel, NO_DEFECT, rng, 20) < 0.0
+    assert _largest_between(funnel, NO_DEFECT + 2.0, rng, 20) > 0.0
     unknown = NO_DEFECT.copy()
     unknown[100] = np.nan  # Not the first that is looked at.
-    assert np.isnan(largest_between(funnel, unknown, rng, 20))
+    assert np.isnan(_largest_between(funnel, unknown, rng, 20))
 
 
 def test_obstacles_are_not_proven(funnel):
     """Not even one that the nominal keeps clear of."""
     far = Obstacle(center=[-1.0, -0.7], radius=0.1)
-    assert path_faults(funnel, PerchingProblem()) == []
-    [fault] = path_faults(funnel, PerchingProblem(obstacles=[far]))
+    clear = Purpose(problem=PerchingProblem())
+    assert clear.faults_of(funnel) == []
+    hidden = Purpose(problem=PerchingProblem(obstacles=[far]))
+    [fault] = hidden.faults_of(funnel)
     assert "obstacles" in fault and "not proven" in fault
 
 
@@ -175,7 +179,7 @@ def test_a_funnel_of_another_glider_names_what_differs(funnel):
             ["parameters.mass", "0.08000000001"],
         ),
     ):
-        message = " ".join(model_faults(funnel, other))
+        message = " ".join(_model_faults(funnel, other))
         assert all(word in message for word in words) and bool(message) == bool(words)
 
 
@@ -191,8 +195,8 @@ def test_the_nominals_defect_is_counted_exactly(funnel):
 
 
 def test_one_wrong_number_in_one_gram_matrix_fails_its_time(funnel):
-    assert check_time(funnel, 7, 0.003) == []
+    assert _check_time(funnel, 7, 0.003) == []
     grams = funnel.grams.copy()
     grams[7, 0] -= 200.0
     wrong = dataclasses.replace(funnel, grams=grams)
-    assert check_time(wrong, 7, 0.003) != []
+    assert _check_time(wrong, 7, 0.003) != []

@@ -10,7 +10,8 @@ from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.exact_check import exact_faults
-from glider.verification.trials.falsify import (
+from glider.verification.trials import (
+    FlownLoop,
     boundary_states,
     falsify_funnel,
     fly_inside,
@@ -38,11 +39,11 @@ def test_without_the_servos_limits_in_it_a_funnel_does_not_hold():
     """It was made for a servo of wider travel and a higher rate."""
     funnel = load_funnel(UNPROVEN / "strong_servo.npz")
     shares = (0.37, 0.5)
-    own = falsify_funnel(funnel, 200, np.random.default_rng(0), shares=shares)
+    own = falsify_funnel(funnel, 200, np.random.default_rng(2), shares=shares)
     assert own.escapes == 0
     nominal = GliderModel()
     real = falsify_funnel(
-        funnel, 200, np.random.default_rng(0), shares=shares, model=nominal
+        funnel, 200, np.random.default_rng(2), FlownLoop(model=nominal), shares=shares
     )
     assert real.escapes > 0.05 * real.samples
     flight = dataclasses.replace(funnel.nominal, model=nominal)
@@ -55,7 +56,8 @@ def test_climbing_finds_worse_flights_than_chance(funnel):
     rng = np.random.default_rng(1)
     climbed = falsify_funnel(funnel, 200, rng, shares=(0.75,))
     chance = falsify_funnel(funnel, climbed.samples, rng, shares=(0.75,), climb=False)
-    assert climbed.ends.max() > 1.01 * chance.ends.max()
+    worse = climbed.ends[climbed.climbed]
+    assert np.median(worse) > 1.2 * np.median(chance.ends)
 
 
 def test_flights_from_inside_end_in_the_goal(funnel):
@@ -98,4 +100,4 @@ def test_a_glider_without_the_funnels_states_is_refused(funnel, effects):
     rng = np.random.default_rng(0)
     assert falsify_funnel(larger, 8, rng, climb=False).samples == 8
     with pytest.raises(InputError, match=r"glider's states is .*\.servo_rate first"):
-        falsify_funnel(larger, 8, rng, model=GliderModel(effects=effects))
+        falsify_funnel(larger, 8, rng, FlownLoop(model=GliderModel(effects=effects)))

@@ -18,7 +18,7 @@ from glider.verification.funnel.funnel import load_funnel, save_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.purpose import hook_faults
-from glider.verification.trials.falsify import boundary_states, falsify_funnel
+from glider.verification.trials import boundary_states, falsify_funnel
 from tests.verification.points import sphere_points
 
 

@@ -14,27 +14,27 @@ from glider.control.predictor import Hold
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.state import ELEVATOR
-from glider.report.check_funnel import describe_flown
+from glider.report.check_funnel import describe_trial
+from glider.verification import trials
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.nominal import evaluate, hermite_path, table_of
 from glider.verification.funnel.clock import bend_sizes, form_size, hold_slopes
 from glider.verification.funnel.funnel import funnel_policy, load_funnel, save_funnel
-from glider.verification.funnel.growth import push_form
+from glider.verification.funnel.growth import _push_form
 from glider.verification.proof import check, flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import at_time, make_interval
-from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_growth import _growth_forms
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
-from glider.verification.proof.purpose import push_faults
+from glider.verification.proof.purpose import Purpose
 from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
-from glider.verification.trials import as_flown
-from glider.verification.trials.as_flown import FlownLoop, FlownTrial, fly_loop
+from glider.verification.trials import FlownLoop, Trial, falsify_funnel
 from tests.helpers.second_flight import advance, rates_of
 from tests.verification.clocked import ERROR, PERIOD, WIND, changed, part
-from tests.verification.points import sphere_points
+from tests.verification.points import flown_by, held_flight, sphere_points
 
 
 def lowered(funnel, name):
@@ -188,12 +188,12 @@ def test_what_is_known_of_the_error_acts_on_v(clocked):
         return values_of(third, z)[0] + values_of(fourth, z)[0]
 
     none = np.zeros((1, 2))
-    forms = push_form(S, nominal.push_slopes[[k]], none, none, nominal.bends[[k]])
+    forms = _push_form(S, nominal.push_slopes[[k]], none, none, nominal.bends[[k]])
     assert values(forms.cubic[0], forms.quartic[0]) == pytest.approx(expected)
     basis = exact(to_ball(S)[1][0])
     without = changed(clocked, "bends", slice(None), 0.0)
     own, bare = (
-        growth_forms(at_time(f, k), basis, exact(0.0)) for f in (clocked, without)
+        _growth_forms(at_time(f, k), basis, exact(0.0)) for f in (clocked, without)
     )
     more = [(b - a).parts[0].to_float() for a, b in zip(own, bare, strict=True)]
     assert values(*more[1:3]) == pytest.approx(expected)
@@ -450,8 +450,9 @@ def test_a_file_of_anything_but_held_commands_is_refused(
 
 
 def test_a_clock_must_be_the_one_that_is_asked_for(clocked, proven):
-    assert push_faults(clocked, (0.0, 0.0), PERIOD) == []
-    [fault] = push_faults(proven, (0.0, 0.0), PERIOD)
+    held = Purpose(period=PERIOD)
+    assert held.faults_of(clocked) == []
+    [fault] = held.faults_of(proven)
     assert "at all times; expected a hold of 20 ms" in fault
 
 
@@ -464,7 +465,7 @@ def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
     for latency, wind in ((0.0, 0.0), (0.01, 0.0), (0.01, 0.3)):
         hold = Hold(period=PERIOD, latency=latency, predicts=True)
         loop = FlownLoop(hold=hold, wind=wind)
-        found[latency, wind] = as_flown._flights(clocked, loop, genes)[2]
+        found[latency, wind] = flown_by(clocked, loop, genes)[2]
     prompt, late, blown = found.values()
     assert late == pytest.approx(prompt, rel=2e-3, abs=1e-5)
     assert np.any(np.abs(blown - prompt) > 0.05 * prompt)
@@ -472,7 +473,7 @@ def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
     starts = clocked.nominal.samples
     inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
     other = changed(clocked, "gains", inner, 3.0)
-    same = as_flown._flights(other, FlownLoop(hold=Hold(period=PERIOD)), genes)[2]
+    same = flown_by(other, FlownLoop(hold=Hold(period=PERIOD)), genes)[2]
     assert same == pytest.approx(prompt, rel=2e-3, abs=1e-5)
 
 
@@ -483,30 +484,22 @@ def test_flights_of_a_funnel_with_a_clock_are_told_to_be_by_that_clock(clocked):
     genes = np.hstack(
         [sphere_points(3, 7), [[1.0, 0.0, at, 1.0] for at in (0, 0.2, 0.7)]]
     )
-    some = np.ones(3)
     for funnel, phases, words in (
         (clocked, np.full(3, PERIOD - 0.01), "by the funnel's clock"),
         (free, PERIOD * np.array([0.0, 0.2, 0.7]), "at any phase of their clock"),
     ):
-        found = as_flown._phases(funnel, loop.hold, genes)
-        assert found == pytest.approx(phases)
-        trial = FlownTrial(
-            loop=loop,
-            levels=some,
-            later=some,
-            ends=some,
-            climbed=some > 0,
-            starts=genes,
-            phases=found,
-        )
-        assert words in describe_flown(trial, 0)
+        assert trials._phases(funnel, loop.hold, genes) == pytest.approx(phases)
+        found = trials._fly(clocked, loop, 0, genes)
+        del found["genes"]
+        trial = Trial(loop=loop, **found | {"phases": phases})
+        assert words in describe_trial(funnel, trial, 0)
 
 
 def test_each_held_command_has_an_error_of_its_own(clocked, monkeypatch):
     """That makes V rise fastest when it begins to act; a steady one is always there."""
     genes = np.hstack([sphere_points(30, 7), np.tile([1.0, 0.0, 0.5, 0.0], (30, 1))])
     loop = FlownLoop(hold=Hold(period=PERIOD), command_error=0.5)
-    flight, errors, begins = as_flown._Flight(clocked, loop, genes), [], []
+    flight, errors, begins = held_flight(clocked, loop, genes), [], []
     choose = flight._pushes_now
 
     def seen(command, chooses):
@@ -522,7 +515,7 @@ def test_each_held_command_has_an_error_of_its_own(clocked, monkeypatch):
     assert np.all(begins[1:] >= changes) and changes.sum() > 5
     assert sum(begins) == len(clocked.nominal.samples)
     genes[:, -1] = 1.0
-    steady = as_flown._Flight(clocked, loop, genes)
+    steady = held_flight(clocked, loop, genes)
     assert np.mean(chosen >= steady.levels()[1]) > 0.8
 
 
@@ -536,7 +529,7 @@ def test_each_held_command_has_an_error_of_its_own(clocked, monkeypatch):
 )
 def test_a_funnel_of_held_commands_is_flown_by_its_clock(clocked, hold, words):
     with pytest.raises(InputError, match=words):
-        fly_loop(clocked, FlownLoop(hold=hold), 4, np.random.default_rng(0))
+        falsify_funnel(clocked, 4, np.random.default_rng(0), FlownLoop(hold=hold))
 
 
 def test_a_feedback_of_held_commands_does_not_act_at_all_times(clocked):
@@ -557,7 +550,7 @@ def test_the_command_requires_the_clock(capsys):
 
 def test_held_commands_are_flown_as_their_funnel_has_them(monkeypatch, capsys):
     """Its period, and half of it as a latency that is predicted."""
-    monkeypatch.setattr(as_flown, "CLIMB_ROUNDS", 0)
+    monkeypatch.setattr(trials, "_CLIMB_ROUNDS", 0)
     monkeypatch.setattr(check, "held_faults", lambda *given: [])  # It takes long.
     source = str(models_path("funnels", "held_hook.npz"))
     asked = ["check-funnel", source, "--every", "300", "--as-flown", "--flights", "20"]
@@ -566,7 +559,7 @@ def test_held_commands_are_flown_as_their_funnel_has_them(monkeypatch, capsys):
     words = "held for 20 ms, each computed from the state 10 ms before by a predictor,"
     assert words in said and "0 of 20 flights" in said
     assert main([*asked, "--json"]) == 0
-    flown = json.loads(capsys.readouterr().out)["as_flown"]
+    flown = json.loads(capsys.readouterr().out)["flights"]
     assert (flown["latency_s"], flown["predicts"]) == (0.01, True)
     assert main([*asked, "--hold", "0.01"]) == 2
     assert "the period of commands is 0.01" in capsys.readouterr().err
@@ -576,7 +569,7 @@ def test_gliders_of_a_set_are_flown_by_the_clock_only(capsys):
     source = str(models_path("funnels", "held_head_wind_95_hook.npz"))
     assert main(["check-funnel", source, "--hook", "--confidence"]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "of these funnels are held: expected --as-flown, too." in said
+    assert "of this funnel are held: expected --as-flown, too." in said
 
 
 def test_a_latency_is_shorter_than_a_hold(capsys):
@@ -604,7 +597,7 @@ def shipped(request):
 def test_the_shipped_funnels_are_wide_and_of_held_commands(shipped):
     settings, windy = shipped.settings, bool(shipped.nominal.model.effects)
     assert (settings.period, shipped.half_widths()[1] > 0.14) == (0.02, True)
-    wind = 0.02 if shipped.gliders else 0.022
+    wind = 0.02 if shipped.is_of_set else 0.022
     assert shipped.settings.pushes.tolist() == ([0.05, wind] if windy else [0.0, 0.0])
     assert held_faults(part(shipped, 2)) == []
     piece = shipped.between(36, 37)
@@ -631,9 +624,9 @@ def test_no_flight_leaves_the_shipped_funnels(shipped):
     """
     hold = Hold(period=0.02, latency=0.01, predicts=True)
     error, wind = shipped.settings.pushes
-    gliders = shipped.gliders and shipped.gliders.confidence
+    gliders = shipped.allowed if shipped.is_of_set else None
     loop = FlownLoop(hold=hold, wind=wind, command_error=0.4 * error, gliders=gliders)
     rng = np.random.default_rng(0)
-    assert fly_loop(shipped, loop, 300, rng).escapes == 0
+    assert falsify_funnel(shipped, 300, rng, loop).escapes == 0
     other = changed(shipped, "gains", slice(None), 0.5)
-    assert fly_loop(other, loop, 300, rng).escapes > 0
+    assert falsify_funnel(other, 300, rng, loop).escapes > 0

@@ -16,14 +16,13 @@ from glider.verification.funnel.funnel import funnel_policy
 from glider.verification.funnel.remainder import sample_remainder
 from glider.verification.proof import held
 from glider.verification.proof.held import held_faults
-from glider.verification.proof.interval import centers_reach
+from glider.verification.proof.interval import _centers_reach
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
-from glider.verification.trials import as_flown
-from glider.verification.trials.as_flown import FlownLoop
+from glider.verification.trials import FlownLoop
 from tests.helpers.second_flight import advance, rates_of
 from tests.verification.clocked import ERROR, PERIOD, WIND, part
-from tests.verification.points import sphere_points
+from tests.verification.points import flown_by, of_one, sphere_points
 from tests.verification.test_gliders import NAMES, allowed_by, among
 
 # ---------------------------------------------------------------------- sets of gliders
@@ -136,7 +135,7 @@ def test_held_commands_of_a_set_may_have_no_rate_left(clocked_set):
     last = piece.nominal.samples[-1]
     piece = among(piece, allowed_by(1500.0))
     assert held._keeps_rate(piece, 0)  # All gliders have the same launch.
-    assert held._keeps_rate(dataclasses.replace(piece, gliders=None), last)
+    assert held._keeps_rate(of_one(piece), last)
     assert not held._keeps_rate(piece, last)
 
 
@@ -145,7 +144,7 @@ def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
     piece = clocked_set.between(k, k + 1)
     allowed, (start, stop) = piece.gliders.confidence, piece.nominal.times
     deltas = allowed.on_boundary(np.random.default_rng(3).normal(size=(300, 2)))
-    rate, bound = centers_reach(piece, exact(stop) - exact(start))
+    rate, bound = _centers_reach(piece, exact(stop) - exact(start))
     assert rate == pytest.approx(allowed.reach(piece.gliders.commands[0]))
     found = [
         np.abs(
@@ -165,8 +164,8 @@ def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
     genes = np.hstack([sphere_points(4, 7), np.tile([1.0, 0.0, 0.5, 1.0], (4, 1))])
     turns, still = sphere_points(4, 2), FlownLoop(hold=Hold(period=PERIOD))
     loop = dataclasses.replace(still, gliders=center.confidence)
-    ends = as_flown._flights(funnel, loop, np.hstack([genes, turns]))[2]
-    alone = as_flown._flights(funnel, still, genes)[2]
+    ends = flown_by(funnel, loop, np.hstack([genes, turns]))[2]
+    alone = flown_by(funnel, still, genes)[2]
     launches = nominal.states[0] + genes[:, :7] @ to_ball(funnel.S[0])[1].T
     for found, own, turn, states in zip(ends, alone, turns, launches, strict=True):
         delta = center.confidence.on_boundary(turn)

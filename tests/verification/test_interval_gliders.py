@@ -25,8 +25,8 @@ from glider.verification.dynamics.nominal import (
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import (
+    _centers_reach,
     acts_elsewhere,
-    centers_reach,
     gliders_defect,
     keeps_servo,
     make_interval,
@@ -34,6 +34,7 @@ from glider.verification.proof.interval import (
 )
 from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.sos.exact import exact
+from tests.verification.points import of_one
 
 AT = 120
 
@@ -43,11 +44,11 @@ def funnel():
     return load_funnel(models_path("funnels", "head_wind_95.npz"))
 
 
-def of_set(funnel, share=1.0, shape="ellipsoid"):
+def of_set(funnel, share=1.0):
     """The piece of an interval, for a set that many times as wide."""
     known = funnel.gliders.confidence.covariance
     known = Covariance(names=known.names, matrix=share**2 * known.matrix)
-    wide = ConfidenceSet(covariance=known, shape=shape)
+    wide = ConfidenceSet(covariance=known)
     gliders = make_moving_center(funnel.nominal, wide)
     return dataclasses.replace(funnel, gliders=gliders).between(AT, AT + 1)
 
@@ -113,9 +114,8 @@ def test_no_remainder_of_a_glider_is_larger_than_its_bound(funnel, share, size):
         assert np.median(bounds / largest) < 1.6
 
 
-@pytest.mark.parametrize("shape", ["ellipsoid", "box"])
-def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
-    piece, rng = of_set(funnel, 3.0, shape), np.random.default_rng(2)
+def test_centers_reach_and_lack_no_more_than_their_bounds(funnel):
+    piece, rng = of_set(funnel, 3.0), np.random.default_rng(2)
     allowed, (start, stop) = piece.gliders.confidence, piece.nominal.times
     v = rng.normal(size=(400, 2))
     deltas = allowed.on_boundary(v)
@@ -126,7 +126,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
     moved = piece.gliders.at(times, deltas)
     commands = -np.sum(K * moved, axis=1)
     travels = moved[:, ELEVATOR] + STOPPING_TIME * commands
-    bounds = centers_reach(piece, exact(stop) - exact(start))
+    bounds = _centers_reach(piece, exact(stop) - exact(start))
     for bound, along in zip(bounds, (commands, travels), strict=True):
         assert 0.95 * bound < np.abs(along).max() <= bound
 
@@ -146,7 +146,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
     lacks = np.abs(inputs[:, :-1] - centers - moved).max(axis=0)
     assert np.all(lacks <= remainder.beyond[:-1] + 1e-13)
     assert lacks.max() > 1e-9
-    alone = dataclasses.replace(piece, gliders=None)
+    alone = of_one(piece)
     assert not gliders_defect(alone).any()
     assert bounds[3] > 0.0 and not bounds[4:].any()
 
@@ -154,7 +154,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
 def test_an_interval_is_proven_of_a_set_and_not_of_a_wider_one(funnel):
     own = prove_interval(of_set(funnel))
     assert own.proven
-    alone = prove_interval(dataclasses.replace(of_set(funnel), gliders=None))
+    alone = prove_interval(of_one(of_set(funnel)))
     assert alone.proven and alone.boxes < own.boxes
     assert prove_interval(of_set(funnel, 300.0)).fault.startswith("the servo would")
 

@@ -26,39 +26,33 @@ from glider.verification.proof.interval_proof import IntervalProof
 from glider.verification.proof.latency import (
     FINE,
     ProvenLatency,
-    first_predictions,
     predictions_of,
     prove_latency,
 )
-from glider.verification.proof.phases import PREDICTED
 from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
 from tests.helpers.physics import PARAMETERS
 from tests.helpers.second_flight import advance, rates_of
+from tests.verification.points import of_one
 
-FOLDER = models_path("funnels", "any_phase")
 LATENCY = 0.01
+HELD = models_path("funnels", "held_head_wind_95_hook.npz")
 
 
-def of_one(name):
+def held_of_one():
     """A shipped funnel of a set of gliders, as one of the estimated glider alone."""
-    return dataclasses.replace(load_funnel(FOLDER / name), gliders=None)
+    return of_one(load_funnel(HELD))
 
 
 @pytest.fixture(scope="module")
-def launch():
-    return of_one("launch.npz")
+def held():
+    return held_of_one()
 
 
 @pytest.fixture(scope="module")
-def rest():
-    return of_one("phase_1.npz")
-
-
-@pytest.fixture(scope="module")
-def slopes(rest):
-    return Slopes(rest)
+def slopes(held):
+    return Slopes(held)
 
 
 KINDS = {"plate": ((), ()), "lag": ((ATTACHED_LIFT, SERVO_LAG), (3.0, 0.3, 0.05, 0.04))}
@@ -112,9 +106,9 @@ def states_in(part, count, rng):
 
 
 @pytest.mark.parametrize("hold", [1, 20, 40])
-def test_slopes_in_the_sets_are_within_their_bounds(rest, slopes, hold):
+def test_slopes_in_the_sets_are_within_their_bounds(held, slopes, hold):
     """Also where the tail is at rest in some states, at the end of the flight."""
-    part = predictions_of(rest, LATENCY)[hold].window
+    part = predictions_of(held, LATENCY)[hold].window
     part = part.between(len(part.nominal.times) - 2, len(part.nominal.times) - 1)
     near = NearSets(slopes, part, np.zeros(7))
     bounds = near.sizes((1.5, 2.5))
@@ -122,7 +116,7 @@ def test_slopes_in_the_sets_are_within_their_bounds(rest, slopes, hold):
     x = states_in(part, 5000, np.random.default_rng(2)).T
     given = np.vstack([x, np.full(5000, part.nominal.inputs[0]), np.zeros((2, 5000))])
     jets = variables(given, 1)
-    rates = open_loop_rates(rest.nominal.model, jets[:7], jets[7], wind=jets[8:])
+    rates = open_loop_rates(held.nominal.model, jets[:7], jets[7], wind=jets[8:])
     J = np.array([rate.coefficients[1:] for rate in rates])
     seen = np.column_stack(
         [
@@ -158,19 +152,19 @@ def flown_apart(model, states, command, latency, wind, error, theta=None):
 
 
 @pytest.mark.parametrize("hold", [2, 10, 19])
-def test_no_flight_is_farther_from_its_prediction(rest, slopes, hold):
+def test_no_flight_is_farther_from_its_prediction(held, slopes, hold):
     """In winds and with errors that change at any time."""
-    own = predictions_of(rest, LATENCY)[hold]
-    bounds = prediction._missed(own, slopes, own.gains[None], FINE)[0]
+    own = predictions_of(held, LATENCY)[hold]
+    bounds = np.array(prediction._missed(own, slopes, FINE))
     rng, window, count = np.random.default_rng(3), own.window, 2000
     part = window.between(1, 2)
     x = states_in(part, count, rng)
-    left = own.ends[0] - part.nominal.times[0]
+    left = window.nominal.times[-1] - part.nominal.times[0]
     assert 0.0 < left <= LATENCY
     e = x - part.nominal.states[0]
     command = part.nominal.inputs[0] - e @ part.nominal.gains[0]
     command += np.einsum("bi,ij,bj->b", e, part.nominal.bends[0], e)
-    model, still = rest.nominal.model, np.zeros((8, count))
+    model, still = held.nominal.model, np.zeros((8, count))
     winds = 0.02 * normalized(rng.normal(size=(8, count, 2)))
     winds[:, ::2] = winds[0, ::2]  # Half of them are steady.
     errors = 0.05 * np.sign(rng.normal(size=(8, count)))
@@ -185,20 +179,23 @@ def test_no_flight_is_farther_from_its_prediction(rest, slopes, hold):
 
 
 @pytest.mark.nightly
-def test_what_is_left_is_that_of_the_worst_prediction(rest, slopes):
-    some = predictions_of(rest, LATENCY)[10:20:9]
+def test_what_is_left_is_that_of_the_worst_prediction(held, slopes):
+    some = predictions_of(held, LATENCY)[10:20:9]
     found = prove_latency(some, 0.005, workers=1)
     assert found.holds and found.latency == LATENCY
     alone = [own.error_left(slopes, FINE) for own in some]
     assert 0.0 <= min(alone) - found.error_left < 1e-4  # It is rounded down.
     # Where commands may be off by less, the wind takes all of it.
-    strict = dataclasses.replace(some[0], bound=0.02)
+    window = some[0].window
+    settings = dataclasses.replace(window.settings, command_error=0.02)
+    window = dataclasses.replace(window, settings=settings)
+    strict = dataclasses.replace(some[0], window=window)
     assert not prove_latency([strict], workers=1).holds
     assert not ProvenLatency(latency=0.01, error_left=0.01, least=0.02).holds
 
 
-def test_nothing_is_proven_where_the_sets_are_not_covered(rest, slopes, monkeypatch):
-    own = predictions_of(rest, LATENCY)[2]
+def test_nothing_is_proven_where_the_sets_are_not_covered(held, slopes, monkeypatch):
+    own = predictions_of(held, LATENCY)[2]
     # The servo's margin does not last for the error that a prediction may have.
     near_limit = dataclasses.replace(
         own.window,
@@ -206,21 +203,8 @@ def test_nothing_is_proven_where_the_sets_are_not_covered(rest, slopes, monkeypa
     )
     far = dataclasses.replace(own, window=near_limit)
     assert far.error_left(slopes, (2.5,)) == -np.inf
-    monkeypatch.setattr(prediction, "TURNS", 1)  # None that has seen what is near.
+    monkeypatch.setattr(prediction, "_TURNS", 1)  # None that has seen what is near.
     assert own.error_left(slopes, (2.5,)) == -np.inf
-
-
-def test_the_choice_of_a_funnel_is_by_an_inlet_within_all(launch, rest):
-    other = dataclasses.replace(rest, S=1.3 * rest.S)
-    first, second = first_predictions(launch, [rest, other], LATENCY)
-    assert first.ends == pytest.approx((0.01, 0.03))
-    whole = first.root.T @ first.root
-    for own in (rest, other):
-        assert np.all(np.linalg.eigvalsh(whole - own.S[0]) > 0.0)
-    assert second.root.shape == (0, 7)
-    flat = dataclasses.replace(rest, S=0.0 * rest.S)
-    with pytest.raises(InputError, match="no ellipsoids"):
-        first_predictions(launch, [flat], LATENCY)
 
 
 class Recorded:
@@ -235,35 +219,27 @@ class Recorded:
         return np.zeros((7, 9))
 
     def pulls(self, first, last, duration, apart, rooms):
-        return np.full((len(first), 2), self.worth(self.first, self.last))
+        return np.full(2, self.worth(self.first, self.last))
 
 
-@pytest.mark.parametrize("ends", [(0.01, 0.03), (0.0118, 0.0283), (0.0175, 0.0175)])
+@pytest.mark.parametrize("hold", [0, 3, 20])
 @pytest.mark.parametrize("is_late", [True, False])
-def test_every_interval_of_a_latency_counts(launch, ends, is_late, monkeypatch):
-    """Of all lines of λ, for the first and the last time at which it may end."""
+def test_every_interval_of_a_latency_counts(held, hold, is_late, monkeypatch):
+    """Of all lines of λ."""
     monkeypatch.setattr(prediction, "NearSets", Recorded)
     Recorded.worth = lambda self, first, last: last if is_late else 1.0 - first
-    times = launch.nominal.times
-    given = prediction.Prediction(
-        window=launch,
-        ends=ends,
-        latency=LATENCY,
-        gains=np.ones(7),
-        bound=0.05,
-        root=np.zeros((0, 7)),
-    )
-    found = prediction._missed(given, None, np.ones((3, 7)), FINE)
-    duration, expected = LATENCY / prediction.PARTS, 0.0
-    for k in range(prediction.PARTS):
-        begin, end = ends[0] - (k + 1) * duration, ends[1] - k * duration
+    given = predictions_of(held, LATENCY)[hold]
+    times = given.window.nominal.times
+    found = prediction._missed(given, None, FINE)
+    duration, expected = LATENCY / prediction._PARTS, 0.0
+    for k in range(prediction._PARTS):
+        begin, end = times[-1] - (k + 1) * duration, times[-1] - k * duration
         met = np.flatnonzero((times[1:] > begin + 1e-9) & (times[:-1] < end - 1e-9))
         worst = times[1:][met[-1]] if is_late else 1.0 - times[:-1][met[0]]
         expected += duration * worst
-    room = duration * np.diff(times).max() * prediction.PARTS  # Where intervals meet.
-    for column, push in ((0, 0.02), (1, 1.0)):
-        assert np.all(found[:, column] >= expected * push)
-        assert np.all(found[:, column] <= (expected + room) * push * (1.0 + 1e-9))
+    room = duration * np.diff(times).max() * prediction._PARTS  # Where intervals meet.
+    for bound, push in zip(found, (0.02, 1.0), strict=True):
+        assert expected * push <= bound <= (expected + room) * push * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize("size", [0.1, 5.0, 20.0])
@@ -286,9 +262,9 @@ def room_to_stops(piece):
 
 
 @pytest.mark.parametrize("what", ["elevator", "command"])
-def test_a_prediction_keeps_away_from_the_stops_too(rest, slopes, what):
+def test_a_prediction_keeps_away_from_the_stops_too(held, slopes, what):
     """By how far its elevator may be off, and its command."""
-    part, near = rest.between(20, 21), np.zeros(7)
+    part, near = held.between(20, 21), np.zeros(7)
     settings = dataclasses.replace(part.settings, command_error=0.0)
     part = dataclasses.replace(part, settings=settings)
     room = room_to_stops(part)
@@ -303,20 +279,8 @@ def test_a_prediction_keeps_away_from_the_stops_too(rest, slopes, what):
         assert np.all(np.isfinite(lacks)) == kept
 
 
-def test_the_choice_leaves_less_than_its_room(launch, rest, slopes, monkeypatch):
-    """Where rows of the root miss 0.001 each and 0.01 a rad/s, √7 of each do in all."""
-    own = first_predictions(launch, [rest], LATENCY)[0]
-    miss = np.tile([0.001, 0.01], (8, 1))
-    monkeypatch.setattr(prediction, "_missed", lambda *given: miss)
-    root = np.sqrt(7.0)
-    expected = (PREDICTED - 0.001 * root) / (0.01 * root)
-    assert own.error_left(slopes, FINE) == pytest.approx(min(expected, 0.049 / 1.01))
-    miss[1:, 0] = 0.002
-    assert own.error_left(slopes, FINE) < 0.0
-
-
-def test_a_latency_that_cannot_be_proven_is_refused(capsys, rest):
-    path = str(FOLDER / "phase_1.npz")
+def test_a_latency_that_cannot_be_proven_is_refused(capsys, held):
+    path = str(HELD)
     asked = ["check-funnel", path, "--every", "1000", "--prove"]
     assert main([*asked, "--hold", "0.02", "--latency", "0.02"]) == 2
     said = capsys.readouterr().err
@@ -331,7 +295,7 @@ def test_a_latency_that_cannot_be_proven_is_refused(capsys, rest):
         capsys.readouterr().err
     )
     with pytest.raises(InputError, match="more than one command's"):
-        predictions_of(rest.between(0, 4), LATENCY)
+        predictions_of(held.between(0, 4), LATENCY)
 
 
 @pytest.mark.parametrize(("left", "code"), [(0.006, 0), (0.004, 1)])
@@ -370,22 +334,12 @@ def test_a_latency_is_proven_of_what_is_proven_as_a_whole(
     assert json.loads(capsys.readouterr().out)["latency"]["holds"] == (code == 0)
 
 
-def test_errors_are_no_larger_than_those_of_the_launch(launch, rest, slopes):
-    """The sets in which the first command is predicted are proven for no more."""
-    settings = dataclasses.replace(launch.settings, command_error=0.003)
-    own = first_predictions(
-        dataclasses.replace(launch, settings=settings), [rest], 0.01
-    )
-    alone = dataclasses.replace(own[0], root=own[0].root[:0])
-    assert alone.error_left(slopes, (1.5, 2.5)) == pytest.approx(0.003)
-
-
-def test_lines_of_a_covector_end_where_the_nominal_takes_it(rest, slopes, monkeypatch):
+def test_lines_of_a_covector_end_where_the_nominal_takes_it(held, slopes, monkeypatch):
     """With λ of constant slopes instead, more of Jᵀ λ - dλ/dσ is left."""
-    own = predictions_of(rest, LATENCY)[10]
-    good = prediction._missed(own, slopes, own.gains[None], FINE)[0]
+    own = predictions_of(held, LATENCY)[10]
+    good = np.array(prediction._missed(own, slopes, FINE))
     monkeypatch.setattr(
         prediction.scipy.linalg, "expm", lambda matrix: np.eye(len(matrix))
     )
-    bad = prediction._missed(own, slopes, own.gains[None], FINE)[0]
+    bad = np.array(prediction._missed(own, slopes, FINE))
     assert np.all(good < bad)

@@ -17,12 +17,8 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.funnel.growth import push_form
-from glider.verification.funnel.remainder import (
-    push_weights,
-    remainder_of,
-    sample_remainder,
-)
+from glider.verification.funnel.growth import _push_form
+from glider.verification.funnel.remainder import push_weights, sample_remainder
 from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import remainder_seen
@@ -33,12 +29,12 @@ from glider.verification.proof.interval import (
     make_interval,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.interval_growth import _growth_forms
 from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import spread_form, to_ball
 from tests.verification.forging import forge
-from tests.verification.points import sphere_points
+from tests.verification.points import remainder_of_one, sphere_points
 
 ERROR, WIND = 0.5, 0.03
 
@@ -115,7 +111,7 @@ def test_no_push_makes_v_rise_faster_than_they_say(piece):
     pull = 2.0 * np.sum(towards * q, axis=1)
 
     def given(slopes, pushes, weights=piece.push_weights[:1]):
-        forms = push_form(S, slopes, pushes, weights, 0.0 * S)
+        forms = _push_form(S, slopes, pushes, weights, 0.0 * S)
         third, fourth = (
             spread_form(f, 7, d)[0] for d, f in ((3, forms[1]), (4, forms[2]))
         )
@@ -137,10 +133,10 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
     whole, basis = make_interval(piece), rounded(to_ball(piece.S[0])[1], 30)
     h = np.diff(piece.nominal.times)[0]
     bare = make_interval(pushed(piece, 0.0, 0.0))
-    own, all_forms = (growth_forms(i, basis, exact(0.0)) for i in (bare, whole))
+    own, all_forms = (_growth_forms(i, basis, exact(0.0)) for i in (bare, whole))
     none = np.zeros_like(piece.S)
     given = piece.nominal.push_slopes, piece.pushes, piece.push_weights, none
-    expected = push_form(piece.S, *given)
+    expected = _push_form(piece.S, *given)
     for less, more, form in zip(own[:3], all_forms[:3], expected, strict=True):
         ends = (value.at(Fraction(0)).to_float() for value in (less, more))
         found = np.subtract(*ends) / h
@@ -151,7 +147,7 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
     alone = pushed(piece, ERROR, 0.0)
     twice = piece.nominal.push_slopes, alone.pushes, alone.push_weights, none
     for form, double in zip(
-        push_form(piece.S, *given), push_form(piece.S, *twice), strict=True
+        _push_form(piece.S, *given), _push_form(piece.S, *twice), strict=True
     ):
         assert form == pytest.approx(0.5 * double)
 
@@ -209,12 +205,12 @@ def test_no_remainder_with_pushes_is_larger_than_its_bound(piece, size):
 
 def test_the_sampled_remainder_is_that_of_pushes_too(piece):
     S, at, pushes = piece.S[:1], np.array([0]), piece.pushes[:1]
-    d = sphere_points(500, 10)
-    most = sample_remainder(piece.nominal, S, d, at, pushes=pushes)[0]
-    alone = sample_remainder(piece.nominal, S, d[:, :7], at)[0]
+    d, given = sphere_points(500, 10), (at, piece.gliders)
+    most = sample_remainder(piece.nominal, S, d, *given, pushes=pushes)[0]
+    alone = sample_remainder(piece.nominal, S, d[:, :7], *given)[0]
     assert np.all(most >= alone) and np.any(most > 1.05 * alone)
     e = sphere_points(20_000, 7) @ to_ball(S)[1][0].T
-    R = remainder_of(piece.nominal, at, e[None], push=pushes_of(20_000)[None])[0]
+    R = remainder_of_one(piece.nominal, at, e[None], push=pushes_of(20_000)[None])[0]
     assert np.all(np.abs(R).max(axis=0) <= most * (1.0 + 1e-9) + 1e-9)
 
 
@@ -226,7 +222,9 @@ def test_the_check_sees_a_remainder_that_has_no_wind(proven):
 
 def test_the_servo_leaves_room_for_the_error(proven):
     piece = proven.between(60, 61)
-    directions, bounds = servo_bounds(piece.nominal, piece.settings, shrink=1.0)
+    directions, bounds = servo_bounds(
+        piece.nominal, piece.settings, piece.gliders, shrink=1.0
+    )
     reach = np.einsum("tki,tij,tkj->tk", directions, np.linalg.inv(piece.S), directions)
     room = float((bounds - np.sqrt(reach))[:, 0].min())
     assert keeps_servo(make_interval(pushed(piece, 0.99 * room, 0.0)))
@@ -374,7 +372,10 @@ def test_the_check_says_what_it_accounts_for(source, capsys):
         (["--prove", "--hold", "nan"], "--hold is nan; expected zero or a positive"),
         (["--prove", "--wind", "-1"], "--wind is -1.0; expected zero or a positive"),
         (["--prove", "--command-error", "inf"], "--command-error is inf; expected"),
-        (["--latency", "0.01"], "--latency has no effect without --as-flown, --phases"),
+        (
+            ["--latency", "0.01"],
+            "--latency has no effect without --as-flown or --prove",
+        ),
         (["--prove", "--latency", "0.01"], "--latency is proven of held commands"),
     ],
 )

@@ -6,16 +6,15 @@ import pytest
 from glider.paths import models_path
 from glider.verification.funnel import shape_flow
 from glider.verification.funnel.funnel import load_funnel
-from glider.verification.funnel.growth import remainder_form
+from glider.verification.funnel.growth import _remainder_form
 from glider.verification.funnel.remainder import (
     find_focus,
-    remainder_of,
     remainder_weights,
     sample_remainder,
 )
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import to_ball
-from tests.verification.points import sphere_points
+from tests.verification.points import remainder_of_one, sphere_points
 
 
 def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel):
@@ -24,18 +23,18 @@ def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel):
     largest = []
     for size in (1.0, 0.5):
         errors = size * direction
-        remainder = remainder_of(funnel.nominal, [k], errors[None])
+        remainder = remainder_of_one(funnel.nominal, [k], errors[None])
         largest.append(np.abs(remainder).max())
     assert np.log2(largest[0] / largest[1]) == pytest.approx(4.0, abs=0.5)
 
 
 def test_the_remainders_form_bounds_what_it_stands_for(funnel):
     S, z = funnel.S[[150]], sphere_points(200, 7)
-    beta = sample_remainder(funnel.nominal, S, z, np.array([150]))
-    form = remainder_form(S, beta, remainder_weights(S, beta, np.eye(7)))[0]
+    beta = sample_remainder(funnel.nominal, S, z, np.array([150]), funnel.gliders)
+    form = _remainder_form(S, beta, remainder_weights(S, beta, np.eye(7)))[0]
     L_T, L_inv_T = to_ball(S[0])
     errors = z @ L_inv_T.T
-    remainder = remainder_of(funnel.nominal, [150], errors[None])[0]
+    remainder = remainder_of_one(funnel.nominal, [150], errors[None])[0]
     pushed = 2.0 * np.sum((z @ L_T) * remainder, axis=1)
     assert np.all(pushed <= np.einsum("bi,ij,bj->b", z, form, z))
     assert np.abs(pushed).max() > 0.01
@@ -44,16 +43,16 @@ def test_the_remainders_form_bounds_what_it_stands_for(funnel):
 def test_a_bound_is_large_only_where_the_remainder_is(proven):
     """|R| <= β (1 + eᵀ F e) on the boundary, though β is a third of R's largest."""
     at, points = np.array([60, 150]), sphere_points(300, 7)
-    given = proven.nominal, proven.S[at], points, at
+    given = proven.nominal, proven.S[at], points, at, proven.gliders
     largest = sample_remainder(*given)
     sizes = np.broadcast_to(np.diag([0.05, 0.05, 0.15, 0.3, 0.3, 0.3, 1.0]), (2, 7, 7))
-    focus = find_focus(*given, None, sizes**2)
-    beta = sample_remainder(*given, focus=focus)
+    focus = find_focus(*given, sizes**2)
+    beta = sample_remainder(*given, focus)
     assert np.all(focus[:, :2] == 0.0)
     assert np.linalg.eigvalsh(focus).min() > -1e-9 * np.abs(focus).max()
     assert np.all(beta <= 1.2 * FunnelSettings.floor * largest)
     e = sphere_points(20_000, 7, 1) @ np.swapaxes(to_ball(proven.S[at])[1], 1, 2)
-    found = np.abs(remainder_of(proven.nominal, at, e))
+    found = np.abs(remainder_of_one(proven.nominal, at, e))
     bent = 1.0 + np.einsum("kbi,kij,kbj->kb", e, focus, e)
     ratios = (found[..., 4:] / beta[:, None, 4:]).max(axis=2) / bent
     assert 0.8 < ratios.max() < 1.05
@@ -64,8 +63,9 @@ def test_a_bound_is_large_only_where_the_remainder_is(proven):
 def test_climbing_finds_nearly_all_of_what_many_more_samples_find():
     funnel = load_funnel(models_path("funnels", "drawn.npz"))
     at = np.array([20, 150])  # The glider is fast, and slow.
+    given = at, funnel.gliders
     few, many = (
-        sample_remainder(funnel.nominal, funnel.S[at], sphere_points(n, 7, n), at)
+        sample_remainder(funnel.nominal, funnel.S[at], sphere_points(n, 7, n), *given)
         for n in (300, 20_000)
     )
     assert np.all(few[:, 4:] > 0.85 * many[:, 4:])
@@ -80,7 +80,9 @@ def test_climbing_goes_on_from_what_its_neighbors_in_time_found():
     def found(seed, at):
         """Returns the largest R of the pitch's rate (K,)."""
         points = sphere_points(500, 7, seed)
-        sampled = sample_remainder(funnel.nominal, funnel.S[at], points, at)
+        sampled = sample_remainder(
+            funnel.nominal, funnel.S[at], points, at, funnel.gliders
+        )
         return sampled[:, 6]
 
     truth = np.maximum(found(1, at), found(2, at))

@@ -20,11 +20,11 @@ from glider.verification.proof.boxes import run_on_boxes
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval, tight_cover
 from glider.verification.proof.interval_proof import (
-    PATIENCE,
+    _PATIENCE,
     IntervalProof,
+    _prove_remainder,
     bound_remainder,
     halve,
-    prove_remainder,
 )
 
 EARLY, LATE = 60, 150
@@ -314,7 +314,7 @@ def test_each_of_two_balls_has_a_bound_of_its_own():
 
 @pytest.mark.parametrize("k", [0, EARLY])
 def test_the_shipped_remainder_is_proven(pieces, k):
-    proof = prove_remainder(pieces[k], make_interval(pieces[k]))
+    proof = _prove_remainder(pieces[k], make_interval(pieces[k]))
     assert proof.proven
     assert 100 < proof.boxes < 15_000  # Turned as R varies; else ten times more.
     assert 0.1 < proof.ratio < 1.0
@@ -344,9 +344,9 @@ def test_a_search_gives_up_when_its_boxes_are_used(pieces):
 
 def test_an_interval_may_be_proven_in_halves(pieces):
     piece, interval = pieces[EARLY], make_interval(pieces[EARLY])
-    whole = prove_remainder(piece, interval, halvings=0)
+    whole = _prove_remainder(piece, interval, halvings=0)
     first, second = (
-        prove_remainder(piece, half, halvings=0) for half in interval.halves()
+        _prove_remainder(piece, half, halvings=0) for half in interval.halves()
     )
     assert first.proven and second.proven
     assert max(first.ratio, second.ratio) == pytest.approx(whole.ratio, rel=0.1)
@@ -360,7 +360,7 @@ def test_each_half_has_to_be_bounded(pieces, failing, monkeypatch):
 
     monkeypatch.setattr(interval_proof, "bound_remainder", bound)
     given = pieces[EARLY], make_interval(pieces[EARLY])
-    proof = prove_remainder(*given, halvings=1)
+    proof = _prove_remainder(*given, halvings=1)
     assert proof.proven == (failing is None)
     assert proof.boxes == (14 if failing == (-1.0, 0.0) else 21)
 
@@ -377,9 +377,9 @@ def test_a_ball_that_takes_too_many_boxes_leaves_some_for_its_halves(
 
     monkeypatch.setattr(interval_proof, "bound_remainder", stubborn)
     piece = pieces[EARLY]
-    proof = prove_remainder(piece, make_interval(piece))
+    proof = _prove_remainder(piece, make_interval(piece))
     assert proof.proven
-    assert proof.boxes < 2 * PATIENCE
+    assert proof.boxes < 2 * _PATIENCE
 
 
 def test_halving_loses_no_point_of_the_ball():

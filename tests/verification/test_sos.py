@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glider.verification.funnel.growth import largest_values
+from glider.verification.funnel.growth import _largest_values
 from glider.verification.sos.exact import (
     Exact,
     at_least,
@@ -80,7 +80,7 @@ def test_the_margin_is_the_least_value_that_ascent_finds(seed):
     polynomial = TABLES.coefficients(*forms)
     _, margin, entries = largest_margin(polynomial, N)
     starts = sphere_points(30, N, seed)[None]
-    least, at = largest_values(*(-form[None] for form in forms), starts)
+    least, at = _largest_values(*(-form[None] for form in forms), starts)
     assert margin == pytest.approx(-least[0], abs=1e-3)
     assert sphere_values(TABLES, polynomial, at) == pytest.approx(-least)
     expected = polynomial - margin * TABLES.constant

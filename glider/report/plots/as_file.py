@@ -24,13 +24,6 @@ _PIXEL = 72.0 / 92.0  # Height of a page's pixel in points.
 _LETTER = 5.2  # Width of a letter in points.
 _LINE = 13.0  # Height of a line of text in points.
 
-# Space around each panel for its texts, in points: matplotlib's layouts, which measure
-# all texts, take as long as the drawing.
-_LEFT = 56.0
-_RIGHT = 10.0
-_ABOVE = 22.0
-_BELOW = 36.0
-
 
 def to_png(figure: spec.Figure, dpi: float = _DPI, width: float = _WIDTH) -> bytes:
     """Draws a figure as a PNG file."""
@@ -51,7 +44,7 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
     entry = 45.0 + _LETTER * longest
     entries = max(1, int(width / entry))  # In a row.
     lines = math.ceil(len(figure.keys) / entries)
-    legend_height = 5.0 + _LINE * lines
+    height = rows * row_height + _LINE * lines
 
     marks: list[spec.Mark] = []
     for panel in panels:
@@ -59,33 +52,15 @@ def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
 
     handles = [_legend_handle(key, marks) for key in figure.keys]
     labels = [_plain(label) for label in figure.keys.values()]
-
-    height = rows * row_height + legend_height
-    across = _LEFT + _RIGHT
-    along = _ABOVE + _BELOW
+    size = width / 72.0, height / 72.0
     with matplotlib.rc_context(STYLE):
-        picture = Figure(figsize=(width / 72.0, height / 72.0))
-        picture.legend(
-            handles,
-            labels,
-            loc="upper center",
-            ncols=entries,
-            borderaxespad=0.2,
-            labelspacing=0.2,
-        )
+        picture = Figure(figsize=size, layout="constrained")
         every = picture.subplots(rows, columns, squeeze=False).ravel()
-        picture.subplots_adjust(
-            left=_LEFT / width,
-            right=1.0 - _RIGHT / width,
-            wspace=across / (width / columns - across),
-            bottom=_BELOW / height,
-            top=1.0 - (legend_height + _ABOVE) / height,
-            hspace=along / (row_height - along),
-        )
         for axes, panel in zip(every, panels, strict=False):
             _draw_panel(axes, panel)
         for axes in every[len(panels) :]:
             axes.remove()
+        picture.legend(handles, labels, loc="outside upper center", ncols=entries)
     return picture
 
 
@@ -118,7 +93,7 @@ def _line_style(dashes: tuple[float, ...]) -> Any:
 def _draw_panel(axes: Axes, panel: spec.Panel) -> None:
     """Draws a panel: its title, its axes and its marks."""
     title = _plain(panel.title)
-    axes.set_title(title, y=1.0)  # A given height is faster.
+    axes.set_title(title)
     axes.margins(0.02, 0.15)
     _set_axis(axes, "x", panel.x)
     _set_axis(axes, "y", panel.y)
@@ -147,8 +122,7 @@ def _draw_mark(mark: spec.Mark, axes: Axes, color: str) -> None:
     """Draws a mark in the color of its key."""
     match mark:
         case spec.Level():
-            dashes = (1.0, 1.65) if mark.is_dotted else ()
-            style = _line_style(dashes)
+            style = "dotted" if mark.is_dotted else "solid"
             axes.axhline(mark.value, color=color, lw=0.8, ls=style)
         case spec.Ground():
             span = axes.axvspan if mark.along == "x" else axes.axhspan

@@ -24,12 +24,13 @@ def bounds(
     values = values[np.isfinite(values)]
     if values.size == 0:
         return None
-    low, high = np.quantile(values, [quantile, 1.0 - quantile])
+    ends = np.quantile(values, [quantile, 1.0 - quantile])
     if around is not None:
-        low = min(low, around)
-        high = max(high, around)
+        ends = np.append(ends, around)
+    low = float(ends.min())
+    high = float(ends.max())
     pad = margin * (high - low) or 0.05 * abs(high) or 1.0
-    return float(low - pad), float(high + pad)
+    return low - pad, high + pad
 
 
 def thin(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -54,17 +55,15 @@ def binned_quantiles(
     keep = np.isfinite(x) & np.isfinite(y)
     x = x[keep]
     y = y[keep]
-    if x.size < fewest:
-        return np.zeros(0), np.zeros((len(quantiles), 0))
-    low, high = np.quantile(x, [0.005, 0.995])
-    index = np.digitize(x, np.linspace(low, high, bins + 1)[1:-1])
-    count = np.bincount(index, minlength=bins)
-    full = count >= fewest
-    first = np.cumsum(count) - count
-    # Linear between the values of a bin in their order.
-    place = first[full] + np.outer(quantiles, count[full] - 1)
-    below = np.floor(place).astype(int)
-    ordered = y[np.lexsort((y, index))]
-    step = ordered[np.ceil(place).astype(int)] - ordered[below]
-    means = np.bincount(index, x, bins)[full] / count[full]
-    return means, ordered[below] + (place - below) * step
+    means = []
+    found = []
+    if x.size >= fewest:
+        low, high = np.quantile(x, [0.005, 0.995])
+        edges = np.linspace(low, high, bins + 1)
+        index = np.digitize(x, edges[1:-1])
+        for k in range(bins):
+            own = index == k
+            if np.count_nonzero(own) >= fewest:
+                means.append(x[own].mean())
+                found.append(np.quantile(y[own], quantiles))
+    return np.array(means), np.reshape(found, (-1, len(quantiles))).T

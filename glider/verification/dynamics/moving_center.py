@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glider.compiled.runge_kutta import TINY
-from glider.physics.confidence import ConfidenceSet, theta_at
+from glider.physics.confidence import ALONE, ConfidenceSet, theta_at
 from glider.verification.dynamics.nominal import (
     Nominal,
     advanced,
@@ -23,13 +23,16 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
 )
 
-STEPS = 4
+_STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class MovingCenter:
-    """The center of a funnel for each glider of a confidence set: x₀ + X δ."""
+    """The center of a funnel for each glider of a confidence set: x₀ + X δ.
+
+    It may be the set of one glider, of which no number deviates.
+    """
 
     confidence: ConfidenceSet  #: Set of the deviations δ (m,).
     times: np.ndarray  #: Times (T,) [s].
@@ -54,32 +57,43 @@ class MovingCenter:
 
 
 def make_moving_center(
-    nominal: Nominal, confidence: ConfidenceSet, held: bool = False
+    nominal: Nominal, confidence: ConfidenceSet = ALONE, held: bool = False
 ) -> MovingCenter:
     """Integrates X along a nominal flight; its commands may be held."""
     times = nominal.times
     names = confidence.names
-    shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
+    if not names:  # One glider: X has no columns.
+        nothing = np.zeros((*nominal.states.shape, 0))
+        return MovingCenter(
+            confidence=confidence,
+            times=times,
+            shifts=nothing,
+            slopes=nothing,
+            commands=nothing[:, 0],
+        )
+    shares = np.arange(1, 2 * _STEPS) / (2 * _STEPS)
     between = [_linear(nominal.between(share), names, held) for share in shares]
     ends = _linear(nominal, names, held)
-    A, B, push = ends
-    first = [of[nominal.flows] for of in ends]
-    last = [of[nominal.flows + 1] for of in ends]
+    flows = nominal.flows
+    first = [of[flows] for of in ends]
+    last = [of[flows + 1] for of in ends]
     nodes = [first, *between, last]
+    A, B, push = ends
     shifts = np.zeros_like(push)
     commands = np.zeros((len(times), len(names)))
-    for number, k in enumerate(nominal.flows):
+    for number, k in enumerate(flows):
         if held and nominal.starts[k] == k:
-            shifts[k] = shifts[max(k - 1, 0)]
-            commands[k] = -nominal.gains[k] @ shifts[k]
+            before = shifts[max(k - 1, 0)]
+            shifts[k] = before
+            commands[k] = -nominal.gains[k] @ before
         U = commands[k]
         X = shifts[k]
-        step = (times[k + 1] - times[k]) / STEPS
-        for i in range(STEPS):
+        step = (times[k + 1] - times[k]) / _STEPS
+        for i in range(_STEPS):
 
             def rate(share, X, first=2 * i, number=number, U=U):
-                here = nodes[first + round(2.0 * share)]
-                A, B, push = (of[number] for of in here)
+                node = first + round(2.0 * share)
+                A, B, push = (of[number] for of in nodes[node])
                 return A @ X + np.outer(B, U) + push
 
             X = advanced(rate, X, step)
@@ -102,13 +116,17 @@ def _linear(nominal, names, held):
 
     A is of the closed loop, or of the glider alone if its commands are held.
     """
+    model = nominal.model
     x = list(nominal.states.T)
     push = np.zeros((*nominal.states.shape, len(names)))
-    for j, nudge in enumerate(TINY * 1j * np.eye(len(names))):
-        theta = theta_at(nominal.model, names, nudge)
-        rates = open_loop_rates(nominal.model, x, nominal.inputs, theta)
+    nudges = TINY * 1j * np.eye(len(names))
+    for j, nudge in enumerate(nudges):
+        theta = theta_at(model, names, nudge)
+        rates = open_loop_rates(model, x, nominal.inputs, theta)
         for i, rate in enumerate(rates):
             push[:, i, j] = np.imag(rate) / TINY
     B = nominal.push_slopes[:, :, 0, 0]
     A = nominal.closed_loop[..., 1 : len(x) + 1]
-    return A + held * B[:, :, None] * nominal.gains[:, None], B, push
+    if held:
+        A = A + B[:, :, None] * nominal.gains[:, None]
+    return A, B, push

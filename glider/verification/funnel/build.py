@@ -16,12 +16,11 @@ from threadpoolctl import threadpool_limits
 
 from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError, expect
-from glider.physics.confidence import ConfidenceSet
+from glider.physics.confidence import ALONE, ConfidenceSet
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.progress import Progress, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
-from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel import servo_limits
 from glider.verification.funnel.funnel import Funnel
@@ -101,7 +100,8 @@ def make_funnel(
     began = time.perf_counter()
     rng = np.random.default_rng(seed)
     progress("funnel: the flight and its Taylor polynomials")
-    if confidence and settings.remainder == 0.0:
+    allowed = confidence or ALONE
+    if allowed.names and settings.remainder == 0.0:
         raise InputError(
             "A funnel of a confidence set accounts for the differences of its gliders "
             "by a remainder: 'remainder' is 0; expected a positive number."
@@ -111,7 +111,7 @@ def make_funnel(
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
         settings = dataclasses.replace(settings, goal=goal)
     n = model.num_states
-    of_set = confidence.dimension if confidence else 0
+    of_set = allowed.dimension
     of_pushes = 3 if settings.pushes.any() or settings.period else 0
     directions = normalized(rng.normal(size=(SAMPLES, n + of_set + of_pushes)))
     if gain > 0.0:
@@ -119,18 +119,20 @@ def make_funnel(
         steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
         _shape(steered, progress, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
-    held = settings.period > 0.0
-    center = make_moving_center(nominal, confidence, held) if confidence else None
-    task = FunnelTask(nominal, settings, directions, center)
+    task = FunnelTask(nominal, settings, directions, allowed)
     S = _shape(ShapeFlow(task), progress, "shape")
     progress("funnel: its size")
     sets, forms = _Gauge(task).scaled(S)
     progress("funnel: its certificate")
     grams = _certify(nominal.times, forms, settings.margin)
     made = {field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)}
-    solver = next(iter(SOLVERS))
-    seconds = time.perf_counter() - began
-    return Funnel(**made, grams=grams, solver=solver, seconds=seconds, gliders=center)
+    return Funnel(
+        **made,
+        grams=grams,
+        solver=next(iter(SOLVERS)),
+        seconds=time.perf_counter() - began,
+        gliders=task.center,
+    )
 
 
 def _shape(flow: ShapeFlow, say: Progress, what: str) -> np.ndarray:
@@ -242,8 +244,10 @@ class _Gauge:
         drift = defect_growth(S, self._defect)
         drift = np.maximum(drift[:-1], drift[1:])
         # Between the times it is looked for only where it is good at them.
-        for share, here in self._between.items() if growth.max() < 0.0 else ():
-            k = self._nominal.flows
+        if growth.max() >= 0.0:
+            return growth
+        k = self._nominal.flows
+        for share, here in self._between.items():
             found = growth_between(sets, share, starts, here=here) + drift[k]
             for ends in (k + 1, k):
                 growth[ends] = np.maximum(growth[ends], found)

@@ -60,12 +60,14 @@ class GlidersNote:
     names: tuple[str, ...]  #: Names of the numbers that deviate.
     matrix: np.ndarray  #: Their covariance.
     level: float  #: Probability with which the true numbers are in the set.
-    shape: str  #: One of `glider.physics.confidence.SHAPES`.
+    shape: str = "ellipsoid"  #: No other one is known.
     degrees_of_freedom: float | None = None  #: Of the covariance.
 
     def __post_init__(self):
-        """Raises InputError where no number deviates."""
+        """Raises InputError where no number deviates, or the shape is another."""
         expect(self.names, "field 'names'", [], "at least one name")
+        good = self.shape == "ellipsoid"
+        expect(good, "field 'shape'", self.shape, "ellipsoid")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -89,11 +91,13 @@ _SYMMETRIC = ("S", "slopes", "focus", "bends")
 def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
     """Returns the shape of each array, given the numbers of times and states."""
     size = n + n * (n + 1) // 2
+    entries = size * (size + 1) // 2
     shapes: dict[str, tuple[int, ...]]
     shapes = dict.fromkeys(("times", "inputs", "errors", "rests"), (count,))
     shapes |= dict.fromkeys(("states", "gains", "beta", "weights"), (count, n))
     shapes |= dict.fromkeys(_SYMMETRIC, (count, n, n))
-    shapes |= {"push_weights": (count, 2), "grams": (count, size * (size + 1) // 2)}
+    shapes["push_weights"] = count, 2
+    shapes["grams"] = count, entries
     return shapes
 
 
@@ -116,7 +120,8 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
             if len(count) != 1:
                 raise ValueError(f"'times' has shape {show(count)}; expected one axis")
             shapes = _shapes(count[0], len(notes.state_names))
-            if 8 * sum(map(math.prod, shapes.values())) > _MOST_BYTES:
+            numbers = sum(map(math.prod, shapes.values()))
+            if 8 * numbers > _MOST_BYTES:
                 raise ValueError(f"its arrays are larger than {_MOST_BYTES:,} bytes")
             arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes}
         _check(arrays, notes)
@@ -124,9 +129,12 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
     except InputError:
         raise
     except _FAULTS as error:
-        reason = error.strerror if isinstance(error, OSError) else None
-        reason = " ".join(str(reason or error).split()).rstrip(".")
-        what = "cannot be read" if isinstance(error, OSError) else "is a damaged funnel"
+        what = "is a damaged funnel"
+        reason = str(error)
+        if isinstance(error, OSError):
+            what = "cannot be read"
+            reason = error.strerror or reason
+        reason = " ".join(reason.split()).rstrip(".")
         raise InputError(f"{path}: {what}: {reason}.") from None
 
 
@@ -188,19 +196,21 @@ def _check(arrays: dict[str, np.ndarray], notes: Notes) -> None:
     """Raises ValueError unless times increase, S is symmetric and bounds are >= 0."""
     times = arrays["times"]
     states = arrays["states"]
-    if len(times) < 2 or times[0] != 0.0 or not np.all(np.diff(times) >= 0.0):
+    increases = np.all(np.diff(times) >= 0.0)
+    if len(times) < 2 or times[0] != 0.0 or not increases:
         raise ValueError("'times' must increase from 0")
-    samples = np.flatnonzero(np.diff(times) == 0.0)
-    ends = [0, *samples, len(times) - 2]
-    good = np.all(np.diff(times)[ends[:: len(ends) - 1]] > 0.0)
-    if not (good and np.all(np.diff(samples) > 1)):
+    steps = np.diff(times)
+    samples = np.flatnonzero(steps == 0.0)
+    flows_at_ends = steps[0] > 0.0 and steps[-1] > 0.0
+    if not (flows_at_ends and np.all(np.diff(samples) > 1)):
         raise ValueError("'times' must increase before and after a sample")
     if len(samples) and not notes.settings.period:
         raise ValueError("'times' has samples, but there is no 'period'")
     if not np.array_equal(states[samples], states[samples + 1]):
         raise ValueError("'states' jump at a sample")
     for name in _SYMMETRIC:
-        if not np.array_equal(arrays[name], np.swapaxes(arrays[name], 1, 2)):
+        array = arrays[name]
+        if not np.array_equal(array, np.swapaxes(array, 1, 2)):
             raise ValueError(f"'{name}' is not symmetric")
     for name in ("beta", "weights", "push_weights", "errors", "rests"):
         if np.any(arrays[name] < 0.0):

@@ -29,8 +29,7 @@ class Funnel(BoundarySets):
     solver: str  #: Name of the solver that was tried first.
     seconds: float  #: Duration of the computation [s].
     sha256: str = ""  #: Hash of the file that it was loaded from, in hexadecimal.
-    #: Set of gliders that it was made for; None where it is of the model's own alone.
-    gliders: MovingCenter | None = None
+    gliders: MovingCenter  #: Gliders that it was made for, one or a set.
 
     def __repr__(self) -> str:
         """Returns one line, as a notebook shows it."""
@@ -45,15 +44,19 @@ class Funnel(BoundarySets):
     @property
     def allowed(self) -> ConfidenceSet:
         """Set of gliders that it is proven for."""
-        return self.gliders.confidence if self.gliders else ALONE
+        return self.gliders.confidence
+
+    @property
+    def is_of_set(self) -> bool:
+        """Whether it was made for several gliders."""
+        return bool(self.allowed.names)
 
     def between(self, first: int, last: int) -> "Funnel":
         """Returns the funnel from one of its times to another, given their indices."""
         here = slice(first, last + 1)
         own = {name: getattr(self, name)[here] for name in _OWN_ARRAYS}
         nominal = self.nominal.part(here)
-        gliders = self.gliders
-        gliders = gliders and gliders.part(here)
+        gliders = self.gliders.part(here)
         return dataclasses.replace(self, nominal=nominal, gliders=gliders, **own)
 
     def center(self, times: ArrayLike) -> np.ndarray:
@@ -71,7 +74,7 @@ class Funnel(BoundarySets):
 
         Times (...) before and after the flight count as its ends.
         """
-        if deviation is not None and self.gliders:
+        if deviation is not None and self.is_of_set:
             states = states - self.gliders.at(times, deviation)
         return states - self.center(times)
 
@@ -115,13 +118,11 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
 
 
 def gliders_note(funnel: Funnel) -> GlidersNote | None:
-    """Returns the set of gliders of a funnel as its file has it; None without one."""
-    if funnel.gliders is None:
+    """Returns the set of gliders of a funnel as its file has it; None for one."""
+    if not funnel.is_of_set:
         return None
-    confidence = funnel.gliders.confidence
-    known = vars(confidence.covariance)
-    level = confidence.level
-    return GlidersNote(**known, level=level, shape=confidence.shape)
+    known = vars(funnel.allowed.covariance)
+    return GlidersNote(**known, level=funnel.allowed.level)
 
 
 def load_funnel(path: Path | str) -> Funnel:
@@ -152,14 +153,12 @@ def funnel_of(
             f"{', '.join(model.state_names)}."
         )
     nominal = Nominal(model=model, **{name: arrays[name] for name in ARRAYS})
-    gliders = None
-    if notes.confidence is not None:
-        try:
-            confidence = noted_confidence(model, notes.confidence)
-            held = notes.settings.period > 0.0
-            gliders = make_moving_center(nominal, confidence, held)
-        except InputError as error:
-            raise InputError(f"{fault} gliders: {error}") from None
+    try:
+        confidence = _noted_confidence(model, notes.confidence)
+        held = notes.settings.period > 0.0
+        gliders = make_moving_center(nominal, confidence, held)
+    except InputError as error:
+        raise InputError(f"{fault} gliders: {error}") from None
     return Funnel(
         nominal=nominal,
         settings=notes.settings,
@@ -171,13 +170,15 @@ def funnel_of(
     )
 
 
-def noted_confidence(model: GliderModel, note: GlidersNote) -> ConfidenceSet:
+def _noted_confidence(model: GliderModel, note: GlidersNote | None) -> ConfidenceSet:
     """Returns the set in a file's notes; InputError if it is not of the model."""
+    if note is None:
+        return ALONE
     check_names(note.names, model.effects)
     covariance = Covariance(
         names=note.names, matrix=note.matrix, degrees_of_freedom=note.degrees_of_freedom
     )
-    confidence = make_confidence(model, covariance, note.level, note.shape)
+    confidence = make_confidence(model, covariance, note.level)
     if confidence.names != note.names:
         raise InputError(
             f"the confidence set is of {', '.join(note.names)}, of which a flight "

@@ -88,21 +88,21 @@ PUSHES = [0, 1, 1]
 
 
 def boundary_forms(sets: BoundarySets, G: np.ndarray) -> BoundaryForms:
-    """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R and `push_form`."""
+    """Returns V̇/V on the boundaries, with (zᵀ D z)(1 + eᵀ F e) of R and pushes."""
     S = sets.S
     nominal = sets.nominal
     cubic, quartic = higher_forms(S, nominal.closed_loop)
     _, L_inv_T = to_ball(S)
     L_inv = np.swapaxes(L_inv_T, 1, 2)
-    disturbance = remainder_form(S, sets.beta, sets.weights)
+    disturbance = _remainder_form(S, sets.beta, sets.weights)
     quadratic = quadratic_form(S, sets.slopes, nominal.closed_loop)
     quadratic = L_inv @ quadratic @ L_inv_T + disturbance
     quartic = quartic + product_form(disturbance, L_inv @ sets.focus @ L_inv_T)
-    push = push_form(S, G, sets.unknown_pushes, sets.push_weights, nominal.bends)
+    push = _push_form(S, G, sets.unknown_pushes, sets.push_weights, nominal.bends)
     return BoundaryForms(*map(np.add, (quadratic, cubic, quartic), push))
 
 
-def push_form(
+def _push_form(
     S: np.ndarray,
     slopes: np.ndarray,
     pushes: np.ndarray,
@@ -118,7 +118,7 @@ def push_form(
     L_T, L_inv_T = to_ball(S)
     sizes = pushes[:, PUSHES] * [1.0, np.sqrt(0.5), np.sqrt(0.5)]
     weights = weights[:, PUSHES]
-    quadratic = remainder_form(S, sizes, weights, slopes[..., 0])
+    quadratic = _remainder_form(S, sizes, weights, slopes[..., 0])
     p = np.moveaxis(L_T @ slopes[..., 0], 2, 0)
     M = L_inv_T.swapaxes(1, 2) @ np.moveaxis(slopes[..., 1:], 2, 0).swapaxes(2, 3)
     M = M @ L_T.swapaxes(1, 2)
@@ -133,7 +133,7 @@ def push_form(
     )
 
 
-def remainder_form(
+def _remainder_form(
     S: np.ndarray,
     beta: np.ndarray,
     weights: np.ndarray,
@@ -160,11 +160,11 @@ def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
     axes = np.swapaxes(np.linalg.eigh(forms.quadratic)[1], 1, 2)
     seeds = np.broadcast_to(starts, (len(axes), *starts.shape))
     points = np.concatenate([seeds, axes], axis=1)
-    value, worst = largest_values(*forms, points)
+    value, worst = _largest_values(*forms, points)
     for _ in range(_NEIGHBORS):
         around = np.concatenate([worst[:1], worst, worst[-1:]])
         points = np.stack([around[:-2], worst, around[2:]], axis=1)
-        value, worst = largest_values(*forms, points)
+        value, worst = _largest_values(*forms, points)
     return value
 
 
@@ -204,7 +204,7 @@ DIFFERENCE = 1e-4
 """Step of difference quotients in the coordinates of the ball."""
 
 
-def largest_values(
+def _largest_values(
     quadratic: np.ndarray, cubic: np.ndarray, quartic: np.ndarray, starts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns max over |z| = 1 of zᵀ N z + c₃(z) + c₄(z) for T polynomials, and where.

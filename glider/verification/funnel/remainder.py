@@ -48,7 +48,7 @@ def sample_remainder(
     S: np.ndarray,
     directions: np.ndarray,
     at: np.ndarray,
-    center: MovingCenter | None = None,
+    center: MovingCenter,
     focus: np.ndarray | None = None,
     pushes: np.ndarray | None = None,
 ) -> np.ndarray:
@@ -73,7 +73,7 @@ class _Remainders:
     """R / (1 + eᵀ F e) on the boundaries of K sets, of the rates that have one."""
 
     def __init__(self, nominal, S, at, center, focus, pushes):
-        self._names = center.confidence.names if center else ()
+        self._names = center.confidence.names
         self.which, self.rows = nonlinear_parts(nominal.model, self._names)
         self._nominal = nominal
         self._center = center
@@ -91,19 +91,18 @@ class _Remainders:
         """Returns values (K, B, rows) at points (K, B, n + r + 3), at some times."""
         errors = self.errors(y, here)
         center = self._center
-        deviations = push = None
-        if center:
-            n = errors.shape[-1]
-            r = center.confidence.dimension
-            on_boundary = center.confidence.on_boundary(y[..., n : n + r])
-            deviations = physical(self._nominal.model, self._names, on_boundary)
+        push = None
+        n = errors.shape[-1]
+        last = n + center.confidence.dimension
+        on_boundary = center.confidence.on_boundary(y[..., n:last])
+        deviations = physical(self._nominal.model, self._names, on_boundary)
         if self._pushes is not None:
             error = np.sign(y[..., -3:-2])
             wind = normalized(y[..., -2:])
             push = np.concatenate([error, wind], axis=-1)
             push *= self._pushes[here][:, None, PUSHES]
         given = errors, center, deviations, push
-        found = remainder_of(self._nominal, self._at[here], *given)
+        found = _remainder_of(self._nominal, self._at[here], *given)
         bent = np.einsum("kbi,kij,kbj->kb", errors, self.focus[here], errors)
         # Where 1 + eᵀ F e is not positive, nothing is a bound.
         return found[..., self.rows] / np.maximum(1.0 + bent, 1e-12)[..., None]
@@ -154,7 +153,7 @@ def find_focus(
     S: np.ndarray,
     directions: np.ndarray,
     at: np.ndarray,
-    center: MovingCenter | None,
+    center: MovingCenter,
     sizes: np.ndarray,
     pushes: np.ndarray | None = None,
     floor: float = FunnelSettings.floor,
@@ -201,38 +200,33 @@ def _least_focus(shares, own, sizes):
     return 0.5 * (F + F.T)
 
 
-def remainder_of(
+def _remainder_of(
     nominal: Nominal,
     at: np.ndarray,
     errors: np.ndarray,
-    center: MovingCenter | None = None,
-    deviations: np.ndarray | None = None,
+    center: MovingCenter,
+    deviations: np.ndarray,
     push: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns R (K, B, n) = ė - p(e), without the servo's limits, at K times.
 
-    Errors e are from x₀ + X δ where a center moves, with deviations δ (K, B, m). A
-    push (K, B, 3) is d_u and w, which act in R but for G (d_u, w).
+    Errors e are from x₀ + X δ, with deviations δ (K, B, m). A push (K, B, 3) is d_u
+    and w, which act in R but for G (d_u, w).
     """
     known = evaluate(nominal.closed_loop[at], errors)
-    moved = 0.0
-    drift = 0.0
-    commanded = 0.0
     pushed_command = 0.0
     wind: Sequence[Any] = (0.0, 0.0)
-    theta = None
     if push is not None:
         pushed_command, *wind = np.moveaxis(push, 2, 0)
         G = nominal.push_slopes[at]
         slopes = G[:, None, ..., 0] + np.einsum("kijl,kbl->kbij", G[..., 1:], errors)
         known = known + (slopes @ push[..., None])[..., 0]
-    if center is not None and deviations is not None:
-        moved = deviations @ np.swapaxes(center.shifts[at], 1, 2)
-        commanded = np.einsum("kbm,km->kb", deviations, center.commands[at])
-        drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
-        names = center.confidence.names
-        each = np.moveaxis(deviations, 2, 0)
-        theta = theta_at(nominal.model, names, each)
+    moved = deviations @ np.swapaxes(center.shifts[at], 1, 2)
+    commanded = np.einsum("kbm,km->kb", deviations, center.commands[at])
+    drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
+    names = center.confidence.names
+    each = np.moveaxis(deviations, 2, 0)
+    theta = theta_at(nominal.model, names, each)
     center_states = nominal.states[at][:, None] + moved
     states = center_states + errors
     commands = nominal.inputs[at][:, None] + commanded + pushed_command

@@ -26,7 +26,7 @@ _SHRINK = 0.995
 def servo_bounds(
     nominal: Nominal,
     settings: FunnelSettings,
-    center: MovingCenter | None = None,
+    center: MovingCenter,
     shrink: float = _SHRINK,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
@@ -42,11 +42,10 @@ def servo_bounds(
     rate_left = rate - np.abs(nominal.inputs)
     bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
     bounds = shrink * bounds
-    if center is not None:
-        shifts = np.einsum("i,kij->kj", demanded, center.shifts)
-        travel_of = shifts + STOPPING_TIME * center.commands
-        of_both = np.stack([center.commands, travel_of], axis=1)
-        bounds -= center.confidence.reach(of_both)
+    shifts = np.einsum("i,kij->kj", demanded, center.shifts)
+    travel_of = shifts + STOPPING_TIME * center.commands
+    of_both = np.stack([center.commands, travel_of], axis=1)
+    bounds -= center.confidence.reach(of_both)
     if settings.period:
         bounds[nominal.starts != np.arange(len(bounds)), 0] = np.inf
     return directions, bounds
@@ -57,7 +56,7 @@ def error_reach(errors: np.ndarray) -> np.ndarray:
     return np.multiply.outer(errors, [1.0, STOPPING_TIME])
 
 
-def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
+def goal_about(axes: np.ndarray, center: MovingCenter) -> np.ndarray:
     """Returns S (n, n) of the goal's part that each glider's last set may fill.
 
     Where no center ends farther than s < 1, the goal's half-axes (n,) being 1, a set
@@ -66,10 +65,8 @@ def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
     Raises:
         InputError: the gliders' centers alone leave the goal.
     """
-    left = 1.0
-    if center is not None:
-        scaled = center.shifts[-1] @ center.confidence.factor / axes[:, None]
-        left -= center.confidence.farthest(scaled)
+    scaled = center.shifts[-1] @ center.confidence.factor / axes[:, None]
+    left = 1.0 - center.confidence.farthest(scaled)
     if left <= 0.0:
         raise InputError(
             f"The gliders of the confidence set end up to {1.0 - left:.3g} times as "

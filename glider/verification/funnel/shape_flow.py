@@ -20,8 +20,9 @@ import numpy as np
 from scipy.linalg import expm
 
 from glider.control.tvlqr import weight_matrix
+from glider.physics.confidence import ALONE, ConfidenceSet
 from glider.progress import Shares, silent
-from glider.verification.dynamics.moving_center import MovingCenter
+from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import Nominal, advanced
 from glider.verification.funnel import clock, servo_limits
 from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
@@ -48,7 +49,13 @@ class FunnelTask:
     nominal: Nominal  #: Nominal flight.
     settings: FunnelSettings  #: Its goal and margins.
     directions: np.ndarray  #: (B, n + r) of `sample_remainder`.
-    center: MovingCenter | None = None  #: Of a set of gliders, if it is for one.
+    confidence: ConfidenceSet = ALONE  #: Gliders that it is for.
+
+    @functools.cached_property
+    def center(self) -> MovingCenter:
+        """Where these gliders fly."""
+        held = self.settings.period > 0.0
+        return make_moving_center(self.nominal, self.confidence, held)
 
     @functools.cached_property
     def sizes(self) -> np.ndarray:
@@ -142,7 +149,7 @@ class ShapeFlow:
     """
 
     def __init__(self, task: FunnelTask, steer: bool = False):
-        """Takes a task; where it may steer, without a center, it makes the feedback."""
+        """Takes a task; where it may steer, for one glider, it makes the feedback."""
         nominal = task.nominal
         if steer:
             nominal = nominal.writable()
@@ -212,7 +219,10 @@ class ShapeFlow:
         gains = servo_limits.steepest_gains(S, toward, rate, settings.elevator_gain)
         clock.undo_hold(nominal, first, k, gains)  # Ours: of a copy.
         here = slice(first, k + 1)
-        directions[here], _ = servo_limits.servo_bounds(nominal.part(here), settings)
+        center = self._task.center.part(here)
+        directions[here], _ = servo_limits.servo_bounds(
+            nominal.part(here), settings, center
+        )
 
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""

@@ -8,8 +8,7 @@ that no flight leaves, interval by interval. interval_proof: one of them. interv
 polynomials in time, its servo, a ball that holds its sets, and the centers of a set of
 gliders. interval_growth: that V falls. enclosure, boxes: that the Taylor remainder is
 within the bounds that the certificate assumes. held: what held commands are off by.
-latency, slopes: what predicted ones are. phases: several funnels, for a clock of any
-phase.
+latency, slopes: what predicted ones are.
 
 The theorem follows where a funnel passes `check_funnel` with a problem and
 `prove_flights` is whole. After `check_funnel` alone, or with every > 1, nothing follows

@@ -9,16 +9,13 @@ none where V rises between the times; `flight_proof` proves both, in continuous 
 
 import dataclasses
 import secrets
-from collections.abc import Mapping
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.physics.covariance import Covariance
-from glider.physics.model import GliderModel
-from glider.planning.problem import PerchingProblem
 from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
+from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, growth_between
 from glider.verification.funnel.remainder import (
@@ -26,10 +23,13 @@ from glider.verification.funnel.remainder import (
     SAMPLES,
     sample_remainder,
 )
-from glider.verification.proof import purpose
 from glider.verification.proof.exact_check import exact_faults, proven_slack
 from glider.verification.proof.held import held_faults
+from glider.verification.proof.purpose import Purpose, unmet
 from glider.verification.sos.sphere import normalized
+
+_ANY = Purpose()
+"""Any purpose."""
 
 _STARTS = 8
 """Starting points of the ascent, besides those of `largest_growth`."""
@@ -71,53 +71,28 @@ class Verdict:
 def check_funnel(
     funnel: Funnel,
     every: int = 1,
-    progress: Shares = silent,
     *,
-    problem: PerchingProblem | None = None,
-    from_launch: bool = True,
-    model: GliderModel | None = None,
-    covariance: Covariance | None = None,
-    least_level: float | None = None,
-    hook: bool = False,
-    least_inlet: Mapping[str, float] | None = None,
-    least_pushes: tuple[float, float] = (0.0, 0.0),
-    period: float | None = None,
+    purpose: Purpose = _ANY,
     seed: int | None = None,
+    progress: Shares = silent,
 ) -> Verdict:
     """Checks a funnel.
 
     Args:
         every: check every so many times only, the first and last included.
-        progress: called with the share that is done, of held commands, then of times.
-        problem: the problem that it must be a funnel of; any if None.
-        from_launch: whether it must start at that problem's launch.
-        model: the glider that it must be a funnel of; any if None.
-        covariance: of that glider, whose set of the same level, and of at least 95 %,
-            the funnel's set of gliders, if it has one, must contain; any if None.
-        least_level: with a covariance, the level instead of 95 %; then a funnel of one
-            glider is refused.
-        hook: whether the problem's hook must accept every state of the last set.
-        least_inlet: least half-widths of the inlet, of states that deviate alone.
-        least_pushes: command error [rad/s] and wind [m/s] that it must account for.
-        period: time that its commands must be held [s]; any if None.
+        purpose: what it must be good for.
         seed: of the points where ascents start; one that no file can know if None.
+        progress: called with the share that is done, of held commands, then of times.
     """
     last = len(funnel.nominal.times) - 1
     at = sorted({*range(0, last, every), last})
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
     seed = secrets.randbits(32) if seed is None else seed
-    faults = purpose.model_faults(funnel, model) if model else []
-    if covariance and not faults:
-        faults = purpose.set_faults(funnel, covariance, least_level)
-    faults += purpose.inlet_faults(funnel, least_inlet or {})
-    faults += purpose.push_faults(funnel, least_pushes, period)
-    faults += purpose.problem_faults(funnel, problem, from_launch) if problem else []
-    faults += purpose.hook_faults(funnel, problem) if hook and problem else []
-    faults += _defect_faults(funnel, growth)
+    faults = purpose.faults_of(funnel) + _defect_faults(funnel, growth)
     faults = faults or held_faults(funnel, progress)
     level = None
-    if covariance and funnel.gliders:
-        level = purpose.compared_level(funnel.gliders.confidence, least_level)
+    if purpose.covariance and funnel.is_of_set:
+        level = purpose.set_level(funnel.allowed)
     seen = 0.0
     between = np.inf
     if not faults:
@@ -145,7 +120,7 @@ def _defect_faults(funnel, growth):
     words = "The nominal is not a flight: its defect makes V̇/V as large as"
     where = f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s"
     fault = f"{words} {where}; the margin is {margin:.2g} 1/s."
-    return purpose.unmet((growth[worst] <= margin, fault))
+    return unmet((growth[worst] <= margin, fault))
 
 
 def _sampled_faults(funnel, at, growth, rng, every):
@@ -153,18 +128,21 @@ def _sampled_faults(funnel, at, growth, rng, every):
     seen = remainder_seen(funnel, at, rng) if funnel.beta.any() else 0.0
     if not seen <= 1.0:
         return [f"The remainder is {seen:.3g} times its bound."], seen, np.inf
-    between = largest_between(funnel, growth, rng, every)
+    between = _largest_between(funnel, growth, rng, every)
     words = f"Between the times V̇/V reaches {between:.2g} 1/s."
-    return purpose.unmet((between < 0.0, words)), seen, between
+    return unmet((between < 0.0, words)), seen, between
 
 
 def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> float:
     """Returns the largest |R_k| / β_k found at some times, also of a set's gliders."""
     pushes = funnel.pushes[at] if funnel.pushes.any() else None
     worst = 0.0
-    for center in dict.fromkeys((None, funnel.gliders)):
-        total = funnel.num_states + (0 if pushes is None else 3)
-        total += center.confidence.dimension if center else 0
+    centers = [funnel.gliders]
+    if funnel.is_of_set:
+        centers.append(make_moving_center(funnel.nominal))
+    for center in centers:
+        total = funnel.num_states + center.confidence.dimension
+        total += 0 if pushes is None else 3
         directions = normalized(rng.normal(size=(SAMPLES, total)))
         given = directions, np.array(at), center, funnel.focus[at], pushes
         found = sample_remainder(funnel.nominal, funnel.S[at], *given)
@@ -175,7 +153,7 @@ def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> f
     return worst
 
 
-def largest_between(
+def _largest_between(
     funnel: Funnel, defect: np.ndarray, rng: np.random.Generator, every: int = 1
 ) -> float:
     """Returns the largest V̇/V found between the times, by ascent [1/s].

@@ -82,10 +82,10 @@ class TaylorRemainder:
 
     @property
     def balls(self) -> tuple[slice, ...]:
-        """Coordinates of w, of the wind, and of v where they are in a ball."""
+        """Coordinates of w, of v and of the wind."""
         m = len(self.basis)
         found = [slice(0, len(self.basis))]
-        if self.allowed.dimension and self.allowed.shape == "ellipsoid":
+        if self.allowed.dimension:
             found.append(slice(m, m + self.allowed.dimension))
         if self.pushes[1] > 0.0:
             found.append(slice(self.dimension - 3, self.dimension - 1))

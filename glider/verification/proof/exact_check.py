@@ -42,12 +42,12 @@ def exact_faults(
     slack = proven_slack(funnel)
     times_of: dict[str, list[float]] = {}
     for number, k in enumerate(at, 1):
-        for fault in check_time(funnel, k, slack + defect[k]):
+        for fault in _check_time(funnel, k, slack + defect[k]):
             times_of.setdefault(fault, []).append(funnel.nominal.times[k])
         progress(number / len(at))
     sentences = [f"{fault} {_when(times)}." for fault, times in times_of.items()]
     if not _within_goal(funnel):
-        where = " about every glider's center" if funnel.gliders else ""
+        where = " about every glider's center" if funnel.is_of_set else ""
         sentences.append(f"The last set is not within the goal{where}.")
     return sentences
 
@@ -59,7 +59,7 @@ def _when(times):
     return f"at {len(times)} times, from {times[0]:.4f} to {times[-1]:.4f} s"
 
 
-def check_time(funnel: Funnel, k: int, slack: float) -> list[str]:
+def _check_time(funnel: Funnel, k: int, slack: float) -> list[str]:
     """Returns what is not proven at one time, a clause each."""
     beta = funnel.beta[k]
     weights = funnel.weights[k]

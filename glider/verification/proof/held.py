@@ -97,8 +97,8 @@ def _keeps_rate(funnel, k):
     limit = exact(funnel.nominal.model.parameters.servo.rate)
     gains = exact(funnel.nominal.gains[k])
     left = limit - exact(abs(funnel.nominal.inputs[k])) - exact(funnel.errors[k])
-    if gliders := funnel.gliders:
-        left = left - exact(exact_reach(gliders.confidence, exact(gliders.commands[k])))
+    commands = exact(funnel.gliders.commands[k])
+    left = left - exact(exact_reach(funnel.allowed, commands))
     form = left * left * exact(funnel.S[k]) - gains[:, None] @ gains[None]
     return bool(left.numbers[0] > 0) and is_positive_definite(form)
 

@@ -8,7 +8,7 @@ is δu = -K e.
 Of its sets it is determined exactly whether they are ellipsoids, within the servo's
 limits, and within a ball.
 
-Of a set of gliders, δ = A v with |v_l| <= 1, and for an ellipsoid |v| <= 1. The center
+Of a set of gliders, δ = A v with |v| <= 1. The center
 is x₀ + X A v, X the cubic Hermite polynomial between the times, and the command there
 differs by U A v, U = -K X unless it is held; their time is s from -1 to 1.
 """
@@ -103,7 +103,7 @@ def make_interval(piece: Funnel) -> Interval:
         hermite(piece.S, piece.slopes, step),
         (nominal.open_loop, rows, which),
         outputs,
-        _limits(piece, path, centers_reach(piece, step)),
+        _limits(piece, path, _centers_reach(piece, step)),
     )
 
 
@@ -123,7 +123,11 @@ def at_time(funnel: Funnel, k: int) -> Interval:
         (line(piece.S), line(piece.slopes)),
         (rates, rows, list(range(n))),
         np.eye(n)[None],
-        _limits(piece, line(piece.nominal.states), _centers_reach_at(piece)),
+        _limits(
+            piece,
+            line(piece.nominal.states),
+            _reach_of(piece, line(piece.gliders.shifts)),
+        ),
     )
 
 
@@ -275,13 +279,10 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     """Returns where the gliders of a set fly, in powers of s, lowest first.
 
     That is X A of the states and U A of the command, (n + 1, r, 5), and Ẋ A
-    (n, r, 3) [1/s]; r is 0 for the model's own glider alone.
+    (n, r, 3) [1/s]; r is 0 for one glider.
     """
     nominal = piece.nominal
-    n = piece.num_states
     gliders = piece.gliders
-    if gliders is None:
-        return np.zeros((n + 1, 0, 5)), np.zeros((n, 0, 3))
     A = gliders.confidence.factor
     times = nominal.times
     path, slopes = hermite_powers(times, gliders.shifts @ A, gliders.slopes @ A)
@@ -295,19 +296,11 @@ def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([states, command[None]]), slopes
 
 
-def centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
+def _centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
     """Returns bounds of U δ, and of X δ of the elevator and τ U δ, over an interval."""
     gliders = piece.gliders
-    if gliders is None:
-        return 0.0, 0.0
     X, _ = hermite(gliders.shifts, gliders.slopes, step)
     return _reach_of(piece, X)
-
-
-def _centers_reach_at(piece):
-    """Returns the same at the only time of a funnel."""
-    gliders = piece.gliders
-    return _reach_of(piece, line(gliders.shifts)) if gliders else (0.0, 0.0)
 
 
 def _reach_of(piece, X):
@@ -322,7 +315,7 @@ def _reach_of(piece, X):
 def exact_reach(confidence: ConfidenceSet, along: Exact) -> float:
     """Returns a bound of aᵀ δ over a set and all times, for a (m,), rounded up."""
     sizes = np.abs((along @ exact(confidence.factor)).bernstein()).max(axis=0)
-    return float(np.linalg.norm(sizes, confidence.dual) * WIDER)
+    return float(np.linalg.norm(sizes) * WIDER)
 
 
 def gliders_defect(piece: Funnel) -> np.ndarray:
@@ -330,7 +323,8 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
 
     It is zero for the rates that are not linear, which have it in R.
     """
-    n, (inputs, slopes) = piece.num_states, gliders_path(piece)
+    n = piece.num_states
+    inputs, slopes = gliders_path(piece)
     _, rows = nonlinear_parts(piece.nominal.model)
     jacobian = piece.nominal.open_loop[0][:, 1 : n + 2]
     wanted = np.einsum("ij,jrk->irk", jacobian, inputs)

@@ -32,6 +32,10 @@ _GRAM_BITS = 36
 """Binary places that Gram matrices are rounded to: 1.5e-11, where their least
 eigenvalues are 1e-6, for they are of h V̇."""
 
+_GRAM_BITS_AT = 26
+"""The same where V falls at one time, and h is 1 s: 1.5e-8, where least eigenvalues are
+2e-5. With more, the determinants take longer."""
+
 BALL_BITS = 30
 """Binary places of the basis. Any number is valid; fewer are faster."""
 
@@ -83,20 +87,22 @@ def prove_growth(
     return early + late if late else 0
 
 
-def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms:
+def _growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms:
     """Returns the forms above, exactly, for a basis B (n, n)."""
     h = interval.step
     H = basis.T @ interval.S
     G = H @ basis
     y = interval.outputs @ basis
     half = H @ (interval.linear @ y)
-    disturbance = (H * interval.weights) @ H.T + interval.bearing.sum() * G
-    constant_pushes = interval.push_slopes[:, :, 0]
-    pushed = H @ constant_pushes
+    disturbance = (H * interval.weights) @ H.T
+    disturbance = disturbance + interval.bearing.sum() * G
+    steady = interval.push_slopes[:, :, 0]
+    pushed = H @ steady
     push = (pushed * interval.push_weights[PUSHES]) @ pushed.T
     push = push + interval.push_bearing.sum() * G
     growth = half + half.T + disturbance + push + slack * G
-    A = basis.T @ interval.rise @ basis + h * growth
+    rise = basis.T @ interval.rise @ basis
+    A = -(rise + h * growth)
 
     pull = (h * H.T)[interval.rows]
     cubic, quartic = pulled_forms(interval.rates(basis), pull)
@@ -106,16 +112,18 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms
     if focus.numbers.any():
         quartic = quartic - h * exact_product(disturbance, focus)
     for k, bound in enumerate(PUSHES):
-        varying = basis.T @ interval.push_slopes[:, k, 1:].T @ H.T
+        slopes = interval.push_slopes[:, k, 1:]
+        along = pushed[:, k]
+        varying = basis.T @ slopes.T @ H.T
         if interval.push_bearing[bound].numbers.any():
             weight = h * interval.push_weights[bound]
-            cubic = cubic - weight * exact_product(pushed[:, k], varying) * 2
+            cubic = cubic - weight * exact_product(along, varying) * 2
             quartic = quartic - weight * exact_product(varying, varying)
         if k == 0 and interval.bends.numbers.any():
             known = basis.T @ interval.bends @ basis * 2
-            cubic = cubic - h * exact_product(pushed[:, k], known)
+            cubic = cubic - h * exact_product(along, known)
             quartic = quartic - h * exact_product(varying, known)
-    return _GrowthForms(-A, cubic, quartic, G)
+    return _GrowthForms(A, cubic, quartic, G)
 
 
 def gram_guesses(funnel: Funnel, slack: float) -> list[np.ndarray]:
@@ -123,9 +131,13 @@ def gram_guesses(funnel: Funnel, slack: float) -> list[np.ndarray]:
     tables = sphere(funnel.num_states)
     # On the boundary bᵀ b = 2.
     less = 0.5 * slack * np.eye(tables.size)
-    turns = map(tables.substitution, to_ball(funnel.S)[0])
     grams = tables.matrix(funnel.grams) - less
-    return [turn.T @ gram @ turn for turn, gram in zip(turns, grams, strict=True)]
+    L_T, _ = to_ball(funnel.S)
+    found = []
+    for root, gram in zip(L_T, grams, strict=True):
+        turn = tables.substitution(root)
+        found.append(turn.T @ gram @ turn)
+    return found
 
 
 def falls_at(here: Interval, slack: Exact, gram: np.ndarray) -> bool:
@@ -141,15 +153,16 @@ def falls_at(here: Interval, slack: Exact, gram: np.ndarray) -> bool:
     guess = 0.5 * (guess + guess.T)
     [A] = forms.A.bernstein()
     own = slice(tables.n)
-    N = rounded(A - guess[own, own], _GRAM_BITS)
-    return _has_definite_grams(tables, forms, N, guess[None], 1.0, rounds=1)
+    bits = _GRAM_BITS_AT
+    N = rounded(A - guess[own, own], bits)
+    return _has_definite_grams(forms, N, guess[None], 1.0, bits, rounds=1)
 
 
 def _forms_in_ball(interval, slack):
     """Returns a basis that turns the set in the middle into a ball, and the forms."""
     S = interval.S.at(Fraction(1, 2)).to_float()
     basis = rounded(to_ball(S)[1], BALL_BITS)
-    return basis, growth_forms(interval, basis, slack)
+    return basis, _growth_forms(interval, basis, slack)
 
 
 def _prove_whole(interval, slack, grams):
@@ -160,31 +173,39 @@ def _prove_whole(interval, slack, grams):
     basis, forms = _forms_in_ball(interval, slack)
     tables = sphere(len(basis))
     h = float(interval.step.to_float())
-    turn = tables.substitution(basis.to_float())
+    B = basis.to_float()
+    turn = tables.substitution(B)
     first, last = (h * turn.T @ gram @ turn for gram in grams)
     # In the middle G is all but the identity.
-    here = [form.at(Fraction(1, 2)).to_float() for form in forms[:3]]
+    half = Fraction(1, 2)
+    here = [form.at(half).to_float() for form in forms[:3]]
     coefficients = tables.coefficients(*here)
     found = _search(tables, 0.5 * (first + last), coefficients, h)
     if found is None:
         return None, False
     middle = tables.matrix(found)
     guesses = np.array([first, middle, last])
-    A = np.array([forms.A.at(Fraction(k, 2)).to_float() for k in range(3)])
-    N = _through(A - guesses[:, : tables.n, : tables.n])
+    shares = Fraction(0), half, Fraction(1)
+    A = np.array([forms.A.at(share).to_float() for share in shares])
+    corners = guesses[:, : tables.n, : tables.n]
+    N = _through(A - corners)
     degree = max(form.degree for form in forms)
     controls = _through(guesses).raised(degree).bernstein()
-    falls = _has_definite_grams(tables, forms, N, controls, h)
-    back = tables.substitution(np.linalg.inv(basis.to_float()))
-    return back.T @ middle @ back / h, falls
+    falls = _has_definite_grams(forms, N, controls, h)
+    back = tables.substitution(np.linalg.inv(B))
+    gram = back.T @ middle @ back / h
+    return gram, falls
 
 
 def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
     """Returns P₂ᵀ p and P₃ᵀ p as forms in z, for a pull p, given (r,), or (r, n) z."""
+    is_constant = pull.numbers.ndim == 2
     for degree, rate in enumerate(rates, 2):
         form = contracted(rate, pull, axis=0)
-        is_constant = pull.numbers.ndim == 2
-        yield form if is_constant else gathered(form, pull.numbers.shape[2], degree)
+        if not is_constant:
+            n = pull.numbers.shape[2]
+            form = gathered(form, n, degree)
+        yield form
 
 
 def _search(tables, guess, coefficients, h, block=None, rounds=_ROUNDS):
@@ -198,26 +219,36 @@ def _search(tables, guess, coefficients, h, block=None, rounds=_ROUNDS):
 def _through(matrices):
     """Returns the quadratic polynomial through doubles at τ = 0, 1/2 and 1, rounded."""
     first, middle, last = matrices
-    parts = first, 4.0 * middle - first - last, last
-    return in_time(*(rounded(0.5 * (p + p.T), _GRAM_BITS) for p in parts))
+    parts = []
+    for part in (first, 4.0 * middle - first - last, last):
+        symmetric = 0.5 * (part + part.T)
+        parts.append(rounded(symmetric, _GRAM_BITS))
+    return in_time(*parts)
 
 
-def _has_definite_grams(tables, forms, N, guesses, h, rounds=_ROUNDS):
-    """Determines whether all parts of a Q with this N are positive definite."""
+def _has_definite_grams(forms, N, guesses, h, bits=_GRAM_BITS, rounds=_ROUNDS):
+    """Determines whether all parts of a Q with this N are positive definite.
+
+    Its Gram matrices are rounded to so many binary places.
+    """
+    tables = sphere(len(N))
     even = forms.quartic + exact_product(N, forms.G)
     degree = len(guesses) - 1
-    polynomials = forms.A - N, forms.cubic, even
-    columns = [polynomial.raised(degree).parts for polynomial in polynomials]
+    corners = (forms.A - N).raised(degree).parts
+    cubics = forms.cubic.raised(degree).parts
+    quartics = even.raised(degree).parts
     scales = np.multiply.outer(tables.scales, tables.scales)
-    for j, (corner, cubic, quartic) in enumerate(zip(*columns, strict=True)):
+    for j, guess in enumerate(guesses):
         share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
-        others = joined(cubic, quartic, axis=1)
+        corner = corners[j]
+        others = joined(cubics[j], quartics[j], axis=1)
         block = corner.to_float() / share
         coefficients = others.to_float() / share
-        found = _search(tables, guesses[j], coefficients, h, block, rounds)
+        found = _search(tables, guess, coefficients, h, block, rounds)
         if found is None:
             return False
-        gram = rounded(share * tables.matrix(found) * scales, _GRAM_BITS)
+        whole = share * tables.matrix(found) * scales
+        gram = rounded(whole, bits)
         if not has_definite_gram(tables, gram, corner, others):
             return False
     return True

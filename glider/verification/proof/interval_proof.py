@@ -42,7 +42,7 @@ from glider.verification.sos.exact import exact
 BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
 
-PATIENCE = 150_000
+_PATIENCE = 150_000
 """Boxes of one ball, after which each half of its time gets a ball of its own. Where R
 comes near β, a ball that is 2 % wider than the sets may take any number of boxes."""
 
@@ -104,10 +104,10 @@ def _prove(piece, budget):
         return IntervalProof(fault="a set is not an ellipsoid")
     if not keeps_servo(interval):
         return IntervalProof(fault="the servo would meet its limits")
-    slack = needed_slack(piece, interval)
+    slack = _needed_slack(piece, interval)
     if not np.isfinite(slack):
         return IntervalProof(fault="the nominal's defect is not bounded")
-    found = prove_remainder(piece, interval, budget)
+    found = _prove_remainder(piece, interval, budget)
     if not found.proven:
         return found
     parts = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
@@ -115,7 +115,7 @@ def _prove(piece, budget):
     return dataclasses.replace(found, fault=fault, parts=parts)
 
 
-def needed_slack(piece: Funnel, interval: Interval) -> float:
+def _needed_slack(piece: Funnel, interval: Interval) -> float:
     """Returns `proven_slack` and what the linear rates' defect adds to V̇/V [1/s].
 
     It is the nominal's and that of the gliders' centers; that of the other rates is in
@@ -129,7 +129,7 @@ def needed_slack(piece: Funnel, interval: Interval) -> float:
     return proven_slack(piece) + growth
 
 
-def prove_remainder(
+def _prove_remainder(
     piece: Funnel, interval: Interval, budget: int = BUDGET, halvings: int = HALVINGS
 ) -> IntervalProof:
     """Tries to prove that |R| <= β on the sets of an interval or a part of it."""
@@ -138,14 +138,14 @@ def prove_remainder(
     if stretch <= _STRETCH or not halvings:
         remainder = make_remainder(piece, basis, interval.span)  # It turns the basis.
         if covers(interval, remainder.basis):
-            most = min(PATIENCE, budget) if halvings else budget
+            most = min(_PATIENCE, budget) if halvings else budget
             found = bound_remainder(remainder, most)
     if found.proven or not halvings:
         return found
     boxes = found.boxes
     ratio = 0.0
     for half in interval.halves():
-        found = prove_remainder(piece, half, budget - boxes, halvings - 1)
+        found = _prove_remainder(piece, half, budget - boxes, halvings - 1)
         boxes = boxes + found.boxes
         ratio = max(ratio, found.ratio)
         if not found.proven:

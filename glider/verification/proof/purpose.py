@@ -41,6 +41,47 @@ def unmet(*checks: tuple[object, str]) -> list[str]:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Purpose:
+    """What a funnel is wanted for; nothing where a field is left out."""
+
+    problem: PerchingProblem | None = None  #: To be solved, from launch to wire.
+    hook: bool = False  #: Whether the hook must accept every state of the last set.
+    model: GliderModel | None = None  #: The glider.
+    #: Its covariance, whose set of gliders must be contained in the funnel's, if that
+    #: has one.
+    covariance: Covariance | None = None
+    #: Level of the covariance's set instead of 95 %; then a funnel of one glider is
+    #: refused.
+    least_level: float | None = None
+    #: Least half-widths of the inlet, of states that deviate alone.
+    least_inlet: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    command_error: float = 0.0  #: That it must account for [rad/s].
+    wind: float = 0.0  #: That it must account for [m/s].
+    period: float | None = None  #: Time that its commands must be held [s].
+
+    def set_level(self, own: ConfidenceSet) -> float:
+        """Returns the level of the covariance's set that a funnel's must contain.
+
+        It is the file's own, or the least one where that is less: a file may state any.
+        """
+        least = LEVEL if self.least_level is None else self.least_level
+        return max(own.level, least)
+
+    def faults_of(self, funnel: Funnel) -> list[str]:
+        """Returns what of this a funnel lacks, a sentence each."""
+        faults = _model_faults(funnel, self.model) if self.model else []
+        if self.covariance and not faults:
+            faults = _set_faults(funnel, self)
+        faults += _inlet_faults(funnel, self.least_inlet)
+        faults += _push_faults(funnel, self)
+        if self.problem:
+            faults += _problem_faults(funnel, self.problem)
+        if self.problem and self.hook:
+            faults += hook_faults(funnel, self.problem)
+        return faults
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Arrival:
     """Bounds of the funnel's goal, and so of its last set."""
 
@@ -54,12 +95,15 @@ def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
     """Returns what the goal about the nominal's end reaches, at most."""
     end = funnel.nominal.states[-1]
     axes = np.array(funnel.settings.goal)
-    miss = np.linalg.norm(end[POSITION] - problem.wire) + axes[POSITION].max()
+    distance = np.linalg.norm(end[POSITION] - problem.wire)
+    speed = np.linalg.norm(end[VELOCITY])
+    pitch = float(end[PITCH])
+    tilt = float(axes[PITCH])
     return Arrival(
         time=float(funnel.nominal.times[-1]),
-        miss=float(miss),
-        speed=float(np.linalg.norm(end[VELOCITY]) + axes[VELOCITY].max()),
-        pitch=(float(end[PITCH] - axes[PITCH]), float(end[PITCH] + axes[PITCH])),
+        miss=float(distance + axes[POSITION].max()),
+        speed=float(speed + axes[VELOCITY].max()),
+        pitch=(pitch - tilt, pitch + tilt),
     )
 
 
@@ -69,32 +113,38 @@ def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
 
     It is infinite or NaN where the set is no ellipsoid.
     """
+    S = funnel.shape(time)
     try:
-        extents = np.sqrt(np.diag(np.linalg.inv(funnel.shape(time))))
+        extents = np.sqrt(np.diag(np.linalg.inv(S)))
     except np.linalg.LinAlgError:
         extents = np.full(funnel.num_states, np.inf)
-    found = {"half_widths": funnel.half_widths(time), "extents": extents}
+    widths = funnel.half_widths(time)
     names = funnel.nominal.model.state_names
-    return {k: dict(zip(names, v.tolist(), strict=True)) for k, v in found.items()}
+    return {
+        "half_widths": dict(zip(names, widths.tolist(), strict=True)),
+        "extents": dict(zip(names, extents.tolist(), strict=True)),
+    }
 
 
-def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
+def _model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     """Returns the first difference of a funnel's glider from a model, if any."""
-    texts = map(model_text, (funnel.nominal.model, model))
-    own, other = (parse_yaml(text, "model") for text in texts)
-    place = ""
-    while own != other:
-        if isinstance(own, list) and isinstance(other, list) and len(own) == len(other):
-            own = dict(enumerate(own))
-            other = dict(enumerate(other))
-        if not (isinstance(own, dict) and isinstance(other, dict)):
-            break
-        key = next(k for k in {**own, **other} if own.get(k) != other.get(k))
-        place += f".{key}" if place else key
-        own = own.get(key)
-        other = other.get(key)
+    own = parse_yaml(model_text(funnel.nominal.model), "model")
+    other = parse_yaml(model_text(model), "model")
     if own == other:
         return []
+    keys = []
+    while isinstance(own, dict | list) and isinstance(other, type(own)):
+        if isinstance(own, list) and len(own) != len(other):
+            break
+        mine, theirs = (
+            dict(enumerate(value)) if isinstance(value, list) else value
+            for value in (own, other)
+        )
+        key = next(k for k in {**mine, **theirs} if mine.get(k) != theirs.get(k))
+        keys.append(str(key))
+        own = mine.get(key)
+        other = theirs.get(key)
+    place = ".".join(keys)
     # Digits that a message omits may be all that differs.
     found = show(own)
     expected = show(other)
@@ -105,130 +155,127 @@ def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     return [f"{words} expected {expected}."]
 
 
-def compared_level(own: ConfidenceSet, least: float | None = None) -> float:
-    """Returns the level of a model's set that a funnel's set has to contain.
-
-    It is the file's own, or a least one where that is less: a file may state any.
-    """
-    return max(own.level, LEVEL if least is None else least)
-
-
-def set_faults(
-    funnel: Funnel, covariance: Covariance, least: float | None = None
-) -> list[str]:
-    """Returns why a funnel's set does not contain that of a model's covariance.
-
-    The model's is of the same shape and of the `compared_level`.
-    """
-    if funnel.gliders is None:
+def _set_faults(funnel, purpose):
+    """Returns why a funnel's set does not contain that of a model's covariance."""
+    least = purpose.least_level
+    if not funnel.is_of_set:
         words = "The funnel is of one glider; expected a set that contains the model's"
         return [f"{words} {describe_level(least)} set."] if least else []
-    own = funnel.gliders.confidence
+    own = funnel.allowed
+    level = purpose.set_level(own)
     model = funnel.nominal.model
-    level = compared_level(own, least)
-    given = make_confidence(model, covariance, level, own.shape)
+    given = make_confidence(model, purpose.covariance, level)
     words = f"The funnel's set of gliders, the {describe_set(own)}, is smaller than"
     fault = f"{words} the model's, the {describe_set(given)}."
     return unmet((own.covers(given), fault))
 
 
-def inlet_faults(funnel: Funnel, least: Mapping[str, float]) -> list[str]:
+def _inlet_faults(funnel, least):
     """Returns where the inlet is narrower than least half-widths of states alone."""
     names = funnel.nominal.model.state_names
-    faults = []
-    widths = dict(zip(names, funnel.half_widths(), strict=True))
+    widths = funnel.half_widths()
     known = f"one of {', '.join(names)}"
+    faults = []
     for name, width in least.items():
         expect(name in names, "the least inlet: a state", name, known)
-        words = f"The inlet's half-width in {name} is {widths[name]:.3g}; expected at"
-        faults += unmet((widths[name] >= width, f"{words} least {width:.3g}."))
-    return faults
-
-
-def push_faults(
-    funnel: Funnel, least: tuple[float, float], period: float | None = None
-) -> list[str]:
-    """Returns what of a command error [rad/s] and a wind [m/s] a funnel leaves out.
-
-    It is to be for commands that are held for a period [s]; any if None.
-    """
-    own = funnel.settings.period
-    held = f"commands that are held for {1e3 * own:g} ms"
-    held = held if own else "a feedback that acts at all times"
-    expected = f"expected a hold of {1e3 * (period or 0.0):g} ms."
-    faults = unmet((period in (None, own), f"The funnel is for {held}; {expected}"))
-    words = "a command error of {:g} rad/s", "wind of {:g} m/s"
-    for word, bound, wanted in zip(words, funnel.settings.pushes, least, strict=True):
-        found = f"The funnel accounts for {word.format(bound)}; expected at least"
-        faults += unmet((bound >= wanted, f"{found} {wanted:g}."))
-    return faults
-
-
-def launch_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
-    """Returns where a funnel's first set is not about a problem's launch."""
-    nominal = funnel.nominal
-    launch = nominal.model.initial_state(problem.launch)
-    return [
-        f"The flight starts with {name} = {value:.6g}; the problem's launch has "
-        f"{expected:.6g}."
-        for name, value, expected in zip(
-            nominal.model.state_names, nominal.states[0], launch, strict=True
+        found = widths[names.index(name)]
+        fault = (
+            f"The inlet's half-width in {name} is {found:.3g}; expected at least "
+            f"{width:.3g}."
         )
-        if not abs(value - expected) <= _PLACE_TOLERANCE
-    ]
+        faults += unmet((found >= width, fault))
+    return faults
 
 
-def path_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
+def _push_faults(funnel, purpose):
+    """Returns what a funnel leaves out of a command error, a wind and a period."""
+    own = funnel.settings
+    held = "a feedback that acts at all times"
+    if own.period:
+        held = f"commands that are held for {1e3 * own.period:g} ms"
+    wanted = own.period if purpose.period is None else purpose.period
+    return unmet(
+        (
+            wanted == own.period,
+            f"The funnel is for {held}; expected a hold of {1e3 * wanted:g} ms.",
+        ),
+        (
+            own.command_error >= purpose.command_error,
+            f"The funnel accounts for a command error of {own.command_error:g} rad/s; "
+            f"expected at least {purpose.command_error:g}.",
+        ),
+        (
+            own.wind >= purpose.wind,
+            f"The funnel accounts for wind of {own.wind:g} m/s; expected at least "
+            f"{purpose.wind:g}.",
+        ),
+    )
+
+
+def _launch_faults(funnel, problem):
+    """Returns where a funnel's first set is not about a problem's launch."""
+    model = funnel.nominal.model
+    start = funnel.nominal.states[0]
+    launch = model.initial_state(problem.launch)
+    faults = []
+    for name, value, expected in zip(model.state_names, start, launch, strict=True):
+        fault = (
+            f"The flight starts with {name} = {value:.6g}; the problem's launch has "
+            f"{expected:.6g}."
+        )
+        faults += unmet((abs(value - expected) <= _PLACE_TOLERANCE, fault))
+    return faults
+
+
+def _path_faults(funnel, problem):
     """Returns where a nominal flight leaves what a problem demands of its path.
 
     The elevator's travel is the servo's, and proven. Obstacles are refused: the
     funnel's sets are not compared with them.
     """
-    constraints = constraints_of(problem)
     states = funnel.nominal.states
     faults = []
-    for bound in constraints.path:
+    for bound in constraints_of(problem).path:
         faults += _beyond("The flight passes", bound, states[:, bound.state])
-    words = (
+    fault = (
         "The problem has obstacles; that a funnel keeps clear of them is not proven."
     )
-    return faults + unmet((not problem.obstacles, words))
+    return faults + unmet((not problem.obstacles, fault))
 
 
 def _beyond(words: str, bound: Bound, values: np.ndarray) -> list[str]:
     """Returns a sentence where a flight's values leave their bound, if they do."""
     beyond = np.maximum(bound.low - values, values - bound.high)
     value = values[np.argmax(beyond)]
-    allowed = f"the problem allows {bound.low:.4g} to {bound.high:.4g}."
-    sentence = f"{words} {bound.name} = {value:.4g} {bound.unit}; {allowed}"
-    return unmet((np.max(beyond) <= _PLAN_TOLERANCE, sentence))
+    fault = (
+        f"{words} {bound.name} = {value:.4g} {bound.unit}; the problem allows "
+        f"{bound.low:.4g} to {bound.high:.4g}."
+    )
+    return unmet((np.max(beyond) <= _PLAN_TOLERANCE, fault))
 
 
-def problem_faults(
-    funnel: Funnel, problem: PerchingProblem, from_launch: bool = True
-) -> list[str]:
-    """Returns why a funnel does not solve a problem, launch to wire, in sentences.
-
-    It may start elsewhere if it is not `from_launch`.
-    """
+def _problem_faults(funnel, problem):
+    """Returns why a funnel does not solve a problem, launch to wire, in sentences."""
     constraints = constraints_of(problem)
     reached = arrival(funnel, problem)
     reach = constraints.hook.reach
     duration = constraints.duration
     low, high = reached.pitch
-    pitch = {bound.state: bound for bound in constraints.path}[PITCH]
-    far = f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches"
-    late = f"The flight ends at {reached.time:.4f} s; the problem's duration_limits are"
-    steep = f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem allows"
-    faults = launch_faults(funnel, problem) if from_launch else []
+    pitch = next(bound for bound in constraints.path if bound.state == PITCH)
+    faults = _launch_faults(funnel, problem)
     faults += unmet(
-        (reached.miss <= reach + _PLACE_TOLERANCE, f"{far} {reach:.4g} m."),
+        (
+            reached.miss <= reach + _PLACE_TOLERANCE,
+            f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches "
+            f"{reach:.4g} m.",
+        ),
         (
             duration.low <= reached.time <= duration.high,
-            f"{late} {duration.low:.4g} to {duration.high:.4g} s.",
+            f"The flight ends at {reached.time:.4f} s; the problem's duration_limits "
+            f"are {duration.low:.4g} to {duration.high:.4g} s.",
         ),
     )
-    faults += path_faults(funnel, problem)
+    faults += _path_faults(funnel, problem)
     for bound in constraints.arrival:
         if not bound.is_equation:  # The place is the hook's.
             values = funnel.nominal.states[-1:, bound.state]
@@ -236,7 +283,8 @@ def problem_faults(
     return faults + unmet(
         (
             pitch.low <= low and high <= pitch.high,
-            f"{steep} {pitch.low:.4g} to {pitch.high:.4g}.",
+            f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem "
+            f"allows {pitch.low:.4g} to {pitch.high:.4g}.",
         )
     )
 
@@ -248,12 +296,22 @@ def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     """
     reached = arrival(funnel, problem)
     hook = constraints_of(problem).hook
-    (low, high), (least, most) = np.degrees([reached.pitch, hook.pitch_limits])
-    far = f"The goal reaches {reached.miss:.8g} m from the wire; the hook accepts less"
-    fast = f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook accepts up"
-    steep = f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook accepts"
+    low, high = np.degrees(reached.pitch)
+    least, most = np.degrees(hook.pitch_limits)
     return unmet(
-        (reached.miss < hook.reach, f"{far} than {hook.reach:.4g} m."),
-        (reached.speed <= hook.speed_limit, f"{fast} to {hook.speed_limit:.4g} m/s."),
-        (least <= low and high <= most, f"{steep} {least:.1f}° to {most:.1f}°."),
+        (
+            reached.miss < hook.reach,
+            f"The goal reaches {reached.miss:.8g} m from the wire; the hook accepts "
+            f"less than {hook.reach:.4g} m.",
+        ),
+        (
+            reached.speed <= hook.speed_limit,
+            f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook accepts "
+            f"up to {hook.speed_limit:.4g} m/s.",
+        ),
+        (
+            least <= low and high <= most,
+            f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook accepts "
+            f"{least:.1f}° to {most:.1f}°.",
+        ),
     )

@@ -64,20 +64,25 @@ class Slopes:
 
         recording = Recording(self.table)
         count = n + 3 + len(self.allowed.names)
-        inputs = [recording.add(INPUT, i) for i in range(count + 2 * n)]
-        lines = inputs[count : count + n]
+        total = count + 2 * n
+        inputs = [recording.add(INPUT, i) for i in range(total)]
+        line = inputs[count : count + n]
         changes = inputs[count + n :]
         zero = inputs[0] * 0.0
         J = _slopes_of_rates(model, inputs[:count], self.allowed, zero)
-        flat = [zero + slope for row in J for slope in row]
+        flat = []
+        for row in J:
+            flat += [zero + slope for slope in row]
         pulls = []
         for column in zip(*J, strict=True):
-            products = [a * slope for a, slope in zip(lines, column, strict=True)]
-            pulls.append(sum(products, zero))
+            pull = zero
+            for a, slope in zip(line, column, strict=True):
+                pull = pull + a * slope
+            pulls.append(pull)
         for i, change in enumerate(changes):
             pulls[i] = pulls[i] - change
 
-        on_boxes = np.ones((len(inputs), len(self.table.degrees)), dtype=bool)
+        on_boxes = np.ones((total, len(self.table.degrees)), dtype=bool)
         at_points = on_boxes.copy()
         at_points[:, 1:] = False  # Only the constant term remains.
         patterns = on_boxes, at_points
@@ -91,12 +96,16 @@ def _slopes_of_rates(model, inputs, allowed, zero):
     Inputs are the states, the command, the wind and the numbers that deviate.
     """
     n = model.num_states
-    directions = scipy.linalg.block_diag(np.eye(n + 3), allowed.factor).tolist()
-    pairs = zip(inputs, directions, strict=True)
-    own = [Slope(value, tuple(direction)) for value, direction in pairs]
+    directions = scipy.linalg.block_diag(np.eye(n + 3), allowed.factor)
+    own = []
+    for value, direction in zip(inputs, directions.tolist(), strict=True):
+        own.append(Slope(value, tuple(direction)))
+    states = own[:n]
+    command = own[n]
+    wind = own[n + 1 : n + 3]
     theta = theta_at(model, allowed.names, own[n + 3 :])
-    rates = open_loop_rates(model, own[:n], own[n], theta, own[n + 1 : n + 3])
-    flat = Slope(zero, (0.0,) * len(directions[0]))
+    rates = open_loop_rates(model, states, command, theta, wind)
+    flat = Slope(zero, (0.0,) * directions.shape[1])
     return [(flat + rate).slopes for rate in rates]
 
 
@@ -110,10 +119,9 @@ class NearSets:
         allowed = part.allowed
         self._slopes = slopes
         self.first, self.last = nominal.times
-        pushes = [settings.wind, settings.command_error]
+        self.pushes = np.array([settings.wind, settings.command_error])
         if allowed.names:
-            pushes.append(1.0)
-        self.pushes = np.array(pushes)
+            self.pushes = np.append(self.pushes, 1.0)
 
         turned = np.abs(nominal.demanded) @ near
         ahead = settings.command_error + turned / STOPPING_TIME
@@ -123,9 +131,14 @@ class NearSets:
         curve, _ = hermite_powers(nominal.times, nominal.states, nominal.slopes)
         self._polynomials = self._inputs(wider, basis, curve)
         self._lacks = self._left_out(part, near, curve)
-        proven = stays_definite(interval.S) and keeps_servo(interval)
-        proven = proven and covers(interval, basis) and not acts_elsewhere(part)
-        if not (proven and allowed.is_same(slopes.allowed)):
+        proven = (
+            stays_definite(interval.S)
+            and keeps_servo(interval)
+            and covers(interval, basis)
+            and not acts_elsewhere(part)
+            and allowed.is_same(slopes.allowed)
+        )
+        if not proven:
             self._lacks[:] = np.inf
 
     def _inputs(self, part, basis, curve):
@@ -135,16 +148,20 @@ class NearSets:
         n = slopes.num_states
         m = len(slopes.which)
         unit = np.eye(m + 5, dtype=int)
-        time = [table.place(power * unit[-1]) for power in range(_DEGREE + 1)]
+        powers = np.arange(_DEGREE + 1)
+        time = [table.place(power * unit[-1]) for power in powers]
         self._line = table.place(unit[-2])
-        found = np.zeros((n + 3 + len(part.allowed.names), len(table.degrees)))
-        found[:n, time] = curve[:, : _DEGREE + 1]
-        found[n, time[:2]] = line_powers(part.nominal.inputs)
+        numbers = len(part.allowed.names)
+        found = np.zeros((n + 3 + numbers, len(table.degrees)))
+        states = found[:n]
+        command = found[n]
+        wind = found[n + 1 : n + 3]
+        states[:, time] = curve[:, powers]
+        command[time[:2]] = line_powers(part.nominal.inputs)
         found[slopes.which, 1 : m + 1] = basis
-        found[n, m + 1] = part.errors.max()
-        wind = part.settings.wind
-        found[n + 1, m + 2] = wind
-        found[n + 2, m + 3] = wind
+        command[m + 1] = part.errors.max()
+        wind[0, m + 2] = part.settings.wind
+        wind[1, m + 3] = part.settings.wind
         return found
 
     def _left_out(self, part, near, curve):
@@ -153,9 +170,11 @@ class NearSets:
         Centers and numbers need not be of the same v: states are between two flights.
         """
         allowed = part.allowed
-        centers = np.abs(gliders_path(part)[0]).sum(axis=(1, 2))
+        path, _ = gliders_path(part)
+        centers = np.abs(path).sum(axis=(1, 2))
+        wind = np.zeros(2)
         numbers = allowed.reach(np.eye(len(allowed.names)))
-        lacks = np.concatenate([centers, np.zeros(2), numbers]) * WIDER
+        lacks = np.concatenate([centers, wind, numbers]) * WIDER
         higher = np.abs(curve[:, _DEGREE + 1 :]).sum(axis=1)
         lacks[: len(near)] += near + higher * WIDER
         return lacks
@@ -163,40 +182,47 @@ class NearSets:
     def sizes(self, rooms: tuple[float, ...]) -> np.ndarray:
         """Returns bounds (n, n + P) of |J|, and of |(G, H)| by P `pushes` of 1."""
         n = self._slopes.num_states
-        lines = np.zeros((1, 2 * n, self._polynomials.shape[1]))
-        return self._bounded(self._slopes.of_states, lines, rooms).reshape(n, -1)
+        line = np.zeros((2 * n, self._polynomials.shape[1]))
+        return self._bounded(self._slopes.of_states, line, rooms).reshape(n, -1)
 
     def pulls(self, first, last, duration, apart, rooms):
-        """Returns bounds (R, P) of d(λᵀ δ)/dt, by P `pushes` of 1.
+        """Returns bounds (P,) of d(λᵀ δ)/dt, by P `pushes` of 1.
 
         Args:
-            first, last: ends (R, n) of lines λ of some duration [s].
+            first, last: ends (n,) of a line λ of some duration [s].
             apart: bounds of |δ| (n, P) by these pushes.
             rooms: of bounds that are tried.
         """
         n = len(apart)
-        lines = np.zeros((len(first), 2 * n, self._polynomials.shape[1]))
-        lines[:, :n, 0], lines[:, :n, self._line] = line_powers([first, last])
-        lines[:, n:, 0] = (last - first) / duration
+        mean, change = line_powers([first, last])
+        line = np.zeros((2 * n, self._polynomials.shape[1]))
+        line[:n, 0] = mean
+        line[:n, self._line] = change
+        line[n:, 0] = (last - first) / duration
         weights = np.append(apart @ self.pushes, self.pushes)
-        found = self._bounded(self._slopes.of_line, lines, rooms, weights)
-        found = found.reshape(len(first), -1)
-        return found[:, n:] + found[:, :n] @ apart
+        found = self._bounded(self._slopes.of_line, line, rooms, weights)
+        by_states = found[:n]
+        by_pushes = found[n:]
+        return by_pushes + by_states @ apart
 
-    def _bounded(self, program, lines, rooms, weights=None):
-        """Returns bounds of all results, those of each push together, for R lines.
+    def _bounded(self, program, line, rooms, weights=None):
+        """Returns bounds of all results, those of each push together.
 
         Each has the room of its own size, or an equal share of a weighted sum's.
         """
-        polynomials = [np.concatenate([self._polynomials, own]) for own in lines]
-        lacks = np.append(self._lacks, ROUNDING * np.abs(lines).max(axis=(0, 2)))
+        polynomials = np.concatenate([self._polynomials, line])
+        rounding = ROUNDING * np.abs(line).max(axis=1)
+        lacks = np.append(self._lacks, rounding)
         boxes = _Boxes(self._slopes, program, polynomials, lacks)
-        largest = own_room = boxes.largest()
+        largest = boxes.largest()
+        own_room = largest
         if weights is not None:
-            total = largest.reshape(-1, len(weights)) @ weights / len(weights)
-            even = total[:, None] / np.maximum(weights, _LEAST)
-            own_room = 0.5 * (largest + even.ravel())
-        for room in rooms if np.all(np.isfinite(self._lacks)) else ():
+            share = largest @ weights / len(weights)
+            even = share / np.maximum(weights, _LEAST)
+            own_room = 0.5 * (largest + even)
+        if not np.all(np.isfinite(lacks)):
+            return np.full_like(largest, np.inf)
+        for room in rooms:
             boxes.limits = largest + (room - 1.0) * own_room + _LEAST
             if bound_remainder(boxes, _BUDGET).proven:
                 return boxes.limits
@@ -212,7 +238,7 @@ class _Boxes:
     span = -1.0, 1.0
 
     def __init__(self, slopes, programs, polynomials, lacks):
-        """Takes inputs (I, M) of each run, and bounds (I,) of what these lack."""
+        """Takes inputs (I, M), and bounds (I,) of what these lack."""
         self._program, self._at_points = programs
         self._polynomials = polynomials
         self._lacks = lacks
@@ -223,63 +249,61 @@ class _Boxes:
 
     def bounds(self, center, half):
         """Returns bounds over limits, what centers reach, and what is to blame."""
-        found, lost = self._run(center, half)
+        table = self._slopes.table
+        found, lost = run_on_boxes(
+            self._program, table, self._polynomials, self._lacks, center, half
+        )
         tops, blame = excess_in_balls(
-            self._slopes.table, found, lost, 0.0, found, center, half, self.balls
+            table, found, lost, 0.0, found, center, half, self.balls
         )
-        surely = np.maximum(np.abs(found[:, 0]) - lost, 0.0)
-        most, least, blamed = (
-            (self._rows(values).T / self.limits).T for values in (tops, surely, blame)
-        )
-        inside = [np.linalg.norm(center[ball], axis=0) <= 1.0 for ball in self.balls]
-        return most, np.where(np.all(inside, axis=0), least, 0.0), blamed
+        values = np.abs(found[:, 0])
+        surely = np.maximum(values - lost, 0.0)
+        for ball in self.balls:
+            outside = np.linalg.norm(center[ball], axis=0) > 1.0
+            surely[:, outside] = 0.0
+        return self._shares(tops), self._shares(surely), self._shares(blame)
+
+    def _shares(self, values):
+        """Returns rows as shares of the limits."""
+        return (self._rows(values).T / self.limits).T
 
     def largest(self) -> np.ndarray:
         """Returns the largest values (rows,) that are found by a climb."""
         rng = np.random.default_rng(0)
-        d = self.dimension
-        points = rng.normal(size=(d, _SAMPLES)) * rng.uniform(0.0, 2.0, _SAMPLES)
+        directions = rng.normal(size=(self.dimension, _SAMPLES))
+        points = directions * rng.uniform(0.0, 2.0, _SAMPLES)
         for width in (*_WIDTHS, 0.0):
             for ball in self.balls:
-                points[ball] /= np.maximum(np.linalg.norm(points[ball], axis=0), 1.0)
+                size = np.linalg.norm(points[ball], axis=0)
+                points[ball] /= np.maximum(size, 1.0)
             points = np.clip(points, -1.0, 1.0)
             values = self._rows(np.abs(self._values(points)))
             best = np.unique(values.argmax(axis=1))
-            points = np.tile(points[:, best], 1 + _SAMPLES // len(best))
+            copies = 1 + _SAMPLES // len(best)
+            points = np.tile(points[:, best], copies)
             moved = points[:, len(best) :]
             moved += width * rng.normal(size=moved.shape)
         return values.max(axis=1)
 
     def _values(self, points):
-        """Returns results (R K, B) at points (d, B)."""
+        """Returns results (K, B) at points (d, B)."""
         monomials_there = self._slopes.table.values(points.T).T
-        found = []
-        for own in self._polynomials:
-            inputs = np.zeros((*own.shape, points.shape[1]))
-            inputs[:, 0] = own @ monomials_there
-            found.append(
-                self._at_points.run(inputs, np.zeros(inputs[:, 0].shape))[0][:, 0]
-            )
-        return np.concatenate(found)
-
-    def _run(self, center, half):
-        """Returns results (R K, M, B) on boxes, and what is lost (R K, B)."""
-        runs = [
-            run_on_boxes(
-                self._program, self._slopes.table, own, self._lacks, center, half
-            )
-            for own in self._polynomials
-        ]
-        found, lost = (np.concatenate(of) for of in zip(*runs, strict=True))
-        return found, lost
+        inputs = np.zeros((*self._polynomials.shape, points.shape[1]))
+        inputs[:, 0] = self._polynomials @ monomials_there
+        found, _ = self._at_points.run(inputs, np.zeros_like(inputs[:, 0]))
+        return found[:, 0]
 
     def _rows(self, values):
         """Returns rows by (x, w, u, v), given results by (x, u, w, v)."""
         n = self._slopes.num_states
         allowed = self._slopes.allowed
-        each = values.reshape(-1, n + 3 + allowed.dimension, *values.shape[1:])
+        count = n + 3 + allowed.dimension
+        others = values.shape[1:]
+        each = values.reshape(-1, count, *others)
         of_x, of_u, of_w, of_v = np.split(each, [n, n + 1, n + 3], axis=1)
         wind = np.linalg.norm(of_w, axis=1, keepdims=True)
-        numbers = np.linalg.norm(of_v, allowed.dual, axis=1, keepdims=True)
-        rows = [of_x, wind, of_u, numbers][: 4 if allowed.names else 3]
-        return np.concatenate(rows, axis=1).reshape(-1, *values.shape[1:])
+        rows = [of_x, wind, of_u]
+        if allowed.names:
+            numbers = np.linalg.norm(of_v, axis=1, keepdims=True)
+            rows.append(numbers)
+        return np.concatenate(rows, axis=1).reshape(-1, *others)

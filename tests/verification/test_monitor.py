@@ -1,6 +1,4 @@
-"""What a funnel bears of an estimate: batches, and one flight in a diagram."""
-
-import dataclasses
+"""Monitors of a funnel in a diagram, on the true state and on its estimate."""
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from diagrams.loops import estimated_loop
 from diagrams.wiring import tape_rows
-from examples.perching_funnel import estimate_figures
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS
@@ -20,8 +17,7 @@ from glider.systems.funnel_monitor import FunnelMonitor, funnel_regulator
 from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.regulator import policy_regulator
 from glider.verification.funnel.funnel import funnel_policy, load_funnel
-from glider.verification.trials.estimated import fly_estimated, study_estimates
-from glider.verification.trials.falsify import boundary_states, fly_from
+from glider.verification.trials import boundary_states
 
 NOISE = 0.003
 UNKNOWN = 0.5
@@ -93,76 +89,6 @@ def test_monitors_in_a_loop_watch_the_truth_and_the_estimate(funnel, watched):
     # This flight leaves the funnel, and its estimate does not notice.
     assert np.any(watched["state", "inside"] == 0.0)
     assert np.all(watched["estimate", "inside"] == 1.0)
-
-
-def test_the_batch_flies_as_the_diagram_does(funnel, launch, draws, watched):
-    """Between the samples: at one the log has what was believed before it."""
-    found = fly_estimated(funnel, launch, NOISE, UNKNOWN, draws)
-    between = slice(1, 2 * 105, 2)
-    for name, levels in (("state", found.levels), ("estimate", found.believed)):
-        expected = (1.0 - watched[name, "margin"][between, 0]) ** 2
-        assert levels[0, 2::4][:105] == pytest.approx(expected, abs=0.02)
-    assert found.escaped.all()
-    assert not found.believed_escaped.any()
-    assert found.perched.all()
-
-
-def test_a_good_estimate_flies_as_the_state_does(funnel, launch, draws):
-    found = fly_estimated(funnel, launch, 1e-6, 0.0, draws)
-    levels, _ = fly_from(funnel, 0, launch)
-    expected = np.interp(found.times, funnel.nominal.times, levels[0])
-    assert found.levels[0] == pytest.approx(expected, abs=0.01)
-    assert found.errors.max() < 0.01
-
-
-def test_the_error_is_measured_by_the_funnel(funnel, launch, draws):
-    """At launch the estimate lacks a share of what is 0.9 of the way out."""
-    for share in (0.0, 0.4, 1.0):
-        found = fly_estimated(funnel, launch, NOISE, share, draws)
-        assert found.errors[0, 0] == pytest.approx(0.9 * share, abs=1e-9)
-        assert found.believed[0, 0] == pytest.approx((0.9 * (1.0 - share)) ** 2)
-        assert found.levels[0, 0] == pytest.approx(0.81)
-
-
-@pytest.fixture(scope="module")
-def found(funnel):
-    return study_estimates(
-        funnel, 12, np.random.default_rng(0), noises=(0.001, 0.02), unknown=(0.2, 1.0)
-    )
-
-
-def test_more_noise_and_less_knowledge_make_flights_leave(found):
-    quiet, noisy, ignorant, both = (level.escaped.mean() for level in found)
-    assert quiet == 0.0
-    assert quiet < noisy < both
-    assert ignorant < both
-    assert found[0].errors.max() < found[1].errors.max()
-
-
-def test_what_is_borne_is_the_level_before_the_first_escape(found):
-    figures = estimate_figures(found)
-    assert figures["flights"] == 12
-    assert figures["bears"][0] == {
-        "unknown": 0.2,
-        "noise_m": 0.001,
-        "first_escape_m": 0.02,
-    }
-    for level, flown in zip(figures["levels"], found, strict=True):
-        left = sum(path.max() > 1.0 for path in flown.levels)
-        assert level["escaped"] == pytest.approx(left / 12)
-        assert level["perched"] == pytest.approx(np.mean(flown.perched))
-    never = dataclasses.replace(found[0], levels=0.5 * found[0].levels)
-    assert estimate_figures([never])["bears"][0]["first_escape_m"] is None
-    always = dataclasses.replace(found[0], levels=found[0].levels + 1.0)
-    assert estimate_figures([always])["bears"][0]["noise_m"] is None
-    lost = dataclasses.replace(found[0], levels=np.nan * found[0].levels)
-    assert lost.escaped.all()
-
-
-def test_bad_levels_are_refused(funnel, launch, draws):
-    for noise, share in ((0.0, 0.5), (np.nan, 0.5), (0.001, 1.5), (0.001, -0.1)):
-        with pytest.raises(InputError, match=r"fly_estimated: the .*expected a"):
-            fly_estimated(funnel, launch, noise, share, draws)
 
 
 def test_commands_that_are_held_have_no_regulator_that_acts_at_all_times():
