@@ -23,7 +23,7 @@ from glider.physics.parameters import GliderParameters
 from glider.report import numbers
 from glider.report.terminal import for_console, make_table, writer
 from glider.report.wording import counted, join, name_of, say
-from glider.sysid.report import Estimate, Report, read_report
+from glider.sysid.result import Estimate, Report, read_report
 
 FALSE_ALARM = 0.01
 """Probability that any change is reported between campaigns of one glider."""

@@ -21,7 +21,7 @@ from glider.comparison import (
 from glider.errors import InputError
 from glider.files.schema import json_text
 from glider.physics.parameters import GliderParameters
-from glider.sysid.report import Estimate
+from glider.sysid.result import Estimate
 from tests.report.results import VARIANTS, WIND, make_result
 
 
@@ -171,14 +171,6 @@ def test_any_two_reports_can_be_compared(tmp_path, name, encoding):
         (
             lambda d: d["errors"].update(as_drawn=None),
             "a model of 'errors' is 'as.drawn'; expected .*run close-the-loop",
-        ),
-        (
-            lambda d: d["curves"][0]["std"].pop(),
-            r"curve c_normal: the shape of .*\[40\], \[39\].*; expected one length",
-        ),
-        (
-            lambda d: d["curves"][0].update(term="<img src=x onerror=alert(1)>"),
-            r"'term' is .*img.*; expected one of c_normal",
         ),
     ],
 )

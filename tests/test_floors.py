@@ -22,7 +22,7 @@ FLOORS = [
     "glider.systems.template",
     "glider.systems.plant",
     "glider.sysid.constants",
-    "glider.sysid.report",
+    "glider.sysid.result",
     "glider.sysid.result",
     "glider.sysid.replay",
     "glider.sysid.likelihood",

@@ -90,12 +90,12 @@ write_report(result, Path("attached_lift"))
 Image("attached_lift/figures/held_out.png", width=820)
 
 # %% [markdown]
-# What the flat plate lacks, as coefficients over the angle of attack. Up to 15° the
-# wing produces more normal force than a plate, and beyond that no more than a plate:
-# this is attached flow. The green line is the part that the identified effect explains.
+# Coefficients of lift, drag and moment over the angle of attack, measured and modelled,
+# before and after. Up to 15° the wing lifts more than a plate, and beyond that no more
+# than a plate: this is attached flow, which the corrected model has.
 
 # %%
-Image("attached_lift/figures/curves.png", width=820)
+Image("attached_lift/figures/coefficients.png", width=820)
 
 # %% [markdown]
 # ## The files

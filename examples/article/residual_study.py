@@ -25,7 +25,7 @@ from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
-from glider.sysid.report import Errors
+from glider.sysid.result import Errors
 
 WORDS = {"plate": "flat plate", "26": "26 weights", "126": "126 weights"}
 """Names of the models for people."""

@@ -11,7 +11,7 @@ from glider.physics.effects import COMMAND_DELAY, POSE_LATENCY, EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.candidates import gather, tamed
 from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
-from glider.sysid.likelihood.fitted_functions import carried_functions
+from glider.sysid.likelihood.fitted_functions import functions_of
 from glider.sysid.likelihood.information import (
     Evidence,
     counted_from,
@@ -29,8 +29,7 @@ from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.likelihood.uncertainty import jackknife, larger_of
 from glider.sysid.replay.log_space import SERVO_LOG, vector_of
 from glider.sysid.replay.record import Noise
-from glider.sysid.report import Report, read_report
-from glider.sysid.result import Result
+from glider.sysid.result import Report, Result, read_report
 from glider.sysid.search.subsets import Members, Scorer
 
 _MOST = 5
@@ -215,7 +214,7 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
         kinds=kinds,
         theta=theta,
         free=task.free(kinds),
-        functions=carried_functions(findings.model.free_functions),
+        functions=functions_of(findings.model.free_functions),
     )
     return fit_model(task, start, iterations=4)
 

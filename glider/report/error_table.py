@@ -8,22 +8,10 @@ import numpy as np
 
 from glider.report import numbers
 from glider.report.numbers import DEGREE, DIVERGED, Unit
-from glider.sysid.report import CALIBRATED, PERFECT, Report
-from glider.sysid.result import HeldOutFlight, Result
-
-COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
-"""Models in the order in which they are shown; not every result has all."""
-
+from glider.sysid.result import MODELS, PERFECT, HeldOutFlight, Report, Result
 
 FREE = "rollout.position_rms_m"
 """Field of `Errors`, as in report.json: the RMS distance of a free rollout."""
-
-
-FIT = "Fit of free rollouts"
-"""Group of rows where more is better, without floor and gain."""
-
-CHANNELS = ("x", "z", "pitch")
-"""Rows of that group."""
 
 
 class _ErrorRow(NamedTuple):
@@ -54,7 +42,6 @@ _ROWS = (
         "rollout_measured_pitch.position_rms_m",
         None,
     ),
-    *((FIT, name, f"fit_percent.{name}", Unit(name="%")) for name in CHANNELS),
 )
 """Group, name and field of `Errors`, and its unit where that is always the same."""
 
@@ -66,7 +53,7 @@ def error_rows(result: Result) -> list[_ErrorRow]:
         values = {m: error_of(result, m, field) for m in columns_of(result)}
         floor = error_of(result, PERFECT, field)
         of_row = unit or unit_beside_floor(result, *values.values())
-        before = values.get(baseline(result), math.nan) if group != FIT else math.nan
+        before = values.get(baseline(result), math.nan)
         rows.append(
             _ErrorRow(
                 group=group,
@@ -92,8 +79,8 @@ def unit_beside_floor(result: Result, *lengths: float) -> Unit:
 
 
 def columns_of(*reports: Report) -> list[str]:
-    """Models of which any report has errors, as COLUMNS orders them."""
-    return [m for m in COLUMNS if any(r.errors.get(m) for r in reports)]
+    """Models of which any report has errors, as MODELS orders them."""
+    return [m for m in MODELS if any(r.errors.get(m) for r in reports)]
 
 
 def baseline(result: Result) -> str:

@@ -1,4 +1,4 @@
-"""Figures of flights: held-out ones beside the models, innovations."""
+"""Figures of held-out flights beside the models."""
 
 import math
 
@@ -9,7 +9,7 @@ from glider.report.error_table import bounded, distance, position_rms, rank_flig
 from glider.report.plots import figure as spec
 from glider.report.plots.binning import bounds
 from glider.report.plots.style import LABELS
-from glider.sysid.result import HeldOutFlight, Result
+from glider.sysid.result import MODELS, HeldOutFlight, Result
 
 _MOST_SHOWN = 4  # Held-out flights that are shown without being asked for.
 
@@ -54,7 +54,7 @@ def held_out_figure(result: Result) -> spec.Figure | None:
             is_shown=flight.name in shown,
         )
         choices.append(choice)
-    flown = [m for m in error_table.COLUMNS if any(m in f.flown for f in flights)]
+    flown = [m for m in MODELS if any(m in f.flown for f in flights)]
     keys = {m: LABELS[m] for m in ("measured", *flown)}
     keys["fitted"] = "launch state fitted"
     return spec.Figure(keys=keys, choices=choices)
@@ -69,7 +69,7 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     time = flight.time[rows]
     measured = flight.measured[rows]
     poses = {"measured": measured}
-    for model in error_table.COLUMNS:
+    for model in MODELS:
         if model in flight.flown:
             poses[model] = bounded(flight.flown[model])[rows]
 
@@ -161,37 +161,3 @@ def _range_of_distances(
     if noise > 0.0:
         low = np.clip(low, 0.2 * noise, 0.5 * noise)
     return 0.7 * low, 2.0 * max(high, low)
-
-
-def innovations_figure(result: Result) -> spec.Figure | None:
-    """Correlations of the innovations with themselves and with the elevator."""
-    found = result.innovations
-    if found is None:
-        return None
-    # At no lag a channel is one with itself.
-    parts = [("autocorrelation of {}", found.autocorrelation, 1)]
-    if found.with_elevator:
-        parts.append(("{} and earlier elevator", found.with_elevator, 0))
-    band = spec.Ground(-found.band, found.band, along="y")
-    panels = []
-    for title, correlations, first in parts:
-        lags = found.lag_s[first:]
-        for channel in error_table.CHANNELS:
-            lines = []
-            for model, own in correlations.items():
-                row = own[channel][first:]
-                line = spec.Line(model, lags, row, has_dots=True, is_solid=True)
-                lines.append(line)
-            every = np.concatenate([[found.band], *(line.y for line in lines)])
-            most = 1.15 * np.nanmax(np.abs(every))
-            panel = spec.Panel(
-                title.format(channel),
-                [spec.Level(), band, *lines],
-                spec.Axis("lag [s]", link="lag"),
-                spec.Axis(range=(-most, most)),
-                height=230,
-            )
-            panels.append(panel)
-    keys = {m: LABELS[m] for m in found.autocorrelation}
-    keys["soft"] = "95 % of white noise"
-    return spec.Figure(keys=keys, panels=panels)

@@ -20,11 +20,9 @@ from glider.report.plots.style import LABELS
 from glider.sysid.result import Alternative, Result
 
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {
-    "curves": model_figures.curves_figure,
-    "carried": model_figures.carried_figure,
+    "free_functions": model_figures.free_functions_figure,
     "coefficients": model_figures.coefficients_figure,
     "held_out": flight_figures.held_out_figure,
-    "innovations": flight_figures.innovations_figure,
     "residual": model_figures.residual_figure,
 }
 """Function that makes each figure, by the name of its file."""

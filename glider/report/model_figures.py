@@ -1,4 +1,4 @@
-"""Figures of models: what they lack and carry, coefficients, residuals."""
+"""Figures of models: free functions, coefficients, residuals."""
 
 import dataclasses
 import math
@@ -14,8 +14,6 @@ from glider.report.plots import binning
 from glider.report.plots import figure as spec
 from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.result import ResidualTable, Result
-
-_BAND = 2.0  # Standard errors on either side of a curve.
 
 RESIDUALS = {
     "along the wing": Unit(name="m/s²"),
@@ -33,38 +31,6 @@ _MOST_VARIABLES = 3
 _AT = "α %{x:.1f}°: %{y:.3r}"
 
 
-def curves_figure(result: Result) -> spec.Figure | None:
-    """Terms that the plate lacks, over the angle of attack."""
-    if not result.curves:
-        return None
-    keys = {
-        "lack": f"the plate lacks, ± {_BAND:g} standard errors",
-        "named": "identified",
-        "rest": "unidentified",
-    }
-    panels = []
-    for curve in result.curves:
-        alpha = np.degrees(curve.alpha)
-        half = _BAND * curve.std
-        rest = curve.lack - curve.named
-        lack = spec.Line(
-            "lack",
-            alpha,
-            curve.lack,
-            hover=_AT + " ± %{customdata:.2r}",
-            extra=curve.std,
-        )
-
-        marks: list[spec.Line | spec.Band] = [
-            spec.Band("lack", alpha, curve.lack - half, curve.lack + half),
-            lack,
-            spec.Line("named", alpha, curve.named, hover=_AT),
-            spec.Line("rest", alpha, rest, hover=_AT),
-        ]
-        panels.append(_term_panel(curve.term, marks, "alpha"))
-    return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
-
-
 def _term_panel(
     term: str, marks: list[spec.Line | spec.Band], variable: str
 ) -> spec.Panel:
@@ -76,7 +42,7 @@ def _term_panel(
     )
 
 
-def carried_figure(result: Result) -> spec.Figure | None:
+def free_functions_figure(result: Result) -> spec.Figure | None:
     """The free functions of a corrected model.
 
     Over one variable; of two, over the first, at three values of the second.
@@ -84,14 +50,14 @@ def carried_figure(result: Result) -> spec.Figure | None:
     functions = result.model.free_functions
     parts = [p for p in functions if len(p.variables) in (1, 2) and p.centers]
     flown = result.residual_after.variables
-    panels = [panel for part in parts for panel in _carried_panels(part, flown)]
+    panels = [panel for part in parts for panel in _function_panels(part, flown)]
     if not panels:
         return None
-    keys = {"rest": "unidentified, carried by the model"}
+    keys = {"rest": "free function of the corrected model"}
     return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
-def _carried_panels(
+def _function_panels(
     part: FreeFunction, flown: Mapping[str, np.ndarray]
 ) -> list[spec.Panel]:
     variable, *others = part.variables

@@ -23,7 +23,7 @@ from glider.physics.servo import elevator_path
 from glider.report.numbers import format_estimate, format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
 from glider.report.wording import TEMPLATES
-from glider.sysid.report import Estimate
+from glider.sysid.result import Estimate
 from glider.systems.command_tape import tape_text
 
 _SURE = 0.99

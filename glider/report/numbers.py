@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from glider.sysid.report import Estimate
+from glider.sysid.result import Estimate
 
 MISSING = "–"
 

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from glider.report import wording
-from glider.report.error_table import FIT, columns_of, error_rows
+from glider.report.error_table import columns_of, error_rows
 from glider.report.numbers import MISSING
 from glider.report.plots.style import LABELS
 from glider.sysid.result import Result
@@ -79,8 +79,6 @@ def _errors_table(result: Result, console: Console) -> Table:
     )
     group = ""
     for row in error_rows(result):
-        if row.group == FIT:
-            continue  # The page has it.
         if row.group != group:
             group = row.group
             table.add_row(Text(group, "bold"))

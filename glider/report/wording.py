@@ -13,8 +13,13 @@ import numpy as np
 from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
-from glider.sysid.report import LIBRARY_SHAPE, Estimate, excluded_among
-from glider.sysid.result import FoundEffect, Result
+from glider.sysid.result import (
+    LIBRARY_SHAPE,
+    Estimate,
+    FoundEffect,
+    Result,
+    excluded_among,
+)
 
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""

@@ -23,7 +23,7 @@ from glider.compiled.warm_up import warm_up
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
 from glider.progress import Progress, Step
-from glider.sysid import outcome, report, result
+from glider.sysid import outcome, result
 from glider.sysid.constants import FOLDS
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
@@ -162,7 +162,7 @@ class Analysis:
         return everything.on(kept), everything.on(fitted)
 
     def _weigh(
-        self, found: Searched, spreads: dict[str, report.Spread]
+        self, found: Searched, spreads: dict[str, result.Spread]
     ) -> dict[str, Any]:
         """Fields of a result about the model, with standard errors."""
         task = found.task
@@ -211,7 +211,7 @@ class Analysis:
         effects = fields["effects"]
         left = fields["left"]
         verdict, reason = judge(traced, folds, errors, effects, left, doubt)
-        excluded = report.excluded_among(fields["set_aside"])
+        excluded = result.excluded_among(fields["set_aside"])
         count = fields["flights"].count + len(excluded)
         reason = with_excluded(reason, excluded, count)
         warnings = []
@@ -258,15 +258,15 @@ class Analysis:
         return {
             "campaign": logged.name,
             "path": logged.path,
-            "flights": report.FlightNames(
+            "flights": result.FlightNames(
                 tuple(n for n in self.fitted if n not in outlying), flown
             ),
             "knows_forces": self.vehicle.knows_forces,
             "set_aside": tuple(sorted(rows, key=lambda s: s.file)),
             "planarity": {name: words for name, words in rolling.items() if words},
-            "noise": report.MeasurementNoise(noise.position, noise.pitch),
+            "noise": result.MeasurementNoise(noise.position, noise.pitch),
             "log_findings": self.inspection.warnings,
-            "air": report.Air(0.0 if scales.is_still else scales.air, scales.air_time),
+            "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             "candidates": traced.alone,
             "combinations": traced.combinations[:_MOST_COMBINATIONS],
             "evidence_threshold": traced.threshold,

@@ -84,12 +84,7 @@ MOST_EFFECTS = 8  # Of a set (c): logs that contradict themselves call for any n
 # Best sets that are followed up: by larger ones, by fits, by averages (c): each costs.
 FOLLOWED = 3
 LEAST_SUPPORT = 0.85  # Share of drawn flights that choose an effect or a rival (c).
-# Share that may be left out to first order: of the evidence, by a smaller set, and of
-# the prior's RMS, by coordinates with which functions are not compared. And share of a
-# free function's evidence below which a formula of another family stands for its errors
-# (c). And of the RMS pitch acceleration, by a model (m: bench_broken): at most 0.04 in
-# campaigns with the right answer, 0.2 to 1 where elevator and pose are of different
-# flights or clocks.
+# Share of the evidence that may be left out to first order, by a smaller set (c).
 SLACK = 0.1
 
 # -------------------------------------------------- free functions and fits
@@ -98,6 +93,8 @@ SLACK = 0.1
 # bench_forms, 47 campaigns: right names have 0.07 at least, wrong ones 0.01, 0.02, 0.03
 # and 0.14).
 RESOLVED = 0.02
+# The same of coordinates with which functions are compared (c).
+LEADING = 0.1
 
 # --------------------------------------------- predictions of held-out flights
 # Parts of the flights, each held out once: of fewer flights, none is an outlier. More
@@ -108,6 +105,10 @@ WORSE = 1.001  # Ratio of errors above which flights got worse: below is a tie (
 
 # ---------------------------------------------------------------- the verdict
 MOST_LEFT = 2.0  # Times a perfect model's error that effects may leave at most (c).
+# Share of the RMS pitch acceleration that a model may leave (m: bench_broken): at most
+# 0.04 in campaigns with the right answer, 0.2 to 1 where elevator and pose are of
+# different flights or clocks.
+MOMENT_SHARE = 0.1
 # Share by which the elevator may move more or less than commanded (m: bench_broken),
 # with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than
 # the library's among them; 0.04 and 0.05 where one clock is 5 % slow.
@@ -117,7 +118,8 @@ GAIN_ERROR = 0.03
 # Share of the evidence below which an effect stands for the errors of free functions
 # (m: bench_forms; of right names beside them the least had 0.02).
 SLIGHT = 0.01
-# Share (RMS) of a function of angle of attack and pitch rate above which its part at no
-# rate, or the rest, is an effect: of one without such a part at most 0.20, of one with
-# a small one 0.29 (m: the forms of tests/sysid/test_outcome.py).
-LEAST_PART = 0.25
+# Share of what one explains below which a free function and a formula of its link only
+# correct each other, and that a formula explains in a function's place at least to be
+# its name (c).
+CORRECTION = 0.1
+EXPLAINED = 0.5

@@ -6,8 +6,7 @@ import itertools
 import numpy as np
 
 from glider.physics.derivatives import Condition, calc_derivatives, find_steady_glide
-from glider.sysid.report import Derivatives, Estimate
-from glider.sysid.result import Result
+from glider.sysid.result import Derivatives, Estimate, Result
 
 
 def with_derivatives(

@@ -10,31 +10,23 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import PITCH_OFFSET
 from glider.physics.effects.families import FAMILIES
-from glider.sysid import report, result
+from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import air_depends_on, find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.candidates import survey
-from glider.sysid.likelihood.filtering import whiten
-from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.outliers import find_unexplained
-from glider.sysid.likelihood.scales import NAMES, Scales
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.outcome import SPREAD_KINDS, curves_of
+from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
-from glider.sysid.replay.replayed import make_table, signals
-from glider.sysid.report import CALIBRATED, MODELS, PERFECT, Spread
-from glider.sysid.result import ResidualTable
+from glider.sysid.replay.replayed import make_table
+from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
 from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
-
-CHANNELS = ("x", "z", "pitch")
-_LAGS = 25  # Largest lag of innovations [rows], in flights of three times as many.
-_Z95 = 1.96  # Standard deviations that 95 % of normal errors are within.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,10 +91,7 @@ def evaluate(
     own = models["corrected"]
     of_nominal = models.get("nominal", models["refitted"])
     before = _table(of_nominal, flights.of("nominal", usual))
-    named = after = _table(own, records)
-    if traced.model.functions:
-        bare = dataclasses.replace(traced.model, functions=())
-        named = _table(flown_by(task, bare, scales), records)
+    after = _table(own, records)
     gusts = air_depends_on(task, traced.model)
     truth = without_model_errors(traced, gusts, spreads)
     records.sort(key=lambda record: record.name not in kept)
@@ -119,14 +108,14 @@ def evaluate(
     if apart:
         alone = flown(apart).errors
         together = flown([*kept, *apart]).errors
-        outliers = report.OutlyingFlights(apart, {**alone}, {**together})
+        outliers = result.OutlyingFlights(apart, {**alone}, {**together})
     left = found.errors["corrected"]
     along = left.rollout_measured_pitch.position_rms_m
     return {
         "errors": errors,
         "outlying": outliers,
         "folds": tests.folds if tests else (),
-        "left": report.Residual(
+        "left": result.Residual(
             position_m=left.position_rms_m,
             ratio_to_floor=left.position_rms_m / perfect.position_rms_m,
             ratio_along_pitch=along / perfect.rollout_measured_pitch.position_rms_m,
@@ -135,8 +124,6 @@ def evaluate(
             depends_on=_variables_of(task, traced.judged),
             air_depends_on=gusts,
         ),
-        "innovations": _innovations(task, fitted, flights, kept),
-        "curves": curves_of(before, named),
         "held_out": _flights(flights, unseen, found, own.per_flight_trims),
         "residual_before": before,
         "residual_after": after,
@@ -177,13 +164,7 @@ def _fitted_models(
     task: Task, traced: SearchResult, baseline: FitResult
 ) -> dict[str, FitResult]:
     """The models to evaluate, by name; the nominal one only where it is known."""
-    free = {*baseline.free, *task.space.slots_of(PITCH_OFFSET.kind)}
-    calibrated = dataclasses.replace(baseline, free=tuple(sorted(free)))
-    if traced.forces is not None:
-        calibrated = forces_alone(task, calibrated, traced.forces)
-    free_scales = NAMES if traced.forces is None else ()
-    calibrated = fit_model(task, calibrated, iterations=4, free_scales=free_scales)
-    fitted = {"refitted": baseline, CALIBRATED: calibrated, "corrected": traced.model}
+    fitted = {"refitted": baseline, "corrected": traced.model}
     if not task.vehicle.is_known:
         return fitted
     nominal = dataclasses.replace(baseline, theta=task.vehicle.theta, free=())
@@ -236,7 +217,7 @@ def _flights(
     for i in found.kept:
         record = flights.corrected[names[i]]
         rows = prediction.beginning_rows(record.time, per_flight_trims)
-        flown = {n: p[i].pose for n, p in found.predictions.items() if n in MODELS}
+        flown = {n: p[i].pose for n, p in found.predictions.items()}
         own.append(
             result.HeldOutFlight(
                 name=record.name,
@@ -247,47 +228,3 @@ def _flights(
             )
         )
     return tuple(own)
-
-
-def _innovations(
-    task: Task,
-    models: Mapping[str, FitResult],
-    flights: SmoothedFlights,
-    names: Sequence[str],
-) -> report.Innovations:
-    """Correlates innovations of models with themselves and with the elevator."""
-    own = dict[str, dict[str, np.ndarray]]()
-    moved = dict[str, dict[str, np.ndarray]]()
-    for name in ("refitted", "corrected"):
-        model = models[name]
-        records = flights.of(name, names)
-        linear = error_flights(task.on(records), model)
-        left = [whiten(f, model.scales).innovations[:, :3, 0] for f in linear]
-        lags = min(_LAGS, min(map(len, left)) // 3)
-        own[name] = correlations(left, left, lags)
-        if all(record.has_servo for record in records):
-            elevator = [signals(record, model.theta).logged for record in records]
-            turned = [(angle - angle.mean())[:, None] for angle in elevator]
-            moved[name] = correlations(left, turned, lags)
-    rows = sum(np.sum(record.seen[:, 0]) for record in records)
-    return report.Innovations(
-        lag_s=float(np.median(np.diff(records[0].time))) * np.arange(lags + 1),
-        band=float(_Z95 / np.sqrt(rows)),
-        autocorrelation=own,
-        with_elevator=moved,
-    )
-
-
-@np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
-def correlations(
-    late: Sequence[np.ndarray], early: Sequence[np.ndarray], lags: int
-) -> dict[str, np.ndarray]:
-    """Correlations of columns (n, 3) with earlier ones: by channel, (lags + 1,)."""
-    pairs = list(zip(late, early, strict=True))
-    sums = [
-        sum(np.sum(a[k:] * b[: len(b) - k], axis=0) for a, b in pairs)
-        for k in range(lags + 1)
-    ]
-    squares = [sum(np.sum(c**2, axis=0) for c in columns) for columns in (late, early)]
-    found = np.array(sums) / np.sqrt(squares[0] * squares[1])
-    return dict(zip(CHANNELS, found.T, strict=True))

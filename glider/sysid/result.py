@@ -1,26 +1,280 @@
 """The result of closing the loop, as inert data.
 
-`Result` adds to a `Report` what the program needs: the model, and arrays of figures.
+`Report` is what report.json holds, key by key, NaN being null; docs/file_formats.md has
+all of it. `Result` adds what the program needs: the model, and arrays of figures.
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from glider.campaign.checks.masks import ALL, ExcludedRows
+from glider.errors import InputError, expect
+from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
-from glider.sysid.report import Report, ReportedEffect
+from glider.sysid.constants import MOST_LEFT, UNLIKELY
+
+#: Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
+#: was found does not hold on held-out flights.
+VERDICTS = "no_effect", "effect_found", "partly_explained", "unexplained", "not_trusted"
+#: Nominal model; flat plate with refitted parameters; model with the effects.
+MODELS = "nominal", "refitted", "corrected"
+#: What a perfect model would leave.
+PERFECT = "floor"
+#: Whether an effect's formula has the shape that the flights show.
+LIBRARY_SHAPE = "library"
+OTHER_SHAPE = "not the library's"
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """A coefficient: value, standard error and unit."""
+
+    value: Number
+    std: Number
+    unit: str
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class FoundEffect(ReportedEffect):
-    """An effect with a short phrase for people."""
+class FoundEffect:
+    """An effect that the flights show."""
 
-    words: str
+    kind: str  #: Of the library, a user effect, or "unexplained".
+    words: str  #: A short phrase for people.
+    coefficients: dict[str, Estimate]  #: By name.
+    evidence: Number = math.nan  #: Log-likelihood lost without it, if any [nats].
+    share_of_residual: Number = math.nan  #: Of all the evidence, 0 to 1.
+    inclusion: Number = 1.0  #: Share of resampled flights that choose it, 0 to 1.
+    #: Flight-to-flight standard deviations of coefficients that vary.
+    spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
+    shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model has a free function.
+    found_by: str = ""  #: Name of the move that found it last, or `tracing.EARLIER`.
+    family: str = ""  #: `Family.link` of a free function; empty for a formula.
+    indistinguishable_from: tuple[str, ...] = ()  #: Do as well, alone or together.
+    depends_on: tuple[str, ...]  #: Variables that it varies with.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Flight-to-flight variation: standard deviation, its error, flights' values."""
+
+    std: Number
+    std_error: Number = math.nan
+    unit: str
+    values: dict[str, Number]
+
+
+@dataclasses.dataclass(frozen=True)
+class Air:
+    """Turbulence in x and in z; an error of the model looks like moving air too."""
+
+    std_m_s: Number
+    correlation_s: Number
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Residual:
+    """Error of the corrected model on held-out flights."""
+
+    position_m: Number  #: RMS of the position [m].
+    ratio_to_floor: Number  #: That over the RMS which a perfect model would leave.
+    ratio_along_pitch: Number = math.nan  #: The same along the measured pitch.
+    most_by_chance: Number = math.inf  #: The ratio that a perfect model may have.
+    chance: Number = math.nan  #: Probability that a perfect model leaves as much.
+    depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
+    air_depends_on: tuple[str, ...] = ()  #: States that the modelled gusts depend on.
+
+    @property
+    def exceeds_chance(self) -> bool:
+        """Whether there is more than noise and moving air: an effect, found or not.
+
+        A perfect model would leave as much over the folds with a probability below
+        UNLIKELY, where a ratio is above one: folds are fitted to fewer flights. Or the
+        held-out flights, which are few, show MOST_LEFT times what chance explains.
+        """
+        is_more = self.ratio_to_floor > 1.0 or self.ratio_along_pitch > 1.0
+        is_improbable = is_more and self.chance < UNLIKELY
+        return is_improbable or self.ratio_to_floor > MOST_LEFT * self.most_by_chance
+
+    @property
+    def may_be_chance(self) -> bool:
+        """Whether a perfect model may leave as much: never more than MOST_LEFT."""
+        most = min(MOST_LEFT, self.most_by_chance)
+        return not (self.exceeds_chance or self.ratio_to_floor > most)
+
+
+@dataclasses.dataclass(frozen=True)
+class Combination:
+    """A set of effects that was fitted in full."""
+
+    kinds: tuple[str, ...]
+    evidence: Number  #: Penalized gain over the flat plate alone [nats].
+
+
+@dataclasses.dataclass(frozen=True)
+class EquationErrors:
+    """RMS of measured minus modelled acceleration [m/s², m/s², rad/s²]."""
+
+    tangential: Number
+    normal: Number
+    pitch: Number
+
+
+@dataclasses.dataclass(frozen=True)
+class RolloutErrors:
+    """Errors of free rollouts, over whole flights; the mean distance at the end."""
+
+    position_rms_m: Number
+    position_end_m: Number
+    pitch_rms_rad: Number
+
+
+@dataclasses.dataclass(frozen=True)
+class PathErrors:
+    """Errors of the forces integrated along the measured pitch."""
+
+    position_rms_m: Number
+
+
+@dataclasses.dataclass(frozen=True)
+class Errors:
+    """Errors of one model on held-out flights."""
+
+    equation: EquationErrors
+    rollout: RolloutErrors
+    rollout_measured_pitch: PathErrors
+
+    @property
+    def position_rms_m(self) -> float:
+        """RMS of the position of free rollouts [m]."""
+        return self.rollout.position_rms_m
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fold:
+    """Errors on held-out flights of baseline and corrected model without them."""
+
+    held_out: tuple[str, ...]
+    refitted: Errors
+    corrected: Errors
+
+
+@dataclasses.dataclass(frozen=True)
+class FlightNames:
+    """Names of flights."""
+
+    fit: tuple[str, ...]  #: Used to fit.
+    held_out: tuple[str, ...]  #: That errors are measured on.
+
+    @property
+    def count(self) -> int:
+        """Number of all."""
+        return len(self.fit) + len(self.held_out)
+
+
+@dataclasses.dataclass(frozen=True)
+class MeasurementNoise:
+    """Standard deviations of the measured x and z, and of the measured pitch."""
+
+    position_m: Number
+    pitch_rad: Number
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Derivatives:
+    """Stability and control derivatives, see `glider.sysid.derivatives`."""
+
+    condition: str  #: In words.
+    airspeed_m_s: Number
+    alpha_rad: Number
+    delta_e_rad: Number
+    area_m2: Number
+    length_m: Number
+    length: str  #: In words.
+    values: dict[str, Estimate]  #: C_L, C_L_alpha to C_m_delta_e.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EvidenceThreshold:
+    """Evidence below which an effect is not taken [nats]."""
+
+    effect: Number  #: Of one coefficient, at least.
+    coefficient: Number = 0.0  #: More for each further one, where it is of predictions.
+    uncommon: Number = 0.0  #: More for what not every glider of unknown forces has.
+
+
+@dataclasses.dataclass(frozen=True)
+class OutlyingFlights:
+    """Held-out flights that no model explains together with the others."""
+
+    flights: tuple[str, ...]
+    errors: dict[str, Errors | None]  #: By model, on them alone.
+    #: The same on all held-out flights, these included; older versions have none.
+    with_others: dict[str, Errors | None] = dataclasses.field(default_factory=dict)
+
+
+def excluded_among(set_aside: Sequence[ExcludedRows]) -> dict[str, str]:
+    """Returns the flights that are excluded as a whole, by name, and why."""
+    return {own.file: own.why for own in set_aside if own.rows == ALL}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Report:
+    """The part of a result that report.json holds."""
+
+    campaign: str
+    flights: FlightNames
+    verdict: str
+    reason: str
+    effects: Sequence[FoundEffect]
+    errors: dict[str, Errors | None]  #: By model; None of one that there is not.
+    outlying: OutlyingFlights | None = None  #: Not in `errors`; None without any.
+    evidence_threshold: EvidenceThreshold
+    folds: tuple[Fold, ...]
+    left: Residual
+    air: Air
+    spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.
+    #: "kind.coefficient" to the same to the correlation of their errors.
+    correlations: dict[str, dict[str, Number]]
+    derivatives: Derivatives | None = None  #: Older versions have none.
+    candidates: dict[str, Number]  #: Evidence of each kind when tried alone [nats].
+    combinations: tuple[Combination, ...]  #: Sets that were fitted, best first.
+    vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
+    warnings: tuple[str, ...]
+    set_aside: tuple[ExcludedRows, ...]
+    planarity: dict[str, str]  #: Flight to a sentence, where it has roll and yaw.
+    seed: int | None  #: Of the split into fitted and held-out flights.
+    settings: dict[str, Any]  #: Seed, fraction and what else would repeat this run.
+    noise: MeasurementNoise
+    #: Offsets of clocks and biases of sensors, estimated with the flights, by name.
+    clocks: dict[str, Estimate] = dataclasses.field(default_factory=dict)
+    #: Faults of the logs that were found, and what was done about them.
+    log_findings: tuple[str, ...] = ()
+    seconds: dict[str, Number]
+    version: str
+
+    def __post_init__(self) -> None:
+        models = *MODELS, PERFECT
+        known = f"one of {', '.join(models)}"
+        for name in self.errors:
+            expect(name in models, "a model of 'errors'", name, known)
+
+
+def read_report(path: Path) -> tuple[Report, Path]:
+    """Reads a report: its folder, or its report.json; also returns the file."""
+    file = path / "report.json" if path.is_dir() else path
+    data = parse_json(read_text(file, "a report.json of close-the-loop"), str(file))
+    try:
+        return convert(data, Report, str(file)), file
+    except InputError as error:
+        again = "run close-the-loop again if another version wrote it"
+        raise InputError(f"{str(error).rstrip('.')} ({again}).") from None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -46,7 +300,6 @@ class ResidualTable:
     flight: np.ndarray  #: (N,) index of `names` of each row.
     names: tuple[str, ...]  #: Of the flights.
     noise: np.ndarray  #: (N, 3) deviation of `residual` by smoothed noise alone.
-    unit: np.ndarray  #: (N, 2) ½ρV²S_w over mass [m/s²] and over inertia [rad/s²/m].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -62,7 +315,6 @@ class Alternative:
 class Result(Report):
     """Result of `close_the_loop`."""
 
-    effects: Sequence[FoundEffect]
     path: Path  #: Of the campaign's folder.
     knows_forces: bool  #: Whether mass and areas are specified.
     model: GliderModel  #: The corrected glider.
@@ -89,9 +341,5 @@ class Result(Report):
     @property
     def report(self) -> Report:
         """The part that report.json holds."""
-        own = {f.name: getattr(self, f.name) for f in dataclasses.fields(Report)}
-        own["effects"] = tuple(
-            ReportedEffect(**{k: v for k, v in vars(e).items() if k != "words"})
-            for e in self.effects
-        )
-        return Report(**own)
+        fields = dataclasses.fields(Report)
+        return Report(**{field.name: getattr(self, field.name) for field in fields})

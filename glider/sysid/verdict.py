@@ -21,8 +21,7 @@ from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.replay.replayed import signals
-from glider.sysid.report import LIBRARY_SHAPE, Errors, Residual
-from glider.sysid.result import FoundEffect
+from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
 
 _AT_CEILING = 0.97  # Share of the largest scale, which a fit only comes near.
@@ -75,7 +74,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     ]
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
-    if scales["moment"] > constants.SLACK * usual:
+    if scales["moment"] > constants.MOMENT_SHARE * usual:
         found.append(
             f"unmodelled pitch accelerations of {scales['moment']:.2g} rad/s² "
             f"(measured ones are {usual:.2g})"
@@ -121,13 +120,13 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     return median, error / np.sqrt(len(found))
 
 
-AllErrors = dict[str, Errors | None]
+_AllErrors = dict[str, Errors | None]
 
 
 def judge(
     traced: SearchResult,
     held_out: HeldOut | None,
-    errors: AllErrors,
+    errors: _AllErrors,
     effects: Sequence[FoundEffect],
     left: Residual,
     doubt: str | None,
@@ -167,7 +166,7 @@ def judge(
     if any(e.shape != LIBRARY_SHAPE for e in effects):
         reason = (
             "The effects are identified; where a formula has not the right shape, the "
-            "model carries a free function or another formula beside it"
+            "model has a free function or another formula beside it"
         )
     elif is_as_plate:
         reason += (
@@ -224,7 +223,7 @@ def changes_baseline_alone(model: FitResult) -> bool:
 
 
 def _not_better(
-    model: FitResult, held_out: HeldOut | None, errors: AllErrors
+    model: FitResult, held_out: HeldOut | None, errors: _AllErrors
 ) -> tuple[str | None, bool]:
     """Reason why the correction is no better than baseline and nominal model, or None.
 
@@ -276,7 +275,7 @@ def _no_gain(gain: Gains, over: str) -> str | None:
     )
 
 
-def _worse(errors: AllErrors, model: str, than: str) -> str | None:
+def _worse(errors: _AllErrors, model: str, than: str) -> str | None:
     """Sentence about a correction that makes held-out flights worse, flown freely."""
     before = errors[model]
     after = errors["corrected"]

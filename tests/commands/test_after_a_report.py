@@ -21,8 +21,7 @@ from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
 from glider.report.folder import write_report
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.report import VERDICTS
-from glider.sysid.result import Result
+from glider.sysid.result import VERDICTS, Result
 
 DRAG = PROFILE_DRAG(cd0=0.05)
 VENT = FreeFunction(

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.report import Report
+from glider.sysid.result import Report
 
 
 def assert_same_answer(found: Report, expected: Report, share: float = 0.1) -> None:

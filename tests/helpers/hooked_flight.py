@@ -43,6 +43,7 @@ class Hook(NamedTuple):
     rate_by_alphadot: bool = False
     pending: Callable | None = None
     is_free: bool = False
+    state_scales: tuple[float, ...] = ()
 
 
 def hook(

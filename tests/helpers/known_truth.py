@@ -9,7 +9,7 @@ from glider.campaign.logs import Campaign
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.parameter_space import ParameterSpace
 from glider.sysid.fit.prediction import flown_by, measure_errors
-from glider.sysid.likelihood.fitted_functions import carried_functions
+from glider.sysid.likelihood.fitted_functions import functions_of
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task, make_task, start_of
 from glider.sysid.replay.log_space import LIBRARY_SPACE
@@ -45,7 +45,7 @@ def limit_of(
     task = whole.on([r for r in whole.records if r.name not in held_out])
     unseen = [r for r in whole.records if r.name in held_out]
     if isinstance(truth, FreeFunction):
-        carried = carried_functions([truth])
+        carried = functions_of([truth])
         starts = [dataclasses.replace(begin(task, noise), functions=carried)]
     else:
         starts = starts_of(task, noise, truth)

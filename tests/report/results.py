@@ -11,29 +11,28 @@ from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
-from glider.sysid.report import (
-    CALIBRATED,
+from glider.sysid.result import (
     OTHER_SHAPE,
     PERFECT,
     Air,
     Combination,
-    Curve,
     Derivatives,
     EquationErrors,
     Errors,
     Estimate,
     EvidenceThreshold,
-    Fit,
     FlightNames,
     Fold,
-    Innovations,
+    FoundEffect,
+    HeldOutFlight,
     MeasurementNoise,
     PathErrors,
     Residual,
+    ResidualTable,
+    Result,
     RolloutErrors,
     Spread,
 )
-from glider.sysid.result import FoundEffect, HeldOutFlight, ResidualTable, Result
 
 WIND = FoundEffect(
     kind="wind",
@@ -77,7 +76,6 @@ def errors_of(tangential, normal, pitch, rms, end, pitch_rms, along):
             position_rms_m=rms, position_end_m=end, pitch_rms_rad=pitch_rms
         ),
         rollout_measured_pitch=PathErrors(position_rms_m=along),
-        fit_percent=Fit(x=99.0, z=100.0 - 150.0 * rms, pitch=98.5),
     )
 
 
@@ -91,9 +89,7 @@ def all_errors(value):
     return errors_of(*[value] * 7)
 
 
-PERFECT_ERRORS = dataclasses.replace(
-    errors_of(0.001, 0.002, 0.03, 5.66e-4, 5.01e-4, 2.5e-3, 5.66e-4), fit_percent=Fit()
-)
+PERFECT_ERRORS = errors_of(0.001, 0.002, 0.03, 5.66e-4, 5.01e-4, 2.5e-3, 5.66e-4)
 
 
 def make_flight(name, miss):
@@ -131,7 +127,6 @@ def make_table(slope, rng):
         flight=np.repeat(np.arange(6), 50),
         names=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
         noise=np.tile([0.001, 0.002, 0.03], (300, 1)),
-        unit=np.stack([speed**2, 50.0 * speed**2], axis=1),
     )
 
 
@@ -149,25 +144,6 @@ DERIVATIVES = Derivatives(
         for by in ("", "_alpha", "_q", "_delta_e")
     },
 )
-
-
-def make_innovations(*models):
-    lags = np.arange(26) / 120.0
-    correlations = {
-        name: {c: np.cos(40.0 * lags) / (k + 1) for c in ("x", "z", "pitch")}
-        for k, name in enumerate(models)
-    }
-    return Innovations(
-        lag_s=lags, band=0.06, autocorrelation=correlations, with_elevator=correlations
-    )
-
-
-def make_curve(term):
-    alpha = np.linspace(-0.1, 1.0, 40)
-    lack = 0.3 * np.sin(3.0 * alpha)
-    return Curve(
-        term=term, alpha=alpha, lack=lack, std=0.02 + 0.02 * alpha**2, named=0.8 * lack
-    )
 
 
 def make_fold(names, better=True):
@@ -228,9 +204,7 @@ def make_result(**changes):
             )
         },
         derivatives=DERIVATIVES,
-        innovations=make_innovations("refitted", "corrected"),
         air=Air(std_m_s=0.12, correlation_s=0.31),
-        curves=(make_curve("c_normal"), make_curve("c_axial")),
         vehicle={"wing_area_per_mass": Estimate(value=1.106, std=0.021, unit="m²/kg")},
         knows_forces=True,
         warnings=("flight_002.csv: the clock of the pose drifts by 0.3 %.",),
@@ -297,14 +271,6 @@ def diverged():
                 for n, e in DERIVATIVES.values.items()
             },
         ),
-        innovations=dataclasses.replace(
-            make_innovations("refitted", "corrected"),
-            autocorrelation={
-                m: dict.fromkeys(("x", "z", "pitch"), np.full(26, np.nan))
-                for m in ("refitted", "corrected")
-            },
-            with_elevator={},
-        ),
         correlations={"wind.x": {"wind.x": 1.0, "wind.z": math.nan}},
         combinations=(Combination(kinds=("wind",), evidence=math.nan),),
         air=Air(std_m_s=math.nan, correlation_s=math.inf),
@@ -313,7 +279,6 @@ def diverged():
                 std=math.nan, unit="m/s", values={"flight_001.csv": math.nan}
             )
         },
-        curves=(dataclasses.replace(make_curve("c_axial"), std=np.full(40, np.nan)),),
         vehicle={"wing_area": Estimate(value=math.nan, std=math.inf, unit="m²")},
         noise=MeasurementNoise(position_m=4e-4, pitch_rad=math.nan),
         held_out=(dataclasses.replace(flight, flown=flown),),
@@ -339,7 +304,6 @@ VARIANTS = {
         errors={
             "nominal": None,
             "refitted": make_errors(0.5),
-            CALIBRATED: make_errors(0.4),
             "corrected": make_errors(0.6),
             PERFECT: PERFECT_ERRORS,
         },
@@ -352,7 +316,6 @@ VARIANTS = {
         combinations=(),
         correlations={},
         spreads={},
-        curves=(),
         vehicle={},
         warnings=(),
         set_aside=(),
@@ -386,9 +349,4 @@ def errors_json(scale):
             "pitch_rms_rad": pytest.approx(scale * 0.2),
         },
         "rollout_measured_pitch": {"position_rms_m": pytest.approx(scale * 0.22)},
-        "fit_percent": {
-            "x": 99.0,
-            "z": pytest.approx(100.0 - 150.0 * 0.413 * scale),
-            "pitch": 98.5,
-        },
     }

@@ -15,11 +15,11 @@ from glider.report.as_page import page_data, rounded
 from glider.report.error_table import distance
 from glider.report.flight_figures import _MOST_FLIGHTS, flights_in_page
 from glider.report.folder import FIGURES, make_figures, to_html
-from glider.report.model_figures import carried_figure
+from glider.report.model_figures import free_functions_figure
 from glider.report.plots.binning import binned_quantiles
 from glider.report.plots.figure import Band, Ground, Level, Line, Points
 from glider.report.plots.style import INKS, VARIABLES
-from tests.report.results import VARIANTS, make_curve, make_flight, make_result
+from tests.report.results import VARIANTS, make_flight, make_result
 
 NORMAL = "equation.normal"
 
@@ -110,28 +110,14 @@ def test_each_flight_has_its_line_of_coefficients():
 
 
 def test_what_is_unidentified_is_drawn():
-    (panel,) = FIGURES["carried"](VARIANTS["unexplained"]).panels  # Wind along x is 0.
+    (panel,) = FIGURES["free_functions"](
+        VARIANTS["unexplained"]
+    ).panels  # Wind along x is 0.
     (line,) = of_kind(panel, Line)
     assert panel.title == "air moving up [m/s]"
     peak = int(np.argmax(line.y))
     assert line.x[peak] == pytest.approx(-2.0, abs=0.02)
     assert line.y[peak] == pytest.approx(1.0, rel=0.1)
-
-
-def test_the_unidentified_curve_is_what_effects_leave():
-    curve = make_curve("c_normal")
-    (panel,) = FIGURES["curves"](make_result(curves=(curve,))).panels
-    (rest,) = of_kind(panel, Line, "rest")
-    np.testing.assert_allclose(rest.x, np.degrees(curve.alpha))
-    np.testing.assert_allclose(rest.y, curve.lack - curve.named)
-    (band,) = of_kind(panel, Band)
-    np.testing.assert_allclose(band.high - band.low, 4.0 * curve.std)
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 4])
-def test_each_curve_has_its_panel(count):
-    figure = FIGURES["curves"](make_result(curves=(make_curve("c_moment"),) * count))
-    assert [p.title for p in figure.panels] == ["moment $C_M$ [m]"] * count
 
 
 def test_a_page_of_five_hundred_flights_stays_below_five_megabytes():
@@ -159,7 +145,6 @@ def test_a_page_of_five_hundred_flights_stays_below_five_megabytes():
         },
         residual=np.tile(table.residual, (more, 1)),
         noise=np.tile(table.noise, (more, 1)),
-        unit=np.tile(table.unit, (more, 1)),
         flight=np.repeat(np.arange(500), 60),
         names=tuple(f"flight_{i:03d}.csv" for i in range(500)),
     )
@@ -211,7 +196,7 @@ def test_every_free_function_can_be_drawn():
                 variables=dict.fromkeys(kind.variables, np.array([0.02, 0.0, 0.05]))
             ),
         )
-        figure = carried_figure(result)
+        figure = free_functions_figure(result)
         assert figure is not None and len(figure.panels) == 1, name
         lines = [m for m in figure.panels[0].marks if isinstance(m, Line)]
         assert len(lines) == (1 if len(kind.variables) == 1 else 3)

@@ -10,25 +10,21 @@ import pytest
 
 from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
-from glider.report.error_table import COLUMNS, error_rows, position_rms, rank_flights
-from glider.report.folder import FIGURES, to_html
+from glider.report.error_table import error_rows, position_rms, rank_flights
+from glider.report.folder import to_html
 from glider.report.numbers import length_unit
-from glider.report.plots.figure import Ground, Line
 from glider.report.plots.style import COLORS, LABELS
 from glider.report.wording import (
     combination_rows,
     correlation_rows,
     differences,
     headline,
-    remarks,
     say,
     spread_rows,
     vehicle_rows,
 )
-from glider.sysid.report import (
-    CALIBRATED,
+from glider.sysid.result import (
     MODELS,
-    PERFECT,
     VERDICTS,
     Air,
     Combination,
@@ -40,7 +36,6 @@ from glider.sysid.report import (
     Spread,
 )
 from tests.report.results import (
-    PERFECT_ERRORS,
     UNEXPLAINED,
     VARIANTS,
     WIND,
@@ -53,17 +48,6 @@ from tests.report.test_report import Page, summary
 
 def flat(text):
     return " ".join(text.replace("\u00a0", " ").split())
-
-
-ALL_MODELS = make_result(
-    errors={
-        "nominal": make_errors(1.0),
-        "refitted": make_errors(0.5),
-        CALIBRATED: make_errors(0.41),
-        "corrected": make_errors(0.001),
-        PERFECT: PERFECT_ERRORS,
-    }
-)
 
 
 # Errors: one unit a row, those of a perfect model beside them.
@@ -85,14 +69,9 @@ def test_lengths_of_a_row_have_one_unit(lengths, unit):
 
 
 def test_every_cell_of_a_row_is_in_its_unit():
-    row = next(r for r in error_rows(ALL_MODELS) if r.name == "position, RMS")
+    row = next(r for r in error_rows(make_result()) if r.name == "position, RMS")
     assert row.unit == "mm"
-    assert row.cells == {
-        "nominal": "413",
-        "refitted": "206",
-        CALIBRATED: "169",
-        "corrected": "0.413",
-    }
+    assert row.cells == {"nominal": "413", "refitted": "206", "corrected": "0.413"}
 
 
 def test_every_error_has_that_of_a_perfect_model_beside_it():
@@ -105,48 +84,23 @@ def test_every_error_has_that_of_a_perfect_model_beside_it():
         "0.501",
         "0.143",
         "0.566",
-        *3 * ["–"],  # Of a fit in percent.
     ]
 
 
-def test_calibration_has_a_column_and_is_not_called_physics():
-    (said,) = [r for r in remarks(ALL_MODELS) if "calibration" in r]
-    assert "from 206 mm to 169 mm (RMS): this is calibration, not physics." in said
-    for text in (Page(to_html(ALL_MODELS)).text, summary(ALL_MODELS)):
-        assert LABELS[CALIBRATED] in text
-        assert said in flat(text)
-    assert LABELS[CALIBRATED] not in Page(to_html(make_result())).text
-
-
-def test_calibration_that_buys_nothing_is_not_told():
-    errors = ALL_MODELS.errors | {CALIBRATED: make_errors(0.49)}
-    result = make_result(errors=errors)
-    assert not [r for r in remarks(result) if "calibration" in r]
-    assert LABELS[CALIBRATED] in summary(result)
-
-
 def test_summary_with_all_models_fits_a_narrow_terminal():
-    text = summary(ALL_MODELS)
+    text = summary(make_result())
     assert max(len(line) for line in text.splitlines()) <= 80
     assert "…" not in text
     table = text[text.index("Errors on") : text.index("Noise:")]
     rows = [line for line in table.splitlines() if line.strip()]
     assert len(rows) == 3 + 3 + 7  # Heading, groups, errors: none is broken.
     row = next(line for line in rows if "normal" in line)
-    assert row.split()[-6:] == [
-        "1.90",
-        "0.950",
-        "0.779",
-        "0.00190",
-        "0.00200",
-        "1,000×",
-    ]
+    assert row.split()[-5:] == ["1.90", "0.950", "0.00190", "0.00200", "1,000×"]
 
 
 def test_every_model_that_is_shown_has_a_colour_and_a_name():
-    assert set(MODELS) < set(COLUMNS)
-    assert set(COLUMNS) <= COLORS.keys()
-    assert set(COLUMNS) <= LABELS.keys()
+    assert set(MODELS) <= COLORS.keys()
+    assert set(MODELS) <= LABELS.keys()
 
 
 # Words.
@@ -443,17 +397,6 @@ def test_evidence_is_told_as_it_was_found():
 # What users of SIDPAC and MATLAB look for.
 
 
-def test_fit_in_percent_is_on_the_page_alone():
-    rows = [r for r in error_rows(make_result()) if r.group == "Fit of free rollouts"]
-    assert [(r.name, r.cells["corrected"], r.gain) for r in rows] == [
-        ("x", "99.0", "–"),
-        ("z", "99.9", "–"),
-        ("pitch", "98.5", "–"),
-    ]
-    assert "Fit of free rollouts" in Page(to_html(make_result())).text
-    assert "Fit of" not in summary(make_result())
-
-
 def test_derivatives_have_their_condition_reference_and_errors():
     text = flat(Page(to_html(make_result())).text)
     assert "At the steady glide: airspeed 6.5 m/s, angle of attack 4.01°" in text
@@ -464,21 +407,8 @@ def test_derivatives_have_their_condition_reference_and_errors():
     assert text.count("5.123") == 12
     per_mass = {"wing_area": Estimate(value=1.1, std=0.1, unit="m²/kg")}
     assert "0.0885 m²/kg (wing)" in to_html(make_result(vehicle=per_mass))
-    without = to_html(make_result(derivatives=None, innovations=None))
+    without = to_html(make_result(derivatives=None))
     assert "Stability and control" not in without
-
-
-def test_innovations_stand_beside_the_band_of_white_noise():
-    panels = FIGURES["innovations"](make_result()).panels
-    assert [panel.title for panel in panels] == [
-        *("autocorrelation of x", "autocorrelation of z", "autocorrelation of pitch"),
-        *(f"{c} and earlier elevator" for c in ("x", "z", "pitch")),
-    ]
-    for panel in panels:
-        (band,) = [m for m in panel.marks if isinstance(m, Ground)]
-        assert (band.start, band.end, band.along) == (-0.06, 0.06, "y")
-    (line, _) = [m for m in panels[0].marks if isinstance(m, Line)]
-    assert line.x[0] > 0.0  # At no lag all is one.
 
 
 # One page, for people elsewhere.

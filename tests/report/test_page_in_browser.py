@@ -177,14 +177,14 @@ def test_a_flight_is_picked_out_of_the_residual(desk):
 def test_a_phone_shows_one_panel_a_row_and_scrolls_down_only(phone):
     width = phone.page.evaluate("document.documentElement.scrollWidth")
     assert width <= 390
-    boxes = [p.bounding_box() for p in phone.page.locator("#curves .panel").all()]
+    boxes = [p.bounding_box() for p in phone.page.locator("#coefficients .panel").all()]
     assert len({box["x"] for box in boxes}) == 1
     assert all(box["width"] > 300 for box in boxes)
     modes = phone.page.evaluate(
         f"[...document.querySelectorAll('{PLOTS}')].map((p) => p.layout.dragmode)"
     )
     assert set(modes) == {False}  # A finger on a figure scrolls the page.
-    assert phone.page.locator("#curves .modebar-btn").count() > 0
+    assert phone.page.locator("#coefficients .modebar-btn").count() > 0
 
 
 def test_a_phone_shows_every_column_of_a_table(phone):
@@ -245,7 +245,7 @@ def test_on_paper_it_is_light_and_as_wide_as_the_sheet(desk):
         Math.max(...[...document.querySelectorAll(".plot .main-svg")].map(
             (svg) => svg.getBoundingClientRect().right
                 - document.querySelector("main").getBoundingClientRect().left)),
-        document.querySelector("#curves .plot").layout.font.color]"""
+        document.querySelector("#coefficients .plot").layout.font.color]"""
     page = desk.page
     with in_the_dark(page, look):
         before = page.evaluate(look)

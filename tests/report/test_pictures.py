@@ -24,8 +24,7 @@ from glider.report.plots.figure import (
     Points,
 )
 from glider.report.plots.style import COLORS
-from tests.report.results import VARIANTS
-from tests.report.test_findings import ALL_MODELS
+from tests.report.results import VARIANTS, make_result
 
 X = np.array([0.0, 1.0, 2.0])
 
@@ -124,7 +123,7 @@ def test_the_legend_is_dashed_where_lines_are():
 @pytest.mark.parametrize(
     "result",
     [
-        dataclasses.replace(ALL_MODELS, model=VARIANTS["unexplained"].model),
+        dataclasses.replace(make_result(), model=VARIANTS["unexplained"].model),
         dataclasses.replace(VARIANTS["diverged"], model=VARIANTS["unexplained"].model),
     ],
     ids=("all", "few"),
@@ -148,7 +147,7 @@ def test_legend_titles_and_labels_are_inside_and_apart(name, result):
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_texts_do_not_overlap(name):
-    result = dataclasses.replace(ALL_MODELS, model=VARIANTS["unexplained"].model)
+    result = dataclasses.replace(make_result(), model=VARIANTS["unexplained"].model)
     texts = drawn_texts(draw(FIGURES[name](result)))
     for one, other in combinations(texts, 2):
         a = one.get_window_extent()

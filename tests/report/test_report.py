@@ -27,8 +27,7 @@ from glider.report.folder import make_figures, to_html, write_report
 from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks, rival_rows
-from glider.sysid.report import CALIBRATED, PERFECT, Estimate, OutlyingFlights
-from glider.sysid.result import Alternative
+from glider.sysid.result import PERFECT, Alternative, Estimate, OutlyingFlights
 from tests.helpers.own_kinds import FLAP
 from tests.report.results import (
     PERFECT_ERRORS,
@@ -36,17 +35,13 @@ from tests.report.results import (
     WIND,
     all_errors,
     errors_json,
-    make_curve,
     make_errors,
     make_result,
 )
 
 SLOW = pytest.mark.slow
 
-FIGURES = {
-    *("curves", "carried", "coefficients"),
-    *("held_out", "innovations", "residual"),
-}
+FIGURES = {*("free_functions", "coefficients"), *("held_out", "residual")}
 
 
 STUB = b"\x89PNG\r\n"
@@ -119,11 +114,7 @@ def summary(result, width=80, encoding="utf-8"):
 
 def drawn(result):
     """Returns the names of the figures that there is something to draw of."""
-    needs = {
-        "held_out": result.held_out,
-        "curves": result.curves,
-        "carried": result.model.free_functions,
-    }
+    needs = {"held_out": result.held_out, "free_functions": result.model.free_functions}
     return {name for name in FIGURES if needs.get(name, True)}
 
 
@@ -151,6 +142,7 @@ def test_json_has_the_schema_and_si_numbers():
         "effects": [
             {
                 "kind": "wind",
+                "words": "a steady wind",
                 "coefficients": {
                     "x": {"value": -0.59987, "std": 0.00312, "unit": "m/s"},
                     "z": {"value": 0.0502, "std": 0.0009, "unit": "m/s"},
@@ -195,7 +187,6 @@ def test_json_has_the_schema_and_si_numbers():
             "air_depends_on": [],
         },
         "derivatives": to_builtins(make_result().derivatives),
-        "innovations": to_builtins(make_result().innovations),
         "air": {"std_m_s": 0.12, "correlation_s": 0.31},
         "spreads": {
             "elevator_trim": {
@@ -214,16 +205,6 @@ def test_json_has_the_schema_and_si_numbers():
             {"kinds": ["wind"], "evidence": 21345.6},
             {"kinds": ["frame_tilt", "camber"], "evidence": 21330.2},
             {"kinds": [], "evidence": 0.0},
-        ],
-        "curves": [
-            {
-                "term": curve.term,
-                "alpha": curve.alpha.tolist(),
-                "lack": curve.lack.tolist(),
-                "std": curve.std.tolist(),
-                "named": curve.named.tolist(),
-            }
-            for curve in (make_curve("c_normal"), make_curve("c_axial"))
         ],
         "vehicle": {
             "wing_area_per_mass": {"value": 1.106, "std": 0.021, "unit": "m²/kg"}
@@ -279,16 +260,8 @@ def test_numbers_that_are_none_become_null():
         "air_depends_on": [],
     }
     assert data["folds"][0]["refitted"]["rollout"]["position_rms_m"] is None
-    assert data["curves"][0]["std"] == [None] * 40
     assert data["spreads"]["wind"]["values"] == {"flight_001.csv": None}
     assert data["correlations"]["wind.x"]["wind.z"] is None
-
-
-def test_json_has_the_calibrated_plate_only_where_there_is_one():
-    assert CALIBRATED not in to_json(make_result())["errors"]
-    errors = to_json(VARIANTS["not trusted"])["errors"]
-    assert errors[CALIBRATED] == errors_json(0.4)
-    assert errors["nominal"] is None
 
 
 def test_json_tells_a_shape_that_is_not_the_librarys():
@@ -426,11 +399,11 @@ def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
     write_report(make_result(model=VARIANTS["unexplained"].model), tmp_path)
     (tmp_path / "figures" / "mine.png").write_bytes(b"")
     assert {p.stem for p in tmp_path.glob("figures/*.png")} == FIGURES | {"mine"}
-    fewer = {"curves": make_figures(make_result())["curves"]}
+    fewer = {"residual": make_figures(make_result())["residual"]}
     monkeypatch.setattr("glider.report.folder.make_figures", lambda result: fewer)
     write_report(VARIANTS["no effect"], tmp_path)
-    assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"curves", "mine"}
-    assert (tmp_path / "figures" / "curves.png").read_bytes() == STUB
+    assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"residual", "mine"}
+    assert (tmp_path / "figures" / "residual.png").read_bytes() == STUB
     data = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert data["verdict"] == "no_effect"
     assert headline(VARIANTS["no effect"]) in (tmp_path / "report.html").read_text(

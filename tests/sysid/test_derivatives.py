@@ -37,7 +37,6 @@ def flown():
         flight=np.zeros(3, dtype=int),
         names=("a",),
         noise=none,
-        unit=none,
     )
 
 

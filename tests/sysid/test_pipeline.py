@@ -11,7 +11,7 @@ from glider.physics.effects import KINDS
 from glider.progress import Step
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.report import PERFECT
+from glider.sysid.result import PERFECT
 from glider.sysid.search.moves import MOVES
 from glider.sysid.search.tracing import EARLIER
 from tests.campaign.checks.breaking import change, scale
@@ -93,10 +93,9 @@ def test_what_is_left_is_no_more_than_noise(few):
     assert few.left.depends_on == ()
     assert few.left.position_m < 0.02
     assert few.air.std_m_s < 0.01
-    found = {curve.term: curve for curve in few.curves}
-    lack = found["c_normal"]
-    assert np.abs(lack.lack).max() > 10.0 * np.median(lack.std)
-    assert np.abs(lack.lack - lack.named).max() < 0.2 * np.abs(lack.lack).max()
+    lacks = few.residual_before.residual[:, 1]
+    left = few.residual_after.residual[:, 1]
+    assert np.std(left) < 0.2 * np.std(lacks)
 
 
 def test_the_model_file_holds_the_effect(few):

@@ -9,17 +9,17 @@ import pytest
 from glider.campaign.turning import Signs
 from glider.sysid.constants import MOST_LEFT, UNLIKELY, WORSE
 from glider.sysid.fit.folds import WAYS
-from glider.sysid.report import (
+from glider.sysid.result import (
     LIBRARY_SHAPE,
     OTHER_SHAPE,
     VERDICTS,
     EquationErrors,
     Errors,
+    FoundEffect,
     PathErrors,
     Residual,
     RolloutErrors,
 )
-from glider.sysid.result import FoundEffect
 from glider.sysid.verdict import changes_baseline_alone, judge, with_excluded
 
 RIGHT = Signs()

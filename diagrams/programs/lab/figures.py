@@ -10,7 +10,7 @@ from glider.report.as_page import page_data
 from glider.report.numbers import format_estimate
 from glider.report.plots.figure import Axis, Band, Figure, Level, Line, Panel
 from glider.report.wording import name_of
-from glider.sysid.report import Estimate
+from glider.sysid.result import Estimate
 
 _WIDE = 1.96
 """Half the width of a band, in standard errors: 95 %."""

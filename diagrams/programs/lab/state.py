@@ -8,7 +8,7 @@ from glider.campaign.checks.masks import ExcludedRows
 from glider.files import schema
 from glider.files.schema import Number
 from glider.files.writing import write_text
-from glider.sysid.report import Estimate, Report
+from glider.sysid.result import Estimate, Report
 
 NOMINAL = "nominal"
 CORRECTED = "corrected"

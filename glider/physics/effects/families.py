@@ -112,3 +112,18 @@ def _make_family(name: str) -> Family:
 
 FAMILIES = {name: _make_family(name) for name in _NAMES}
 """Families of effects that are searched without a formula, by name."""
+
+
+def formulas_at(name: str) -> set[str]:
+    """Returns the formulas that may explain a free function.
+
+    They are of its link, over some of its variables or all.
+    """
+    link, _, _ = name.partition(" over ")
+    variables = {*FAMILIES[name].variables}
+    return {
+        formula
+        for other, family in FAMILIES.items()
+        if other.startswith(f"{link} over ") and variables.issuperset(family.variables)
+        for formula in family.formulas
+    }

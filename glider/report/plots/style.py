@@ -16,11 +16,9 @@ INKS = {
     "measured": ("#000000", "#F2F4F6"),
     "nominal": (_GREY, "#9AA3AC"),
     "refitted": (ORANGE, _LIGHT_ORANGE),
-    "calibrated": (PURPLE, "#E39CC2"),
     "corrected": (BLUE, _LIGHT_BLUE),
     "soft": ("#5B6570", "#A7B0BA"),
     "fitted": (_GREY, "#7C858F"),
-    "lack": (BLUE, _LIGHT_BLUE),
     "named": (GREEN, "#2FC79B"),
     "rest": (RED, _LIGHT_RED),
     "worse": (RED, _LIGHT_RED),
@@ -34,15 +32,14 @@ COLORS = {key: light for key, (light, _) in INKS.items()}
 DASHES = {
     "nominal": (4.0, 1.5),
     "refitted": (4.0, 1.2, 1.0, 1.2),
-    "calibrated": (1.0, 1.0),
     "named": (3.0, 1.5),
     "rest": (1.0, 1.0),
 }
 """Dash, gap, ... in widths of the line; lines that are not named are solid."""
 
 WIDTHS = {
-    **{"measured": 3.0, "nominal": 2.4, "refitted": 2.4, "calibrated": 2.0},
-    **{"lack": 2.4, "named": 2.0, "rest": 2.0},
+    **{"measured": 3.0, "nominal": 2.4, "refitted": 2.4},
+    **{"named": 2.0, "rest": 2.0},
 }
 """Widths of lines; those not named are thinner, and show what lies below."""
 
@@ -50,7 +47,6 @@ LABELS = {
     "measured": "measured",
     "nominal": "nominal",
     "refitted": "refitted",
-    "calibrated": "pitch zero",
     "corrected": "corrected",
 }
 """Model to its name, in the order in which models are shown."""

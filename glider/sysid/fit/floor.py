@@ -31,7 +31,7 @@ from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Record
-from glider.sysid.report import EquationErrors, Errors
+from glider.sysid.result import EquationErrors, Errors
 
 STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
 _REPLICAS = 100  # Of a flight: see `Floor.accuracy`.

@@ -14,7 +14,7 @@ from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import counted_from, solve_scaled
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.report import Fold
+from glider.sysid.result import Fold
 from glider.sysid.search.tracing import search_about, without_late
 
 WAYS = "freely", "along the measured pitch"

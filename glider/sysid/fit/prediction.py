@@ -31,7 +31,7 @@ from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
-from glider.sysid.report import EquationErrors, Errors, Fit, PathErrors, RolloutErrors
+from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
 _OF_ROLLOUTS = ("position", "pitch")  # Scales that rollouts have errors in.
 
@@ -222,20 +222,12 @@ def measure_errors(model: RolloutModel, records: Sequence[Record]) -> Errors:
 def _errors(
     model: RolloutModel, records: Sequence[Record], predictions: Sequence[Prediction]
 ) -> Errors:
-    seen = [record.seen[:, 0] for record in records]
-    rows = np.array([np.count_nonzero(own) for own in seen])
-    poses = [record.pose[own] for record, own in zip(records, seen, strict=True)]
-    flown = [p.pose[own] for p, own in zip(predictions, seen, strict=True)]
+    rows = np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
     trims = [predicted.trim for predicted in predictions]
     table = make_table(records, model.theta, trims, model.gaussians)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        missed = np.concatenate(poses) - np.concatenate(flown)
-        moved = np.concatenate([pose - pose.mean(axis=0) for pose in poses])
-        rest = np.linalg.norm(missed, axis=0) / np.linalg.norm(moved, axis=0)
         squares = np.array([*map(mean_squares, records, predictions)])[..., None]
-        errors = errors_from(squares, rows, rms(table.residual))
-    fit = Fit(*(100.0 * (1.0 - rest)).tolist())
-    return dataclasses.replace(errors, fit_percent=fit)
+        return errors_from(squares, rows, rms(table.residual))
 
 
 def rms(accelerations: np.ndarray) -> EquationErrors:

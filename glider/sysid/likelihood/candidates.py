@@ -23,8 +23,8 @@ from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 
-Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
-Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
+_Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
+Member = tuple[str, _Variant]  # An effect of a set: kind and the columns it acts by.
 
 _STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
 _LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
@@ -42,7 +42,7 @@ class Candidates:
     model: FitResult  #: About which the flights are linear.
     #: Of the columns; those of acting functions follow.
     directions: tuple[Direction, ...]
-    variants: dict[str, tuple[Variant, ...]]  #: By kind; one of a kind that acts.
+    variants: dict[str, tuple[_Variant, ...]]  #: By kind; one of a kind that acts.
     flights: Sequence[LinearFlight]  #: Linear in the directions and what acts.
     #: That do not act yet; their columns come last.
     functions: tuple[FittedFunction, ...] = ()
@@ -56,13 +56,13 @@ class Candidates:
 
     @property
     def always(self) -> list[int]:
-        """Columns that act in every set: unknown parameters, carried functions."""
+        """Columns that act in every set: unknown parameters, given free functions."""
         own = set(self.task.vehicle.nuisance)
         model = self.model
         places = model.places(len(self.directions))
-        carried = (places[name] for name in places.keys() - {*model.kinds})
+        given = (places[name] for name in places.keys() - {*model.kinds})
         unknown = [j for j, slot in enumerate(self.slots) if slot in own]
-        return [*unknown, *sorted(j for place in carried for j in place)]
+        return [*unknown, *sorted(j for place in given for j in place)]
 
     def offering(self, functions: Iterable[FittedFunction]) -> "Candidates":
         """Returns the candidates with those functions that do not act yet; once."""
@@ -72,7 +72,7 @@ class Candidates:
         variants = {**self.variants}
         first = len(self.columns)
         for function in new:
-            own = list[Variant]()
+            own = list[_Variant]()
             for strength in _STRENGTHS:
                 begin = len(scaled)
                 scaled += [(first + j, strength) for j in range(function.count)]
@@ -216,7 +216,7 @@ def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidate
     idle = own | _at_bounds(task, model)
     acting = [(j, d.kind) for j, d in enumerate(directions) if d.slot not in idle]
     # No columns of an effect that is at its bounds.
-    variants: dict[str, list[Variant]] = {
+    variants: dict[str, list[_Variant]] = {
         kind: [tuple(j for j, other in acting if other == kind)] for kind in model.kinds
     }
     for kind in [kind for kind in task.kinds if kind not in variants]:

@@ -19,7 +19,7 @@ from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FLOW_VARIABLES, FREE_FUNCTIONS, EffectKind, Gaussians
 from glider.physics.effects.families import FAMILIES, Family
 from glider.physics.effects.free_functions import FreeFunction, gaussian
-from glider.sysid.constants import RESOLVED, SLACK
+from glider.sysid.constants import LEADING, RESOLVED
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_along, flow_at_nodes
@@ -85,13 +85,6 @@ class FittedFunction:
         """Indices of the variables."""
         return [FLOW_VARIABLES.index(name) for name in self.variables]
 
-    @property
-    def reached(self) -> np.ndarray:
-        """Centers in the flown range, (n, d)."""
-        low, high = self.flown + np.outer([-1e-6, 1e-6], self.widths.max(axis=0))
-        is_within = (low <= self.centers) & (self.centers <= high)
-        return self.centers[is_within.all(axis=1)]
-
     def gaussians(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (n, M) at values of the variables (n, d)."""
         return gaussian(values, self.centers, self.widths)
@@ -135,8 +128,8 @@ def terms_of(functions: Iterable[FittedFunction]) -> set[str]:
     return {function.effect.kind for function in functions}
 
 
-def carried_functions(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...]:
-    """Returns the functions that a model carries, each with a factor to fit."""
+def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...]:
+    """Returns the free functions of a model, each with a factor to fit."""
     found = []
     for own in functions:
         centers = np.array(own.centers).reshape(-1, len(own.variables))
@@ -239,7 +232,7 @@ def _make_function(
         widths=widths,
         flown=range_,
         mix=value.scale * basis,
-        leading=int(np.count_nonzero(spreads > SLACK)),
+        leading=int(np.count_nonzero(spreads > LEADING)),
         coordinates=np.zeros(basis.shape[1]),
     )
 

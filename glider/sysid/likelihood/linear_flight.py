@@ -22,13 +22,7 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
 from glider.sysid.replay.log_space import SERVO_LOG, sensed
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import (
-    signals,
-    states_at_rest,
-    trimmed,
-    true_nodes,
-    with_states_along,
-)
+from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
 
 FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
 
@@ -48,7 +42,7 @@ class Surroundings(NamedTuple):
 STILL_AIR = Surroundings()
 
 
-class AddedColumns(NamedTuple):
+class _AddedColumns(NamedTuple):
     """Columns of a free function, made only when a flight is whitened."""
 
     basis: np.ndarray  #: (K, M) Gaussians in intervals; of sensors (K + 1, M) at nodes.
@@ -78,7 +72,7 @@ class LinearFlight:
     pose_by_x: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    functions: tuple[AddedColumns, ...] = ()  #: They come before the last column.
+    functions: tuple[_AddedColumns, ...] = ()  #: They come before the last column.
 
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
@@ -121,7 +115,7 @@ class LinearFlight:
             by_value = 1.0 * (channels == SENSOR_TERMS.index(effect.kind))[None]
         else:
             by_value = -self.by_term[:, :, self.terms.index(effect.kind)]
-        own = AddedColumns(basis, by_value, mix, is_read)
+        own = _AddedColumns(basis, by_value, mix, is_read)
         return dataclasses.replace(self, functions=(*self.functions, own))
 
     def whole(self) -> "LinearFlight":
@@ -214,9 +208,8 @@ def linearize(
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
     beside = {j: d for j, d in moving.items() if j not in plain}
-    secants = _secants(
-        record, theta, gaussians, [*beside.values()], about, (nodes, ends)
-    )
+    usual = nodes, ends
+    secants = _secants(record, theta, gaussians, [*beside.values()], about, usual)
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
     by_x = by_x.take(states, 1).take(states, 2)
@@ -254,37 +247,39 @@ def _secants(
 ) -> list[np.ndarray]:
     """Returns the slopes (K, n) of intervals' ends where signals or nodes change.
 
-    `usual` are nodes and ends where no shapes are set.
+    `usual` are nodes and ends where no shapes are set. Those of an absent effect move
+    nothing but its own states.
     """
-    space = record.space
-    kinds = {d.shapes: d.kind for d in directions if d.shapes}
-    bases = {d.shapes: d.base(theta) for d in directions}
-    nodes = dict.fromkeys(bases, usual[0])
-    ends = dict[Shapes, np.ndarray]()
-    ends[()] = usual[1]
-    with_states = [s for s, kind in kinds.items() if kind in space.states]
-    if with_states:  # The path is the same, and the motion too without the effect.
-        own = [bases[shapes] for shapes in with_states]
-        found = with_states_along(record, own, usual[0], gaussians)
-        nodes |= zip(with_states, found, strict=True)
-    acting = space.acting_states(theta)
-    for shapes, kind in kinds.items():
-        if kind not in space.states:
-            nodes[shapes] = true_nodes(record, bases[shapes], gaussians)
-        elif not {*space.states[kind]}.intersection(acting):
-            ends[shapes] = usual[1]
-    others = [shapes for shapes in bases if shapes not in ends]
-    flown = [(bases[shapes], nodes[shapes]) for shapes in others]
-    flown += [(d.moved(theta), nodes[d.shapes]) for d in directions]
-    if not flown:
+    if not directions:
         return []
-    pairs = [path_of(record, model, about) for model, _ in flown]
-    paths, numbers = zip(*pairs, strict=True)
-    begins = [begin for _, begin in flown]
-    found = advance_nodes(space.flown, paths, begins, numbers, gaussians)
-    ends |= zip(others, found, strict=False)
-    moved = zip(directions, found[len(others) :], strict=True)
+    space = record.space
+    usual_nodes, usual_ends = usual
+    acting = space.acting_states(theta)
+    nodes: dict[Shapes, np.ndarray] = {(): usual_nodes}
+    ends = dict.fromkeys((d.shapes for d in directions), usual_ends)
+    starts = {d.shapes: d for d in directions if d.shapes}
+    for shapes, d in starts.items():
+        base = d.base(theta)
+        states = space.states.get(d.kind, ())
+        nodes[shapes] = true_nodes(record, base, gaussians, with_states=True)
+        if not states or not set(states).isdisjoint(acting):
+            [ends[shapes]] = _ends_of(record, gaussians, about, [(base, nodes[shapes])])
+    flown = [(d.moved(theta), nodes[d.shapes]) for d in directions]
+    moved = zip(directions, _ends_of(record, gaussians, about, flown), strict=True)
     return [(end - ends[d.shapes]) / d.size for d, end in moved]
+
+
+def _ends_of(
+    record: Record,
+    gaussians: Gaussians,
+    about: Surroundings,
+    flown: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> np.ndarray:
+    """Returns the ends (q, K, n) of intervals by models, each from nodes of its own."""
+    pairs = [path_of(record, theta, about) for theta, _ in flown]
+    paths, numbers = zip(*pairs, strict=True)
+    begins = [nodes for _, nodes in flown]
+    return advance_nodes(record.space.flown, paths, begins, numbers, gaussians)
 
 
 def _outputs(

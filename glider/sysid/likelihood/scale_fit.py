@@ -32,7 +32,7 @@ def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
     return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
 
 
-class FittedScales(NamedTuple):
+class _FittedScales(NamedTuple):
     """Scales of the greatest likelihood."""
 
     scales: Scales
@@ -48,7 +48,7 @@ def fit_scales(
     iterations: int = 8,
     tolerance: float = 0.05,
     curvature: np.ndarray | None = None,
-) -> FittedScales:
+) -> _FittedScales:
     """Maximises the likelihood of the scales by Fisher scoring, damped.
 
     Those in `free` are fitted to flights with one column, their error, until less than
@@ -107,7 +107,7 @@ def fit_scales(
             curvature = None
             damping = 0.0
             is_given = False
-    return FittedScales(Scales.from_logs(logs), value, curvature)
+    return _FittedScales(Scales.from_logs(logs), value, curvature)
 
 
 def _score(

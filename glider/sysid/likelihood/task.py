@@ -117,7 +117,7 @@ class FitResult:
     kinds: tuple[str, ...]  #: That act.
     theta: np.ndarray  #: Its parameters and coefficients.
     free: tuple[int, ...]  #: Slots of theta that are fitted.
-    #: Free functions that act: those of `kinds`, and of a forecast those carried.
+    #: Free functions that act: those of `kinds`, and in a forecast the given ones.
     functions: tuple[FittedFunction, ...] = ()
     scales: Scales  #: Of all noise.
     #: Name of each flight to what it is linear about.

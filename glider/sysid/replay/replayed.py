@@ -125,26 +125,19 @@ def true_nodes(
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
     if not with_states and record.space.acting_states(theta)[-1] < NUM_STATES:
         return nodes
-    return with_states_along(record, [theta], nodes, gaussians)[0]
+    return _with_states_along(record, theta, nodes, gaussians)
 
 
-def with_states_along(
-    record: Record,
-    thetas: Sequence[np.ndarray],
-    nodes: np.ndarray,
-    gaussians: Gaussians = NO_GAUSSIANS,
+def _with_states_along(
+    record: Record, theta: np.ndarray, nodes: np.ndarray, gaussians: Gaussians
 ) -> np.ndarray:
-    """Returns nodes (n, num_states) with the effects' states that follow from them.
-
-    Of each of q models, that have the same elevator, (q, n, num_states).
-    """
-    elevator, rate, *_ = signals(record, thetas[0])
+    """Returns nodes (n, num_states) with the effects' states that follow from them."""
+    elevator, rate, *_ = signals(record, theta)
     along = compiled.log_path(record.time, elevator, rate)
-    begins = np.array([nodes] * len(thetas))
-    for begin, theta in zip(begins, thetas, strict=True):
-        begin[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
+    begin = nodes.copy()
+    begin[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
     kinds = record.space.flown
-    return compiled.with_extras(kinds, along, begins, np.array(thetas), gaussians)
+    return compiled.with_extras(kinds, along, begin[None], theta[None], gaussians)[0]
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:
@@ -264,5 +257,4 @@ def make_table(
         flight=np.repeat(np.arange(len(flights)), [len(own[0]) for own in flights]),
         names=tuple(record.name for record in records),
         noise=np.column_stack([*noise, std_angular]),
-        unit=np.column_stack([pressure / mass, pressure / inertia]),
     )

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glider.physics.effects.families import FAMILIES
-from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS, SLACK, Z
+from glider.physics.effects.families import FAMILIES, formulas_at
+from glider.sysid.constants import CLEAR, EXPLAINED, FOLLOWED, MOST_EFFECTS, SLACK, Z
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import error_flights
@@ -127,19 +127,25 @@ def renamed(search: Search, model: FitResult) -> FitResult | None:
     return None
 
 
-def families_of(search: Search, model: FitResult) -> dict[str, str]:
-    """Returns the formula that is nearest to each free function that has a family.
+def nearest_of(search: Search, model: FitResult) -> dict[str, str]:
+    """Returns the formula that explains each free function, where one does.
 
-    To first order, in the place of the function and of formulas of its family.
+    To first order it gains, in the place of the function and of all formulas there, a
+    share `EXPLAINED` of what the function gains.
     """
     if not model.free_kinds or (near := search.near(model)) is None:
         return {}
+    own = dict(near.by_first(model.kinds))
     found = {}
     for function in model.free_kinds:
-        family = {function, *FAMILIES[function].formulas}
-        own = near.by_first(k for k in model.kinds if k not in family)
-        if options := near.among(family - {function}).larger(own):
-            [*_, (found[function], _)] = max(options, key=near)
+        formulas = formulas_at(function)
+        rest = tuple((k, v) for k, v in own.items() if k not in {function, *formulas})
+        base = near.gain(rest)
+        whole = near.gain((*rest, (function, own[function]))) - base
+        options = near.among(formulas).larger(rest)
+        best = max(options, key=near.gain, default=rest)
+        if near.gain(best) - base > EXPLAINED * whole:
+            [*_, (found[function], _)] = best
     return found
 
 

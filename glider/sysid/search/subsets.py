@@ -15,7 +15,7 @@ from glider.sysid import constants
 from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.report import Combination, EvidenceThreshold
+from glider.sysid.result import Combination, EvidenceThreshold
 
 Members = tuple[Member, ...]
 

@@ -18,7 +18,7 @@ from glider.sysid.likelihood.candidates import (
 )
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.report import Combination, EvidenceThreshold
+from glider.sysid.result import Combination, EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer, climb, scorer_of, threshold_of
 
 # Sets of flights: the most where in doubt.
@@ -266,8 +266,8 @@ class SearchResult:
     weighed: dict[str, EffectSupport]  #: Kind to its support.
     alone: dict[str, float]  #: Evidence as the only effect, to first order [nats].
     combinations: tuple[Combination, ...]  #: Sets that were fitted, best first.
-    #: Free function to the library's formula of its family that is nearest.
-    families: dict[str, str] = dataclasses.field(default_factory=dict)
+    #: Free function to the library's formula that explains it.
+    nearest: dict[str, str] = dataclasses.field(default_factory=dict)
     found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
     #: Models of sets that are nearly as likely, and the evidence that they lack [nats].
     rivals: tuple[tuple[FitResult, float], ...] = ()

@@ -16,7 +16,7 @@ from glider.sysid.constants import CLEAR, FOLLOWED, RIVAL_GAP
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
-from glider.sysid.report import EvidenceThreshold
+from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search import moves
 from glider.sysid.search.force_search import search_forces
 from glider.sysid.search.subsets import climb, ranked, scorer_of, threshold_of
@@ -52,7 +52,7 @@ def trace(
         return search_forces(task, noise, rng, progress)
     search = Search(task, progress)
     start = start_of(task, noise)
-    model = resumed(search, start, earlier) if earlier else None
+    model = _resumed(search, start, earlier) if earlier else None
     if model is None:
         search = Search(task, progress)
         *_, model = start, *searched(search, start)
@@ -69,14 +69,14 @@ def trace(
         weighed=weighed,
         alone=search.alone,
         combinations=ranked({kinds: least - cost for kinds, cost in costs.items()}),
-        families=moves.families_of(search, model),
+        nearest=moves.nearest_of(search, model),
         found_by={kind: search.found_by.get(kind, "") for kind in model.kinds},
         rivals=rivals_of(search, model, weighed),
         threshold=EvidenceThreshold(effect=threshold_of(task, "", model.kinds)),
     )
 
 
-def resumed(search: Search, start: FitResult, earlier: FitResult) -> FitResult | None:
+def _resumed(search: Search, start: FitResult, earlier: FitResult) -> FitResult | None:
     """Returns an earlier model fitted to other flights, unless a move improves on it.
 
     Effects are compared about the start first, for what each is worth alone.

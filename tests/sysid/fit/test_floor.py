@@ -17,7 +17,7 @@ from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.replay.log_space import vector_of
-from glider.sysid.report import EquationErrors, Spread
+from glider.sysid.result import EquationErrors, Spread
 from tests.helpers.known_truth import begin, task_of
 from tests.helpers.lifelike import draw_campaign, turbulence_campaign
 from tests.helpers.tasks import fly, typical

@@ -36,7 +36,7 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.simulation.refly import nominal_model
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.report import read_report
+from glider.sysid.result import read_report
 from glider.sysid.search.tracing import EARLIER
 from tests.helpers.answers import assert_same_answer
 
