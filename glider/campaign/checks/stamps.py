@@ -101,7 +101,7 @@ def _even_times_of(
         stamps = time[rows]
         step = _find_step(stamps, own)
         jitter = robust_std(np.diff(stamps - step * own)) / math.sqrt(2.0)
-        off = max(_SAME_RATE, _SURELY * jitter / float(np.ptp(stamps)))
+        off = max(_SAME_RATE, float(_SURELY * jitter / np.ptp(stamps)))
         if rate is not None and abs(step * rate - 1.0) < off:
             step = 1.0 / rate
         rates.append(1.0 / step)
@@ -120,10 +120,10 @@ def _even_times_of(
         is_noisy = restored > 0.0  # Without noise nothing is likelier.
         ratio = np.maximum(stamped[is_noisy] / restored[is_noisy], _LEAST_RATIO)
         gain += len(rows) * float(np.sum(np.log(ratio)))
-    jitter = float(np.std(time - even))
-    if gain < _LEAST_GAIN or jitter < _LEAST_JITTER:
+    whole = float(np.std(time - even))
+    if gain < _LEAST_GAIN or whole < _LEAST_JITTER:
         return None
-    return EvenTimes(even, float(np.median(rates)), jitter)
+    return EvenTimes(even, float(np.median(rates)), whole)
 
 
 def _split_at_gaps(time: np.ndarray) -> list[np.ndarray]:

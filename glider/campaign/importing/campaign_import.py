@@ -258,8 +258,8 @@ def cut_recordings(
     tracks = [make_track(r, mapping) for r in itertools.chain.from_iterable(parts)]
     tracks, warnings = _with_even_times(tracks, settings.pose_rate)
     found = [cut(track, settings.gravity) for track in tracks]
-    recordings = _extract(tracks, found, mapping, settings)
-    return tuple(r._replace(warnings=r.warnings + warnings) for r in recordings)
+    made = _extract(tracks, found, mapping, settings)
+    return tuple(own._replace(warnings=own.warnings + warnings) for own in made)
 
 
 def _with_even_times(

@@ -122,7 +122,7 @@ def join_clocks(
         offset = _Offset(ahead, 0.0, 0.0)
         shifted = [_Clocked(_shift(track, offset), [note], std) for track in tracks]
         return shifted, warnings
-    warnings: tuple[str, ...] = ()
+    warnings = ()
     for place, offset in zip(flying, _find_offsets(pairs), strict=True):
         track = tracks[place]
         std = offset.std
