@@ -220,7 +220,10 @@ def _check_flights(cuts: Sequence[_CutRecording], source: str) -> None:
     reasons = list(dict.fromkeys(note for cut in cuts for note in cut.notes))
     if len(reasons) > _REASONS:
         reasons[_REASONS:] = ["..."]
-    raise InputError(f"{source}: no flight was found in {count}: {'; '.join(reasons)}.")
+    raise InputError(
+        f"{source}: no flight was found in {count}: {'; '.join(reasons)} (are 'up' and "
+        "the units right?)."
+    )
 
 
 def as_files(files: Iterable[Path | str]) -> list[Path]:
