@@ -10,6 +10,8 @@ from glider.physics.effects.families import FAMILIES, formulas_at
 from glider.sysid.likelihood.fitted_functions import flown_values
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.naming import LIFT, UNEXPLAINED, names_of
+from glider.sysid.search.moves import nearest_of
+from glider.sysid.search.subsets import Scorer
 from tests.helpers.tasks import begin, fly, task_of
 
 LOAD = "tail's angle over tail_load"
@@ -169,3 +171,22 @@ def test_formulas_at_a_link_may_explain_functions_of_more_variables():
     assert of_lift < formulas_at(PAIR) >= {"pitch_rate_lift", "dynamic_stall"}
     assert "dynamic_stall" not in of_lift
     assert formulas_at("drag over V") == set()
+
+
+@pytest.mark.parametrize(("gain", "found"), [(51.0, {WAKE: "tail_wake"}), (49.0, {})])
+def test_a_formula_explains_a_function_that_it_gains_half_of(gain, found):
+    """In its place, beside all other effects."""
+    gains = {(): 0.0, (2,): 50.0, (0, 2): 150.0, (1, 2): 50.0 + gain}
+
+    class Gained:
+        """Evidence by the columns of a set."""
+
+        def extended(self, columns, more):
+            return [gains[tuple(sorted((*columns, *own)))] for own in more]
+
+    variants = {WAKE: ((0,),), "tail_wake": ((1,),), "mass": ((2,),)}
+    candidates = types.SimpleNamespace(variants=variants)
+    near = Scorer(candidates, Gained(), lambda kind, kinds: 0.0)
+    search = types.SimpleNamespace(near=lambda model: near)
+    model = types.SimpleNamespace(free_kinds=(WAKE,), kinds=("mass", WAKE))
+    assert nearest_of(search, model) == found
