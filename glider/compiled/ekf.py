@@ -42,11 +42,8 @@ def ekf_advance(t, z, estimated, step, count, gaussians, value, slopes):
     half = np.exp(-0.5 * step * decay)
     if exact:
         slopes[:] = 0.0
-        for i in range(n):
-            slopes[i, i] = 1.0
-        for i in range(n, value.shape[0]):
-            exponent = -step * count * decay[i - n]
-            slopes[i, i] = np.exp(exponent)
+        for i in range(value.shape[0]):
+            slopes[i, i] = np.exp(-step * count * decay[i - n]) if i >= n else 1.0
     for k in acting if exact else acting[:1]:
         put(z, y)
         if exact:
@@ -57,19 +54,16 @@ def ekf_advance(t, z, estimated, step, count, gaussians, value, slopes):
             put(y, start)
             put(y, total)
             for stage in range(4):
-                is_end = stage in (0, 3)
-                weight = step / 6.0 if is_end else step / 3.0
+                weight = step / 6.0 if stage in (0, 3) else step / 3.0
                 ahead = 0.5 * step if stage < 2 else step
-                share = 0.5 * ((stage + 1) // 2)
-                now = t + step * (lap + share)
+                now = t + step * (lap + 0.5 * ((stage + 1) // 2))
                 d = derivatives_of(now, y, n, gaussians)
                 for i in range(n):
                     total[i] += weight * d[i]
                     y[i] = start[i] + ahead * d[i]
                 if stage in (0, 2):
                     for i in range(decay.shape[0]):
-                        place = places[n + i]
-                        y[place] *= half[i]
+                        y[places[n + i]] *= half[i]
             put(total, y[:n])
         for j in range(n if exact else 0):
             slopes[j, k] = y[j].imag / TINY
@@ -91,9 +85,7 @@ def ekf_measure(z, estimated, gaussians, value, slopes):
     for k in estimated.seen:
         i = estimated.places[k]
         y[i] = z[i] + 1j * TINY
-        numbers = y[n + NUM_INPUTS :]
-        theta = theta_of(numbers, gaussians)
-        pose = measure(y, theta)
+        pose = measure(y, theta_of(y[n + NUM_INPUTS :], gaussians))
         y[i] = z[i]
         for j in range(3):
             value[j] = pose[j].real
@@ -103,7 +95,34 @@ def ekf_measure(z, estimated, gaussians, value, slopes):
         slopes[j, j] = 1.0
 
 
-def ekf_correct(mean, covariance, slopes, noise, innovation, spread):
+def ekf_predict(n, covariance, slopes, process, scratch):
+    """P ← F P Fᵀ + Q, in place; `scratch` is (N, N).
+
+    The slow states' rows of F hold nothing but their own decay.
+    """
+    size = covariance.shape[0]
+    for i in range(size):
+        for j in range(size):
+            scratch[i, j] = slopes[i, i] * covariance[i, j] if i >= n else 0.0
+    for i in range(n):
+        for k in range(size):
+            for j in range(size):
+                scratch[i, j] += slopes[i, k] * covariance[k, j]
+    for i in range(size):
+        for j in range(i, size):
+            if j < n:
+                total = 0.0
+                for k in range(size):
+                    total += scratch[i, k] * slopes[j, k]
+            else:
+                total = scratch[i, j] * slopes[j, j]
+            if i == j:
+                total += process[i]
+            covariance[i, j] = total
+            covariance[j, i] = total
+
+
+def ekf_correct(mean, covariance, slopes, noise, innovation, spread, work):
     """Corrects a belief by an innovation; mean and covariance are overwritten.
 
     S = H P Hᵀ + R, K = P Hᵀ S⁻¹ and, in Joseph's form, in which an error of K
@@ -115,24 +134,76 @@ def ekf_correct(mean, covariance, slopes, noise, innovation, spread):
         noise: (M, M) R.
         innovation: (M,).
         spread: (M, M), written: S.
+        work: (3, N, N) scratch; N is at least M.
 
     Returns:
-        the innovation's square νᵀ S⁻¹ ν; NaN for a belief that is not finite.
+        the innovation's square νᵀ S⁻¹ ν.
     """
-    cross = covariance @ slopes.T
-    spread[:] = slopes @ cross + noise
-    if not np.isfinite(spread).all():
-        mean[:] = np.nan
-        covariance[:] = np.nan
-        return np.nan
-    inverse = np.linalg.inv(spread)
-    gain = cross @ inverse
-    mean += gain @ innovation
-    covariance -= gain @ cross.T
-    rest = covariance @ slopes.T - gain @ noise
-    covariance -= rest @ gain.T
-    covariance[:] = 0.5 * (covariance + covariance.T)
-    return innovation @ inverse @ innovation
+    size = mean.shape[0]
+    rows = innovation.shape[0]
+    cross = work[0]
+    gain = work[1]
+    root = work[2]
+    for i in range(size):  # P Hᵀ
+        for j in range(rows):
+            total = 0.0
+            for k in range(size):
+                total += covariance[i, k] * slopes[j, k]
+            cross[i, j] = total
+    for i in range(rows):
+        for j in range(i, rows):
+            total = noise[i, j]
+            for k in range(size):
+                total += slopes[i, k] * cross[k, j]
+            spread[i, j] = total
+            spread[j, i] = total
+    for i in range(rows):  # S = L Lᵀ, with the diagonal's inverse in its place.
+        for j in range(i + 1):
+            total = spread[i, j]
+            for k in range(j):
+                total -= root[i, k] * root[j, k]
+            root[i, j] = 1.0 / np.sqrt(total) if i == j else total * root[j, j]
+    square = 0.0
+    for j in range(rows):  # L⁻¹ ν, into a row that the gain has not filled yet.
+        total = innovation[j]
+        for k in range(j):
+            total -= root[j, k] * gain[0, k]
+        gain[0, j] = total * root[j, j]
+        square += gain[0, j] * gain[0, j]
+    for i in range(size):  # K = P Hᵀ L⁻ᵀ L⁻¹
+        for j in range(rows):
+            total = cross[i, j]
+            for k in range(j):
+                total -= gain[i, k] * root[j, k]
+            gain[i, j] = total * root[j, j]
+        for j in range(rows - 1, -1, -1):
+            total = gain[i, j]
+            for k in range(j + 1, rows):
+                total -= gain[i, k] * root[k, j]
+            gain[i, j] = total * root[j, j]
+        for j in range(rows):
+            mean[i] += gain[i, j] * innovation[j]
+
+    for i in range(size):  # A
+        for k in range(rows):
+            for j in range(size):
+                covariance[i, j] -= gain[i, k] * cross[j, k]
+    for i in range(size):  # A Hᵀ - K R, into the place of P Hᵀ.
+        for j in range(rows):
+            total = 0.0
+            for k in range(size):
+                total += covariance[i, k] * slopes[j, k]
+            for k in range(rows):
+                total -= gain[i, k] * noise[k, j]
+            cross[i, j] = total
+    for i in range(size):
+        for j in range(i, size):
+            total = covariance[i, j]
+            for k in range(rows):
+                total -= cross[i, k] * gain[j, k]
+            covariance[i, j] = total
+            covariance[j, i] = total
+    return square
 
 
 def ekf_run(
@@ -161,42 +232,54 @@ def ekf_run(
     step, count = clock
     means, covariances = belief
     innovations, spreads, squares = seen
+    n = estimated.n
     places = estimated.places
     entry = estimated.entry
     size = means.shape[2]
     rows = measured.shape[2]
+    mean = np.empty(size)
+    covariance = np.empty((size, size))
     slopes = np.empty((size, size))
     shows = np.empty((rows, size))
     shown = np.empty(rows)
-    noises = np.diag(process)
+    work = np.empty((3, size, size))
     for b in range(means.shape[0]):
+        put(means[b, 0], mean)
+        for i in range(size):
+            put(covariances[b, 0, i], covariance[i])
         for k in range(inputs.shape[1]):
-            mean = means[b, k + 1]
-            covariance = covariances[b, k + 1]
             for i in range(entry.shape[0]):
                 z[entry[i]] = inputs[b, k, i]
             for i in range(size):
-                z[places[i]] = means[b, k, i]
+                z[places[i]] = mean[i]
             now = t + k * count * step
             ekf_advance(now, z, estimated, step, count, gaussians, mean, slopes)
-            moved = slopes @ covariances[b, k] @ slopes.T + noises
-            covariance[:] = 0.5 * (moved + moved.T)
+            ekf_predict(n, covariance, slopes, process, work[0])
             for i in range(size):
                 z[places[i]] = mean[i]
             ekf_measure(z, estimated, gaussians, shown, shows)
-            seen_now = measured[b, k] - shown
-            if np.isnan(seen_now).any():
+            known = True
+            for i in range(rows):
+                shown[i] = measured[b, k, i] - shown[i]
+                known = known and not np.isnan(shown[i])
+            if known:
+                squares[b, k] = ekf_correct(
+                    mean, covariance, shows, noise, shown, spreads[b, k], work
+                )
+                put(shown, innovations[b, k])
+            else:
                 squares[b, k] = np.nan
                 innovations[b, k] = np.nan
                 spreads[b, k] = np.nan
-            else:
-                innovations[b, k] = seen_now
-                squares[b, k] = ekf_correct(
-                    mean, covariance, shows, noise, seen_now, spreads[b, k]
-                )
+            put(mean, means[b, k + 1])
+            for i in range(size):
+                put(covariance[i], covariances[b, k + 1, i])
 
 
-LOOPS = Family((ekf_advance, ekf_measure, ekf_correct, ekf_run), (ekf_advance, ekf_run))
+LOOPS = Family(
+    (ekf_advance, ekf_measure, ekf_predict, ekf_correct, ekf_run),
+    (ekf_advance, ekf_run),
+)
 
 
 class EstimatedFlight(NamedTuple):

@@ -12,19 +12,33 @@ def slope_of_cost(t, node, flat, data, rate):
     """Writes -Ṡ and, as its last column, -ṡ; see `riccati`.
 
     `flat` holds S and s (n, n + 1). Of the data, `jacobian` is A and, as its last
-    column, B at the times; `at` counts them and falls with the node.
+    column, B at the times, `at` counts them and falls with the node; `back` is scratch.
     """
-    at, jacobian, excess, q, r = data
+    at, jacobian, excess, q, r, back = data
     n = q.shape[0]
     s = flat.reshape((n, n + 1))
     slope = rate.reshape((n, n + 1))
-    product = s.T @ jacobian[at - node]  # S A and S B, sᵀ A and sᵀ B.
-    square = product[:n, :n]
-    back = product[:n, n]
-    drive = product[n, n]
-    slope[:, :n] = q + square + square.T - np.outer(back, back) / r
-    slope[:, n] = product[n, :n] - back * (drive / r)
-    slope[:, n] += (s[:, :n] * excess[at - node]).sum(axis=1)
+    a = jacobian[at - node]
+    e = excess[at - node]
+    drive = 0.0
+    for j in range(n + 1):  # Bᵀ S, Bᵀ s.
+        push = 0.0
+        for i in range(n):
+            push += a[i, n] * s[i, j]
+        if j < n:
+            back[j] = push
+        else:
+            drive = push
+    for i in range(n):
+        for j in range(n):
+            total = q[i, j] - back[i] * back[j] / r
+            for m in range(n):
+                total += s[i, m] * a[m, j] + a[m, i] * s[m, j]
+            slope[i, j] = total
+        total = -back[i] * drive / r
+        for m in range(n):
+            total += a[m, i] * s[m, n] + s[i, m] * e[m]
+        slope[i, n] = total
 
 
 def riccati(times, states, slopes, inputs, q, r, s, z, gaussians, gain, offset, cost):
@@ -61,24 +75,35 @@ def riccati(times, states, slopes, inputs, q, r, s, z, gaussians, gain, offset, 
         put(states[k], z[:n])
         z[n] = inputs[k]
         directional(times[k], z, each, n, gaussians, excess[k], jacobian[k])
-    excess -= slopes
+        for i in range(n):
+            excess[k, i] -= slopes[k, i]
 
-    flat = np.zeros(n * (n + 1))
+    flat = np.empty(n * (n + 1))
     now = flat.reshape((n, n + 1))
-    now[:, :n] = s
     work = np.empty((3, n * (n + 1)))
+    back = np.empty(n)
+    for i in range(n):
+        put(s[i], now[i, :n])
+        now[i, n] = 0.0
     for k in range(count // 2, -1, -1):
-        cost[k] = now
-        product = now.T @ jacobian[2 * k]
-        gain[k] = product[:n, n] / r
-        offset[k] = product[n, n] / r
+        for i in range(n):
+            put(now[i], cost[k, i])
+        for j in range(n + 1):
+            push = 0.0
+            for i in range(n):
+                push += jacobian[2 * k, i, n] * now[i, j]
+            if j < n:
+                gain[k, j] = push / r
+            else:
+                offset[k] = push / r
         if k == 0:
             break
         step = times[2 * k] - times[2 * k - 2]
-        data = (2 * k, jacobian, excess, q, r)
+        data = (2 * k, jacobian, excess, q, r, back)
         advance(slope_of_cost, times[2 * k], flat, step, 4, data, work)
-        # Symmetry, which rounding would lose slowly.
-        now[:, :n] = 0.5 * (now[:, :n] + now[:, :n].T)
+        for i in range(n):  # Symmetry, which rounding would lose slowly.
+            for j in range(i):
+                now[i, j] = now[j, i] = 0.5 * (now[i, j] + now[j, i])
 
 
 LOOPS = Family((slope_of_cost, riccati), (riccati,), uses=(jacobian.LOOPS,))

@@ -57,7 +57,7 @@ def page_data(figures: Mapping[str, spec.Figure]) -> dict[str, Any]:
     return {"figures": found, "columns": columns.values}
 
 
-def _with_contents(page: str) -> Markup:
+def with_contents(page: str) -> Markup:
     """Gives each section of a page an anchor, and links to all below the header."""
     page = str(page)
     links = ""
@@ -68,7 +68,7 @@ def _with_contents(page: str) -> Markup:
     return Markup(page.replace("</header>", f"</header>\n<nav>{links}</nav>", 1))
 
 
-TEMPLATES.filters["_with_contents"] = _with_contents
+TEMPLATES.filters["with_contents"] = with_contents
 
 
 def _script(data: Any) -> Markup:

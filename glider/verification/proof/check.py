@@ -139,7 +139,7 @@ def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> f
     worst = 0.0
     centers = [funnel.gliders]
     if funnel.is_of_set:
-        centers.append(make_moving_center(funnel.nominal))
+        centers.insert(0, make_moving_center(funnel.nominal))
     for center in centers:
         total = funnel.num_states + center.confidence.dimension
         total += 0 if pushes is None else 3
