@@ -127,7 +127,7 @@ def test_what_stands_for_errors_of_free_functions_has_no_name(plain):
         ({LOAD: 0.045}, {LOAD, STREAM}),
         ({LOAD: 0.02, STREAM: 0.03}, {STREAM}),  # One of them has to be.
     ],
-    ids=str,
+    ids=["large", "one small", "one hardly small", "all small"],
 )
 def test_a_small_free_function_is_no_effect_where_a_larger_one_acts(
     plain, sizes, found
