@@ -36,8 +36,8 @@ _LEADS = 0.015
 """Lead above which an elevator moves before its commands [s]: no servo does. Measured:
 -0.025 to 0.005 in 20 campaigns: half a row, as a command is held until the next."""
 _AS_GOOD = 2.0
-"""Ratio of what two signs leave unexplained below which either may be the servo's: 1.0
-under feedback where a slow servo swings, 9 and more in 20 campaigns without it."""
+"""Ratio of what delays leave unexplained to what a lead does below which the elevator
+may follow: 1.4 in a session under feedback, where a slow servo swings."""
 _FOLLOWS = 0.4
 """Correlation of rates below which an elevator does not follow. Measured: 0.96 and more
 for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for
@@ -161,19 +161,13 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
             f"delay up to {_DELAYS[-1]:.2g} s{hint}); expected both on the clock of "
             "'time'."
         )
-    # Under feedback a slow servo swings: half a period before, it turns the other way,
-    # and either sign may be the servo's.
-    unexplained = []
-    leads = []
-    for sign in (1.0, -1.0):
-        own, delay = calc_correlation(elevators, _BOTH_WAYS, sign, servo)
-        unexplained.append(1.0 - max(sign * own, 0.0) ** 2)
-        leads.append(-delay)
-    is_as_good = np.array(unexplained) < _AS_GOOD * min(unexplained)
-    lead = min(np.array(leads)[is_as_good], default=0.0)
-    if lead > _LEADS:
+    # Under feedback a slow servo swings: a period before, and turned half a period
+    # before, commands explain it about as well.
+    ahead, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
+    is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - ahead**2)
+    if -delay > _LEADS and is_clear:
         raise InputError(
-            f"{campaign.path}: column 'elevator' moves {lead:.3f} s before "
+            f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
             "'elevator_rate_command'; expected both on the clock of 'time'."
         )
 

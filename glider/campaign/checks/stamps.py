@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter, minimum_filter1d
 
 from glider.campaign.checks.motion import robust_std
 from glider.campaign.checks.smoothness import fourth_differences
@@ -110,6 +109,8 @@ def _even_times_of(
         later = np.median(late[-third:]) - np.median(late[:third])
         spread = jitter * math.sqrt(np.pi / third)  # Of the difference of two medians.
         if len(rows) > _LONG:
+            from scipy.ndimage import median_filter  # It takes long to import.
+
             even[rows] = step * own + median_filter(late, _LONG, mode="nearest")
         elif abs(later) < 0.5 * step + _SURELY * spread:
             even[rows] = step * own + np.mean(late)
@@ -130,7 +131,8 @@ def _split_at_gaps(time: np.ndarray) -> list[np.ndarray]:
     """Rows between gaps: delays pass within a few rows, and lost frames stay lost."""
     rows = np.arange(len(time))
     late = time / np.median(np.diff(time)) - rows
-    lasting = minimum_filter1d(late, _DELAYED, mode="nearest", origin=-(_DELAYED // 2))
+    following = np.pad(late, (0, _DELAYED - 1), mode="edge")
+    lasting = np.lib.stride_tricks.sliding_window_view(following, _DELAYED).min(axis=1)
     gaps = np.flatnonzero(np.diff(lasting) > _GAP) + 1
     return np.split(rows, gaps)
 

@@ -21,7 +21,7 @@ from glider.campaign.settings import FRAME_CHOICES, QUANTITIES, Mapping
 from glider.errors import InputError
 
 _MOST_RECORDINGS = 6  # That changes are tried on.
-_MOST_ROWS = 20_000  # Of a recording: a hundred trials of six such take 20 s.
+_MOST_ROWS = 20_000  # Of these: a hundred trials of them take 20 s.
 _AS_GOOD = 1.2  # Ratio of misfits below which two changes fit as well.
 ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 
@@ -41,9 +41,9 @@ def advise(
     error: InputError, recordings: Sequence[Recording], claim: Mapping, run: Import
 ) -> InputError:
     """Adds to a refusal which changes of the mapping pass all checks, if any do."""
-    if any(_count_rows(recording) > _MOST_ROWS for recording in recordings):
-        return error
     some = recordings[:_MOST_RECORDINGS]
+    if sum(map(_count_rows, some)) > _MOST_ROWS:
+        return error
     passed = []
     for part, value in _changes(claim, some[0]):
         with contextlib.suppress(InputError):
@@ -70,7 +70,7 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
     """Yields changes of one entry of a mapping: its part, and the new fields."""
     columns = claim.columns
     yield "clock", "find"
-    angles = [name for name in columns if QUANTITIES[name] == "angle"]
+    angles = [name for name in columns if QUANTITIES.get(name) == "angle"]
     for name in ("length", "time", "angle", "rate", *angles):
         for unit in UNITS[QUANTITIES.get(name, name)]:
             yield "units", {name: unit}

@@ -36,6 +36,7 @@ def test_a_shifted_center_of_pressure_is_one_with_an_unknown_wing_offset(is_know
     index, slots_of = task.space.index, task.space.slots_of
     free = set(task.free(("center_of_pressure", "profile_drag")))
     everything = {*slots_of("center_of_pressure"), *slots_of("profile_drag")}
+    everything |= {*task.vehicle.of_log}
     shift = {index["center_of_pressure.shift"]}
     if is_known:
         assert free == everything
@@ -54,7 +55,8 @@ def test_each_starting_shape_is_a_variant(dragged):
     assert counts["attached_lift"] == np.prod([len(grid) for grid in shapes])
     assert counts["servo_lag"] == len(KINDS["servo_lag"].coefficients[0].grid)
     columns = [c for own in candidates.variants.values() for v in own for c in v]
-    assert sorted(columns) == list(range(len(candidates.directions)))
+    clocks = len(task.vehicle.of_log)
+    assert sorted(columns) == list(range(clocks, len(candidates.directions)))
 
 
 def test_an_effect_is_worth_the_same_whether_it_acts_or_not(dragged):

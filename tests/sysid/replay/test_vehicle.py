@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.logs import CLOCK_STD
 from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.physics.effects import KINDS
@@ -41,9 +42,10 @@ def without_servo(campaign, elevator):
 UNKNOWN = ("mass", "pitch_inertia", "wing_area", "elevator_area", "wing_offset")
 
 
-def test_a_full_nominal_model_leaves_nothing_to_guess(campaign):
+def test_a_full_nominal_model_leaves_the_clocks_alone_to_guess(campaign):
     vehicle = make_vehicle(campaign)
-    assert vehicle.is_known and not vehicle.nuisance
+    assert vehicle.is_known and vehicle.nuisance == vehicle.of_log
+    assert set(vehicle.of_log.values()) == {CLOCK_STD}
     assert not vehicle.notes
 
 
