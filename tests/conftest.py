@@ -58,9 +58,3 @@ def pytest_collection_modifyitems(
         items.sort(key=lambda item: item.path not in slow)
     else:
         items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_auto_num_workers() -> int:
-    """One worker more than there are cores: servers and pages wait much of the time."""
-    return (os.cpu_count() or 1) + 1
