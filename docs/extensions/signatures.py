@@ -5,7 +5,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from glider.campaign.checks.masks import no_masks
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import signs_of, turn_campaign
 from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
@@ -94,8 +93,7 @@ def _flown(truth: GliderModel) -> Campaign:
 
 
 def _records(campaign: Campaign, noise: Noise) -> list[Record]:
-    masks = {flight.name: no_masks(flight) for flight in campaign.flights}
-    return prepare(campaign.flights, campaign, noise, LIBRARY_SPACE, masks)
+    return prepare(campaign.flights, campaign, noise, LIBRARY_SPACE)
 
 
 def _table(records: list[Record], model: GliderModel) -> ResidualTable:
