@@ -27,7 +27,7 @@ from glider.physics.held_commands import command_steps, hides_command
 from glider.physics.servo import elevator_path
 
 _AGAIN = "repeat the pose before while the glider moves"
-_FILLED = "on a straight line without noise: filled, not measured"
+FILLED = "on a straight line without noise: filled, not measured"
 _EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen.
 _EQUAL_NUMBERS = 5  # Equal rows of one column that may be frozen.
 _SURELY = 6.0  # Standard deviations by which a column should have moved, or did.
@@ -223,7 +223,7 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
         "is not a number": unknown,
         _AGAIN: again,
         "does not change while the glider moves: frozen": frozen,
-        _FILLED: filled,
+        FILLED: filled,
         "its attitude jumps, as where markers are taken for others": turned,
         "lies still, or is held": standing,
         "departs from the motion around it": sticks_out,

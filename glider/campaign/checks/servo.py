@@ -194,14 +194,12 @@ def follow_sign(elevators: Sequence[Elevator]) -> int:
 def calc_correlation(
     elevators: Sequence[Elevator],
     delays: np.ndarray = _DELAYS,
-    sign: float = 0.0,
     servo: Servo = NO_LIMITS,
 ) -> tuple[float, float]:
     """Best correlation of elevators with commands, -1 to 1, and its delay [s].
 
-    With a `sign`, of 1 or -1, the best of that sign. Where an elevator slows down
-    before a stop of the servo, it follows no command. Both are nan where too few
-    changes are known to judge: no comparison with them holds.
+    Where an elevator slows down before a stop of the servo, it follows no command. Both
+    are nan where too few changes are known to judge: no comparison with them holds.
     """
     parts = [_compare(elevator, delays, stops=servo) for elevator in elevators]
     if not parts:
@@ -209,8 +207,8 @@ def calc_correlation(
     sums = np.concatenate(parts, axis=-1).sum(axis=-1)
     turned, together, ordered, count = sums[:, :, 0]
     correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
-    rank = sign * correlation if sign else np.abs(correlation)
-    best = int(np.argmax(np.where(count < _MIN_CHANGES, -np.inf, rank)))
+    size = np.abs(correlation)
+    best = int(np.argmax(np.where(count < _MIN_CHANGES, -np.inf, size)))
     if count[best] < _MIN_CHANGES:
         return math.nan, math.nan
     return float(correlation[best]), float(delays[best])

@@ -13,7 +13,7 @@ import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
 from glider.campaign.checks.motion import SPAN, Motion, calc_motion, robust_std
-from glider.campaign.checks.rows import find_filled, find_stale
+from glider.campaign.checks.rows import FILLED, find_filled, find_stale
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
@@ -88,8 +88,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     if repeats:
         notes.append(f"{repeats} rows that repeat the pose before: they are dropped")
     if count := int(np.sum(filled)):
-        line = "on a straight line without noise: filled, not measured"
-        notes.append(f"{count} rows {line}: they are dropped")
+        notes.append(f"{count} rows {FILLED}: they are dropped")
     return flights, notes
 
 
