@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class Flight:
     attitude: np.ndarray | None = None  #: (n, 3) y [m], roll, yaw [rad] if logged.
     pitch_rate: np.ndarray | None = None  #: (n,) of a gyro [rad/s], NaN where none.
     command_time: np.ndarray | None = None  #: (n,) when it began [s].
+    departure: "Departure | None" = None  #: Of the elevator; it is not logged.
 
     def __post_init__(self):
         """Raises InputError for a name that a page or a terminal could interpret."""
@@ -53,6 +54,13 @@ class Flight:
     def __repr__(self) -> str:
         """Returns one line, as a notebook shows it."""
         return f"Flight('{self.name}', {self.time.size} rows)"
+
+
+class Departure(NamedTuple):
+    """What an elevator does beside what a servo makes of its commands."""
+
+    angle: np.ndarray  #: (n,) at the rows [rad].
+    std: float  #: Its standard error [rad].
 
 
 CLOCK_STD = 1e-3

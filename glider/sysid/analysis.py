@@ -17,6 +17,7 @@ from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
 from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.checks.rates import SCALE
 from glider.campaign.checks.servo import check_limits
+from glider.campaign.checks.servo_fit import identify_servo
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs, turn_campaign
 from glider.compiled.warm_up import warm_up
@@ -33,7 +34,7 @@ from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import FitResult, Task, make_task
 from glider.sysid.likelihood.uncertainty import averaged, uncertainty_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
-from glider.sysid.replay.vehicle import Vehicle
+from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
 from glider.sysid.verdict import find_doubt, judge, with_excluded
@@ -114,10 +115,11 @@ class Analysis:
                 signs = find_signs(logged, few, masks, self.vehicle)
         campaign = turn_campaign(logged, signs)
         check_limits(campaign, masks)
+        campaign, of_servo = identify_servo(campaign, masks)
         with self.stage("smooth"):
             noise, records = smoothed(campaign)
             as_logged = records if signs.are_right else smoothed(logged)[1]
-        return SmoothedFlights(campaign, signs, noise, records, as_logged)
+        return SmoothedFlights(campaign, signs, noise, records, as_logged, of_servo)
 
     def _search(self, flights: SmoothedFlights) -> Searched:
         """Searches the effects that the flights to fit show, without outliers.
@@ -128,7 +130,8 @@ class Analysis:
         noise = flights.noise
         records = [*flights.corrected.values()]
         with self.stage("compare", "comparing flights"):
-            everything = make_task(records, self.vehicle, self.kinds)
+            vehicle = make_vehicle(flights.campaign, self.vehicle.space)
+            everything = make_task(records, vehicle, self.kinds)
             outlying = {
                 name: "explained by no model with the others: its mean square is "
                 f"{ratio:.3g} times the median (another clock, axis, unit or glider, "
@@ -265,7 +268,7 @@ class Analysis:
             "set_aside": tuple(sorted(rows, key=lambda s: s.file)),
             "planarity": {name: words for name, words in rolling.items() if words},
             "noise": result.MeasurementNoise(noise.position, noise.pitch),
-            "log_findings": self.inspection.warnings,
+            "log_findings": self.inspection.warnings + found.flights.findings,
             "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             "candidates": traced.alone,
             "combinations": traced.combinations[:_MOST_COMBINATIONS],

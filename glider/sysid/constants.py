@@ -57,6 +57,9 @@ PRIOR_SCALES = 3.0
 # a half), and of an unmeasured elevator's travel over the one that its log says: the
 # moment shows both only over the inertia. Beyond it the log is in doubt (c).
 TAIL_SPREAD = 0.1
+# That of the drift between the clocks of poses and servo over a session [s] (c): clocks
+# differ by 20 parts in a million, and a session lasts some minutes.
+DRIFT_SPREAD = 5e-3
 # That of the distance of an unknown wing from the center of mass [m] (c).
 WING_SPREAD = 0.03
 # Shift of a servo's log above which its clock is in doubt, and a lag that its samples

@@ -41,6 +41,7 @@ class SmoothedFlights:
     noise: Noise  #: Of the sensors.
     corrected: Mapping[str, Record]  #: With the signs turned, by name.
     logged: Mapping[str, Record]  #: As they were logged.
+    findings: tuple[str, ...]  #: How the servo differs from its specification.
 
     def of(self, model: str, names: Iterable[str]) -> list[Record]:
         """Returns flights for a model, all by name."""

@@ -60,6 +60,7 @@ class Replay(NamedTuple):
     #: First-order lag of the elevator's rate [s]; 0 for none.
     time_constant: float = 0.0
     latency: float = 0.0  #: The row of time t shows the pose of t - latency [s].
+    drift: float = 0.0  #: Growth of the latency from a session's begin to its end [s].
     #: Further ones and their coefficients, integrated by their formulas.
     actuators: tuple[tuple["EffectKind", tuple[float, ...]], ...] = ()
 

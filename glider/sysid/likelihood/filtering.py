@@ -1,6 +1,7 @@
 """Flights filtered and smoothed: their likelihood, and what they say of themselves."""
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -63,7 +64,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     s = scales
     record = flight.record
     launch = [*LAUNCH_SPREAD]
-    servo = s.servo
+    servo = math.hypot(s.servo, record.departure_std)
     off = abs(record.rest - record.usual_rest)
     if record.is_cut:  # It was logged with noise.
         off = max(off, Z * Scales.elevator)
@@ -199,6 +200,8 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         by_start[n : n + PROCESSES] += by_power
         by_start *= 2.0 * start
         air, air_z, moment, servo, *constants = by_start[n:]
+        if start[n + 3] > 0.0:  # Of it, the departure's error is no scale.
+            servo *= scales.servo**2 / start[n + 3]
     by_name = {
         "position": sensors[0] + sensors[1],
         "pitch": sensors[2],

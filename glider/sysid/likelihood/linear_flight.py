@@ -22,7 +22,13 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
 from glider.sysid.replay.log_space import SERVO_LOG, sensed
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
+from glider.sysid.replay.replayed import (
+    latency_of,
+    signals,
+    states_at_rest,
+    trimmed,
+    true_nodes,
+)
 
 FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
 
@@ -312,7 +318,8 @@ def _logged(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
     space = record.space
     columns = [signals(record, theta).logged + nodes[:, OFFSET]]
     if record.seen.shape[1] > 4:
-        late = np.clip(record.time - space.replay(theta).latency, 0.0, record.time[-1])
+        latency = latency_of(record, space.replay(theta))
+        late = np.clip(record.time - latency, 0.0, record.time[-1])
         bias = theta[space.slots_of(SERVO_LOG.kind)[2]]
         then = CubicSpline(record.time, record.pitch_rate)(late)
         columns.append(nodes[:, PITCH_RATE] + bias + record.pitch_rate - then)

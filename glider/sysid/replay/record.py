@@ -8,6 +8,7 @@ import numpy as np
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.planarity import in_plane, planar_pitch
 from glider.campaign.checks.servo import find_limits
+from glider.campaign.checks.servo_fit import command_tape
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
@@ -86,6 +87,9 @@ class Record:
     has_servo: bool  #: Whether the elevator was commanded and measured.
     switch_times: np.ndarray  #: (k,) of the commands, on the same clock [s].
     commands: np.ndarray  #: (k,) [rad/s].
+    place: float  #: In the session, from -0.5 for its first flight to 0.5.
+    departure: np.ndarray  #: (n,) of the elevator from what a servo makes of them.
+    departure_std: float  #: Its standard error [rad].
     servo: Servo  #: Limits of the servo.
     rest: float  #: Where the elevator stood before the first command [rad].
     trim_is_moment: bool  #: Whether a trim makes no force, see `replayed.trimmed`.
@@ -94,7 +98,7 @@ class Record:
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
-        of_nodes = "time pose elevator pitch_rate seen nodes"
+        of_nodes = "time pose elevator pitch_rate seen nodes departure"
         of_nodes += " acceleration acceleration_std"
         ends = dict.fromkeys(of_nodes.split(), count)
         ends |= dict.fromkeys(("pitch", "bank", "side_wind"), count - 1)
@@ -115,9 +119,15 @@ def prepare(
     if campaign.elevator == "servo":
         servo = find_limits(campaign, masks, noise.elevator)
     settings = dataclasses.replace(campaign, flights=())
-    return in_parallel(
-        lambda f: _record(f, masks_of(f, masks), settings, noise, space, servo), flights
-    )
+    places = np.linspace(-0.5, 0.5, len(flights)) if len(flights) > 1 else [0.0]
+
+    def record(numbered: tuple[Flight, float]) -> Record:
+        flight, place = numbered
+        mask = masks_of(flight, masks)
+        own = _record(flight, mask, settings, noise, space, servo)
+        return dataclasses.replace(own, place=float(place))
+
+    return in_parallel(record, list(zip(flights, places, strict=True)))
 
 
 def _record(
@@ -157,9 +167,18 @@ def _record(
     rest = 0.0
     switches = np.zeros(1)
     commands = np.zeros(1)
+    departure = np.zeros(n)
+    departure_std = 0.0
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.elevator is not None and has_servo:
-        switches, commands, rest = _tape(flight, mask, clock, campaign.switch_rate)
+        begin = float(flight.time[good[0]])
+        tape = command_tape(flight, mask, campaign.switch_rate, begin)
+        switches, commands, rest = tape
+        if flight.departure is not None:
+            angle = np.interp(time, clock, flight.departure.angle)
+            departure = angle - angle[0]  # It departs from where it rests.
+            departure_std = flight.departure.std
+            rest += float(angle[0])
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
     return Record(
@@ -179,29 +198,15 @@ def _record(
         has_servo=has_servo,
         switch_times=switches,
         commands=commands,
+        place=0.0,
+        departure=departure,
+        departure_std=departure_std,
         servo=servo,
         rest=rest,
         is_cut=has_servo and mask.first > 0,
         trim_is_moment=campaign.elevator == "fixed_per_flight"
         and "elevator_area" not in campaign.vehicle,
     )
-
-
-def _tape(
-    flight: Flight, mask: Masks, clock: np.ndarray, switch_rate: float | None
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Returns when commands switch [s], to what [rad/s], and the first angle [rad]."""
-    assert flight.command is not None and flight.elevator is not None
-    # What was commanded before a gap that hides commands does not count.
-    rows = np.arange(mask.first, len(clock))
-    since = flight.command_time
-    if since is not None:
-        since = (since - flight.time + clock)[rows]
-    tape = command_steps(clock[rows], flight.command[rows], switch_rate, since)
-    for first in rows[~mask.elevator[rows]][:1]:  # Its noise is what x[3] is for.
-        [travel] = elevator_path(*tape, clock[[first]])
-        return *tape, float(flight.elevator[first] - travel)
-    return *tape, 0.0
 
 
 def _pitch_rates(

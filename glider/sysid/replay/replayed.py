@@ -15,7 +15,13 @@ import numpy as np
 from glider.compiled import replay as compiled
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET
-from glider.physics.effects import FLOW_VARIABLES, NO_GAUSSIANS, PITCH_MOMENT, Gaussians
+from glider.physics.effects import (
+    FLOW_VARIABLES,
+    NO_GAUSSIANS,
+    PITCH_MOMENT,
+    Gaussians,
+    Replay,
+)
 from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import NUM_STATES
@@ -44,6 +50,11 @@ class Signals(NamedTuple):
         return path, np.append(self.rate, self.rate[-1:])
 
 
+def latency_of(record: Record, replay: Replay) -> float:
+    """Returns by how much poses of a flight are logged late [s]."""
+    return replay.latency + replay.drift * record.place
+
+
 def signals(record: Record, theta: np.ndarray) -> Signals:
     """Replays a log's elevator.
 
@@ -62,7 +73,7 @@ def _replayed(record: Record, last: bytes) -> Signals:
         still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
         return Signals(*still, np.ones(n, bool))
     middle = 0.5 * (record.time[1:] + record.time[:-1])
-    query = np.concatenate([record.time, middle]) - replay.latency
+    query = np.concatenate([record.time, middle]) - latency_of(record, replay)
     query = np.concatenate([query, record.time])
     low, high, _ = record.servo
 
@@ -79,6 +90,7 @@ def _replayed(record: Record, last: bytes) -> Signals:
     if path.min() < low + room or path.max() > high - room:
         off = path_from(record.rest + _PERTURBATION) - path
         persists = np.logical_and.accumulate(off[:n] > 0.5 * _PERTURBATION)
+    path += np.interp(query, record.time, record.departure)
     here, middle, logged = np.split(path, [n, 2 * n - 1])
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     rate = np.diff(here) / np.diff(record.time)

@@ -1,0 +1,292 @@
+"""The servo that a campaign's elevators follow, and what they do beside it.
+
+The measured angles of all flights are compared with the exact path of a servo behind
+the logged commands. Where what is left of them is noise, the servo is as specified;
+else its delay, lag and gain are fitted, and then its limits. What these leave is a
+departure, if the angles are more likely with a smooth curve than with noise alone: lost
+or rounded commands, play, a lag that depends on the load. Flights are replayed with it,
+so that the aerodynamics are traced along the measured elevator.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from glider.campaign.checks.masks import Masks, masks_of
+from glider.campaign.logs import Campaign, Departure, Flight
+from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
+from glider.physics.held_commands import command_steps
+from glider.physics.servo import Servo, elevator_path
+
+_LEAST_EVIDENCE = 6.0
+"""Evidence above which a departure is no noise [nats]. By chance, half a chi-squared of
+one degree is larger in one of 3,700 campaigns; measured: 2.1 at most in 27 campaigns
+whose servo is as specified, or lags."""
+_ORDER = 2
+"""Order of the derivative of a departure that is white noise: its rate is a random
+walk. Of the orders 1 to 3 its error is the least for a lag of one way, nearly so for
+lost and rounded commands and play (bench_departures)."""
+_ERROR_SCALE = 1.4
+"""Ratio of a departure's error to its standard error as a Gaussian process: 1.0 to 1.4,
+as departures are uneven (bench_departures)."""
+_FEWEST_ROWS = 10  # Of a flight whose departure can be smoothed.
+_STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
+_SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
+_LEAST = (0.0, -2.0)  # Of a lag [s] and a gain.
+_MOST = (0.3, 0.5, 2.0)  # Of a delay [s], a lag and a gain.
+_STEPS = (0.01, 0.01, 0.1)
+_LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
+
+
+class CommandTape(NamedTuple):
+    """The held commands of a flight, from its first row whose commands are known."""
+
+    switches: np.ndarray  #: (k,) when each begins [s].
+    commands: np.ndarray  #: (k,) [rad/s]
+    rest: float  #: Angle of the elevator before the first [rad].
+
+
+def command_tape(
+    flight: Flight, mask: Masks, switch_rate: float | None, begin: float = 0.0
+) -> CommandTape:
+    """Returns when commands switch [s], counted from `begin`, and to what."""
+    assert flight.command is not None and flight.elevator is not None
+    # What was commanded before a gap that hides commands does not count.
+    rows = np.arange(mask.first, len(flight.time))
+    time = flight.time - begin
+    since = flight.command_time
+    if since is not None:
+        since = (since - begin)[rows]
+    tape = command_steps(time[rows], flight.command[rows], switch_rate, since)
+    seen = rows[~mask.elevator[rows]]
+    if not len(seen):
+        return CommandTape(*tape, 0.0)
+    first = seen[0]  # Its noise is what x[3] is for.
+    [travel] = elevator_path(*tape, time[[first]])
+    return CommandTape(*tape, float(flight.elevator[first] - travel))
+
+
+class _Elevator(NamedTuple):
+    """The measured elevator of a flight behind its commands."""
+
+    name: str  #: Name of the flight.
+    time: np.ndarray  #: (n,) of all rows [s].
+    rows: np.ndarray  #: (m,) rows that count.
+    angle: np.ndarray  #: (m,) measured there [rad].
+    tape: CommandTape
+
+    def errors(self, servo: "_ServoFit") -> np.ndarray:
+        """Measured minus expected angles (m,) [rad]."""
+        path = elevator_path(
+            self.tape.switches,
+            servo.gain * self.tape.commands,
+            self.time[self.rows],
+            servo.limits,
+            delay=servo.delay,
+            time_constant=servo.lag,
+            start=self.tape.rest,
+        )
+        return self.angle - path
+
+
+class _ServoFit(NamedTuple):
+    """A servo that elevators follow."""
+
+    limits: Servo
+    delay: float = 0.0  #: [s]
+    lag: float = 0.0  #: [s]
+    gain: float = 1.0  #: Travel over the commanded one.
+
+    def departures(self, elevators: Sequence[_Elevator]) -> Smoothing:
+        """Returns how elevators depart from the servo."""
+        times = [each.time[each.rows] for each in elevators]
+        errors = [each.errors(self)[:, None] for each in elevators]
+        return estimate_noise(times, errors, _ORDER)[0]
+
+    def explains(self, elevators: Sequence[_Elevator]) -> bool:
+        """Whether elevators are off by noise alone."""
+        return self.departures(elevators).evidence < _LEAST_EVIDENCE
+
+
+def identify_servo(
+    campaign: Campaign, masks: Mapping[str, Masks]
+) -> tuple[Campaign, tuple[str, ...]]:
+    """Compares the measured elevators of a campaign with its servo.
+
+    Signs must be right. Returns the campaign with the limits that the servo shows and
+    with the departures of elevators from it, and a sentence for each.
+    """
+    elevators = _measure(campaign, masks)
+    specified = _ServoFit(campaign.limits)
+    if not elevators or specified.explains(elevators):
+        return campaign, ()
+    earliest = -_SURE * campaign.servo.command_std
+    servo = _fit(elevators, specified, earliest)
+    if servo.explains(elevators):  # A delay, a lag or a gain is an effect to be traced.
+        return campaign, ()
+    limited = _drop_idle(
+        _fit_limits(elevators, servo, earliest), campaign.limits, elevators
+    )
+    words: tuple[str, ...] = ()
+    departures = servo.departures(elevators)
+    if limited.departures(elevators).evidence < departures.evidence - _LEAST_EVIDENCE:
+        campaign, words = _with_limits(campaign, limited.limits)
+        servo = limited
+        departures = servo.departures(elevators)
+    if departures.evidence < _LEAST_EVIDENCE:
+        return campaign, words
+    return _with_departures(campaign, servo, elevators, departures, words)
+
+
+def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[_Elevator]:
+    """Elevators whose angle was measured behind commands that were logged."""
+    log = campaign.servo
+    if campaign.elevator != "servo" or log.angle != "measured":
+        return []
+    if log.command == "reconstructed":
+        return []
+    elevators = []
+    for flight in campaign.flights:
+        assert flight.elevator is not None
+        mask = masks_of(flight, masks)
+        rows = np.flatnonzero(~(mask.elevator | mask.beyond))
+        if len(rows) >= _FEWEST_ROWS:
+            tape = command_tape(flight, mask, campaign.switch_rate)
+            angle = flight.elevator[rows]
+            elevators.append(_Elevator(flight.name, flight.time, rows, angle, tape))
+    return elevators
+
+
+def _join_errors(elevators: Sequence[_Elevator], servo: _ServoFit) -> np.ndarray:
+    """Errors of all elevators behind a servo, each about its mean [rad]."""
+    errors = [each.errors(servo) for each in elevators]
+    return np.concatenate([error - np.mean(error) for error in errors])
+
+
+def _fit(
+    elevators: Sequence[_Elevator], start: _ServoFit, earliest: float
+) -> _ServoFit:
+    """Fits delay, lag and gain of a servo that keeps its limits.
+
+    Its delay is `earliest` at least [s].
+    """
+
+    def errors(numbers: np.ndarray) -> np.ndarray:
+        return _join_errors(elevators, _ServoFit(start.limits, *numbers))
+
+    fits = []
+    for delay, lag in _STARTS:
+        first = (delay, lag, 1.0)
+        bounds = ((earliest, *_LEAST), _MOST)
+        fit = least_squares(
+            errors, first, bounds=bounds, x_scale=_STEPS, diff_step=1e-3
+        )
+        fits.append(fit)
+    best = min(fits, key=lambda fit: fit.cost)
+    return _ServoFit(start.limits, *map(float, best.x))
+
+
+def _fit_limits(
+    elevators: Sequence[_Elevator], start: _ServoFit, earliest: float
+) -> _ServoFit:
+    """Fits a servo and its limits, which begin where elevators and commands end."""
+    angles = np.concatenate([each.angle for each in elevators])
+    commands = np.concatenate([each.tape.commands for each in elevators])
+    low = float(np.min(angles))
+    high = float(np.max(angles))
+    fastest = float(np.max(np.abs(commands)))
+
+    def errors(numbers: np.ndarray) -> np.ndarray:
+        own, limits = numbers[:3], numbers[3:]
+        return _join_errors(elevators, _ServoFit(Servo(*limits), *own))
+
+    first = [start.delay, start.lag, start.gain, low, high, 0.9 * fastest]
+    span = high - low
+    lower = [earliest, *_LEAST, low - span, 0.5 * (low + high), _LEAST_RATE]
+    upper = [*_MOST, 0.5 * (low + high), high + span, 2.0 * fastest]
+    steps = [*_STEPS, 0.1, 0.1, 1.0]
+    bounds = (lower, upper)
+    fit = least_squares(errors, first, bounds=bounds, x_scale=steps, diff_step=1e-3)
+    numbers = [float(number) for number in fit.x]
+    return _ServoFit(Servo(*numbers[3:]), *numbers[:3])
+
+
+def _drop_idle(
+    servo: _ServoFit, specified: Servo, elevators: Sequence[_Elevator]
+) -> _ServoFit:
+    """Returns the servo with specified limits where its own are no better."""
+    for name in Servo._fields:
+        own = {name: getattr(specified, name)}
+        other = servo._replace(limits=servo.limits._replace(**own))
+        evidence = servo.departures(elevators).evidence
+        if other.departures(elevators).evidence < evidence + _LEAST_EVIDENCE:
+            servo = other
+    return servo
+
+
+def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str, ...]]:
+    """Returns the campaign with other limits of the servo, and how they differ."""
+    known = campaign.limits
+    words = []
+    for name, what in (("low", "stops at"), ("high", "stops at"), ("rate", "turns at")):
+        own = getattr(servo, name)
+        before = getattr(known, name)
+        if own != before:
+            unit = "rad/s at most" if name == "rate" else "rad"
+            field = "elevator_rate_limit" if name == "rate" else "elevator_limits"
+            says = f"'{field}' says {before:.3g}"
+            if not math.isfinite(before):
+                says = f"'{field}' is not specified"
+            words.append(
+                f"The servo {what} {own:.3g} {unit}, and {says}: its own limit is used."
+            )
+    limits = (servo.low, servo.high)
+    changed = dataclasses.replace(
+        campaign,
+        elevator_limits=None if not np.isfinite(limits).all() else limits,
+        elevator_rate_limit=servo.rate if math.isfinite(servo.rate) else None,
+    )
+    return changed, tuple(words)
+
+
+def _with_departures(
+    campaign: Campaign,
+    servo: _ServoFit,
+    elevators: Sequence[_Elevator],
+    found: Smoothing,
+    words: tuple[str, ...],
+) -> tuple[Campaign, tuple[str, ...]]:
+    """Returns the campaign with its elevators' departures from a servo."""
+    curves = {}
+    variances = []
+    for each in elevators:
+        seen = each.time[each.rows]
+        query = np.clip(each.time, seen[0], seen[-1])
+        smoothed = smoothing_maps(seen, query, found.ratio, _ORDER)[0]
+        curves[each.name] = smoothed @ each.errors(servo)
+        at_rows = smoothed[each.rows].diagonal()
+        variances.append(found.noise**2 * np.mean(at_rows))
+    std = _ERROR_SCALE * math.sqrt(np.mean(variances))
+    flights = []
+    for flight in campaign.flights:
+        curve = curves.get(flight.name)
+        own = None if curve is None else Departure(curve, std)
+        flights.append(dataclasses.replace(flight, departure=own))
+    largest = {name: float(np.max(np.abs(curve))) for name, curve in curves.items()}
+    worst = max(largest, key=largest.__getitem__)
+    time = next(each.time for each in elevators if each.name == worst)
+    when = time[np.argmax(np.abs(curves[worst]))]
+    rms = math.sqrt(np.mean([np.var(curve) for curve in curves.values()]))
+    sentence = (
+        f"The elevator departs from its commands by {1e3 * rms:.2g} mrad (RMS; its "
+        f"noise is {1e3 * found.noise:.2g}), in {worst} by {largest[worst]:.2g} rad at "
+        f"{when:.3g} s, whatever its delay, lag and limits: are commands lost or "
+        "rounded, has it play, or another lag under load? Flights are replayed along "
+        "the measured elevator."
+    )
+    changed = dataclasses.replace(campaign, flights=tuple(flights))
+    return changed, (*words, sentence)
