@@ -287,14 +287,6 @@ class Analysis:
 def _warnings_of(flights: SmoothedFlights) -> Iterator[str]:
     """Yields sentences about an elevator that is not where it was expected."""
     records = [*flights.corrected.values()]
-    known = flights.campaign.limits
-    shown = records[0].servo
-    if records[0].has_servo and shown != known:
-        yield (
-            f"The elevator passes its limits of {known.low:.3g} and "
-            f"{known.high:.3g} rad: it is assumed to stop at {shown.low:.3g} and "
-            f"{shown.high:.3g}."
-        )
     is_measured = flights.campaign.servo.angle == "measured"
     for record in records:
         if record.has_servo and is_measured and not record.seen[:, 3].any():

@@ -103,7 +103,7 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
         if len(rows) < 2:
             continue
         time = record.time[rows]
-        modelled = signals(record, model.theta).logged[rows]
+        modelled = (signals(record, model.theta).logged - record.departure)[rows]
         ends = np.searchsorted(time, time + constants.MOMENT_TIME)
         begins = np.searchsorted(time, time - constants.MOMENT_TIME)
         turns = np.append(0, np.cumsum(np.diff(np.sign(np.gradient(modelled))) != 0.0))

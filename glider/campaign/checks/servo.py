@@ -50,7 +50,6 @@ Measured: 0.93 at least for 600 flights; nine in ten with commands of another fl
 fall below, as few rates correlate by chance."""
 _WIDE = 0.15  # Travel above which one flight alone can be judged [rad].
 _BEYOND = 0.15  # Angle beyond its limits that no zero of an elevator explains [rad].
-_NOISES = 6.0  # Noise beyond its limits above which an elevator passes them [-].
 
 _GAIN_DELAYS = np.arange(-0.02, 0.355, 0.02)
 """Delays that are tried for the gain [s]."""
@@ -355,19 +354,6 @@ def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
             f"{highest:.3g} rad and field 'elevator_limits' is [{lower:g}, {upper:g}]; "
             "expected the travel that the servo has (trailing edge down, up)."
         )
-
-
-def find_limits(campaign: Campaign, masks: Mapping[str, Masks], noise: float) -> Servo:
-    """Returns the servo's limits: its stops are farther out if the elevator was."""
-    low, high, rate = campaign.limits
-    angles = _join_angles(campaign, masks)
-    lowest = float(np.min(angles))
-    highest = float(np.max(angles))
-    if lowest < low - _NOISES * noise:
-        low = lowest
-    if highest > high + _NOISES * noise:
-        high = highest
-    return Servo(low, high, rate)
 
 
 def _join_angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 The measured angles of all flights are compared with the exact path of a servo behind
 the logged commands. Where what is left of them is noise, the servo is as specified;
-else its delay, lag and gain are fitted, and then its limits. What these leave is a
+else its delay and lag are fitted, and then its limits. What these leave is a
 departure, if the angles are more likely with a smooth curve than with noise alone: lost
 or rounded commands, play, a lag that depends on the load. Flights are replayed with it,
 so that the aerodynamics are traced along the measured elevator.
@@ -10,7 +10,7 @@ so that the aerodynamics are traced along the measured elevator.
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,10 +36,11 @@ as departures are uneven (bench_departures)."""
 _FEWEST_ROWS = 10  # Of a flight whose departure can be smoothed.
 _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
-_LEAST = (0.0, -2.0)  # Of a lag [s] and a gain.
-_MOST = (0.3, 0.5, 2.0)  # Of a delay [s], a lag and a gain.
-_STEPS = (0.01, 0.01, 0.1)
+_LONGEST = (0.3, 0.5)  # Delay and lag [s].
+_STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
 _LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
+_USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
+_DIFFERENCE = 1e-3  # Relative step of slopes.
 
 
 class CommandTape(NamedTuple):
@@ -83,7 +84,7 @@ class _Elevator(NamedTuple):
         """Measured minus expected angles (m,) [rad]."""
         path = elevator_path(
             self.tape.switches,
-            servo.gain * self.tape.commands,
+            self.tape.commands,
             self.time[self.rows],
             servo.limits,
             delay=servo.delay,
@@ -99,7 +100,6 @@ class _ServoFit(NamedTuple):
     limits: Servo
     delay: float = 0.0  #: [s]
     lag: float = 0.0  #: [s]
-    gain: float = 1.0  #: Travel over the commanded one.
 
     def departures(self, elevators: Sequence[_Elevator]) -> Smoothing:
         """Returns how elevators depart from the servo."""
@@ -126,7 +126,7 @@ def identify_servo(
         return campaign, ()
     earliest = -_SURE * campaign.servo.command_std
     servo = _fit(elevators, specified, earliest)
-    if servo.explains(elevators):  # A delay, a lag or a gain is an effect to be traced.
+    if servo.explains(elevators):  # A delay and a lag are effects to be traced.
         return campaign, ()
     limited = _drop_idle(
         _fit_limits(elevators, servo, earliest), campaign.limits, elevators
@@ -161,33 +161,20 @@ def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[_Elevator]:
     return elevators
 
 
-def _join_errors(elevators: Sequence[_Elevator], servo: _ServoFit) -> np.ndarray:
-    """Errors of all elevators behind a servo, each about its mean [rad]."""
-    errors = [each.errors(servo) for each in elevators]
-    return np.concatenate([error - np.mean(error) for error in errors])
-
-
 def _fit(
     elevators: Sequence[_Elevator], start: _ServoFit, earliest: float
 ) -> _ServoFit:
-    """Fits delay, lag and gain of a servo that keeps its limits.
+    """Fits delay and lag of a servo that keeps its limits.
 
     Its delay is `earliest` at least [s].
     """
 
-    def errors(numbers: np.ndarray) -> np.ndarray:
-        return _join_errors(elevators, _ServoFit(start.limits, *numbers))
+    def servo_of(numbers: np.ndarray) -> _ServoFit:
+        return _ServoFit(start.limits, *map(float, numbers))
 
-    fits = []
-    for delay, lag in _STARTS:
-        first = (delay, lag, 1.0)
-        bounds = ((earliest, *_LEAST), _MOST)
-        fit = least_squares(
-            errors, first, bounds=bounds, x_scale=_STEPS, diff_step=1e-3
-        )
-        fits.append(fit)
-    best = min(fits, key=lambda fit: fit.cost)
-    return _ServoFit(start.limits, *map(float, best.x))
+    bounds = ((earliest, 0.0), _LONGEST)
+    fits = [_minimize(elevators, servo_of, d, bounds, _STEPS) for d in _STARTS]
+    return min(fits, key=lambda fit: fit.departures(elevators).evidence)
 
 
 def _fit_limits(
@@ -200,19 +187,47 @@ def _fit_limits(
     high = float(np.max(angles))
     fastest = float(np.max(np.abs(commands)))
 
-    def errors(numbers: np.ndarray) -> np.ndarray:
-        own, limits = numbers[:3], numbers[3:]
-        return _join_errors(elevators, _ServoFit(Servo(*limits), *own))
+    def servo_of(numbers: np.ndarray) -> _ServoFit:
+        delay, lag, *limits = map(float, numbers)
+        return _ServoFit(Servo(*limits), delay, lag)
 
-    first = [start.delay, start.lag, start.gain, low, high, 0.9 * fastest]
+    middle = 0.5 * (low + high)
     span = high - low
-    lower = [earliest, *_LEAST, low - span, 0.5 * (low + high), _LEAST_RATE]
-    upper = [*_MOST, 0.5 * (low + high), high + span, 2.0 * fastest]
-    steps = [*_STEPS, 0.1, 0.1, 1.0]
-    bounds = (lower, upper)
-    fit = least_squares(errors, first, bounds=bounds, x_scale=steps, diff_step=1e-3)
-    numbers = [float(number) for number in fit.x]
-    return _ServoFit(Servo(*numbers[3:]), *numbers[:3])
+    first = (start.delay, start.lag, low, high, 0.9 * fastest)
+    least = (earliest, 0.0, low - span, middle, _LEAST_RATE)
+    most = (*_LONGEST, middle, high + span, 2.0 * fastest)
+    steps = (*_STEPS, 0.1, 0.1, 1.0)
+    return _minimize(elevators, servo_of, first, (least, most), steps)
+
+
+def _minimize(
+    elevators: Sequence[_Elevator],
+    servo_of: Callable[[np.ndarray], _ServoFit],
+    first: Sequence[float],
+    bounds: tuple[Sequence[float], Sequence[float]],
+    steps: Sequence[float],
+) -> _ServoFit:
+    """Returns the servo of least errors.
+
+    Large ones weigh less: a lost command says nothing of the servo. `steps` scale the
+    numbers that `servo_of` makes a servo of.
+    """
+
+    def errors(numbers: np.ndarray) -> np.ndarray:
+        servo = servo_of(numbers)
+        each = [elevator.errors(servo) for elevator in elevators]
+        return np.concatenate([error - np.median(error) for error in each])
+
+    fit = least_squares(
+        errors,
+        first,
+        bounds=bounds,
+        x_scale=steps,
+        diff_step=_DIFFERENCE,
+        loss="soft_l1",
+        f_scale=_USUAL_ERROR,
+    )
+    return servo_of(fit.x)
 
 
 def _drop_idle(

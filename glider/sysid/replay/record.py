@@ -7,7 +7,6 @@ import numpy as np
 
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.planarity import in_plane, planar_pitch
-from glider.campaign.checks.servo import find_limits
 from glider.campaign.checks.servo_fit import command_tape
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
@@ -115,9 +114,7 @@ def prepare(
 ) -> list[Record]:
     """Smooths flights."""
     masks = masks or {}
-    servo = NO_LIMITS
-    if campaign.elevator == "servo":
-        servo = find_limits(campaign, masks, noise.elevator)
+    servo = campaign.limits if campaign.elevator == "servo" else NO_LIMITS
     settings = dataclasses.replace(campaign, flights=())
     places = np.linspace(-0.5, 0.5, len(flights)) if len(flights) > 1 else [0.0]
 
