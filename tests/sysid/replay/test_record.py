@@ -11,7 +11,7 @@ from glider.campaign.logs import ServoLog
 from glider.compiled.replay import OFFSET
 from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.model import GliderModel
-from glider.physics.servo import NO_LIMITS, Servo
+from glider.physics.servo import NO_LIMITS
 from glider.sysid.constants import Z
 from glider.sysid.likelihood.filtering import rests, start_variances
 from glider.sysid.likelihood.linear_flight import linearize
@@ -134,17 +134,6 @@ def test_frozen_rows_are_set_aside_and_not_taken_for_measured(campaign):
     assert record.seen[:40].all() and record.seen[52:].all()
     whole = records_of(campaign)[0]
     np.testing.assert_allclose(record.nodes[:, :2], whole.nodes[:, :2], atol=0.01)
-
-
-def test_an_elevator_that_passes_a_limit_does_not_stop_there(campaign):
-    highest = max(f.elevator.max() for f in campaign.flights)
-    lower, _ = campaign.elevator_limits
-    passed = dataclasses.replace(campaign, elevator_limits=(lower, highest - 0.1))
-    rate = campaign.elevator_rate_limit
-    assert {r.servo for r in records_of(passed)} == {Servo(lower, highest, rate)}
-    # Noise passes no limit.
-    touched = dataclasses.replace(campaign, elevator_limits=(lower, highest - 1e-4))
-    assert {r.servo for r in records_of(touched)} == {touched.limits}
 
 
 def test_a_measured_angles_own_rates_meet_no_limits(campaign):
