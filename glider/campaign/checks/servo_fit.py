@@ -28,10 +28,10 @@ one degree is larger in one of 3,700 campaigns; measured: 2.1 at most in 27 camp
 whose servo is as specified, or lags."""
 _ORDER = 2
 """Order of the derivative of a departure that is white noise: its rate is a random
-walk. Of the orders 1 to 3 its error is the least for a lag of one way, nearly so for
-lost and rounded commands and play (bench_departures)."""
-_ERROR_SCALE = 1.4
-"""Ratio of a departure's error to its standard error as a Gaussian process: 1.0 to 1.4,
+walk. Of the orders 1 to 3 its errors are the least or nearly so, and it never takes
+noise for departures (bench_departures)."""
+_ERROR_SCALE = 1.5
+"""Ratio of a departure's error to its standard error as a Gaussian process: 0.6 to 1.4,
 as departures are uneven (bench_departures)."""
 _FEWEST_ROWS = 10  # Of a flight whose departure can be smoothed.
 _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
