@@ -75,8 +75,11 @@ def faults_of(path: str) -> Iterator[Fault]:
 
 def change(node: ast.AST) -> str | None:
     """Returns the source of an expression with a fault; None where there is none."""
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        return repr(node.value + 1 if type(node.value) is int else 1.5 * node.value)
+    if isinstance(node, ast.Constant):
+        value: Any = node.value
+        if type(value) is int:
+            return repr(value + 1)
+        return repr(1.5 * value) if type(value) is float else None
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not):
         return ast.unparse(node.operand)
     if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in SWAPPED:

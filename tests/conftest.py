@@ -15,6 +15,7 @@ from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
+from tests.helpers.floors import floor_of
 from tests.helpers.legs import IS_LEFT_OUT, TESTS, WITHOUT_DRAKE, is_without_drake
 
 matplotlib.use("Agg")  # Tests open no window.
@@ -46,10 +47,12 @@ def pytest_report_header() -> str | None:
 def pytest_collection_modifyitems(
     config: pytest.Config, items: list[pytest.Item]
 ) -> None:
-    """Runs the quick tests first; in several processes, files with slow tests.
+    """Runs the tests of lower packages first: a cause fails before what it causes.
 
-    What Drake has no part in runs with one of the two.
+    Slow tests come last; in several processes, their files come first. What Drake has
+    no part in runs with one of the two.
     """
+    items.sort(key=lambda item: floor_of(item.path))
     for item in items:
         if is_without_drake(item.path):
             item.add_marker(WITHOUT_DRAKE)

@@ -19,7 +19,7 @@ from glider.report.plots.as_file import draw
 from glider.simulation.fly import fly
 from held_policy import HeldPolicy
 from ilqr import goal_problem
-from tests.test_floors import FLOORS
+from tests.helpers.floors import FLOORS
 
 ROOT = Path(__file__).parents[1]
 PAGES = ("CHANGELOG.md", "CONTRIBUTING.md", "README.md")

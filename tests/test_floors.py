@@ -8,60 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers.floors import FLOORS
+
 ROOT = Path(__file__).parents[1]
 
-FLOORS = [
-    "glider.lazy",
-    "glider.errors",
-    "glider.paths",
-    "glider.progress",
-    "glider.files",
-    "glider.physics",
-    "glider.compiled",
-    "glider.campaign",
-    "glider.systems.template",
-    "glider.systems.plant",
-    "glider.sysid.constants",
-    "glider.sysid.result",
-    "glider.sysid.result",
-    "glider.sysid.replay",
-    "glider.sysid.likelihood",
-    "glider.sysid.search",
-    "glider.sysid.fit",
-    "glider.sysid",
-    "glider.planning",
-    "glider.control",
-    "glider.estimation",
-    "glider.simulation",
-    "glider.verification.dynamics",
-    "glider.verification.sos",
-    "glider.verification.funnel",
-    "glider.verification.proof",
-    "glider.verification.trials",
-    "glider.verification",
-    "glider.systems",
-    "glider.propagation",
-    "glider.experiments",
-    "glider.report.plots",
-    "glider.report",
-    "glider.comparison",
-    "glider.funnels",
-    "glider.throws",
-    "glider",
-    "glider.commands",
-    "glider.__main__",
-    "diagrams",
-    "diagrams.programs.page",
-    "diagrams.programs.program",
-    "diagrams.programs.station",
-    "diagrams.programs.station.drivers",
-    "diagrams.programs.lab",
-    "diagrams.programs",
-    "examples",
-    "examples.article",
-    "tests",
-    "benchmarks",
-]
 """Packages and lone modules from the ground up; of those that fit a module, the
 longest holds. Modules of one package may import one another, but not in a circle."""
 
