@@ -49,6 +49,7 @@ def test_certificates_hold_and_no_flight_leaves(found):
         assert np.all(levels <= 1.0)
 
 
+@pytest.mark.nightly
 def test_the_true_glider_stays_in_the_funnel_of_what_was_found(found):
     nominal, corrected = found.nominal.on_truth, found.corrected.on_truth
     assert nominal.escapes > 0.5 * nominal.samples

@@ -143,7 +143,7 @@ def test_a_trace_whose_process_was_killed_is_tried_again(folder, open_session):
     assert open_session()._next_job() is not None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_throws_before_the_first_answer_are_flown_again_by_it(folder, open_session):
     session = open_session()
     drop(folder, 0, 1, 2)
