@@ -259,8 +259,8 @@ def study_funnel(
     falsification = funnels.falsify_funnel(funnel, trials.samples, rng)
     on_set = None
     if funnel.is_of_set:
-        of_set = funnels.FlownLoop(gliders=funnel.allowed)
-        on_set = funnels.falsify_funnel(funnel, trials.samples, rng, of_set)
+        allowed = funnel.allowed
+        on_set = funnels.falsify_funnel(funnel, trials.samples, rng, allowed)
     proof = None
     if trials.prove and verdict.holds and funnel.beta.any():
         proof = funnels.prove_flights(
@@ -271,8 +271,7 @@ def study_funnel(
     flights = funnels.fly_inside(funnel, SHOWN, rng)
     progress("the funnel, flown by the true glider")
     try:
-        of_truth = funnels.FlownLoop(model=truth)
-        on_truth = funnels.falsify_funnel(funnel, trials.samples, rng, of_truth)
+        on_truth = funnels.falsify_funnel(funnel, trials.samples, rng, model=truth)
         margin = least_margin(funnel, truth)
     except InputError:  # The funnel's model has states that the true glider lacks.
         on_truth = margin = None

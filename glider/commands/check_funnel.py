@@ -20,9 +20,6 @@ _LEVEL = 0.95
 _FLIGHTS = 9000
 """Flights before the climb: 21,000 with it."""
 
-_HOLD, _LATENCY = 0.02, 0.01
-"""Defaults of --as-flown [s]."""
-
 _MOST_FLIGHTS = 1_000_000
 """Flights that fit the memory of any machine."""
 
@@ -43,24 +40,17 @@ requires one.
 
 The check applies to one glider; --prove covers all gliders of a funnel that was made
 for a set of them. If --model has a covariance, that set must contain the model's set
-of the same probability, and at least that of 95 %; --least-level requires another, also
-of a funnel of one glider, which has no set. --confidence draws gliders from the edge
-of the set that the data allow, by the covariance in --model's file (close-the-loop
+of the same probability, and at least that of 95 %. --confidence draws gliders from the
+edge of the set that the data allow, by the covariance in --model's file (close-the-loop
 writes it), flies them from the boundary and climbs to the worst flights and gliders.
 Flights alone prove nothing.
 
 With --prove, --command-error and --wind are what the funnel must account for, at any
-time, and --hold is the time that its commands must be held, also with --as-flown. With
---latency each command is computed from the state exactly that long before, by a
-predictor that knows the glider and the commands on their way: what it misses in the
-wind is proven to be within the funnel's command error, together with --command-error.
-The state is the true one: no estimator is proven.
-
---as-flown flies what the theorem leaves out: commands from a clock at any phase, held,
-computed from a state of some time ago, other command errors and wind; from the inlet's
-boundary, climbing to the worst starts, phases and winds. With --confidence, gliders of
-that set fly. A funnel of held commands is flown by its own clock, and by a predictor
-where there is a latency.
+time, and --hold is the time that its commands must be held. With --latency each command
+is computed from the state exactly that long before, by a predictor that knows the
+glider and the commands on their way: what it misses in the wind is proven to be within
+the funnel's command error, together with --command-error. The state is the true one: no
+estimator is proven.
 
 exit code: 0 if everything checked holds and no flight leaves; with --prove only if the
 whole funnel is proven, which --every excludes; 1 if not; 2 if the file is not a funnel.
@@ -81,11 +71,6 @@ def add_arguments(parser: CommandParser) -> None:
         "alone, as z=0.1,pitch=0.05 (default: any)"
     )
     parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
-    words = (
-        "the funnel's set must contain the model's set of this probability; needs a "
-        f"--model with a covariance (default: {_LEVEL} of a funnel that has a set)"
-    )
-    parser.add_argument("--least-level", metavar="P", help=words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
@@ -95,8 +80,8 @@ def add_arguments(parser: CommandParser) -> None:
         "--confidence", metavar="P", nargs="?", const=_LEVEL, help=words
     )
     words = (
-        "with --confidence or --as-flown: flights before the climb, which adds as many "
-        f"and a fifth more (default: {_FLIGHTS})"
+        "with --confidence: flights before the climb, which adds as many and a fifth "
+        f"more (default: {_FLIGHTS})"
     )
     parser.add_number("--flights", words)
     words = (
@@ -104,32 +89,14 @@ def add_arguments(parser: CommandParser) -> None:
         "flights of --confidence, for the ascents a new one each time)"
     )
     parser.add_number("--seed", words)
-    words = "fly held and late commands; states how many flights leave the funnel"
-    parser.add_switch("--as-flown", words)
-    both = "--as-flown or --prove"
-    for name, option, words, default in (
-        (
-            "--hold",
-            both,
-            "time that a command is held [s]",
-            f"the funnel's, or {_HOLD}",
-        ),
-        (
-            "--latency",
-            both,
-            "time from a state to its command [s]",
-            f"as flown the funnel's, half of its hold, or {_LATENCY}; none to prove",
-        ),
-        ("--command-error", both, "largest other error of the command [rad/s]", "0"),
-        ("--wind", both, "largest wind beyond the model's own [m/s]", "0"),
+    for name, words, default in (
+        ("--hold", "time that a command is held [s]", "the funnel's"),
+        ("--latency", "time from a state to its command [s]", "none"),
+        ("--command-error", "largest other error of the command [rad/s]", "0"),
+        ("--wind", "largest wind beyond the model's own [m/s]", "0"),
     ):
-        help_ = f"with {option}: {words} (default: {default})"
+        help_ = f"with --prove: {words} (default: {default})"
         parser.add_argument(name, metavar="X", type=float, help=help_)
-    words = (
-        "with --as-flown: a predictor makes up for the latency and, of a feedback that "
-        "acts at all times, half of the hold"
-    )
-    parser.add_switch("--predict", words)
     parser.add_json("JSON instead of sentences")
 
 
@@ -139,7 +106,6 @@ def run(args: argparse.Namespace) -> int:
 
     level, flights = _checked_options(args)
     least_inlet = _least_inlet(args.least_inlet)
-    least_level = _level("--least-level", args.least_level)
     file = args.funnel, *read_file(args.funnel)
 
     # These take a second to import: not before it is known that there is a funnel.
@@ -152,40 +118,27 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.latency import check_latency
     from glider.verification.proof.purpose import Purpose
-    from glider.verification.trials import FlownLoop, check_clock, falsify_funnel
+    from glider.verification.trials import falsify_funnel
 
     funnel = funnel_of(*file)
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None
-    if least_level and covariance is None:
-        raise InputError(
-            "--least-level has no effect without a --model with a covariance, as "
-            "close-the-loop writes it; expected both."
-        )
     confidence = None
     if level is not None:
         confidence = _confidence(funnel, args.model, covariance, level)
-    loop = None
-    if args.as_flown:
-        loop = _flown_loop(args, funnel, confidence)
-    elif confidence:
-        loop = FlownLoop(gliders=confidence)
     if args.prove and args.latency:
         check_latency(funnel, args.latency)
-    if loop:
-        check_clock(funnel, loop.hold)
-    if confidence and funnel.settings.period and not args.as_flown:
+    if confidence and funnel.settings.period:
         raise InputError(
             "--confidence flies gliders under a feedback that acts at all times; the "
-            "commands of this funnel are held: expected --as-flown, too."
+            "commands of this funnel are held: expected --prove instead."
         )
     purpose = Purpose(
         problem=problem,
         hook=args.hook,
         model=model,
         covariance=covariance,
-        least_level=least_level,
         least_inlet=least_inlet,
         **_proven_loop(args),
     )
@@ -207,10 +160,10 @@ def run(args: argparse.Namespace) -> int:
         if args.prove and checked.holds:
             checked = _proven(args, checked, follow)
         trial = None
-        if loop and checked.holds:
+        if confidence and checked.holds:
             rng = np.random.default_rng(args.seed or 0)
             trial = falsify_funnel(
-                funnel, flights, rng, loop, progress=follow("flights")
+                funnel, flights, rng, confidence, progress=follow("flights")
             )
     _print_outcome(args, checked, trial)
     good = checked.is_proven if args.prove else checked.holds
@@ -259,22 +212,13 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int]:
     latency = args.latency or 0.0
     words = "0 or more, and less than the period"
     expect(0.0 <= latency < math.inf, "--latency", latency, words)
-    level = _level("--confidence", args.confidence)
-    is_drawn = level is not None
-    is_loop = args.as_flown or args.prove
-    needed = {
-        "predict": ("--as-flown", args.as_flown),
-        "latency": ("--as-flown or --prove", is_loop),
-        "hold": ("--as-flown or --prove", is_loop),
-        "command_error": ("--as-flown or --prove", is_loop),
-        "wind": ("--as-flown or --prove", is_loop),
-        "flights": ("--confidence or --as-flown", is_drawn or args.as_flown),
-    }
-    for name, (option, is_given) in needed.items():
-        value = getattr(args, name)
-        if value is not None and value is not False and not is_given:
+    level = _level(args.confidence)
+    needed = dict.fromkeys(("latency", "hold", "command_error", "wind"), "prove")
+    needed["flights"] = "confidence"
+    for name, other in needed.items():
+        if getattr(args, name) is not None and not getattr(args, other):
             own = name.replace("_", "-")
-            words = f"--{own} has no effect without {option}; expected both."
+            words = f"--{own} has no effect without --{other}; expected both."
             raise InputError(words)
     flights = _FLIGHTS if args.flights is None else args.flights
     expected = f"a number from 1 to {_MOST_FLIGHTS:,}"
@@ -312,8 +256,8 @@ def _least_inlet(text: str | None) -> dict[str, float]:
     return found
 
 
-def _level(option: str, text: str | None) -> float | None:
-    """The probability given by an option; None without it."""
+def _level(text: str | None) -> float | None:
+    """The probability given by --confidence; None without it."""
     if text is None:
         return None
     try:
@@ -321,27 +265,8 @@ def _level(option: str, text: str | None) -> float | None:
     except ValueError:
         level = math.nan
     expected = f"a probability between 0 and 1, such as {_LEVEL:g}"
-    expect(0.0 < level < 1.0, option, text, expected)
+    expect(0.0 < level < 1.0, "--confidence", text, expected)
     return level
-
-
-def _flown_loop(args, funnel, gliders):
-    """The loop of --as-flown: of held commands that of their clock, predicted."""
-    from glider.control.predictor import Hold
-    from glider.verification.trials import FlownLoop
-
-    period = funnel.settings.period
-    latency = args.latency
-    if latency is None:
-        latency = 0.5 * period if period else _LATENCY
-    predicts = args.predict or (period > 0.0 and latency > 0.0)
-    hold = args.hold if args.hold is not None else period or _HOLD
-    return FlownLoop(
-        hold=Hold(period=hold, latency=latency, predicts=predicts),
-        wind=args.wind or 0.0,
-        command_error=args.command_error or 0.0,
-        gliders=gliders,
-    )
 
 
 def _confidence(funnel, model, covariance, level):

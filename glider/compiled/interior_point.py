@@ -2,22 +2,22 @@
 
 After Wächter and Biegler: On the implementation of an interior-point filter
 line-search algorithm for large-scale nonlinear programming, 2006. Newton's step is that
-of `glider.compiled.stages`, whose time grows with the number of knots alone. Here is
-the order of the steps alone, so that of a glider with other effects only its dynamics
-have to be compiled (`glider.compiled.collocation`).
+of `glider.compiled.stages`, whose time grows with the number of knots alone.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from glider.compiled import barrier as steps
-from glider.compiled.barrier import Optimum, Program, Scratch
 from glider.compiled.collocation import Path, PathDynamics
-from glider.compiled.inequalities import Formula, Inequalities
+from glider.compiled.kernel import machine_code
+from glider.compiled.runge_kutta import TINY
 from glider.compiled.stages import newton_step, weigh
 from glider.physics.model import GliderModel
+
+Formula = Callable[[Any], Any]
+"""g of states (n, ...), real or complex."""
 
 _PENALTY = 1e6
 """Penalty on the place at the end, see `newton_step`."""
@@ -29,13 +29,120 @@ _COARSE = 1e-4
 """Tolerance above which coarse slopes are enough."""
 
 _STIFFEST = 1e10
-"""Most that is added to the curvature."""
+"""Most that is added to the curvature, and the factor within which the force of a limit
+stays of the barrier's."""
 
 _HALVINGS = 25
 """A step is halved at most so often."""
 
+_INSIDE = 1e-2
+"""Share of a bound, or of the width between two, that a guess keeps from it."""
 
-class Outcome(NamedTuple):
+_LEAST_SLACK = 5e-2
+"""Slack of an inequality at first, at least."""
+
+_CURVATURE_STEP = 1e-4
+"""Step of the differences of an inequality's exact slopes."""
+
+
+class Program(NamedTuple):
+    """A flight to optimize: N knots of states and command, segments of one length h.
+
+    minimize   r ∫ u² dt + (x_N - goal)ᵀ diag(w) (x_N - goal), by the trapezoid rule.
+
+    Attributes:
+        bounds: (2, N (n + 1) + 1) of the knots, one after the other, and of h, from
+            below and from above; infinite where there is none, as where a value is
+            fixed.
+        rate_cost: r.
+        goal: (n,).
+        goal_weights: (n,) w.
+        place: (2,) where the flight ends, (x, z) [m].
+        is_held: whether it has to end there; else the cost alone draws it to its goal.
+    """
+
+    bounds: np.ndarray
+    rate_cost: float
+    goal: np.ndarray
+    goal_weights: np.ndarray
+    place: np.ndarray
+    is_held: bool
+
+
+class Optimum(NamedTuple):
+    """A flight and its multipliers.
+
+    Attributes:
+        w: (N (n + 1) + 1,) states and command at each knot, then the segments' length.
+        multipliers: (N - 1, n) of the defects.
+        pull: (2,) of the place at the end.
+    """
+
+    w: np.ndarray
+    multipliers: np.ndarray
+    pull: np.ndarray
+
+
+class _Scratch(NamedTuple):
+    """Arrays that one step passes to the next.
+
+    Attributes:
+        slope: (N (n + 1) + 1,) of the cost, then with the barrier function's.
+        lagrangian: (N (n + 1) + 1,) slope of the Lagrangian.
+        diagonal: (N (n + 1) + 1,) curvature of the cost, then with the barrier
+            function's.
+        cross: (N,) curvature of the cost by a command and h.
+        misses: (2,) by which the end leaves its place.
+        pushes: (P, n + 1) slope of the Lagrangian by the points of the path that the
+            inequalities bring in.
+        barrier_pushes: the same with the forces of the barrier after Newton's step.
+        by_middle: (N - 1, n + 1) slope of the Lagrangian by the middles of `weigh`.
+        by_middle_and_step: (N - 1, n + 1) its slope by h.
+        change: (N (n + 1) + 1,) Newton's step.
+        shifts: (P, n + 1) that of the points.
+        ahead: (N - 1, n) multipliers after it.
+        drawn: (2,) multipliers of the place after it.
+    """
+
+    slope: np.ndarray
+    lagrangian: np.ndarray
+    diagonal: np.ndarray
+    cross: np.ndarray
+    misses: np.ndarray
+    pushes: np.ndarray
+    barrier_pushes: np.ndarray
+    by_middle: np.ndarray
+    by_middle_and_step: np.ndarray
+    change: np.ndarray
+    shifts: np.ndarray
+    ahead: np.ndarray
+    drawn: np.ndarray
+
+
+def _make_scratch(num_states: int, knots: int) -> _Scratch:
+    """Allocates the arrays that the steps write."""
+    width = num_states + 1
+    size = knots * width + 1
+    points = (2 * knots - 1, width)
+    segments = (knots - 1, width)
+    return _Scratch(
+        slope=np.empty(size),
+        lagrangian=np.empty(size),
+        diagonal=np.empty(size),
+        cross=np.empty(knots),
+        misses=np.empty(2),
+        pushes=np.zeros(points),
+        barrier_pushes=np.zeros(points),
+        by_middle=np.empty(segments),
+        by_middle_and_step=np.empty(segments),
+        change=np.empty(size),
+        shifts=np.empty(points),
+        ahead=np.empty((knots - 1, num_states)),
+        drawn=np.empty(2),
+    )
+
+
+class _Outcome(NamedTuple):
     """What the method ended with.
 
     Attributes:
@@ -53,7 +160,259 @@ class Outcome(NamedTuple):
     cost: float
 
 
-class Filter:
+class _Limits:
+    """Slacks s > 0 of bounds and inequalities, and their forces λ.
+
+    Each bound is w_i - low - s = 0 or high - w_i - s = 0, and each inequality
+    g(x) - margin - s = 0, at all points of the path but the launch, which is fixed. At
+    the barrier's minimum λ s = μ. Slacks and forces are eliminated from Newton's step:
+    what is left adds to its slopes and curvature. First come B bounds, then J
+    inequalities at P - 1 points each.
+    """
+
+    def __init__(
+        self,
+        bounds: np.ndarray,
+        formulas: Sequence[Formula],
+        margins: np.ndarray,
+        path: Path,
+        w: np.ndarray,
+        barrier: float,
+    ) -> None:
+        """Starts from a path inside the bounds, with the barrier's forces.
+
+        Args:
+            bounds: (2, N (n + 1) + 1) of a `Program`.
+            formulas: J of them.
+            margins: (J, P) that each g is to be at least; the launch's is not read.
+            path: whose points, slopes and curvature are read and written.
+            w: of an `Optimum`.
+            barrier: weight μ of the barrier function.
+        """
+        low, high = bounds
+        below = np.flatnonzero(np.isfinite(low))
+        above = np.flatnonzero(np.isfinite(high))
+        self._which = np.concatenate([below, above])
+        self._signs = np.repeat([1.0, -1.0], [len(below), len(above)])
+        self._formulas = formulas
+        self._margins = margins[:, 1:]
+        self._path = path
+        self._values = self.evaluate()
+        limits = np.concatenate([low[below], high[above]])
+        apart = w[self._which] - limits
+        gaps = self._signs * apart
+        of_inequalities = np.maximum(self._values, _LEAST_SLACK)
+        self._slacks = np.concatenate([gaps, of_inequalities.ravel()])
+        self._forces = barrier / self._slacks
+        self._products = self._forces * self._slacks
+        self._logarithms = float(np.log(self._slacks).sum())
+
+    @property
+    def count(self) -> int:
+        """Number of inequalities at all points."""
+        return self._values.size
+
+    @property
+    def missed(self) -> float:
+        """Sum of the differences of g and slacks."""
+        lacking = self._lacking(self._slacks)
+        return float(np.abs(lacking).sum())
+
+    @property
+    def touch(self) -> float:
+        """Largest product of force and slack."""
+        return float(self._products.max())
+
+    @property
+    def sum_of_forces(self) -> float:
+        """Sum of all forces."""
+        return float(self._forces.sum())
+
+    def evaluate(self) -> np.ndarray:
+        """Returns g - margin (J, P - 1) at the path's points."""
+        states = self._path.points[1:, :-1].T
+        found = [formula(states) for formula in self._formulas]
+        values = np.reshape(found, self._margins.shape)
+        return values - self._margins
+
+    def linearize(self) -> None:
+        """Differentiates g at the points."""
+        if self._formulas:
+            points = self._path.points[1:]
+            found = [_differentiate(formula, points) for formula in self._formulas]
+            self._slopes = np.array([slopes for slopes, _ in found])
+            self._curvature = np.array([curvature for _, curvature in found])
+
+    def push(self, scratch: _Scratch) -> None:
+        """Writes the forces into the Lagrangian's slope by knots, h and points."""
+        _push_bounds(self._which, self._signs, self._forces, scratch.lagrangian)
+        if self._formulas:
+            pushes = scratch.pushes[1:, :-1]
+            forces = self._at_points(self._forces)
+            np.einsum("jp,jpi->pi", -forces, self._slopes, out=pushes)
+
+    def miss_barrier(self, barrier: float) -> float:
+        """Returns the largest difference of force times slack from the weight."""
+        missed = self._products - barrier
+        return float(np.abs(missed).max())
+
+    def curve(self, barrier: float, scratch: _Scratch) -> None:
+        """Adds what the barrier does to slopes and curvature of the program."""
+        of_bounds = self._which, self._signs, self._slacks, self._forces
+        _curve_bounds(*of_bounds, barrier, scratch.slope, scratch.diagonal)
+        if self._formulas:
+            slopes = self._slopes
+            slacks = self._at_points(self._slacks)
+            forces = self._at_points(self._forces)
+            stiff = forces / slacks
+            curvature = self._path.curvature[1:, :-1, :-1]
+            curvature += np.einsum("jp,jpa,jpb->pab", stiff, slopes, slopes)
+            curvature -= np.einsum("jp,jpab->pab", forces, self._curvature)
+            missed = self._lacking(self._slacks)
+            after = barrier / slacks - stiff * missed
+            pushes = scratch.barrier_pushes[1:, :-1]
+            np.einsum("jp,jpi->pi", -after, slopes, out=pushes)
+
+    def keep_clear(
+        self, barrier: float, keep: float, scratch: _Scratch
+    ) -> tuple[float, float, float]:
+        """Finds the step of slacks and forces beside Newton's.
+
+        Args:
+            barrier: its weight.
+            keep: share of a slack or a force that a step may take.
+            scratch: with Newton's step.
+
+        Returns:
+            the shares of the step and of the forces' that keep both positive, and by
+            how much the whole step changes the barrier problem's cost, to first order.
+        """
+        expected = float(scratch.slope @ scratch.change)
+        rise = self._signs * scratch.change[self._which]
+        if self._formulas:
+            shifts = scratch.shifts[1:, :-1]
+            along = np.einsum("jpi,pi->jp", self._slopes, shifts)
+            rise_of_g = along + self._lacking(self._slacks)
+            own = barrier / self._at_points(self._slacks)
+            falls = own * rise_of_g
+            expected -= float(falls.sum())
+            rise = np.concatenate([rise, rise_of_g.ravel()])
+        self._rise = rise
+        self._moves = np.empty_like(rise)
+        given = self._slacks, self._forces, rise, self._moves
+        share, share_of_forces = _find_moves(barrier, keep, *given)
+        return share, share_of_forces, expected
+
+    def weigh_barrier(self, barrier: float) -> float:
+        """Returns the barrier function, after `try_step` that of the tried slacks."""
+        return -barrier * self._logarithms
+
+    def try_step(self, share: float) -> float:
+        """Returns by how much g at the path's points and slacks differ in sum."""
+        self._tried = self._slacks + share * self._rise
+        self._logarithms = float(np.log(self._tried).sum())
+        if not self._formulas:
+            return 0.0
+        self._values = self.evaluate()
+        lacking = self._lacking(self._tried)
+        return float(np.abs(lacking).sum())
+
+    def take_step(self, share_of_forces: float, barrier: float) -> None:
+        """Takes the step that was tried, and keeps the forces near the barrier's."""
+        self._slacks = self._tried
+        given = self._slacks, self._moves, self._forces, self._products
+        _move_forces(barrier, share_of_forces, *given)
+
+    def _at_points(self, values):
+        """Returns those of the inequalities, (J, P - 1)."""
+        bounds = len(self._which)
+        return values[bounds:].reshape(self._margins.shape)
+
+    def _lacking(self, slacks):
+        """Returns g - margin - s (J, P - 1)."""
+        return self._values - self._at_points(slacks)
+
+
+@machine_code
+def _push_bounds(which, signs, forces, slope):
+    """Adds the forces of B bounds, the first of all, to a slope at their places."""
+    for k in range(len(which)):
+        place = which[k]
+        slope[place] -= signs[k] * forces[k]
+
+
+@machine_code
+def _curve_bounds(which, signs, slacks, forces, barrier, slope, diagonal):
+    """Adds the barrier function of B bounds to slope and curvature at their places."""
+    for k in range(len(which)):
+        place = which[k]
+        own = barrier / slacks[k]
+        slope[place] -= signs[k] * own
+        diagonal[place] += forces[k] / slacks[k]
+
+
+@machine_code
+def _move_forces(barrier, share, slacks, moves, forces, products):
+    """Moves forces, within a factor of the barrier's; writes their products."""
+    for i in range(len(slacks)):
+        own = barrier / slacks[i]
+        force = forces[i] + share * moves[i]
+        force = max(force, own / _STIFFEST)
+        force = min(force, own * _STIFFEST)
+        forces[i] = force
+        products[i] = force * slacks[i]
+
+
+@machine_code
+def _find_moves(barrier, keep, slacks, forces, rise, moves):
+    """Writes the forces' step beside that of the slacks, their rise.
+
+    Returns:
+        the shares of both steps that leave of all slacks and forces a share keep.
+    """
+    share = 1.0
+    share_of_forces = 1.0
+    for i in range(len(slacks)):
+        slack = slacks[i]
+        force = forces[i]
+        up = rise[i]
+        own = (barrier - force * up) / slack
+        move = own - force
+        moves[i] = move
+        if up < 0.0:
+            longest = -keep * slack / up
+            share = min(share, longest)
+        if move < 0.0:
+            longest = -keep * force / move
+            share_of_forces = min(share_of_forces, longest)
+    return share, share_of_forces
+
+
+def _differentiate(
+    formula: Formula, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns slopes (P, n) and curvature (P, n, n) of g at points (P, n + 1).
+
+    Slopes are exact, by complex steps, and their differences are the curvature.
+    """
+    states = points[:, :-1].T
+    n, count = states.shape
+    slopes = np.zeros((n, count))
+    curvature = np.zeros((n, n, count))
+    axes = np.eye(n)[:, :, None]
+    slopes[:] = formula(states[:, None] + 1j * TINY * axes).imag / TINY
+    matters = np.flatnonzero(np.any(slopes != 0.0, axis=1))
+    steps = 1j * TINY * axes[:, matters, None]
+    for i in matters:
+        moved = np.repeat(states[:, None, None] + steps, 2, axis=2)
+        moved[i, :, 0] += _CURVATURE_STEP
+        moved[i, :, 1] -= _CURVATURE_STEP
+        forth, back = np.moveaxis(formula(moved).imag / TINY, 1, 0)
+        curvature[i, matters] = (forth - back) / (2.0 * _CURVATURE_STEP)
+    return slopes.T, np.moveaxis(curvature, 2, 0)
+
+
+class _Filter:
     """Pairs of (missed, cost) that no later path may be worse than in both."""
 
     def __init__(self, missed: float) -> None:
@@ -104,22 +463,22 @@ def optimize(
     guess: Optimum,
     barrier: float,
     tolerance: float,
-    iterations: int = 150,
-    formulas: Sequence[Formula] = (),
-    margins: np.ndarray | None = None,
-) -> Outcome:
+    iterations: int,
+    formulas: Sequence[Formula],
+    margins: np.ndarray,
+) -> _Outcome:
     """Finds a flight of least cost near a guess.
 
     Args:
         model: the glider, in still air and at time 0.
         program: what to solve.
-        guess: to start from; its forces, where not positive, are the barrier's.
+        guess: to start from; the limits' forces are the barrier's at first.
         barrier: weight of the barrier function at first.
         tolerance: largest slope of the Lagrangian, defect and complementarity, where
             the multipliers are of size 100 or less.
         iterations: at most so many.
         formulas: J inequalities g(x) >= margin that hold at the P points of the path.
-        margins: (J, P) of them, None for zeros.
+        margins: (J, P) of them.
 
     Raises:
         UncompilableError: a formula of the glider is not of what numba compiles.
@@ -127,16 +486,16 @@ def optimize(
     at = Optimum(*(part.copy() for part in guess))
     knots = len(guess.multipliers) + 1
     dynamics = PathDynamics(model, knots)
-    scratch = steps.make_scratch(program, knots)
+    scratch = _make_scratch(program.goal.size, knots)
     path = dynamics.path
     penalty = _PENALTY if program.is_held else 0.0
-    steps.enter(program, barrier, scratch, at.w, at.forces)
+    _enter(program.bounds, at.w)
     missed = _missed(program, dynamics, at.w)
-    if margins is None:
-        margins = np.zeros((len(formulas), len(path.points)))
-    limits = Inequalities(formulas, margins, path, barrier)
+    limits = _Limits(program.bounds, formulas, margins, path, at.w, barrier)
     missed += limits.missed
-    known = Filter(missed)
+    weights = _command_weights(program, knots)
+    cost = _cost_of(program, weights, at.w)
+    known = _Filter(missed)
     damping = 0.0
     least = 0.1 * tolerance
     near = -np.inf if tolerance >= _COARSE else _NEAR * tolerance
@@ -146,14 +505,16 @@ def optimize(
     for iteration in range(iterations + 1):
         limits.linearize()
         while True:
-            steps.lean_on(program, at, scratch)
+            _lean_on(program, weights, at, scratch)
             limits.push(scratch)
             weigh(at.w[-1], path, at.multipliers, scratch)
-            dual, touch, total = steps.assess(program, at, scratch)
-            total += limits.sum_of_forces
-            scale = max(1.0, 0.01 * total / (at.w.size + limits.count))
+            free = scratch.lagrangian[program.goal.size :]  # The launch is fixed.
+            total = limits.sum_of_forces + np.abs(at.multipliers).sum()
+            size = at.w.size + limits.count
+            scale = max(1.0, 0.01 * total / size)
+            dual = np.abs(free).max()
             off = max(dual / scale, missed)
-            error = max(off, touch / scale, limits.touch / scale)
+            error = max(off, limits.touch / scale)
             if fine or error > near:
                 break
             fine = True
@@ -163,14 +524,12 @@ def optimize(
         if status == "solved" or iteration == iterations:
             break
         while barrier > least:
-            apart = steps.miss_barrier(barrier, at.forces, scratch)
-            apart = max(apart, limits.miss_barrier(barrier))
+            apart = limits.miss_barrier(barrier)
             if max(off, apart / scale) >= 10.0 * barrier:
                 break
             barrier = max(least, min(0.2 * barrier, barrier**1.5))
             known.forget()
         dynamics.curve()
-        steps.add_barrier(barrier, at.forces, scratch)
         limits.curve(barrier, scratch)
         added = _step_down(penalty, damping, path, at, scratch)
         if added is None:
@@ -178,19 +537,14 @@ def optimize(
             break
         damping = added or damping
         keep = max(0.99, 1.0 - barrier)
-        shares = steps.keep_clear(barrier, keep, at.forces, scratch)
-        more = limits.keep_clear(barrier, keep, scratch)
-        share = min(shares[0], more[0])
-        share_of_forces = min(shares[1], more[1])
-        expected = shares[2] + more[2]
-        weight = limits.weigh_barrier(barrier)
-        before = missed, steps.weigh_path(program, at.w, barrier) + weight
+        share, share_of_forces, expected = limits.keep_clear(barrier, keep, scratch)
+        before = missed, cost + limits.weigh_barrier(barrier)
         for _ in range(_HALVINGS):
             tried = at.w + share * scratch.change
             missed = _missed(program, dynamics, tried)
-            lacking, weight = limits.try_step(share, barrier)
-            missed += lacking
-            after = missed, steps.weigh_path(program, tried, barrier) + weight
+            missed += limits.try_step(share)
+            cost = _cost_of(program, weights, tried)
+            after = missed, cost + limits.weigh_barrier(barrier)
             if known.accepts(before, after, share, expected):
                 break
             share *= 0.5
@@ -198,16 +552,82 @@ def optimize(
             status = "stuck"
             break
         at.w[:] = tried
-        steps.change_multipliers(program, barrier, share, share_of_forces, at, scratch)
-        limits.take_step(share, share_of_forces, barrier)
+        turn = scratch.ahead - at.multipliers
+        at.multipliers[:] += share * turn
+        pulled = scratch.drawn - at.pull
+        at.pull[:] += share * pulled
+        limits.take_step(share_of_forces, barrier)
         dynamics.linearize(fine)
-    return Outcome(
+    return _Outcome(
         optimum=at,
         status=status,
         iterations=iteration,
-        error=error,
-        cost=steps.weigh_path(program, at.w, 0.0),
+        error=float(error),
+        cost=_cost_of(program, weights, at.w),
     )
+
+
+def _enter(bounds: np.ndarray, w: np.ndarray) -> None:
+    """Moves a guess inside its bounds."""
+    low, high = bounds
+    width = high - low  # Infinite where one side is free.
+    below = np.isfinite(low)
+    above = np.isfinite(high)
+    size = np.maximum(1.0, np.abs(low))
+    room = _INSIDE * np.minimum(width, size)
+    np.maximum(w, low + room, out=w, where=below)
+    size = np.maximum(1.0, np.abs(high))
+    room = _INSIDE * np.minimum(width, size)
+    np.minimum(w, high - room, out=w, where=above)
+
+
+def _cost_of(program: Program, weights: np.ndarray, w: np.ndarray) -> float:
+    """Returns the cost of knots and h, with `_command_weights`."""
+    n = program.goal.size
+    commands = w[n : -1 : n + 1]
+    of_commands = weights * commands @ commands
+    error = w[-n - 2 : -2] - program.goal
+    at_end = program.goal_weights @ (error * error)
+    return float(0.5 * w[-1] * of_commands + at_end)
+
+
+def _command_weights(program: Program, knots: int) -> np.ndarray:
+    """Returns weights (N,) of squared commands, by the trapezoid rule, times 2 / h."""
+    weights = np.full(knots, 2.0 * program.rate_cost)
+    weights[[0, -1]] *= 0.5
+    return weights
+
+
+def _lean_on(
+    program: Program, weights: np.ndarray, at: Optimum, scratch: _Scratch
+) -> None:
+    """Writes slopes and curvature of the cost, and what the end misses.
+
+    The Lagrangian's slope lacks the part of defects and limits then.
+    """
+    n = program.goal.size
+    of_commands = slice(n, -1, n + 1)
+    end = slice(-n - 2, -2)
+    place = slice(-n - 2, -n)
+    step = at.w[-1]
+    commands = at.w[of_commands]
+    slope = scratch.slope
+    diagonal = scratch.diagonal
+    np.multiply(weights, commands, out=scratch.cross)
+    slope[:] = 0.0
+    slope[of_commands] = scratch.cross * step
+    slope[-1] = 0.5 * (scratch.cross @ commands)
+    error = at.w[end] - program.goal
+    stiffness = 2.0 * program.goal_weights
+    slope[end] = stiffness * error
+    diagonal[:] = 0.0
+    diagonal[of_commands] = weights * step
+    diagonal[end] = stiffness
+    scratch.lagrangian[:] = slope
+    scratch.lagrangian[place] += at.pull
+    scratch.misses[:] = 0.0
+    if program.is_held:
+        scratch.misses[:] = at.w[place] - program.place
 
 
 def _missed(program: Program, dynamics: PathDynamics, w: np.ndarray) -> float:
@@ -220,7 +640,7 @@ def _missed(program: Program, dynamics: PathDynamics, w: np.ndarray) -> float:
 
 
 def _step_down(
-    penalty: float, damping: float, path: Path, at: Optimum, scratch: Scratch
+    penalty: float, damping: float, path: Path, at: Optimum, scratch: _Scratch
 ) -> float | None:
     """Writes Newton's step, of a curvature that is made positive where it is not.
 

@@ -27,7 +27,7 @@ _SPACING = 0.022
 _FEWEST = 5
 """Knots of the shortest plan."""
 
-LAST = 0.04
+_LAST = 0.04
 """Rest of a plan that is not planned again but flown to its end [s]."""
 
 _ITERATIONS = 25
@@ -119,7 +119,7 @@ class Replanner:
         known = dataclasses.replace(known, time=now)
         elapsed = now - known.begin
         rest = known.flight.times[-1] - elapsed
-        if rest < LAST:
+        if rest < _LAST:
             return known
         longest = 1.5 * rest + self.period
         near = dataclasses.replace(self._problem, duration_limits=[0.5 * rest, longest])

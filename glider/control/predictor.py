@@ -30,7 +30,6 @@ class Hold:
 
     period: float = 0.02  #: Time between commands, each held until the next [s].
     latency: float = 0.0  #: Time from the state to the command that acts on it [s].
-    predicts: bool = False  #: Whether the latency and half of the period are predicted.
 
     def __post_init__(self):
         """Raises InputError where a time is out of range."""
@@ -74,10 +73,8 @@ def held_command(
         states: (B, n).
         waiting: the commands (B,) that act until then: the one that acts now, then one
             for each whole period of the latency.
-        hold: period and latency; without `predicts` the state as it is counts.
+        hold: period and latency.
     """
-    if not hold.predicts:
-        return policy_command(policy, times, states)
     for number, command in enumerate(waiting):
         time = hold.rest if number == 0 else hold.period
         states = flown_under(model, states, time, command)
@@ -111,7 +108,7 @@ def fly_held(
         with the command before it and after it.
     """
     plan = policy.plan
-    hold = Hold(period=period, predicts=True)
+    hold = Hold(period=period)
     begins = period * np.arange(math.ceil(plan.duration / period - 1e-9))
     times = []
     states = []

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
 
 from glider.compiled.jacobian import stacked
-from glider.compiled.riccati import LOOPS
+from glider.compiled.riccati import LOOPS, integrate_back
 from glider.errors import expect
 from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
@@ -178,7 +178,7 @@ def tracking_policy(
     """Computes the tracking feedback of `glider.systems.regulator` in milliseconds.
 
     Jacobians along the plan by complex steps, then one Runge-Kutta pass of the
-    Riccati equations on a fixed grid (`compiled.riccati`).
+    Riccati equation on a fixed grid (`compiled.riccati`).
 
     Args:
         model: the glider that the plan is for.
@@ -197,26 +197,29 @@ def tracking_policy(
     n = model.num_states
     count = aligned_count(plan, step)
     times = np.linspace(0.0, plan.duration, 2 * count + 1)
-    gains = np.empty((count + 1, n))
-    corrections = np.empty(count + 1)
-    cost = np.empty((count + 1, n, n + 1))  # S and, as its last column, s.
-    LOOPS.over(model.kinds).riccati(
-        times,
-        *sample_plan(plan, times),
-        weight_matrix(weights.state, n),
-        weights.rate,
-        weight_matrix(weights.final, n),
-        stacked(model),
-        model.gaussians,
-        gains,
-        corrections,
-        cost,
-    )
+    states, slopes, inputs = sample_plan(plan, times)
+    rates = np.empty(states.shape)
+    jacobians = np.empty((*states.shape, n + 1))
+    z = stacked(model)
+    loop = LOOPS.over(model.kinds).linearize
+    loop(times, states, inputs, z, model.gaussians, rates, jacobians)
+    # Of (x̃, 1): what the plan lacks to be a flight is the last column.
+    steady = np.zeros((len(times), n + 1, n + 1))
+    steady[:, :n, :n] = jacobians[..., :n]
+    steady[:, :n, n] = rates - slopes
+    push = np.zeros((len(times), n + 1))
+    push[:, :n] = jacobians[..., n]
+    cost = np.zeros((count + 1, n + 1, n + 1))
+    cost[-1] = weight_matrix(weights.final, n + 1)
+    weight = weight_matrix(weights.state, n + 1)
+    span = times[2] - times[0]
+    integrate_back(steady, push, weight, float(weights.rate), span, cost)
+    gains = np.einsum("kij,ki->kj", cost, push[::2]) / weights.rate
     return TrackingPolicy(
         plan=plan,
         times=times[::2],
-        gains=gains,
-        corrections=corrections,
-        cost=cost[:, :, :n].copy(),
-        cost_slope=cost[:, :, n].copy(),
+        gains=gains[:, :n].copy(),
+        corrections=gains[:, n].copy(),
+        cost=cost[:, :n, :n].copy(),
+        cost_slope=cost[:, :n, n].copy(),
     )

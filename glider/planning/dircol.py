@@ -156,20 +156,17 @@ def _solve_with_drake(
     path = Path(model, times - times[0], states, inputs, fast=compiles)
     constraints = constraints_of(problem, model.parameters.servo)
     violations = find_violations(constraints, path)
+    worst = violations[0].amount if violations else 0.0
     attempt = Attempt(
         knots=knots,
         solver="SNOPT",
         guess=start.name,
         tolerance=_TOLERANCE,
-        solved=result.is_success() and not _exceeds(violations, _KEPT),
+        solved=result.is_success() and worst <= _KEPT,
         status=_status(result),
         seconds=time.perf_counter() - begin,
     )
     return path, result.get_optimal_cost(), attempt
-
-
-def _exceeds(violations: list[Violation], allowed: float) -> bool:
-    return bool(violations) and violations[0].amount > allowed
 
 
 def _describe_own(flight: CollocatedFlight, guess: str, tolerance: float) -> Attempt:

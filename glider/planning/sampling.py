@@ -131,7 +131,7 @@ class SequenceCost:
         )
 
 
-def mppi_update(
+def _mppi_update(
     mean: np.ndarray, noise: np.ndarray, to_go: np.ndarray, temperature: float
 ) -> np.ndarray:
     """Returns the mean, moved by the weighted noise.
@@ -163,5 +163,5 @@ def mppi_step(
     noise = settings.deviation * rng.standard_normal((settings.samples, cost.steps))
     commands = np.vstack([mean, mean + noise])
     to_go = cost.to_go(start, commands, mean, settings.penalty)
-    new = mppi_update(mean, noise, to_go[1:, :-1], settings.temperature)
+    new = _mppi_update(mean, noise, to_go[1:, :-1], settings.temperature)
     return new, commands, to_go[:, 0]

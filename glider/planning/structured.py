@@ -13,9 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
-from glider.compiled.barrier import Optimum, Program
-from glider.compiled.inequalities import Formula
-from glider.compiled.interior_point import optimize
+from glider.compiled.interior_point import Formula, Optimum, Program, optimize
 from glider.physics.model import GliderModel
 from glider.planning.constraints import constraints_of
 from glider.planning.guess import Guess, straight_line
@@ -81,7 +79,6 @@ class CollocatedFlight:
             w=w,
             multipliers=np.ascontiguousarray(np.transpose(mu)),
             pull=self.optimum.pull,
-            forces=np.zeros((2, w.size)),
         )
 
 
@@ -133,10 +130,7 @@ def to_optimum(guess: Guess, knots: int) -> Optimum:
     inputs = guess.inputs.vector_values(times)
     w = np.append(np.vstack([states, inputs]).T.ravel(), times[1] - times[0])
     return Optimum(
-        w=w,
-        multipliers=np.zeros((knots - 1, len(states))),
-        pull=np.zeros(2),
-        forces=np.zeros((2, w.size)),
+        w=w, multipliers=np.zeros((knots - 1, len(states))), pull=np.zeros(2)
     )
 
 
@@ -214,7 +208,7 @@ def solve_structured(
         path = Path(model, w[-1] * np.arange(knots), points[:, :-1], points[:, -1])
         if not _raise_margins(margins, formulas, path):
             break
-        start = found.optimum._replace(forces=np.zeros_like(start.forces))
+        start = found.optimum
         barrier = WARM_BARRIER
     else:
         found = found._replace(status="inequalities violated between knots")

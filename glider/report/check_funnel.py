@@ -119,18 +119,10 @@ def _loop_report(funnel):
 
 def trial_report(funnel: Funnel, trial: Trial, seed: int) -> dict[str, Any]:
     """Returns the outcome of flights as it is written to JSON."""
-    loop = trial.loop
-    hold = loop.hold
-    gliders = loop.gliders
+    gliders = trial.gliders
     worst = int(np.argmax(trial.later))
     return {
-        "period_s": hold.period if hold else 0.0,
-        "latency_s": hold.latency if hold else 0.0,
-        "predicts": bool(hold and hold.predicts),
-        "wind_m_s": loop.wind,
-        "command_error_rad_s": loop.command_error,
-        "gliders": gliders
-        and {
+        "gliders": {
             "names": list(gliders.names),
             "level": gliders.level,
             "half_widths": gliders.reach(np.eye(len(gliders.names))).tolist(),

@@ -25,19 +25,11 @@ def near(policy, count=5, time=0.3):
     return np.full(count, policy.plan.times[k]), states
 
 
-def test_without_a_prediction_it_is_the_policy(policy):
-    times, states = near(policy)
-    hold = Hold(period=0.02, latency=0.03)
-    waiting = [np.full(5, 3.0), np.full(5, -2.0)]
-    found = held_command(GliderModel(), policy, times, states, waiting, hold)
-    assert found == pytest.approx(policy_command(policy, times, states))
-
-
 def test_a_prediction_is_what_the_glider_then_does(policy):
     """Under two commands on their way, then the feedback, by steps a tenth as long."""
     model = GliderModel()
     times, states = near(policy)
-    hold = Hold(period=0.02, latency=0.03, predicts=True)
+    hold = Hold(period=0.02, latency=0.03)
     assert (hold.waiting, hold.rest) == (1, pytest.approx(0.01))
     waiting = [np.full(5, 3.0), np.full(5, -2.0)]
     found = held_command(model, policy, times, states, waiting, hold)
@@ -64,11 +56,13 @@ def test_held_predictions_fly_as_the_feedback_that_acts_at_once(policy, article_
     end, errors = ideal.paths[:, -1], {}
     for predicts in (False, True):
         for period in (0.02, 0.01):
-            hold = Hold(period=period, predicts=predicts)
+            hold = Hold(period=period)
             x, t = start.copy(), np.zeros(4)
             while t[0] < policy.duration - 1e-9:
                 span = min(period, policy.duration - t[0])
-                u = held_command(model, policy, t, x, [np.zeros(4)], hold)
+                u = policy_command(policy, t, x)
+                if predicts:
+                    u = held_command(model, policy, t, x, [np.zeros(4)], hold)
                 x = flown_under(model, x, span, u)
                 t = t + span
             errors[predicts, period] = np.abs(x - end).max()

@@ -48,7 +48,6 @@ FILES = (
     "test_front_door.py",
     "test_shape.py",
     "test_vocabulary.py",
-    "verification/test_as_flown.py",
     "verification/test_check.py",
     "verification/test_check_funnel.py",
     "physics/test_confidence.py",

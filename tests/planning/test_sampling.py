@@ -14,7 +14,7 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.physics.servo import STOPPING_TIME
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step, mppi_update
+from glider.planning.sampling import MppiSettings, SequenceCost, _mppi_update, mppi_step
 from sampling_planners import CemSettings, cem, cem_update, mppi
 from tests.helpers.flights import QUICK
 
@@ -152,26 +152,26 @@ def test_cem_takes_mean_and_variance_of_the_elites():
 def test_mppi_at_a_low_temperature_follows_the_best_of_each_step():
     mean, noise = np.array([1.0, 2.0]), np.array([[0.1, 0.2], [0.3, 0.4]])
     to_go = np.array([[5.0, 9.0], [7.0, 3.0]])
-    np.testing.assert_allclose(mppi_update(mean, noise, to_go, 1e-3), [1.1, 2.4])
-    np.testing.assert_allclose(mppi_update(mean, noise, to_go, 1e9), [1.2, 2.3])
+    np.testing.assert_allclose(_mppi_update(mean, noise, to_go, 1e-3), [1.1, 2.4])
+    np.testing.assert_allclose(_mppi_update(mean, noise, to_go, 1e9), [1.2, 2.3])
 
 
 def test_mppi_weighs_by_the_softmax():
     to_go = np.log([[4.0], [2.0]]) * 10.0
-    new = mppi_update(np.zeros(1), np.array([[3.0], [6.0]]), to_go, 10.0)
+    new = _mppi_update(np.zeros(1), np.array([[3.0], [6.0]]), to_go, 10.0)
     assert new[0] == pytest.approx(3.0 / 3.0 + 6.0 * 2.0 / 3.0)
 
 
 def test_mppi_looks_at_differences_of_costs_only():
     """Costs that would underflow give the same step, and a lost flight none."""
     mean, noise, to_go = np.zeros(4), draw(20, 4), draw(20, 4, seed=2)
-    expected = mppi_update(mean, noise, to_go, 0.5)
+    expected = _mppi_update(mean, noise, to_go, 0.5)
     np.testing.assert_allclose(
-        mppi_update(mean, noise, to_go + 1e6, 0.5), expected, rtol=1e-6
+        _mppi_update(mean, noise, to_go + 1e6, 0.5), expected, rtol=1e-6
     )
     lost = np.vstack([to_go, np.full((2, 4), [[np.nan], [np.inf]])])
     far = np.vstack([noise, np.full((2, 4), 9.0)])
-    np.testing.assert_allclose(mppi_update(mean, far, lost, 0.5), expected)
+    np.testing.assert_allclose(_mppi_update(mean, far, lost, 0.5), expected)
 
 
 def test_each_step_is_weighed_by_its_own_cost_to_go():
@@ -183,7 +183,7 @@ def test_each_step_is_weighed_by_its_own_cost_to_go():
     to_go = cost.to_go(LAUNCH, commands[1:])[:, :-1]
     np.testing.assert_array_equal(commands[0], mean)
     np.testing.assert_allclose(
-        new, mppi_update(mean, commands[1:] - mean, to_go, settings.temperature)
+        new, _mppi_update(mean, commands[1:] - mean, to_go, settings.temperature)
     )
 
 

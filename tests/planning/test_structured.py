@@ -8,9 +8,10 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.planning import DirectCollocationConstraint
 
-from glider.compiled import barrier, collocation, stages
+from glider.compiled import collocation, stages
 from glider.compiled.collocation import LOOPS as POINTS
 from glider.compiled.collocation import PathDynamics
+from glider.compiled.interior_point import _make_scratch
 from glider.physics.effects import KINDS
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
@@ -136,7 +137,7 @@ def test_slopes_of_the_lagrangian_are_its_differences():
     multipliers = rng.normal(size=(5, LAGGING.num_states))
     dynamics = _collocated(LAGGING, w)
     dynamics.linearize(fine=True)
-    scratch = barrier.make_scratch(make_program(LAGGING, PROBLEM, 6), 6)
+    scratch = _make_scratch(LAGGING.num_states, 6)
     scratch.lagrangian[:] = 0.0
     stages.weigh(w[-1], dynamics.path, multipliers, scratch)
     gradient = scratch.lagrangian
@@ -228,7 +229,7 @@ def test_a_formula_that_does_not_compile_goes_to_drake(monkeypatch):
 def test_only_the_dynamics_are_compiled_for_other_effects():
     """The solver's own code is the same for all: compiled once, then kept on disk."""
     plan(MODEL, PROBLEM, knots=(5,))
-    own = [f for m in (barrier, collocation, stages) for f in vars(m).values()]
+    own = [f for m in (collocation, stages) for f in vars(m).values()]
     own = [f for f in own if hasattr(f, "signatures")]
     before = [len(f.signatures) for f in own]
     assert len(own) > 10 and max(before) == 1

@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.control import mpc
-from glider.control.mpc import LAST, Replanner
+from glider.control.mpc import _LAST, Replanner
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects.free_functions import FreeFunction
@@ -92,7 +92,7 @@ def test_the_end_of_a_plan_is_flown_as_it_is():
     replanner = Replanner(NOMINAL, REPLANNING)
     known = replanner.plan_first()
     end = known.flight.times[-1]
-    again = replanner.plan_again(known, end - 0.9 * LAST, LAUNCH)
+    again = replanner.plan_again(known, end - 0.9 * _LAST, LAUNCH)
     assert again.flight is known.flight and again.plans == 0
     assert known.command(end - 0.03, 0.02) != 0.0
     assert known.command(end, 0.02) == 0.0

@@ -10,12 +10,7 @@ from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.exact_check import exact_faults
-from glider.verification.trials import (
-    FlownLoop,
-    boundary_states,
-    falsify_funnel,
-    fly_inside,
-)
+from glider.verification.trials import _boundary_states, falsify_funnel, fly_inside
 from tests.helpers.funnels import UNPROVEN
 from tests.verification.points import sphere_points
 
@@ -43,7 +38,7 @@ def test_without_the_servos_limits_in_it_a_funnel_does_not_hold():
     assert own.escapes == 0
     nominal = GliderModel()
     real = falsify_funnel(
-        funnel, 200, np.random.default_rng(2), FlownLoop(model=nominal), shares=shares
+        funnel, 200, np.random.default_rng(2), model=nominal, shares=shares
     )
     assert real.escapes > 0.05 * real.samples
     flight = dataclasses.replace(funnel.nominal, model=nominal)
@@ -70,7 +65,7 @@ def test_flights_from_inside_end_in_the_goal(funnel):
 
 
 def test_boundary_states_are_on_the_boundary(funnel):
-    states = boundary_states(funnel, 40, sphere_points(10, 7))
+    states = _boundary_states(funnel, 40, sphere_points(10, 7))
     assert funnel.level(funnel.nominal.times[40], states) == pytest.approx(1.0)
 
 
@@ -100,4 +95,4 @@ def test_a_glider_without_the_funnels_states_is_refused(funnel, effects):
     rng = np.random.default_rng(0)
     assert falsify_funnel(larger, 8, rng, climb=False).samples == 8
     with pytest.raises(InputError, match=r"glider's states is .*\.servo_rate first"):
-        falsify_funnel(larger, 8, rng, FlownLoop(model=GliderModel(effects=effects)))
+        falsify_funnel(larger, 8, rng, model=GliderModel(effects=effects))

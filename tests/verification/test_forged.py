@@ -10,9 +10,7 @@ import pytest
 
 from glider.__main__ import main
 from glider.paths import models_path
-from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
-from glider.verification.funnel.funnel import load_funnel
 from tests.verification.forging import HELD, INVENTED, REVIEWED, SETS, forge, shorten
 
 FORGED = REVIEWED | INVENTED
@@ -135,41 +133,16 @@ def test_a_set_of_gliders_that_the_model_does_not_have_is_refused(
     assert "Proven" not in said and " 100 %" not in said
 
 
-def test_a_set_must_contain_that_of_the_level_which_is_required(
-    short, tmp_path, capsys
-):
+def test_a_set_must_contain_that_of_95_percent(short, tmp_path, capsys):
     path, (source, options) = tmp_path / "funnel.npz", short["head_wind_95"]
     command = ["check-funnel", str(path), *options]
     forge(source, path, HELD["a set of 50 %"][0])
-    assert main([*command, "--least-level", "0.4", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert (found["set_level"], found["loop"]["set_level"]) == (0.5, 0.5)
-    assert main([*command, "--least-level", "0.4"]) == 0
-    assert "which contains the 50 % set of " in capsys.readouterr().out
-    assert main([*command, "--least-level", "0.6"]) == 1
-    assert "smaller than the model's, the 60 % ellipsoid" in capsys.readouterr().out
+    assert main(command) == 1
+    assert "smaller than the model's, the 95 % ellipsoid" in capsys.readouterr().out
     forge(source, path, lambda arrays, notes: None)
-    assert main([*command, "--least-level", "0.99"]) == 1
-    assert "smaller than the model's, the 99 % ellipsoid" in capsys.readouterr().out
-
-
-def test_a_funnel_of_one_glider_has_no_set_of_a_level(source, tmp_path, capsys):
-    model, bare = tmp_path / "model.yaml", tmp_path / "bare.yaml"
-    glider, known = load_funnel(source).nominal.model, Covariance
-    glider.save(model, covariance=known(names=("mass",), matrix=np.array([[1e-9]])))
-    glider.save(bare)
-    command = ["check-funnel", str(source), *FEW, "--model"]
-    assert main([*command, str(model), "--least-level", "1e-9"]) == 1
-    said = capsys.readouterr().out
-    assert (
-        "of one glider; expected a set that contains the model's 1e-07 % set." in said
-    )
-    assert main([*command, str(bare), "--least-level", "0.9"]) == 2
-    assert "--least-level has no effect without a --model" in capsys.readouterr().err
-    for wrong in ("0", "1", "95", "nan", "all"):
-        assert main([*command, str(model), "--least-level", wrong]) == 2
-        said = capsys.readouterr().err
-        assert f"--least-level is '{wrong}'; expected a probability" in said
+    assert main([*command, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["set_level"], found["loop"]["set_level"]) == (0.95, 0.95)
 
 
 def test_a_set_without_a_model_is_said_to_be_the_files_own(short, tmp_path, capsys):

@@ -22,7 +22,7 @@ from glider.verification.proof.exact_check import exact_faults
 from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.interval_proof import IntervalProof
 from glider.verification.proof.purpose import Purpose
-from glider.verification.trials import FlownLoop, falsify_funnel, fly_from
+from glider.verification.trials import _fly_from, falsify_funnel
 from tests.verification.points import of_one
 
 NAMES = ("mass", "wing_area")
@@ -66,7 +66,7 @@ def test_the_center_moves_as_the_gliders_fly(funnel):
     for share in (1.0, 0.5):
         deviation = share * direction
         glider = glider_at(GliderModel(), NAMES, deviation)
-        path = fly_from(funnel, 0, start, glider)[1][0]
+        path = _fly_from(funnel, 0, start, glider)[1][0]
         moved = center.at(times, deviation)
         left.append(np.abs(path - funnel.nominal.states - moved).max(axis=0))
         assert np.all(left[-1] < 0.2 * np.abs(moved).max(axis=0))
@@ -101,9 +101,7 @@ def test_a_funnel_is_made_for_all_gliders_of_a_set(made):
     words = describe_check(checked)
     assert "95 % ellipsoid of mass ± 0.00049, wing_area ± 0.00049" in words
     assert "only --prove proves anything about them" in words
-    trial = falsify_funnel(
-        made, 200, np.random.default_rng(0), loop=FlownLoop(gliders=allowed_by())
-    )
+    trial = falsify_funnel(made, 200, np.random.default_rng(0), allowed_by())
     assert trial.samples > 400
     assert trial.escapes == 0
     assert trial.later.max() < 1.0
@@ -168,9 +166,8 @@ def test_gliders_that_end_beyond_the_goal_leave_nothing(funnel):
 
 def test_gliders_of_a_wide_set_leave_and_the_seed_repeats_it(proven):
     wide = allowed_by(40.0)
-    loop = FlownLoop(gliders=wide)
     trial, again = (
-        falsify_funnel(proven, 240, np.random.default_rng(3), loop, shares=(0.25, 0.5))
+        falsify_funnel(proven, 240, np.random.default_rng(3), wide, shares=(0.25, 0.5))
         for _ in range(2)
     )
     assert trial.escapes > 0.2 * trial.samples
@@ -180,10 +177,11 @@ def test_gliders_of_a_wide_set_leave_and_the_seed_repeats_it(proven):
 
 
 def test_climbing_finds_worse_gliders_than_chance(proven):
-    rng, loop = np.random.default_rng(1), FlownLoop(gliders=allowed_by(6.0))
-    climbed = falsify_funnel(proven, 300, rng, loop, shares=(0.75,))
+    rng = np.random.default_rng(1)
+    wide = allowed_by(6.0)
+    climbed = falsify_funnel(proven, 300, rng, wide, shares=(0.75,))
     chance = falsify_funnel(
-        proven, climbed.samples, rng, loop, shares=(0.75,), climb=False
+        proven, climbed.samples, rng, wide, shares=(0.75,), climb=False
     )
     worse = climbed.ends[climbed.climbed]
     assert np.median(worse) > 1.2 * np.median(chance.ends)
@@ -193,8 +191,5 @@ def test_a_funnel_is_tried_with_the_gliders_that_it_is_of(made):
     other = Covariance(names=("mass",), matrix=np.array([[1e-8]]))
     with pytest.raises(InputError, match="deviate in mass, wing_area; those to fly"):
         falsify_funnel(
-            made,
-            10,
-            np.random.default_rng(0),
-            FlownLoop(gliders=ConfidenceSet(covariance=other)),
+            made, 10, np.random.default_rng(0), ConfidenceSet(covariance=other)
         )

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import json
 from fractions import Fraction
 
 import numpy as np
@@ -10,18 +9,16 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.__main__ import main
-from glider.control.predictor import Hold
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.state import ELEVATOR
-from glider.report.check_funnel import describe_trial
-from glider.verification import trials
+from glider.simulation.fly import fly
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.nominal import evaluate, hermite_path, table_of
 from glider.verification.funnel.clock import bend_sizes, form_size, hold_slopes
 from glider.verification.funnel.funnel import funnel_policy, load_funnel, save_funnel
 from glider.verification.funnel.growth import _push_form
-from glider.verification.proof import check, flight_proof, held
+from glider.verification.proof import flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
@@ -31,10 +28,10 @@ from glider.verification.proof.interval_proof import IntervalProof, prove_interv
 from glider.verification.proof.purpose import Purpose
 from glider.verification.sos.exact import exact, line
 from glider.verification.sos.forms import spread_form, to_ball
-from glider.verification.trials import FlownLoop, Trial, falsify_funnel
+from tests.helpers.held_flights import HeldFlights, Launches, count_escapes
 from tests.helpers.second_flight import advance, rates_of
 from tests.verification.clocked import ERROR, PERIOD, WIND, changed, part
-from tests.verification.points import flown_by, held_flight, sphere_points
+from tests.verification.points import sphere_points
 
 
 def lowered(funnel, name):
@@ -460,76 +457,34 @@ def test_a_clock_must_be_the_one_that_is_asked_for(clocked, proven):
 
 
 def test_a_predicted_latency_changes_no_flight_in_still_air(clocked):
-    genes = np.hstack([sphere_points(40, 7), np.tile([1.0, 0.0, 0.7, 1.0], (40, 1))])
-    found = {}
+    ends = {}
     for latency, wind in ((0.0, 0.0), (0.01, 0.0), (0.01, 0.3)):
-        hold = Hold(period=PERIOD, latency=latency, predicts=True)
-        loop = FlownLoop(hold=hold, wind=wind)
-        found[latency, wind] = flown_by(clocked, loop, genes)[2]
-    prompt, late, blown = found.values()
+        rng = np.random.default_rng(0)
+        launches = Launches.draw(clocked, 40, rng, wind=wind)
+        ends[latency, wind] = HeldFlights(clocked, launches, latency).levels()[1]
+    prompt, late, blown = ends.values()
     assert late == pytest.approx(prompt, rel=2e-3, abs=1e-5)
     assert np.any(np.abs(blown - prompt) > 0.05 * prompt)
     # The flown commands are those that the funnel is for: its gains at the samples.
     starts = clocked.nominal.samples
     inner = np.setdiff1d(np.arange(len(clocked.S)), starts)
     other = changed(clocked, "gains", inner, 3.0)
-    same = flown_by(other, FlownLoop(hold=Hold(period=PERIOD)), genes)[2]
+    launches = Launches.draw(clocked, 40, np.random.default_rng(0))
+    same = HeldFlights(other, launches).levels()[1]
     assert same == pytest.approx(prompt, rel=2e-3, abs=1e-5)
 
 
-def test_flights_of_a_funnel_with_a_clock_are_told_to_be_by_that_clock(clocked):
-    loop = FlownLoop(hold=Hold(period=PERIOD, latency=0.01))
-    settings = dataclasses.replace(clocked.settings, period=0.0)
-    free = dataclasses.replace(clocked, settings=settings)
-    genes = np.hstack(
-        [sphere_points(3, 7), [[1.0, 0.0, at, 1.0] for at in (0, 0.2, 0.7)]]
-    )
-    for funnel, phases, words in (
-        (clocked, np.full(3, PERIOD - 0.01), "by the funnel's clock"),
-        (free, PERIOD * np.array([0.0, 0.2, 0.7]), "at any phase of their clock"),
-    ):
-        assert trials._phases(funnel, loop.hold, genes) == pytest.approx(phases)
-        found = trials._fly(clocked, loop, 0, genes)
-        del found["genes"]
-        trial = Trial(loop=loop, **found | {"phases": phases})
-        assert words in describe_trial(funnel, trial, 0)
-
-
-def test_each_held_command_has_an_error_of_its_own(clocked, monkeypatch):
-    """That makes V rise fastest when it begins to act; a steady one is always there."""
-    genes = np.hstack([sphere_points(30, 7), np.tile([1.0, 0.0, 0.5, 0.0], (30, 1))])
-    loop = FlownLoop(hold=Hold(period=PERIOD), command_error=0.5)
-    flight, errors, begins = held_flight(clocked, loop, genes), [], []
-    choose = flight._pushes_now
-
-    def seen(command, chooses):
-        error, wind = choose(command, chooses)
-        errors.append(error)
-        begins.append(chooses)
-        return error, wind
-
-    monkeypatch.setattr(flight, "_pushes_now", seen)
-    chosen = flight.levels()[1]
-    changes = np.any(np.diff(errors, axis=0) != 0.0, axis=1)
-    assert np.all(np.abs(errors) == 0.5)
-    assert np.all(begins[1:] >= changes) and changes.sum() > 5
-    assert sum(begins) == len(clocked.nominal.samples)
-    genes[:, -1] = 1.0
-    steady = held_flight(clocked, loop, genes)
-    assert np.mean(chosen >= steady.levels()[1]) > 0.8
-
-
-@pytest.mark.parametrize(
-    ("hold", "words"),
-    [
-        (Hold(period=0.01), "the period of commands is 0.01"),
-        (Hold(period=PERIOD, latency=0.005), "with a predictor"),
-        (Hold(period=PERIOD, latency=0.02, predicts=True), "the latency is 0.02"),
-    ],
-)
-def test_a_funnel_of_held_commands_is_flown_by_its_clock(clocked, hold, words):
-    with pytest.raises(InputError, match=words):
-        falsify_funnel(clocked, 4, np.random.default_rng(0), FlownLoop(hold=hold))
+def test_held_flights_are_those_of_the_batch_simulator(clocked):
+    launches = Launches.draw(clocked, 20, np.random.default_rng(1))
+    nominal = clocked.nominal
+    policy = funnel_policy(clocked, held=True)
+    given = nominal.model, policy, launches.states
+    found = fly(*given, command_rate=1.0 / PERIOD, step=0.001, keep_paths=True)
+    last = np.searchsorted(found.times, nominal.times[-1] - 1e-9)
+    flights = HeldFlights(clocked, launches)
+    flights.levels()
+    assert found.times[last] == pytest.approx(flights.time, abs=1e-3)
+    assert flights.states == pytest.approx(found.paths[:, last], abs=0.02)
 
 
 def test_a_feedback_of_held_commands_does_not_act_at_all_times(clocked):
@@ -540,36 +495,18 @@ def test_a_feedback_of_held_commands_does_not_act_at_all_times(clocked):
 def test_the_command_requires_the_clock(capsys):
     source = str(models_path("funnels", "disturbed_hook.npz"))
     asked = ["check-funnel", source, "--hook", "--every", "200", "--prove"]
-    for also in ([], ["--as-flown"]):
-        assert main([*asked, "--hold", "0.02", *also]) == 1
-        said = " ".join(capsys.readouterr().out.split())
-        assert "a feedback that acts at all times; expected a hold of 20 ms." in said
-    assert main([*asked, "--latency", "0.01", "--as-flown", "--predict"]) == 2
+    assert main([*asked, "--hold", "0.02"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "a feedback that acts at all times; expected a hold of 20 ms." in said
+    assert main([*asked, "--latency", "0.01"]) == 2
     assert "--latency is proven of held commands" in capsys.readouterr().err
 
 
-def test_held_commands_are_flown_as_their_funnel_has_them(monkeypatch, capsys):
-    """Its period, and half of it as a latency that is predicted."""
-    monkeypatch.setattr(trials, "_CLIMB_ROUNDS", 0)
-    monkeypatch.setattr(check, "held_faults", lambda *given: [])  # It takes long.
-    source = str(models_path("funnels", "held_hook.npz"))
-    asked = ["check-funnel", source, "--every", "300", "--as-flown", "--flights", "20"]
-    assert main(asked) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    words = "held for 20 ms, each computed from the state 10 ms before by a predictor,"
-    assert words in said and "0 of 20 flights" in said
-    assert main([*asked, "--json"]) == 0
-    flown = json.loads(capsys.readouterr().out)["flights"]
-    assert (flown["latency_s"], flown["predicts"]) == (0.01, True)
-    assert main([*asked, "--hold", "0.01"]) == 2
-    assert "the period of commands is 0.01" in capsys.readouterr().err
-
-
-def test_gliders_of_a_set_are_flown_by_the_clock_only(capsys):
+def test_gliders_are_not_flown_under_commands_that_are_held(capsys):
     source = str(models_path("funnels", "held_head_wind_95_hook.npz"))
     assert main(["check-funnel", source, "--hook", "--confidence"]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "of this funnel are held: expected --as-flown, too." in said
+    assert "of this funnel are held: expected --prove instead." in said
 
 
 def test_a_latency_is_shorter_than_a_hold(capsys):
@@ -622,11 +559,9 @@ def test_no_flight_leaves_the_shipped_funnels(shipped):
 
     The command error leaves room for what the wind does during the latency.
     """
-    hold = Hold(period=0.02, latency=0.01, predicts=True)
     error, wind = shipped.settings.pushes
-    gliders = shipped.allowed if shipped.is_of_set else None
-    loop = FlownLoop(hold=hold, wind=wind, command_error=0.4 * error, gliders=gliders)
     rng = np.random.default_rng(0)
-    assert falsify_funnel(shipped, 300, rng, loop).escapes == 0
+    launches = Launches.draw(shipped, 500, rng, wind=wind, error=0.4 * error)
+    assert count_escapes(HeldFlights(shipped, launches, 0.01).levels()[0]) == 0
     other = changed(shipped, "gains", slice(None), 0.5)
-    assert falsify_funnel(other, 300, rng, loop).escapes > 0
+    assert count_escapes(HeldFlights(other, launches, 0.01).levels()[0]) > 0

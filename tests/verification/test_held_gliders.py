@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.control.predictor import Hold
 from glider.errors import InputError
 from glider.physics.confidence import glider_at
 from glider.physics.servo import STOPPING_TIME
@@ -19,10 +18,10 @@ from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import _centers_reach
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
-from glider.verification.trials import FlownLoop
+from tests.helpers.held_flights import HeldFlights, Launches
 from tests.helpers.second_flight import advance, rates_of
-from tests.verification.clocked import ERROR, PERIOD, WIND, part
-from tests.verification.points import flown_by, of_one, sphere_points
+from tests.verification.clocked import ERROR, WIND, part
+from tests.verification.points import of_one, sphere_points
 from tests.verification.test_gliders import NAMES, allowed_by, among
 
 # ---------------------------------------------------------------------- sets of gliders
@@ -157,25 +156,19 @@ def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
     np.testing.assert_array_equal(*piece.gliders.commands)
 
 
-@pytest.mark.nightly
 def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
     funnel = among(clocked, allowed_by(10.0))
     nominal, center = funnel.nominal, funnel.gliders
-    genes = np.hstack([sphere_points(4, 7), np.tile([1.0, 0.0, 0.5, 1.0], (4, 1))])
-    turns, still = sphere_points(4, 2), FlownLoop(hold=Hold(period=PERIOD))
-    loop = dataclasses.replace(still, gliders=center.confidence)
-    ends = flown_by(funnel, loop, np.hstack([genes, turns]))[2]
-    alone = flown_by(funnel, still, genes)[2]
-    launches = nominal.states[0] + genes[:, :7] @ to_ball(funnel.S[0])[1].T
-    for found, own, turn, states in zip(ends, alone, turns, launches, strict=True):
-        delta = center.confidence.on_boundary(turn)
+    launches = Launches.draw(funnel, 4, np.random.default_rng(0))
+    _, ends = HeldFlights(funnel, launches).levels()
+    pairs = zip(ends, launches.deviations, launches.states, strict=True)
+    for found, delta, states in pairs:
         glider, path = glider_at(nominal.model, NAMES, delta), [(0, states[None])]
         for first in nominal.samples:
             given = path[-1][1], command_of(funnel, path[-1][1], first)
             path = hold_flown(funnel, glider, *given, None, first)
         e = path[-1][1][0] - nominal.states[-1] - center.shifts[-1] @ delta
         assert found == pytest.approx(e @ funnel.S[-1] @ e, rel=1e-3)
-        assert abs(found / own - 1.0) > 0.01
 
 
 def test_held_commands_need_a_feedback_that_is_made_with_the_shape(clocked):

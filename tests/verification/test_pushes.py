@@ -367,15 +367,13 @@ def test_the_check_says_what_it_accounts_for(source, capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--hold", "0.02"], "--hold has no effect without --as-flown or --prove"),
+        (["--hold", "0.02"], "--hold has no effect without --prove"),
         (["--command-error", "0.1"], "--command-error has no effect without"),
         (["--prove", "--hold", "nan"], "--hold is nan; expected zero or a positive"),
         (["--prove", "--wind", "-1"], "--wind is -1.0; expected zero or a positive"),
         (["--prove", "--command-error", "inf"], "--command-error is inf; expected"),
-        (
-            ["--latency", "0.01"],
-            "--latency has no effect without --as-flown or --prove",
-        ),
+        (["--latency", "0.01"], "--latency has no effect without --prove"),
+        (["--flights", "9"], "--flights has no effect without --confidence"),
         (["--prove", "--latency", "0.01"], "--latency is proven of held commands"),
     ],
 )

@@ -21,9 +21,9 @@ from glider.verification.sos.exact import (
 from glider.verification.sos.programs import (
     SolverError,
     _pool,
+    _solve_apart,
     largest_margin,
     least_growth,
-    solve_apart,
 )
 from glider.verification.sos.sphere import (
     least_eigenvalue,
@@ -135,8 +135,8 @@ def test_a_change_of_variables_moves_the_basis_of_gram_matrices():
 
 def test_the_solver_may_die_and_the_program_goes_on():
     with pytest.raises(SolverError, match="process died"):
-        solve_apart(os.abort)
-    assert [solve_apart(abs, value) for value in (-3, 4)] == [3, 4]
+        _solve_apart(os.abort)
+    assert [_solve_apart(abs, value) for value in (-3, 4)] == [3, 4]
     assert _pool()._timeout is None  # Else a death after an idle time hangs us.
 
 
@@ -197,7 +197,7 @@ def test_the_closest_representation_changes_nothing_that_fits():
 
 def test_processes_of_the_solvers_leave_those_of_joblib_alone():
     """As where a funnel is made and then proven."""
-    assert solve_apart(len, [2, 3]) == 2
+    assert _solve_apart(len, [2, 3]) == 2
     again = joblib.Parallel(n_jobs=2)(joblib.delayed(len)([1] * k) for k in (3, 4))
     assert again == [3, 4]
-    assert solve_apart(len, [1]) == 1
+    assert _solve_apart(len, [1]) == 1

@@ -56,7 +56,7 @@ of gliders of four numbers then, 14 were needed, and 31 for one of six."""
 _MARGIN_SHARE = 0.6
 """Share of the margin that ends the rounds where it is reached at all times."""
 
-STARTS = 60
+_STARTS = 60
 """Points where the ascent to the largest growth starts, besides the axes of its
 quadratic part. With 12, and none from neighbors in time, one funnel was not certified,
 and another not proven between two times."""
@@ -187,7 +187,7 @@ class _Gauge:
         nominal = task.nominal
         self._task = task
         self._nominal = nominal
-        self._starts = normalized(task.directions[:STARTS, : nominal.states.shape[1]])
+        self._starts = normalized(task.directions[:_STARTS, : nominal.states.shape[1]])
         self._between = {share: nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(nominal)
         self._limits = servo_limits.servo_bounds(nominal, task.settings, task.center)

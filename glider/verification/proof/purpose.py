@@ -15,7 +15,6 @@ from glider.files.schema import parse_yaml
 from glider.physics.confidence import (
     LEVEL,
     ConfidenceSet,
-    describe_level,
     describe_set,
     make_confidence,
 )
@@ -50,9 +49,6 @@ class Purpose:
     #: Its covariance, whose set of gliders must be contained in the funnel's, if that
     #: has one.
     covariance: Covariance | None = None
-    #: Level of the covariance's set instead of 95 %; then a funnel of one glider is
-    #: refused.
-    least_level: float | None = None
     #: Least half-widths of the inlet, of states that deviate alone.
     least_inlet: Mapping[str, float] = dataclasses.field(default_factory=dict)
     command_error: float = 0.0  #: That it must account for [rad/s].
@@ -62,15 +58,14 @@ class Purpose:
     def set_level(self, own: ConfidenceSet) -> float:
         """Returns the level of the covariance's set that a funnel's must contain.
 
-        It is the file's own, or the least one where that is less: a file may state any.
+        It is the file's own, but at least LEVEL: a file may state any.
         """
-        least = LEVEL if self.least_level is None else self.least_level
-        return max(own.level, least)
+        return max(own.level, LEVEL)
 
     def faults_of(self, funnel: Funnel) -> list[str]:
         """Returns what of this a funnel lacks, a sentence each."""
         faults = _model_faults(funnel, self.model) if self.model else []
-        if self.covariance and not faults:
+        if self.covariance and funnel.is_of_set and not faults:
             faults = _set_faults(funnel, self)
         faults += _inlet_faults(funnel, self.least_inlet)
         faults += _push_faults(funnel, self)
@@ -82,7 +77,7 @@ class Purpose:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Arrival:
+class _Arrival:
     """Bounds of the funnel's goal, and so of its last set."""
 
     time: float  #: Of the end [s].
@@ -91,7 +86,7 @@ class Arrival:
     pitch: tuple[float, float]  #: Least and largest pitch [rad].
 
 
-def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
+def arrival(funnel: Funnel, problem: PerchingProblem) -> _Arrival:
     """Returns what the goal about the nominal's end reaches, at most."""
     end = funnel.nominal.states[-1]
     axes = np.array(funnel.settings.goal)
@@ -99,7 +94,7 @@ def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
     speed = np.linalg.norm(end[VELOCITY])
     pitch = float(end[PITCH])
     tilt = float(axes[PITCH])
-    return Arrival(
+    return _Arrival(
         time=float(funnel.nominal.times[-1]),
         miss=float(distance + axes[POSITION].max()),
         speed=float(speed + axes[VELOCITY].max()),
@@ -157,10 +152,6 @@ def _model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
 
 def _set_faults(funnel, purpose):
     """Returns why a funnel's set does not contain that of a model's covariance."""
-    least = purpose.least_level
-    if not funnel.is_of_set:
-        words = "The funnel is of one glider; expected a set that contains the model's"
-        return [f"{words} {describe_level(least)} set."] if least else []
     own = funnel.allowed
     level = purpose.set_level(own)
     model = funnel.nominal.model

@@ -44,7 +44,7 @@ def first_success(program: Callable, *arguments: Any, fault: str) -> tuple:
     but the solver; the fault is that of the SolverError where none succeeds.
     """
     for solver in SOLVERS:
-        success, *found = solve_apart(program, *arguments, solver)
+        success, *found = _solve_apart(program, *arguments, solver)
         if success and np.all(np.isfinite(found[-1])):
             return tuple(found)
     raise SolverError(fault)
@@ -111,7 +111,7 @@ def largest_margin(
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "RAYON")}
 
 
-def solve_apart(function: Callable, *arguments: Any) -> Any:
+def _solve_apart(function: Callable, *arguments: Any) -> Any:
     """Returns function(*arguments) of another process; SolverError if that died."""
     executor = _pool()
     try:
