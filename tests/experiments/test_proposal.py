@@ -10,14 +10,14 @@ from glider.errors import InputError
 from glider.experiments.explanations import UNKNOWN, Findings, explain, load_findings
 from glider.experiments.proposal import next_throw, propose, read_task
 from glider.experiments.throw_limits import ThrowLimits
-from glider.physics.effects import ANGLE_SIGN, KINDS
+from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import GliderModel
 from glider.physics.state import VELOCITY
 from glider.report.next_throw import is_done, sentences
-from tests.helpers.late import LATE
+from tests.helpers.late import DELAYED, LATE
 from tests.helpers.tasks import fly, typical
 
-FINDINGS = Findings(model=LATE, kinds=("servo_lag",))
+FINDINGS = Findings(models=(LATE, DELAYED))
 
 
 def test_both_explanations_are_left_and_weighed(late):
@@ -27,19 +27,6 @@ def test_both_explanations_are_left_and_weighed(late):
     assert all(e.probability > 0.05 for e in explanations)
     best, *_, worst = explanations
     assert best.log_evidence >= worst.log_evidence
-
-
-def test_a_small_lag_is_a_rival_of_a_delay_that_nobody_named(late):
-    """Closed forms miss it: they try lags of five milliseconds and more."""
-    _, task, noise, explanations = late
-    findings = Findings(
-        model=GliderModel(effects=(KINDS["command_delay"](delay=0.002),)),
-        kinds=("command_delay",),
-    )
-    again = explain(task, noise, findings)
-    assert {e.model.kinds for e in again} == {e.model.kinds for e in explanations}
-    for one, other in zip(again, explanations, strict=True):
-        assert one.probability == pytest.approx(other.probability, abs=0.05)
 
 
 def test_designed_throws_separate_the_explanations(late, proposal):
@@ -101,9 +88,7 @@ def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
     """A slow servo, known to a thousandth."""
     monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
     campaign = fly(typical("servo_lag"), flights=6)
-    findings = Findings(
-        model=GliderModel(effects=(typical("servo_lag"),)), kinds=("servo_lag",)
-    )
+    findings = Findings(models=(GliderModel(effects=(typical("servo_lag"),)),))
     campaign, task, noise = read_task(campaign, findings)
     explanations = explain(task, noise, findings)
     assert [e.model.kinds for e in explanations] == [("servo_lag",)]
@@ -122,7 +107,7 @@ def test_what_cannot_be_proposed_for_is_reported():
         next_throw(replace(campaign, vehicle=vehicle), FINDINGS)
     turned = GliderModel(effects=(ANGLE_SIGN(pitch=-1.0, elevator=1.0, command=1.0),))
     with pytest.raises(InputError, match="angle_sign"):
-        next_throw(campaign, replace(FINDINGS, model=turned, kinds=()))
+        next_throw(campaign, replace(FINDINGS, models=(turned,)))
     with pytest.raises(InputError, match="report's campaign is 'other'"):
         next_throw(campaign, replace(FINDINGS, campaign="other"))
     with pytest.raises(InputError, match="launches is 0"):
