@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sized
 from typing import Any, NamedTuple
 
 import jinja2
-import numpy as np
 
 from glider.physics.effects import KINDS
 from glider.report import numbers
@@ -216,12 +215,6 @@ def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _numbers_of(value: Any) -> str:
-    if value is None:
-        return "not given"
-    return ", ".join(f"{v:g}" for v in np.atleast_1d(value))
-
-
 def _from_to(result: Result, old: float, new: float) -> str:
     unit = unit_beside_floor(result, old, new)
     return f"from {unit.text(old)} to {unit.text(new)}"
@@ -264,7 +257,6 @@ TEMPLATES.globals |= {
     "metres": numbers.format_length,
     "model_of": _model_of,
     "name_of": name_of,
-    "numbers": _numbers_of,
     "spread": numbers.format_spread,
     "vars": vars,
     "words_of": words_of,
