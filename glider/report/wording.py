@@ -5,7 +5,7 @@ Sentences are in templates/sentences.txt, errors in `error_table`.
 
 import math
 from collections.abc import Iterable, Sized
-from typing import Any, NamedTuple
+from typing import Any
 
 import jinja2
 
@@ -104,32 +104,6 @@ def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
         ],
         "depends_on": effect.depends_on,
     }
-
-
-class _CombinationRow(NamedTuple):
-    """A set of effects; `behind` is its evidence less that of the best set."""
-
-    words: list[str]
-    behind: str
-    is_chosen: bool
-
-
-def combination_rows(result: Result) -> list[_CombinationRow]:
-    """The best sets of effects that were fitted."""
-    tried = {kind for c in result.combinations for kind in c.kinds}
-    # A wrong sign is in no set; a variation over flights alone has no evidence.
-    effects = {e.kind for e in result.effects if not math.isnan(e.evidence)}
-    chosen = tried & effects
-    best = result.combinations[0].evidence if result.combinations else math.nan
-
-    rows = []
-
-    for i, c in enumerate(result.combinations):
-        words = words_of(result, c.kinds)
-        behind = numbers.format_evidence(c.evidence - best) if i else ""
-        rows.append(_CombinationRow(words, behind, set(c.kinds) == chosen))
-
-    return rows
 
 
 def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:

@@ -61,7 +61,6 @@ def search_forces(
         evidence=score.lost(members),
         weighed=weighed,
         alone=alone,
-        combinations=score.ranked(),
         threshold=HELD_OUT,
         forces=model,
     )

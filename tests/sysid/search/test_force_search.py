@@ -43,7 +43,6 @@ def test_what_every_throw_has_is_named(traced):
     assert set(truth.named(found.model.kinds)) == {e.name for e in truth.effects}
     assert truth.wrong(found.model.kinds) == ()
     assert all(found.evidence[kind] > HELD_OUT.effect for kind in found.model.kinds)
-    assert found.combinations[0].evidence > 0.0
 
 
 @pytest.mark.slow
