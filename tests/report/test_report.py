@@ -10,8 +10,6 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
-import matplotlib.image
-import matplotlib.pyplot
 import numpy as np
 import pytest
 import yaml
@@ -23,8 +21,7 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel, load_covariance
 from glider.report.as_page import STATIC
-from glider.report.folder import make_figures, to_html, write_report
-from glider.report.plots.as_file import to_png
+from glider.report.folder import to_html, write_report
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks, rival_rows
 from glider.sysid.result import PERFECT, Alternative, Estimate, OutlyingFlights
@@ -44,10 +41,6 @@ SLOW = pytest.mark.slow
 FIGURES = {*("free_functions", "coefficients"), *("held_out", "residual")}
 
 
-STUB = b"\x89PNG\r\n"
-"""A picture where the drawing of it is not what is tested."""
-
-
 @pytest.fixture(params=VARIANTS)
 def variant(request):
     return VARIANTS[request.param]
@@ -65,18 +58,8 @@ def written(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report") / "new" / "deep"
     folder.mkdir(parents=True)
     (folder / "notes.txt").write_text("mine")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "glider.report.folder.to_png", lambda figure: to_png(figure, dpi=50)
-        )  # Quicker.
-        write_report(VARIANTS[request.param], folder)
+    write_report(VARIANTS[request.param], folder)
     return VARIANTS[request.param], folder
-
-
-@pytest.fixture
-def quick(monkeypatch):
-    """Draws no figure, where that is not what is tested."""
-    monkeypatch.setattr("glider.report.folder.to_png", lambda figure: STUB)
 
 
 class Page(HTMLParser):
@@ -288,15 +271,10 @@ def test_page_needs_nothing_else(variant):
     assert not re.search(r"\b(nan|inf|None)\b", page.text)
 
 
-def test_page_has_a_chart_of_every_figure_that_is_written(written):
+def test_page_has_a_chart_of_every_figure(written):
     variant, folder = written
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
-    files = {path.stem: path.read_bytes() for path in folder.glob("figures/*")}
-    assert set(page.figures) == files.keys() == drawn(variant)
-    for png in files.values():
-        pixels = matplotlib.image.imread(io.BytesIO(png))
-        assert np.ptp(pixels) > 0.5  # Not a blank sheet.
-    assert matplotlib.pyplot.get_fignums() == []
+    assert set(page.figures) == drawn(variant)
 
 
 def test_page_and_terminal_say_the_verdict(variant):
@@ -322,14 +300,14 @@ def test_page_escapes_names():
 def test_folder_holds_the_report_and_keeps_what_was_there(written):
     variant, folder = written
     names = {path.name for path in folder.iterdir()}
-    ours = {"report.json", "report.html", "model.yaml", "figures"}
+    ours = {"report.json", "report.html", "model.yaml"}
     assert names == ours | {"notes.txt"}
     assert (folder / "notes.txt").read_text() == "mine"
     assert GliderModel.load(folder / "model.yaml") == variant.model
 
 
 @pytest.mark.filterwarnings("ignore:.*varies from flight to flight:UserWarning")
-def test_rivals_are_models_of_their_own(tmp_path, quick):
+def test_rivals_are_models_of_their_own(tmp_path):
     result, rival = make_result(), VARIANTS["unexplained"].model
     known = Covariance(names=("mass",), matrix=np.array([[4e-6]]))
     alternatives = (
@@ -376,7 +354,7 @@ def test_rivals_are_models_of_their_own(tmp_path, quick):
     assert {path.name for path in folder.iterdir()} == mine | {"rival_1.yaml"}
 
 
-def test_a_file_in_the_place_of_a_folder_leaves_the_report_as_it_was(tmp_path, quick):
+def test_a_file_in_the_place_of_a_folder_leaves_the_report_as_it_was(tmp_path):
     write_report(make_result(verdict="no_effect"), tmp_path)
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir() if p.is_file()}
     (tmp_path / "rivals").write_text("mine")
@@ -389,15 +367,9 @@ def test_a_file_in_the_place_of_a_folder_leaves_the_report_as_it_was(tmp_path, q
     assert (tmp_path / "rivals").read_text() == "mine"
 
 
-def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
+def test_a_second_report_replaces_the_first(tmp_path):
     write_report(make_result(model=VARIANTS["unexplained"].model), tmp_path)
-    (tmp_path / "figures" / "mine.png").write_bytes(b"")
-    assert {p.stem for p in tmp_path.glob("figures/*.png")} == FIGURES | {"mine"}
-    fewer = {"residual": make_figures(make_result())["residual"]}
-    monkeypatch.setattr("glider.report.folder.make_figures", lambda result: fewer)
     write_report(VARIANTS["no effect"], tmp_path)
-    assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"residual", "mine"}
-    assert (tmp_path / "figures" / "residual.png").read_bytes() == STUB
     data = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert data["verdict"] == "no_effect"
     assert headline(VARIANTS["no effect"]) in (tmp_path / "report.html").read_text(
@@ -405,7 +377,7 @@ def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
     )
 
 
-def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch, quick):
+def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch):
     write_report(make_result(), str(tmp_path))
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     monkeypatch.setattr("glider.report.folder.to_html", lambda *_: 1 / 0)
@@ -415,7 +387,7 @@ def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch, quick):
 
 
 @pytest.mark.parametrize("file", ["model.yaml", "report.html", "report.json"])
-def test_a_full_disk_leaves_the_old_report(tmp_path, monkeypatch, quick, file):
+def test_a_full_disk_leaves_the_old_report(tmp_path, monkeypatch, file):
     write_report(make_result(), tmp_path)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     write = Path.write_bytes
@@ -433,7 +405,7 @@ def test_a_full_disk_leaves_the_old_report(tmp_path, monkeypatch, quick, file):
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
 
 
-def test_the_model_says_where_it_comes_from_and_how_well_it_is_known(tmp_path, quick):
+def test_the_model_says_where_it_comes_from_and_how_well_it_is_known(tmp_path):
     known = Covariance(names=("wind.x",), matrix=np.array([[4e-6]]))
     result = make_result(covariance=known)
     write_report(result, tmp_path)
@@ -451,7 +423,7 @@ def test_the_model_says_where_it_comes_from_and_how_well_it_is_known(tmp_path, q
             assert found == (estimate.std if math.isfinite(estimate.std) else None)
 
 
-def test_a_file_in_the_folders_place_is_an_input_error(tmp_path, quick):
+def test_a_file_in_the_folders_place_is_an_input_error(tmp_path):
     path = tmp_path / "taken"
     path.write_text("")
     with pytest.raises(InputError, match="taken: is a file"):
