@@ -50,7 +50,7 @@ def test_still_air_leaves_nothing_to_chance(proposal):
 
 @pytest.mark.nightly
 def test_the_same_seed_proposes_the_same(late, monkeypatch):
-    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
+    monkeypatch.setattr("glider.experiments.throw_search._ROUNDS", 1)
     first, again = (propose(*late, launches=1) for _ in range(2))
     for one, other in zip(first.throws, again.throws, strict=True):
         assert np.array_equal(one.commands, other.commands)
@@ -74,7 +74,7 @@ def test_proposed_throws_are_safe_where_the_launch_is_missed(late, proposal):
 
 
 def test_a_floor_above_the_launch_leaves_no_throw(late, monkeypatch):
-    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
+    monkeypatch.setattr("glider.experiments.throw_search._ROUNDS", 1)
     with pytest.raises(InputError, match="floor"):
         propose(*late, launches=1, limits=ThrowLimits(z=[1.0, 2.0]))
 
@@ -86,7 +86,7 @@ def test_throws_differ(proposal):
 
 def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
     """A slow servo, known to a thousandth."""
-    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
+    monkeypatch.setattr("glider.experiments.throw_search._ROUNDS", 1)
     campaign = fly(typical("servo_lag"), flights=6)
     findings = Findings(models=(GliderModel(effects=(typical("servo_lag"),)),))
     campaign, task, noise = read_task(campaign, findings)

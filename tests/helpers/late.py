@@ -51,5 +51,5 @@ def flown_throw(record: Record) -> Throw:
 def late_proposal() -> Proposal:
     """Returns two throws that are proposed for them, after half a search."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(throw_search, "ROUNDS", throw_search.ROUNDS // 2)
+        patch.setattr(throw_search, "_ROUNDS", throw_search._ROUNDS // 2)
         return propose(*late_posterior(), launches=2)

@@ -170,7 +170,7 @@ def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> 
     task = candidates.task
     if candidates.model.has_force_errors:
         thresholds = {
-            kind: held_out_threshold(task, kind) for kind in candidates.variants
+            kind: _held_out_threshold(task, kind) for kind in candidates.variants
         }
         held_out = HeldOutEvidence(candidates, grams, counts)
         return Scorer(candidates, held_out, lambda kind, kinds: thresholds[kind])
@@ -178,7 +178,7 @@ def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> 
     return Scorer(candidates, evidence, functools.partial(threshold_of, task))
 
 
-def held_out_threshold(task: Task, kind: str) -> float:
+def _held_out_threshold(task: Task, kind: str) -> float:
     """Returns the gain that an effect must bring on held-out flights [nats]."""
     slots = task.space.slots_of(kind)
     sizes = sum(i not in task.space.shapes for i in slots)

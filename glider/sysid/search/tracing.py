@@ -141,7 +141,7 @@ def supported(
             model = grown(best)
             continue
         weighed = weigh(search.task, model, rng)
-        evidence = evidence_of(search.task, model, fewer)
+        evidence = _evidence_of(search.task, model, fewer)
         weak = weakest(weighed, evidence)
         if weak is None:
             return model, evidence, weighed
@@ -151,7 +151,7 @@ def supported(
         model = grown(search.fit(model.without(task, weak)))
 
 
-def evidence_of(
+def _evidence_of(
     task: Task, model: FitResult, fewer: Mapping[str, FitResult]
 ) -> dict[str, float]:
     """Returns the evidence lost without each effect, of models without them [nats].

@@ -279,7 +279,7 @@ def test_throws_are_listed_while_the_first_one_is_still_read(
         return real(*given)
 
     monkeypatch.setattr(session_module, "compare", compare)
-    monkeypatch.setattr(session_module, "SLOW", 0.0)
+    monkeypatch.setattr(session_module, "_SLOW", 0.0)
     session = open_session()
     try:
         for number in range(4):
