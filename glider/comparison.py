@@ -51,8 +51,13 @@ def compare(first: Report, second: Report) -> Comparison:
     a = _values(first)
     b = _values(second)
     names = dict.fromkeys((*a, *b))
-    differences = [_difference(name, a.get(name), b.get(name)) for name in names]
-    compared = [abs(d.z) for d in differences if math.isfinite(d.z)]
+    differences = []
+    compared = []
+    for name in names:
+        difference = _difference(name, a.get(name), b.get(name))
+        differences.append(difference)
+        if math.isfinite(difference.z):
+            compared.append(abs(difference.z))
     probability = _FALSE_ALARM / max(len(compared), 1)
     most = -float(ndtri(0.5 * probability))
     changed = sum(z > most for z in compared)
@@ -64,8 +69,9 @@ def compare(first: Report, second: Report) -> Comparison:
                 f"The verdict on {letter} is {name_of(report.verdict)}: its "
                 "coefficients may stand for something else."
             )
+    summary = " ".join(words)
     return Comparison(
-        summary=" ".join(words), z_significant=most, differences=tuple(differences)
+        summary=summary, z_significant=most, differences=tuple(differences)
     )
 
 
@@ -109,7 +115,8 @@ def print_comparison(
     """Prints a table of all numbers side by side."""
     write = writer(console)
     for letter, report in (("A", first), ("B", second)):
-        write(f"{letter}: {report.campaign}, {counted(report.flights.fit, 'flight')}")
+        flights = counted(report.flights.fit, "flight")
+        write(f"{letter}: {report.campaign}, {flights}")
     write(comparison.summary, "bold")
     write()
     table = make_table(console, "", "A", "B", "change", "σ", "")
@@ -119,8 +126,11 @@ def print_comparison(
         if comparison.is_significant(difference):
             cells[-1] = "*"
             style = "bold"
-        shown = [for_console(cell, console) for cell in cells]
-        table.add_row(*(Text(cell, style) for cell in shown))
+        row = []
+        for cell in cells:
+            shown = for_console(cell, console)
+            row.append(Text(shown, style))
+        table.add_row(*row)
     console.print(table)
     write(
         "σ: change divided by its standard error; * marks what chance cannot explain."
@@ -150,4 +160,5 @@ def _cells(difference: _Difference) -> list[str]:
 def _without_unit(estimate: Estimate | None) -> str:
     if estimate is None:
         return numbers.MISSING
-    return numbers.format_estimate(dataclasses.replace(estimate, unit=""))
+    plain = dataclasses.replace(estimate, unit="")
+    return numbers.format_estimate(plain)

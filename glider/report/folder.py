@@ -77,17 +77,21 @@ def to_html(result: Result) -> str:
 
 def _origin_of(result: Result) -> Origin:
     """Where the corrected model comes from, and how well it is known."""
-    errors = {
-        f"{effect.kind}.{name}": estimate.std
-        for effect in result.effects
-        for name, estimate in effect.coefficients.items()
-    }
-    errors |= {name: estimate.std for name, estimate in result.vehicle.items()}
+    estimates = {}
+    for effect in result.effects:
+        for name, estimate in effect.coefficients.items():
+            estimates[f"{effect.kind}.{name}"] = estimate
+    estimates |= result.vehicle
+    errors = {}
+    for name, estimate in estimates.items():
+        if math.isfinite(estimate.std):
+            errors[name] = float(estimate.std)
+    now = datetime.datetime.now().astimezone()
     return Origin(
         source=result.path.name,
-        date=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        date=now.isoformat(timespec="seconds"),
         version=f"drake-glider {result.version}",
-        standard_errors={n: float(s) for n, s in errors.items() if math.isfinite(s)},
+        standard_errors=errors,
         notes=wording.notes_of(result),
         warnings=wording.say("model_warnings", result),
     )
@@ -98,9 +102,11 @@ def _origin_of_rival(result: Result, rival: Alternative) -> Origin:
     errors = {}
     if known := rival.covariance:
         errors = dict(zip(known.names, known.std.tolist(), strict=True))
-    share, chosen = (a.probability for a in (rival, result.alternatives[0]))
+    chosen = result.alternatives[0]
     note = (
-        f"a rival of model.yaml: of the explanations that are nearly as likely, its "
-        f"probability is {share:.2g}, that of model.yaml {chosen:.2g}"
+        "a rival of model.yaml: of the explanations that are nearly as likely, its "
+        f"probability is {rival.probability:.2g}, that of model.yaml "
+        f"{chosen.probability:.2g}"
     )
-    return dataclasses.replace(_origin_of(result), standard_errors=errors, notes=[note])
+    origin = _origin_of(result)
+    return dataclasses.replace(origin, standard_errors=errors, notes=[note])

@@ -27,7 +27,6 @@ from glider.report.wording import headline, remarks, rival_rows
 from glider.sysid.result import PERFECT, Alternative, Estimate, OutlyingFlights
 from tests.helpers.own_kinds import FLAP
 from tests.report.results import (
-    PERFECT_ERRORS,
     VARIANTS,
     WIND,
     all_errors,
@@ -113,99 +112,6 @@ def leaves(data):
     return [data]
 
 
-def test_json_has_the_schema_and_si_numbers():
-    assert to_json(make_result()) == {
-        "campaign": "head_wind",
-        "flights": {
-            "fit": ["flight_001.csv", "flight_002.csv"],
-            "held_out": [f"flight_1{i:02d}.csv" for i in range(6)],
-        },
-        "verdict": "effect_found",
-        "reason": "With the wind the held-out flights are flown to the noise.",
-        "effects": [
-            {
-                "kind": "wind",
-                "words": "a steady wind",
-                "coefficients": {
-                    "x": {"value": -0.59987, "std": 0.00312, "unit": "m/s"},
-                    "z": {"value": 0.0502, "std": 0.0009, "unit": "m/s"},
-                },
-                "evidence": 21345.6,
-                "share_of_residual": 0.93,
-                "inclusion": 0.97,
-                "spread_over_flights": {"x": 0.0512},
-                "shape": "library",
-                "family": "",
-                "indistinguishable_from": ["frame_tilt"],
-                "depends_on": ["V", "alpha"],
-            }
-        ],
-        "errors": {
-            name: errors_json(scale)
-            for name, scale in (("nominal", 1), ("refitted", 0.5), ("corrected", 1e-3))
-        }
-        | {PERFECT: to_builtins(PERFECT_ERRORS)},
-        "outlying": None,
-        "evidence_threshold": {"effect": 6.6, "coefficient": 1.6, "uncommon": 0.0},
-        "folds": [
-            {
-                "held_out": names,
-                "refitted": errors_json(0.5),
-                "corrected": errors_json(corrected),
-            }
-            for names, corrected in (
-                (["flight_001.csv", "flight_100.csv"], 0.4),
-                (["flight_002.csv"], 0.4),
-                (["flight_101.csv"], 0.6),
-            )
-        ],
-        "left": {
-            "position_m": 5.3e-3,
-            "ratio_to_floor": 13.25,
-            "ratio_along_pitch": 9.5,
-            "most_by_chance": 1.8,
-            "chance": 1e-4,
-            "depends_on": ["alpha"],
-            "air_depends_on": [],
-        },
-        "derivatives": to_builtins(make_result().derivatives),
-        "air": {"std_m_s": 0.12, "correlation_s": 0.31},
-        "spreads": {
-            "elevator_trim": {
-                "std": 0.0203,
-                "std_error": None,
-                "unit": "rad",
-                "values": {"flight_001.csv": 0.015, "flight_002.csv": -0.031},
-            }
-        },
-        "correlations": {
-            "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
-            "wind.z": {"wind.x": -0.84},
-        },
-        "candidates": {"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
-        "vehicle": {
-            "wing_area_per_mass": {"value": 1.106, "std": 0.021, "unit": "m²/kg"}
-        },
-        "warnings": ["flight_002.csv: the clock of the pose drifts by 0.3 %."],
-        "set_aside": [
-            {"file": "flight_007.csv", "rows": "all", "why": "it stands still."},
-            {"file": "flight_001.csv", "rows": "41-80", "why": "the pose is frozen."},
-        ],
-        "planarity": {"flight_105.csv": "not planar: roll up to 31°"},
-        "seed": 0,
-        "settings": {
-            "seed": 0,
-            "effects": None,
-            "notes": ["A mass of 1 kg is assumed."],
-        },
-        "noise": {"position_m": 4e-4, "pitch_rad": 2.5e-3},
-        "clocks": {},
-        "log_findings": [],
-        "seconds": {"smooth": 0.31, "trace": 5.2},
-        "version": "0.1.0",
-    }
-
-
 def test_json_file_is_strict_whatever_the_numbers(written):
     variant, folder = written
 
@@ -218,32 +124,6 @@ def test_json_file_is_strict_whatever_the_numbers(written):
     assert data["errors"].keys() - {PERFECT} == {"nominal", "refitted", "corrected"}
     for leaf in leaves(to_json(variant)):
         assert leaf is None or type(leaf) in (str, float, int)
-
-
-def test_numbers_that_are_none_become_null():
-    data = to_json(VARIANTS["diverged"])
-    assert data["errors"]["nominal"]["rollout"]["position_rms_m"] is None
-    assert data["errors"]["corrected"]["equation"]["pitch"] is None
-    assert data["effects"][0]["evidence"] is None
-    assert data["effects"][0]["coefficients"]["x"]["std"] is None
-    assert data["noise"]["pitch_rad"] is None
-    assert data["left"] == {
-        "position_m": None,
-        "ratio_to_floor": None,
-        "ratio_along_pitch": None,
-        "most_by_chance": None,
-        "chance": None,
-        "depends_on": [],
-        "air_depends_on": [],
-    }
-    assert data["folds"][0]["refitted"]["rollout"]["position_rms_m"] is None
-    assert data["spreads"]["wind"]["values"] == {"flight_001.csv": None}
-    assert data["correlations"]["wind.x"]["wind.z"] is None
-
-
-def test_json_tells_a_shape_that_is_not_the_librarys():
-    (effect,) = to_json(VARIANTS["partly explained"])["effects"]
-    assert effect["shape"] == "not the library's"
 
 
 def test_numpy_numbers_become_plain_ones():
